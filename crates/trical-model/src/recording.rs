@@ -1,0 +1,103 @@
+//! What is known about a pose and what was measured there: plain data, no files.
+//!
+//! Everything is SI (m, rad, s, kg) except temperature, which stays in degrees Celsius. Files are read by
+//! `trical-ident` (CSV) and `trical-device` (MCAP).
+
+/// The largest number of joints of an arm.
+pub const MAX_JOINTS: usize = 9;
+
+/// Joint values, joint 1 first, in rad (m for prismatic joints); entries beyond the arm's joints are zero.
+pub type Joints = [f64; MAX_JOINTS];
+
+/// What is known about the arm when a measurement was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// Joint values that the model is to believe: those that the controller reported, unless told otherwise.
+    pub q: Joints,
+    /// Joint values that were commanded, where recorded.
+    pub q_commanded: Option<Joints>,
+    /// Sense of each joint's last motion before the reading: -1, 0 (unknown or none) or 1, where recorded.
+    pub dir: Option<[i8; MAX_JOINTS]>,
+    /// Time since the recording began, in s.
+    pub t: Option<f64>,
+    /// Temperature in degC.
+    pub temp_c: Option<f64>,
+    /// Mass added on the flange beyond the cell's tool, in kg.
+    pub payload_kg: Option<f64>,
+}
+
+impl State {
+    /// A pose of which nothing but the joint values is known.
+    #[must_use]
+    pub fn at(q: &[f64]) -> Self {
+        let mut joints = [0.0; MAX_JOINTS];
+        for (to, from) in joints.iter_mut().zip(q) {
+            *to = *from;
+        }
+        Self { q: joints, q_commanded: None, dir: None, t: None, temp_c: None, payload_kg: None }
+    }
+}
+
+/// What was measured at a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Measured {
+    /// The device touches a ball: `reading` is the ball's centre relative to the TCP, in the device's axes, m.
+    Touch {
+        /// Which ball, counted from 0.
+        ball: usize,
+        /// The three indicators, m.
+        reading: [f64; 3],
+    },
+    /// A target on the tool, seen by an instrument in its own measuring frame.
+    Point {
+        /// Which target of the tool, counted from 0.
+        target: usize,
+        /// Position in the measuring frame, m.
+        position: [f64; 3],
+    },
+    /// A fixed point of the cell, measured again to tie the measuring frame down.
+    Reference {
+        /// Which reference, counted from 0.
+        reference: usize,
+        /// Position in the measuring frame, m.
+        position: [f64; 3],
+    },
+    /// Length from a fixed anchor to the TCP.
+    Distance {
+        /// Which anchor, counted from 0.
+        anchor: usize,
+        /// Length, m.
+        length: f64,
+    },
+    /// Full pose of the tool in the measuring frame.
+    Pose {
+        /// Position in the measuring frame, m.
+        position: [f64; 3],
+        /// Unit quaternion w, x, y, z: measuring frame from tool.
+        quaternion: [f64; 4],
+    },
+}
+
+/// One row of a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// What is known about the arm.
+    pub state: State,
+    /// What was measured.
+    pub measured: Measured,
+    /// Number of the pose in the original order, where given; rows of one pose share it.
+    pub seq: Option<u64>,
+    /// Line of the file (1-based, the header is line 1), for messages; 0 where there is no file.
+    pub line: usize,
+}
+
+/// A recording of one session with one arm, in the order of time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Where it came from, for messages.
+    pub name: String,
+    /// Number of the arm's joints.
+    pub joints: usize,
+    /// The rows.
+    pub rows: Vec<Row>,
+}

@@ -1,2 +1,32 @@
-//! placeholder
+//! Robots and cells as data, terms, the forward model and its Jacobians, inverse kinematics on the full model.
+//!
+//! A model is a list of [`Term`]s: coefficient x basis (of what is known about the pose) acting at a site of the machine.
+//! One forward function composes all terms exactly; one routine gives its derivatives. Everybody else uses that pair.
+//!
+//! Inside, everything is SI (m, rad, kg, s, N m); files carry mm and degrees, and say so in every name.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`robot`], [`cell`] | the nominal arm and cell, read from TOML |
+//! | [`recording`] | what is known about a pose and what was measured there |
+//! | [`term`] | sites, bases, terms |
+//! | [`forward`] | prediction and Jacobians |
+//! | [`pose`] | rigid transforms |
+
+pub mod cell;
+mod chain;
+pub mod error;
+pub mod forward;
+mod jacobian;
+pub mod pose;
 pub mod recording;
+pub mod robot;
+pub mod term;
+
+pub use cell::{Cell, Tool};
+pub use error::{ModelError, Result};
+pub use forward::{Forward, GRAVITY, Model, Workspace, residual_rows};
+pub use pose::Pose;
+pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
+pub use robot::{Joint, JointKind, Robot};
+pub use term::{Axis, Basis, Motion, Parameter, Payload, Shape, Site, Term, Variable};

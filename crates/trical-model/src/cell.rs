@@ -1,0 +1,193 @@
+//! The cell as data: where the base stands, what the flange carries, where the balls are.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{ModelError, Result, parse_toml, read_text};
+use crate::pose::{Pose, rotation_zyx};
+use crate::robot::check_version;
+
+/// What the flange carries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tool {
+    /// Tool centre point in the flange frame {n}, m.
+    pub tcp: Vector3<f64>,
+    /// Orientation of the tool's axes in the flange frame; the identity for a touching device.
+    pub rotation: Matrix3<f64>,
+    /// Targets for an optical instrument, in the flange frame, m. Never empty: without a list it holds the TCP.
+    pub targets: Vec<Vector3<f64>>,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of gravity in the flange frame, m.
+    pub cog: Vector3<f64>,
+}
+
+/// Base, tool and balls, nominal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// {0} in the world frame {w}.
+    pub world_from_base: Pose,
+    /// The tool.
+    pub tool: Tool,
+    /// Centres of the balls in {w}, m; empty where the cell has none.
+    pub balls: Vec<Vector3<f64>>,
+    /// Fixed points from which distances are measured, in {w}, m.
+    pub anchors: Vec<Vector3<f64>>,
+    /// Sections that other crates read (geometry for collision checks), as they stand in the file.
+    pub geometry: Option<toml::Table>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CellFile {
+    #[serde(default)]
+    format_version: Option<u32>,
+    base: BaseFile,
+    tool: ToolFile,
+    #[serde(default)]
+    balls: Option<BallsFile>,
+    #[serde(default)]
+    anchors: Option<PointsFile>,
+    #[serde(default)]
+    geometry: Option<toml::Table>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BaseFile {
+    xyz_mm: [f64; 3],
+    zyx_deg: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToolFile {
+    tcp_mm: [f64; 3],
+    #[serde(default)]
+    zyx_deg: [f64; 3],
+    #[serde(default)]
+    targets_mm: Vec<[f64; 3]>,
+    #[serde(default)]
+    mass_kg: f64,
+    #[serde(default)]
+    cog_mm: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BallsFile {
+    #[serde(default)]
+    distances_mm: Option<Distances>,
+    #[serde(default)]
+    positions_mm: Option<Vec<[f64; 3]>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointsFile {
+    positions_mm: Vec<[f64; 3]>,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Distances {
+    d12: f64,
+    d13: f64,
+    d23: f64,
+}
+
+/// The three balls in {w} from their three distances (m): origin in ball 1, x to ball 2, y towards ball 3.
+///
+/// `p3 = (x, y, 0)`, `x = (d12^2 + d13^2 - d23^2) / (2 d12)`, `y = sqrt(d13^2 - x^2)` (paper, section on the world frame).
+/// `None` where the distances form no triangle.
+#[must_use]
+pub fn balls_from_distances(d12: f64, d13: f64, d23: f64) -> Option<[Vector3<f64>; 3]> {
+    let x = (d12 * d12 + d13 * d13 - d23 * d23) / (2.0 * d12);
+    let y2 = d13 * d13 - x * x;
+    // a flat triangle gives no plane: ask for a height of at least a thousandth of its side
+    (d12 > 0.0 && d13 > 0.0 && d23 > 0.0 && y2 > (1e-3 * d13).powi(2))
+        .then(|| [Vector3::zeros(), Vector3::new(d12, 0.0, 0.0), Vector3::new(x, y2.sqrt(), 0.0)])
+}
+
+impl Cell {
+    /// Reads `cell.toml`.
+    ///
+    /// # Errors
+    /// A sentence that names the file, the line or field, what was found and what is expected.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::parse(&read_text(path)?, &path.display().to_string())
+    }
+
+    /// Reads the text of a `cell.toml`; `file` is its name for messages.
+    ///
+    /// # Errors
+    /// As [`Cell::load`].
+    pub fn parse(text: &str, file: &str) -> Result<Self> {
+        let raw: CellFile = parse_toml(text, file)?;
+        check_version(raw.format_version, file)?;
+        let bad = |place: &str, problem: String| ModelError::Input {
+            file: file.to_owned(),
+            place: place.to_owned(),
+            problem,
+        };
+        let finite = |place: &str, v: &[f64; 3]| {
+            if v.iter().all(|x| x.is_finite() && x.abs() < 1e6) {
+                Ok(Vector3::from(*v))
+            } else {
+                Err(bad(place, format!("found {v:?}, expected three finite numbers")))
+            }
+        };
+        let points = |place: &str, list: &[[f64; 3]]| {
+            list.iter().map(|p| Ok(finite(place, p)? * 1e-3)).collect::<Result<Vec<_>>>()
+        };
+        if !(raw.tool.mass_kg.is_finite() && (0.0..1e4).contains(&raw.tool.mass_kg)) {
+            return Err(bad("[tool] mass_kg", format!("found {}, expected a mass of 0 to 10000 kg", raw.tool.mass_kg)));
+        }
+        let tcp = finite("[tool] tcp_mm", &raw.tool.tcp_mm)? * 1e-3;
+        let mut targets = points("[tool] targets_mm", &raw.tool.targets_mm)?;
+        if targets.is_empty() {
+            targets.push(tcp);
+        }
+        let balls = match &raw.balls {
+            None => Vec::new(),
+            Some(BallsFile { distances_mm: Some(d), positions_mm: None }) => {
+                balls_from_distances(d.d12 * 1e-3, d.d13 * 1e-3, d.d23 * 1e-3)
+                    .ok_or_else(|| {
+                        bad(
+                            "[balls] distances_mm",
+                            format!(
+                                "d12 = {}, d13 = {}, d23 = {} form no triangle: each must be shorter than the other \
+                                 two together",
+                                d.d12, d.d13, d.d23
+                            ),
+                        )
+                    })?
+                    .to_vec()
+            }
+            Some(BallsFile { distances_mm: None, positions_mm: Some(p) }) => points("[balls] positions_mm", p)?,
+            Some(_) => {
+                return Err(bad("[balls]", "expected either distances_mm or positions_mm".into()));
+            }
+        };
+        let zyx = finite("[base] zyx_deg", &raw.base.zyx_deg)?;
+        let tool_zyx = finite("[tool] zyx_deg", &raw.tool.zyx_deg)?;
+        Ok(Self {
+            world_from_base: Pose {
+                rotation: rotation_zyx(zyx.x.to_radians(), zyx.y.to_radians(), zyx.z.to_radians()),
+                translation: finite("[base] xyz_mm", &raw.base.xyz_mm)? * 1e-3,
+            },
+            tool: Tool {
+                tcp,
+                rotation: rotation_zyx(tool_zyx.x.to_radians(), tool_zyx.y.to_radians(), tool_zyx.z.to_radians()),
+                targets,
+                mass: raw.tool.mass_kg,
+                cog: finite("[tool] cog_mm", &raw.tool.cog_mm)? * 1e-3,
+            },
+            balls,
+            anchors: points("[anchors] positions_mm", &raw.anchors.map_or_else(Vec::new, |a| a.positions_mm))?,
+            geometry: raw.geometry,
+        })
+    }
+}

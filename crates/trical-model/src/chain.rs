@@ -1,0 +1,468 @@
+//! The kinematic chain itself: frames of all joints, the twist of each of their motions, gravity moments.
+//!
+//! Joint i (0-based here) is `Rx(alpha) Tx(a) Ry(beta) E Rz(theta) Tz(d)`, where `E = Rx(tilt_x) Ry(tilt_y)` turns about the
+//! joint's origin (the origin of frame {i}, after `Tz(d)`) in the frame that carries the bearing. Nothing is allocated.
+
+use nalgebra::Vector3;
+
+use crate::pose::Pose;
+use crate::recording::{Joints, MAX_JOINTS};
+use crate::robot::{JointKind, Robot};
+use crate::term::{Axis, ChainDof};
+
+type V3 = Vector3<f64>;
+
+/// Columns of a rotation matrix.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Axes {
+    pub x: V3,
+    pub y: V3,
+    pub z: V3,
+}
+
+impl Axes {
+    pub fn of(p: &Pose) -> Self {
+        let r = &p.rotation;
+        Self { x: r.column(0).into(), y: r.column(1).into(), z: r.column(2).into() }
+    }
+
+    pub fn matrix(&self) -> nalgebra::Matrix3<f64> {
+        nalgebra::Matrix3::from_columns(&[self.x, self.y, self.z])
+    }
+
+    #[inline]
+    pub fn times(&self, v: &V3) -> V3 {
+        self.x * v.x + self.y * v.y + self.z * v.z
+    }
+
+    /// Times `Rx`.
+    #[inline]
+    fn rx(&self, (s, c): (f64, f64)) -> Self {
+        Self { x: self.x, y: self.y * c + self.z * s, z: self.z * c - self.y * s }
+    }
+
+    /// Times `Ry`.
+    #[inline]
+    fn ry(&self, (s, c): (f64, f64)) -> Self {
+        Self { x: self.x * c - self.z * s, y: self.y, z: self.z * c + self.x * s }
+    }
+
+    /// Times `Rz`.
+    #[inline]
+    fn rz(&self, (s, c): (f64, f64)) -> Self {
+        Self { x: self.x * c + self.y * s, y: self.y * c - self.x * s, z: self.z }
+    }
+
+    pub fn axis(&self, a: Axis) -> V3 {
+        match a {
+            Axis::X => self.x,
+            Axis::Y => self.y,
+            Axis::Z => self.z,
+        }
+    }
+}
+
+/// Rotation axes of `Rz(v5) Ry(v4) Rx(v3)`, each where it acts, and the rotation itself, for increments `v[3..6]`.
+pub(crate) fn small_rotation(v: &[f64; 6]) -> (Axes, nalgebra::Matrix3<f64>) {
+    let (sy, cy) = v[4].sin_cos();
+    let (sz, cz) = v[5].sin_cos();
+    let axes = Axes { x: V3::new(cz * cy, sz * cy, -sy), y: V3::new(-sz, cz, 0.0), z: V3::z() };
+    (axes, crate::pose::rotation_zyx(v[5], v[4], v[3]))
+}
+
+/// A motion of all that lies behind a site: a rotation about an axis through a point, or a translation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Twist {
+    About { axis: V3, through: V3 },
+    Along(V3),
+}
+
+impl Twist {
+    /// Velocity of the point `x`.
+    #[inline]
+    pub fn at(&self, x: &V3) -> V3 {
+        match self {
+            Self::About { axis, through } => axis.cross(&(x - through)),
+            Self::Along(v) => *v,
+        }
+    }
+
+    /// Angular velocity.
+    #[inline]
+    pub fn angular(&self) -> V3 {
+        match self {
+            Self::About { axis, .. } => *axis,
+            Self::Along(_) => V3::zeros(),
+        }
+    }
+}
+
+/// The seven motions of one joint, in the order of [`ChainDof`].
+pub(crate) type JointIncrement = [f64; 7];
+
+/// Constants of one joint with the constant terms included.
+#[derive(Clone, Copy, Debug)]
+struct Constants {
+    prismatic: bool,
+    alpha: f64,
+    a: f64,
+    beta: f64,
+    d: f64,
+    tilt: [f64; 2],
+    theta: f64,
+    alpha_sc: (f64, f64),
+    plain: bool,
+    mass: f64,
+    cog: V3,
+}
+
+/// Frames of one joint in {w}.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointFrames {
+    x_before: V3,
+    o_before: V3,
+    y_beta: V3,
+    o_beta: V3,
+    /// Frame that carries the bearing, before tilt.
+    pub bearing: Axes,
+    y_tilt: V3,
+    z_tilted: V3,
+    /// Origin of frame {i}.
+    pub origin: V3,
+    /// Axes of frame {i}.
+    pub axes: Axes,
+}
+
+const NO_AXES: Axes = Axes { x: V3::new(1.0, 0.0, 0.0), y: V3::new(0.0, 1.0, 0.0), z: V3::new(0.0, 0.0, 1.0) };
+
+/// Frames of all joints at one pose.
+#[derive(Clone, Debug)]
+pub(crate) struct Frames {
+    pub base_axes: Axes,
+    pub base_origin: V3,
+    /// Axes about which the base's three rotations act.
+    pub base_turns: Axes,
+    pub joints: [JointFrames; MAX_JOINTS],
+}
+
+impl Frames {
+    pub fn new() -> Self {
+        let zero = V3::zeros();
+        let joint = JointFrames {
+            x_before: zero,
+            o_before: zero,
+            y_beta: zero,
+            o_beta: zero,
+            bearing: NO_AXES,
+            y_tilt: zero,
+            z_tilted: zero,
+            origin: zero,
+            axes: NO_AXES,
+        };
+        Self { base_axes: NO_AXES, base_origin: zero, base_turns: NO_AXES, joints: [joint; MAX_JOINTS] }
+    }
+
+    /// Twist of a motion within joint `i`.
+    #[inline]
+    pub fn twist(&self, i: usize, dof: ChainDof) -> Twist {
+        let f = &self.joints[i];
+        match dof {
+            ChainDof::Alpha => Twist::About { axis: f.x_before, through: f.o_before },
+            ChainDof::A => Twist::Along(f.x_before),
+            ChainDof::Beta => Twist::About { axis: f.y_beta, through: f.o_beta },
+            ChainDof::D => Twist::Along(f.bearing.z),
+            ChainDof::TiltX => Twist::About { axis: f.bearing.x, through: f.origin },
+            ChainDof::TiltY => Twist::About { axis: f.y_tilt, through: f.origin },
+            ChainDof::Theta => Twist::About { axis: f.z_tilted, through: f.origin },
+        }
+    }
+
+    /// Twist of a motion of the base: x, y, z, rx, ry, rz.
+    #[inline]
+    pub fn base_twist(&self, k: usize) -> Twist {
+        let e = [V3::x(), V3::y(), V3::z()];
+        match k {
+            0..3 => Twist::Along(e[k]),
+            3 => Twist::About { axis: self.base_turns.x, through: self.base_origin },
+            4 => Twist::About { axis: self.base_turns.y, through: self.base_origin },
+            _ => Twist::About { axis: self.base_turns.z, through: self.base_origin },
+        }
+    }
+}
+
+/// The chain with the constant terms built in.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain {
+    n: usize,
+    joints: [Constants; MAX_JOINTS],
+    reference: Pose,
+    base: Pose,
+    base_turns: Axes,
+}
+
+impl Chain {
+    /// `constant` are the constant terms' increments of each joint, `base` those of the base on `world_from_base`.
+    pub fn new(
+        robot: &Robot,
+        world_from_base: &Pose,
+        constant: &[JointIncrement; MAX_JOINTS],
+        base: &[f64; 6],
+    ) -> Self {
+        let empty = Constants {
+            prismatic: false,
+            alpha: 0.0,
+            a: 0.0,
+            beta: 0.0,
+            d: 0.0,
+            tilt: [0.0; 2],
+            theta: 0.0,
+            alpha_sc: (0.0, 1.0),
+            plain: true,
+            mass: 0.0,
+            cog: V3::zeros(),
+        };
+        let mut joints = [empty; MAX_JOINTS];
+        for ((to, j), inc) in joints.iter_mut().zip(&robot.joints).zip(constant) {
+            let alpha = j.alpha + inc[ChainDof::Alpha as usize];
+            let beta = inc[ChainDof::Beta as usize];
+            let tilt = [inc[ChainDof::TiltX as usize], inc[ChainDof::TiltY as usize]];
+            *to = Constants {
+                prismatic: j.kind == JointKind::Prismatic,
+                alpha,
+                a: j.a + inc[ChainDof::A as usize],
+                beta,
+                d: j.d + inc[ChainDof::D as usize],
+                tilt,
+                theta: j.theta_offset + inc[ChainDof::Theta as usize],
+                alpha_sc: alpha.sin_cos(),
+                plain: beta == 0.0 && tilt == [0.0; 2],
+                mass: j.mass.unwrap_or(0.0),
+                cog: j.cog,
+            };
+        }
+        let (base_turns, turn) = small_rotation(base);
+        Self {
+            n: robot.dof(),
+            joints,
+            reference: *world_from_base,
+            base: Pose {
+                rotation: turn * world_from_base.rotation,
+                translation: world_from_base.translation + V3::new(base[0], base[1], base[2]),
+            },
+            base_turns,
+        }
+    }
+
+    pub fn dof(&self) -> usize {
+        self.n
+    }
+
+    /// All frames at joint values `q`, the constant terms included and the increments of this pose added.
+    #[inline]
+    pub fn run(&self, q: &Joints, increments: Option<&[JointIncrement; MAX_JOINTS]>, frames: &mut Frames) {
+        let (axes, origin) = (Axes::of(&self.base), self.base.translation);
+        frames.base_turns = self.base_turns;
+        self.run_from(axes, origin, q, increments, frames);
+    }
+
+    /// As [`Chain::run`], with the base moved by `base` (x, y, z, rx, ry, rz in {w}) from nominal, its constant terms included.
+    pub fn run_with_base(
+        &self,
+        base: &[f64; 6],
+        q: &Joints,
+        increments: Option<&[JointIncrement; MAX_JOINTS]>,
+        frames: &mut Frames,
+    ) {
+        let (turns, turn) = small_rotation(base);
+        let moved = Pose {
+            rotation: turn * self.reference.rotation,
+            translation: self.reference.translation + V3::new(base[0], base[1], base[2]),
+        };
+        frames.base_turns = turns;
+        self.run_from(Axes::of(&moved), moved.translation, q, increments, frames);
+    }
+
+    #[inline]
+    fn run_from(
+        &self,
+        base_axes: Axes,
+        base_origin: V3,
+        q: &Joints,
+        increments: Option<&[JointIncrement; MAX_JOINTS]>,
+        frames: &mut Frames,
+    ) {
+        let (mut axes, mut origin) = (base_axes, base_origin);
+        frames.base_axes = axes;
+        frames.base_origin = origin;
+        for i in 0..self.n {
+            let c = &self.joints[i];
+            let f = &mut frames.joints[i];
+            let (mut theta, mut d) = if c.prismatic { (c.theta, c.d + q[i]) } else { (c.theta + q[i], c.d) };
+            let (mut a, mut beta, mut tilt, mut alpha_sc, mut plain) = (c.a, c.beta, c.tilt, c.alpha_sc, c.plain);
+            if let Some(inc) = increments {
+                let inc = &inc[i];
+                theta += inc[ChainDof::Theta as usize];
+                d += inc[ChainDof::D as usize];
+                a += inc[ChainDof::A as usize];
+                if inc[ChainDof::Alpha as usize] != 0.0 {
+                    alpha_sc = (c.alpha + inc[ChainDof::Alpha as usize]).sin_cos();
+                }
+                let (b, x, y) =
+                    (inc[ChainDof::Beta as usize], inc[ChainDof::TiltX as usize], inc[ChainDof::TiltY as usize]);
+                if b != 0.0 || x != 0.0 || y != 0.0 {
+                    beta += b;
+                    tilt[0] += x;
+                    tilt[1] += y;
+                    plain = false;
+                }
+            }
+            f.x_before = axes.x;
+            f.o_before = origin;
+            let turned = axes.rx(alpha_sc);
+            origin += axes.x * a;
+            f.y_beta = turned.y;
+            f.o_beta = origin;
+            if plain {
+                f.bearing = turned;
+                f.y_tilt = turned.y;
+                f.z_tilted = turned.z;
+                origin += turned.z * d;
+                axes = turned.rz(theta.sin_cos());
+            } else {
+                f.bearing = turned.ry(beta.sin_cos());
+                origin += f.bearing.z * d;
+                let half = f.bearing.rx(tilt[0].sin_cos());
+                f.y_tilt = half.y;
+                let tilted = half.ry(tilt[1].sin_cos());
+                f.z_tilted = tilted.z;
+                axes = tilted.rz(theta.sin_cos());
+            }
+            f.origin = origin;
+            f.axes = axes;
+        }
+    }
+
+    /// Masses and first moments in {w} of all that each joint carries; `payload` is mass and first moment (kg m) in the
+    /// flange frame.
+    #[inline]
+    pub fn loads(&self, frames: &Frames, payload: (f64, V3), loads: &mut Loads) {
+        let (mut mass, mut moment) = (0.0, V3::zeros());
+        for i in (0..self.n).rev() {
+            let (c, f) = (&self.joints[i], &frames.joints[i]);
+            if i + 1 == self.n {
+                mass += payload.0;
+                moment += f.origin * payload.0 + f.axes.times(&payload.1);
+            }
+            mass += c.mass;
+            moment += (f.origin + f.axes.times(&c.cog)) * c.mass;
+            loads.mass[i] = mass;
+            loads.first[i] = moment;
+        }
+    }
+
+    /// The gravity moment that basis functions look at, ready for derivatives.
+    #[inline]
+    pub fn moment(&self, frames: &Frames, loads: &Loads, i: usize, axis: Axis, gravity: &V3) -> Moment {
+        let f = &frames.joints[i];
+        let e = if axis == Axis::Z { f.z_tilted } else { f.bearing.axis(axis) };
+        if axis == Axis::Z && self.joints[i].prismatic {
+            let weight = gravity * loads.mass[i];
+            return Moment {
+                joint: i,
+                axis,
+                value: e.dot(&weight),
+                turn: gravity.cross(&e) * loads.mass[i],
+                carry: V3::zeros(),
+                arm: e * loads.mass[i],
+                about: f.origin,
+                slide: Some(e),
+            };
+        }
+        let s = loads.first[i] - f.origin * loads.mass[i];
+        let arm = e.cross(&s);
+        Moment {
+            joint: i,
+            axis,
+            value: arm.dot(gravity),
+            turn: gravity.cross(&arm),
+            carry: gravity.cross(&e),
+            arm,
+            about: f.origin,
+            slide: None,
+        }
+    }
+}
+
+/// What each joint carries.
+#[derive(Clone, Debug)]
+pub(crate) struct Loads {
+    pub mass: [f64; MAX_JOINTS],
+    /// Sum of mass times place in {w}, kg m.
+    pub first: [V3; MAX_JOINTS],
+}
+
+impl Loads {
+    pub fn new() -> Self {
+        Self { mass: [0.0; MAX_JOINTS], first: [V3::zeros(); MAX_JOINTS] }
+    }
+}
+
+/// A component `e . M` of a gravity moment `M = S x g`, `S` the first moment of what joint i carries about its origin.
+///
+/// When everything from before joint i turns by `w`: `d(e . M) = -w . (g x (e x S))`, since turning gravity as well would
+/// change nothing. When only bodies behind joint i move so that their first moment changes by `b`: `d(e . M) = b . (g x e)`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment {
+    joint: usize,
+    axis: Axis,
+    /// N m (N for the force along a prismatic joint).
+    pub value: f64,
+    turn: V3,
+    carry: V3,
+    /// `e x S`: derivative to gravity.
+    pub arm: V3,
+    about: V3,
+    slide: Option<V3>,
+}
+
+impl Moment {
+    /// Derivative to a motion of the base.
+    #[inline]
+    pub fn to_base(&self, twist: &Twist) -> f64 {
+        -twist.angular().dot(&self.turn)
+    }
+
+    /// Derivative to a motion within joint `s`.
+    #[inline]
+    pub fn to_chain(&self, s: usize, dof: ChainDof, frames: &Frames, loads: &Loads) -> f64 {
+        let behind = s > self.joint
+            || (s == self.joint && matches!(dof, ChainDof::TiltX | ChainDof::TiltY | ChainDof::Theta) && {
+                // a tilt turns the axis z with it, but not the bearing's x and y
+                dof == ChainDof::Theta || self.axis != Axis::Z
+            });
+        let twist = frames.twist(s, dof);
+        if !behind {
+            return -twist.angular().dot(&self.turn);
+        }
+        let b = match twist {
+            Twist::About { axis, through } => axis.cross(&(loads.first[s] - through * loads.mass[s])),
+            Twist::Along(v) => v * loads.mass[s],
+        };
+        b.dot(&self.carry)
+    }
+
+    /// Derivative to the mass of a body at `place` in {w} on the flange.
+    #[inline]
+    pub fn to_mass(&self, place: &V3, gravity: &V3) -> f64 {
+        match self.slide {
+            Some(e) => e.dot(gravity),
+            None => (place - self.about).dot(&self.carry),
+        }
+    }
+
+    /// Derivative to the first moment on the flange along `axis` in {w}.
+    #[inline]
+    pub fn to_first_moment(&self, axis: &V3) -> f64 {
+        axis.dot(&self.carry)
+    }
+}

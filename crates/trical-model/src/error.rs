@@ -1,0 +1,86 @@
+//! What can be wrong with a robot, a cell or a model.
+
+use thiserror::Error;
+
+/// Bad input to this crate. Each message is one sentence that can be shown to a user as it is.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum ModelError {
+    /// A file is not what it should be; `place` is a line or a field.
+    #[error("{file}, {place}: {problem}")]
+    Input {
+        /// File name as the user gave it.
+        file: String,
+        /// "line 12" or "joint 3, mass_kg".
+        place: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// The file cannot be read at all.
+    #[error("{file}: {problem}")]
+    Unreadable {
+        /// File name as the user gave it.
+        file: String,
+        /// The operating system's words.
+        problem: String,
+    },
+    /// Gravity torques were asked of a robot whose links have no masses.
+    #[error(
+        "robot '{robot}': joint {joint} has no mass_kg, and compliance needs the mass and cog_mm of every link \
+         (give them in robot.toml, or leave compliance out)"
+    )]
+    NoMasses {
+        /// Name of the robot.
+        robot: String,
+        /// First joint without a mass (1-based).
+        joint: usize,
+    },
+    /// A term acts at a site that the arm or the cell does not have.
+    #[error("term '{term}' acts at {site}, which this robot and cell do not have")]
+    NoSuchSite {
+        /// Name of the term.
+        term: String,
+        /// The site in words.
+        site: String,
+    },
+    /// A term's basis needs something that the recording does not tell.
+    #[error("term '{term}' needs {needs}, which the recording does not contain")]
+    MissingCovariate {
+        /// Name of the term.
+        term: String,
+        /// The missing column in words.
+        needs: String,
+    },
+    /// A measurement names a ball, target or anchor that the cell does not have.
+    #[error("{what} {number} was measured, but the cell has {have}")]
+    NoSuchPoint {
+        /// "ball", "target", "anchor" or "frame".
+        what: &'static str,
+        /// 1-based number.
+        number: usize,
+        /// How many there are.
+        have: usize,
+    },
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, ModelError>;
+
+/// Parses a TOML text into `T`; an error names the file and the line.
+pub fn parse_toml<T: serde::de::DeserializeOwned>(text: &str, file: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(1, |s| 1 + text.get(..s.start).map_or(0, |t| t.matches('\n').count()));
+        ModelError::Input {
+            file: file.to_owned(),
+            place: format!("line {line}"),
+            problem: e.message().replace('\n', " "),
+        }
+    })
+}
+
+/// Reads a whole text file; an error names it.
+pub fn read_text(path: &std::path::Path) -> Result<String> {
+    let file = path.display().to_string();
+    let bytes = std::fs::read(path)
+        .map_err(|e| ModelError::Unreadable { file: file.clone(), problem: format!("cannot be read: {e}") })?;
+    String::from_utf8(bytes).map_err(|_| ModelError::Unreadable { file, problem: "is not UTF-8 text".into() })
+}

@@ -1,0 +1,573 @@
+//! The one forward function and the one Jacobian routine: all terms composed exactly.
+//!
+//! A pose is predicted in two passes over the chain. The first uses the constant terms only: its frames give the gravity
+//! moments. The second adds what the other bases say at this pose. Derivatives follow both passes: a change of geometry
+//! moves the tool directly, and through the gravity torques on which compliance acts.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::cell::Cell;
+use crate::chain::{Axes, Chain, Frames, JointIncrement, Loads, Moment, small_rotation};
+use crate::error::{ModelError, Result};
+use crate::jacobian::{Map, Target};
+use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
+use crate::recording::{Joints, MAX_JOINTS, Measured, State};
+use crate::robot::Robot;
+use crate::term::{Axis, Basis, Dof, Term, Variable, actions};
+
+type V3 = Vector3<f64>;
+
+/// Standard gravity, m/s^2.
+pub const GRAVITY: f64 = 9.80665;
+
+/// A robot in its cell with everything that moves its TCP away from nominal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The nominal arm.
+    pub robot: Robot,
+    /// The nominal cell.
+    pub cell: Cell,
+    /// `frame_from_world` of each measuring frame, before the terms at [`crate::Site::Frame`].
+    pub frames: Vec<Pose>,
+    /// The terms.
+    pub terms: Vec<Term>,
+}
+
+impl Model {
+    /// The nominal model: no terms, no measuring frames.
+    #[must_use]
+    pub fn nominal(robot: Robot, cell: Cell) -> Self {
+        Self { robot, cell, frames: Vec::new(), terms: Vec::new() }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bound {
+    /// Index into `Forward::dofs`.
+    pub(crate) dof: usize,
+    pub(crate) basis: Basis,
+    pub(crate) weight: f64,
+    pub(crate) constant: bool,
+    /// Index into `Forward::moments`, where the basis looks at one.
+    pub(crate) moment: Option<usize>,
+}
+
+/// A model made ready for many poses. Shared between threads; each has its own [`Workspace`].
+#[derive(Clone, Debug)]
+pub struct Forward {
+    pub(crate) model: Model,
+    /// Resolved actions of all terms, one after the other.
+    pub(crate) bound: Vec<Bound>,
+    /// Actions of term k are `bound[spans[k].0..spans[k].1]`.
+    pub(crate) spans: Vec<(usize, usize)>,
+    pub(crate) dofs: Vec<Dof>,
+    /// The gravity moments that basis functions look at: joint (0-based) and component.
+    pub(crate) moments: Vec<(usize, Axis)>,
+    pub(crate) free: Vec<usize>,
+    /// Actions whose basis is not constant.
+    pub(crate) varying: Vec<(usize, usize)>,
+    pub(crate) moves_base: bool,
+    // with coefficients built in:
+    pub(crate) chain: Chain,
+    /// Sums of the constant terms at the base, the tool and each frame: x, y, z, rx, ry, rz.
+    pub(crate) base: [f64; 6],
+    pub(crate) tool: [f64; 6],
+    pub(crate) frame_moves: Vec<[f64; 6]>,
+    pub(crate) tool_rotation: Matrix3<f64>,
+    pub(crate) tool_turns: Axes,
+    pub(crate) targets: Vec<V3>,
+    pub(crate) balls: Vec<V3>,
+    pub(crate) anchors: Vec<(V3, f64)>,
+    pub(crate) frames: Vec<(Pose, Axes)>,
+    pub(crate) fixture: [f64; 6],
+    pub(crate) gravity: V3,
+    pub(crate) payload: (f64, V3),
+}
+
+/// One thread's scratch space for one model.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    pub(crate) still: Frames,
+    pub(crate) moved: Frames,
+    pub(crate) loads: Loads,
+    pub(crate) moments: Vec<Moment>,
+    /// Derivative of the residual to each moment.
+    pub(crate) elastic: Vec<[f64; 6]>,
+    pub(crate) columns: Vec<[f64; 6]>,
+    pub(crate) increments: [JointIncrement; MAX_JOINTS],
+    pub(crate) base: [f64; 6],
+    pub(crate) tool: [f64; 6],
+    pub(crate) fixture: [f64; 6],
+    pub(crate) frame: [f64; 6],
+    pub(crate) residual: [f64; 6],
+}
+
+impl Workspace {
+    /// The residual of the last observation; as many entries as [`Forward::residual`] said.
+    #[must_use]
+    pub fn residual(&self) -> &[f64; 6] {
+        &self.residual
+    }
+}
+
+/// Number of scalar residuals of a measurement: 3, 1 or 6; references are not predicted by the arm's model.
+#[must_use]
+pub fn residual_rows(measured: &Measured) -> usize {
+    match measured {
+        Measured::Touch { .. } | Measured::Point { .. } => 3,
+        Measured::Distance { .. } => 1,
+        Measured::Pose { .. } => 6,
+        Measured::Reference { .. } => 0,
+    }
+}
+
+impl Forward {
+    /// Prepares a model. `free` are the indices of the terms whose columns the Jacobian has, in that order.
+    ///
+    /// # Errors
+    /// A term at a site that the arm does not have, or gravity moments of an arm without masses.
+    pub fn new(model: Model, free: Vec<usize>) -> Result<Self> {
+        let mut this = Self {
+            bound: Vec::new(),
+            spans: Vec::new(),
+            dofs: Vec::new(),
+            moments: Vec::new(),
+            free,
+            varying: Vec::new(),
+            moves_base: false,
+            chain: Chain::new(
+                &model.robot,
+                &model.cell.world_from_base,
+                &[JointIncrement::default(); MAX_JOINTS],
+                &[0.0; 6],
+            ),
+            base: [0.0; 6],
+            tool: [0.0; 6],
+            frame_moves: Vec::new(),
+            tool_rotation: Matrix3::identity(),
+            tool_turns: Axes::of(&Pose::identity()),
+            targets: Vec::new(),
+            balls: Vec::new(),
+            anchors: Vec::new(),
+            frames: Vec::new(),
+            fixture: [0.0; 6],
+            gravity: V3::zeros(),
+            payload: (0.0, V3::zeros()),
+            model,
+        };
+        for (k, term) in this.model.terms.iter().enumerate() {
+            let start = this.bound.len();
+            for action in actions(term, &this.model.robot, &this.model.cell, this.model.frames.len())? {
+                let constant = action.basis.is_constant();
+                if !constant
+                    && !matches!(
+                        action.dof,
+                        Dof::Chain(..) | Dof::Base(_) | Dof::Tool(_) | Dof::Fixture(_) | Dof::Frame(..)
+                    )
+                {
+                    return Err(ModelError::NoSuchSite {
+                        term: term.name.clone(),
+                        site: format!("{:?} as something that varies", term.site),
+                    });
+                }
+                let dof = this.dofs.iter().position(|d| *d == action.dof).unwrap_or_else(|| {
+                    this.dofs.push(action.dof);
+                    this.dofs.len() - 1
+                });
+                let moment = match action.basis.of {
+                    Variable::Moment { joint, axis } => {
+                        let key = (joint - 1, axis);
+                        Some(this.moments.iter().position(|m| *m == key).unwrap_or_else(|| {
+                            this.moments.push(key);
+                            this.moments.len() - 1
+                        }))
+                    }
+                    _ => None,
+                };
+                if !constant {
+                    this.varying.push((k, this.bound.len()));
+                    this.moves_base |= matches!(action.dof, Dof::Base(_));
+                }
+                this.bound.push(Bound { dof, basis: action.basis, weight: action.weight, constant, moment });
+            }
+            this.spans.push((start, this.bound.len()));
+        }
+        if !this.moments.is_empty() {
+            this.model.robot.require_masses()?;
+        }
+        this.rebuild();
+        Ok(this)
+    }
+
+    /// The model with its present coefficients.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Gives the model back.
+    #[must_use]
+    pub fn into_model(self) -> Model {
+        self.model
+    }
+
+    /// Indices of the free terms.
+    #[must_use]
+    pub fn free(&self) -> &[usize] {
+        &self.free
+    }
+
+    /// Present coefficients of the free terms, SI.
+    #[must_use]
+    pub fn coefficients(&self) -> Vec<f64> {
+        self.free.iter().map(|k| self.model.terms[*k].value).collect()
+    }
+
+    /// Sets the coefficients of the free terms, SI.
+    pub fn set_coefficients(&mut self, values: &[f64]) {
+        for (k, v) in self.free.iter().zip(values) {
+            self.model.terms[*k].value = *v;
+        }
+        self.rebuild();
+    }
+
+    /// Scratch space for this model.
+    #[must_use]
+    pub fn workspace(&self) -> Workspace {
+        Workspace {
+            still: Frames::new(),
+            moved: Frames::new(),
+            loads: Loads::new(),
+            moments: Vec::with_capacity(self.moments.len()),
+            elastic: vec![[0.0; 6]; self.moments.len()],
+            columns: vec![[0.0; 6]; self.dofs.len()],
+            increments: [JointIncrement::default(); MAX_JOINTS],
+            base: [0.0; 6],
+            tool: [0.0; 6],
+            fixture: [0.0; 6],
+            frame: [0.0; 6],
+            residual: [0.0; 6],
+        }
+    }
+
+    /// Builds the coefficients of constant terms in.
+    fn rebuild(&mut self) {
+        let cell = &self.model.cell;
+        let mut chain = [JointIncrement::default(); MAX_JOINTS];
+        let (mut base, mut tool, mut fixture) = ([0.0; 6], [0.0; 6], [0.0; 6]);
+        let mut frames = vec![[0.0; 6]; self.model.frames.len()];
+        self.targets.clone_from(&cell.tool.targets);
+        self.balls.clone_from(&cell.balls);
+        self.anchors = cell.anchors.iter().map(|a| (*a, 0.0)).collect();
+        self.gravity = V3::new(0.0, 0.0, -GRAVITY);
+        self.payload = (cell.tool.mass, cell.tool.cog * cell.tool.mass);
+        for (term, span) in self.model.terms.iter().zip(&self.spans) {
+            for b in self.bound[span.0..span.1].iter().filter(|b| b.constant) {
+                let v = term.value * b.weight;
+                match self.dofs[b.dof] {
+                    Dof::Chain(i, dof) => chain[i][dof as usize] += v,
+                    Dof::Base(k) => base[k] += v,
+                    Dof::Tool(k) => tool[k] += v,
+                    Dof::Target(t, k) => self.targets[t][k] += v,
+                    Dof::Fixture(k) => fixture[k] += v,
+                    Dof::Ball(t, k) => self.balls[t][k] += v,
+                    Dof::Frame(f, k) => frames[f][k] += v,
+                    Dof::Gravity(k) => self.gravity[k] += v,
+                    Dof::PayloadMass => {
+                        self.payload.0 += v;
+                        self.payload.1 += cell.tool.cog * v;
+                    }
+                    Dof::PayloadMoment(k) => self.payload.1[k] += v,
+                    Dof::Anchor(t, k) => self.anchors[t].0[k] += v,
+                    Dof::LengthZero(t) => self.anchors[t].1 += v,
+                }
+            }
+        }
+        self.chain = Chain::new(&self.model.robot, &cell.world_from_base, &chain, &base);
+        self.base = base;
+        self.tool = tool;
+        let (turns, turn) = small_rotation(&tool);
+        self.tool_turns = turns;
+        self.tool_rotation = turn * cell.tool.rotation;
+        self.fixture = fixture;
+        self.frames = self
+            .model
+            .frames
+            .iter()
+            .zip(&frames)
+            .map(|(reference, v)| {
+                let (turns, turn) = small_rotation(v);
+                (
+                    Pose {
+                        rotation: turn * reference.rotation,
+                        translation: reference.translation + V3::new(v[0], v[1], v[2]),
+                    },
+                    turns,
+                )
+            })
+            .collect();
+        self.frame_moves = frames;
+    }
+
+    /// `frame_from_world` of measuring frame `frame` (0-based) with the constant terms.
+    #[must_use]
+    pub fn frame_from_world(&self, frame: usize) -> Option<Pose> {
+        self.frames.get(frame).map(|f| f.0)
+    }
+
+    /// What a variable says at this pose.
+    #[inline]
+    pub(crate) fn variable(basis: &Basis, moment: Option<&Moment>, state: &State, measured: &Measured) -> f64 {
+        match basis.of {
+            Variable::Nothing => 0.0,
+            Variable::Joint { joint } => state.q[joint - 1],
+            Variable::Moment { .. } => moment.map_or(0.0, |m| m.value),
+            Variable::Lag { joint } => state.q_commanded.map_or(0.0, |c| c[joint - 1] - state.q[joint - 1]),
+            Variable::Time => state.t.unwrap_or(0.0),
+            Variable::Temperature { reference_c } => state.temp_c.map_or(0.0, |t| t - reference_c),
+            Variable::Reading { axis } => match measured {
+                Measured::Touch { reading, .. } => reading[axis.index()],
+                _ => 0.0,
+            },
+        }
+    }
+
+    #[inline]
+    pub(crate) fn sense(basis: &Basis, state: &State) -> f64 {
+        match basis.sense {
+            None => 1.0,
+            Some(joint) => state.dir.map_or(0.0, |d| f64::from(d[joint - 1])),
+        }
+    }
+
+    pub(crate) fn payload_at(&self, state: &State) -> (f64, V3) {
+        let extra = state.payload_kg.unwrap_or(0.0);
+        (self.payload.0 + extra, self.payload.1 + self.model.cell.tool.cog * extra)
+    }
+
+    /// Both passes over the chain: `ws.moved` then holds the true frames.
+    #[inline]
+    pub(crate) fn frames_at(&self, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) {
+        if self.varying.is_empty() {
+            self.chain.run(&state.q, None, &mut ws.moved);
+            ws.tool = self.tool;
+            ws.fixture = self.fixture;
+            ws.frame = self.frame_moves.get(frame).copied().unwrap_or_default();
+            return;
+        }
+        ws.moments.clear();
+        if !self.moments.is_empty() {
+            self.chain.run(&state.q, None, &mut ws.still);
+            self.chain.loads(&ws.still, self.payload_at(state), &mut ws.loads);
+            for (i, axis) in &self.moments {
+                ws.moments.push(self.chain.moment(&ws.still, &ws.loads, *i, *axis, &self.gravity));
+            }
+        }
+        ws.increments = [JointIncrement::default(); MAX_JOINTS];
+        ws.base = self.base;
+        ws.tool = self.tool;
+        ws.fixture = self.fixture;
+        ws.frame = self.frame_moves.get(frame).copied().unwrap_or_default();
+        for (k, index) in &self.varying {
+            let b = &self.bound[*index];
+            let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
+            let v = self.model.terms[*k].value * b.weight * Self::sense(&b.basis, state) * b.basis.shape.at(u).0;
+            match self.dofs[b.dof] {
+                Dof::Chain(i, dof) => ws.increments[i][dof as usize] += v,
+                Dof::Base(m) => ws.base[m] += v,
+                Dof::Tool(m) => ws.tool[m] += v,
+                Dof::Fixture(m) => ws.fixture[m] += v,
+                Dof::Frame(f, m) if f == frame => ws.frame[m] += v,
+                _ => {}
+            }
+        }
+        if self.moves_base {
+            self.chain.run_with_base(&ws.base, &state.q, Some(&ws.increments), &mut ws.moved);
+        } else {
+            self.chain.run(&state.q, Some(&ws.increments), &mut ws.moved);
+        }
+    }
+
+    /// Orientation of the tool in the flange frame at this pose, with the axes of its three rotations.
+    #[inline]
+    pub(crate) fn tool_at(&self, ws: &Workspace) -> (Matrix3<f64>, Axes) {
+        if ws.tool[3..] == self.tool[3..] {
+            (self.tool_rotation, self.tool_turns)
+        } else {
+            let (turns, turn) = small_rotation(&ws.tool);
+            (turn * self.model.cell.tool.rotation, turns)
+        }
+    }
+
+    /// The TCP in the flange frame at this pose.
+    #[inline]
+    pub(crate) fn tcp_in_flange(&self, ws: &Workspace) -> V3 {
+        self.model.cell.tool.tcp + V3::new(ws.tool[0], ws.tool[1], ws.tool[2])
+    }
+
+    /// How far the tool has moved on the flange at this pose, beyond its constant place.
+    #[inline]
+    fn slip(&self, ws: &Workspace) -> V3 {
+        V3::new(ws.tool[0] - self.tool[0], ws.tool[1] - self.tool[1], ws.tool[2] - self.tool[2])
+    }
+
+    #[inline]
+    pub(crate) fn frame_at(&self, frame: usize, ws: &Workspace) -> (Pose, Axes) {
+        let (Some((pose, turns)), Some(still)) = (self.frames.get(frame), self.frame_moves.get(frame)) else {
+            return (Pose::identity(), Axes::of(&Pose::identity()));
+        };
+        if ws.frame == *still {
+            return (*pose, *turns);
+        }
+        let reference = &self.model.frames[frame];
+        let (turns, turn) = small_rotation(&ws.frame);
+        let t = V3::new(ws.frame[0], ws.frame[1], ws.frame[2]);
+        (Pose { rotation: turn * reference.rotation, translation: reference.translation + t }, turns)
+    }
+
+    pub(crate) fn ball_at(&self, ball: usize, ws: &Workspace) -> (V3, Axes) {
+        let f = &ws.fixture;
+        if *f == [0.0; 6] {
+            return (self.balls[ball], Axes::of(&Pose::identity()));
+        }
+        let (turns, turn) = small_rotation(f);
+        (turn * self.balls[ball] + V3::new(f[0], f[1], f[2]), turns)
+    }
+
+    /// The pose of the tool's TCP in {w}: what the arm really does at `state`, by this model.
+    pub fn world_from_tool(&self, state: &State, ws: &mut Workspace) -> Pose {
+        let measured = Measured::Point { target: 0, position: [0.0; 3] };
+        self.frames_at(state, &measured, usize::MAX, ws);
+        let (rotation, _) = self.tool_at(ws);
+        let flange = &ws.moved.joints[self.chain.dof() - 1];
+        let tcp = self.tcp_in_flange(ws);
+        Pose { rotation: flange.axes.matrix() * rotation, translation: flange.origin + flange.axes.times(&tcp) }
+    }
+
+    /// The pose of the flange in {w}.
+    pub fn world_from_flange(&self, state: &State, ws: &mut Workspace) -> Pose {
+        let measured = Measured::Point { target: 0, position: [0.0; 3] };
+        self.frames_at(state, &measured, usize::MAX, ws);
+        let flange = &ws.moved.joints[self.chain.dof() - 1];
+        Pose { rotation: flange.axes.matrix(), translation: flange.origin }
+    }
+
+    /// Poses of the base and of every joint's frame in {w}, base first: for pictures and collision checks.
+    pub fn world_from_links(&self, state: &State, ws: &mut Workspace) -> Vec<Pose> {
+        let mut links = vec![Pose::identity(); self.chain.dof() + 1];
+        self.world_from_links_into(state, ws, &mut links);
+        links
+    }
+
+    /// As [`Forward::world_from_links`], into a slice of n + 1 poses.
+    pub fn world_from_links_into(&self, state: &State, ws: &mut Workspace, links: &mut [Pose]) {
+        let measured = Measured::Point { target: 0, position: [0.0; 3] };
+        self.frames_at(state, &measured, usize::MAX, ws);
+        let base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
+        let joints = ws.moved.joints[..self.chain.dof()]
+            .iter()
+            .map(|f| Pose { rotation: f.axes.matrix(), translation: f.origin });
+        for (to, from) in links.iter_mut().zip(std::iter::once(base).chain(joints)) {
+            *to = from;
+        }
+    }
+
+    /// Gravity torque about each joint's axis (force along it for prismatic joints) at `state`, N m, with the constant terms
+    /// built in: what gravity does, positive about +z.
+    ///
+    /// # Errors
+    /// The robot has no masses.
+    pub fn gravity_torques(&self, state: &State, ws: &mut Workspace) -> Result<Joints> {
+        self.model.robot.require_masses()?;
+        self.chain.run(&state.q, None, &mut ws.still);
+        self.chain.loads(&ws.still, self.payload_at(state), &mut ws.loads);
+        let mut tau = [0.0; MAX_JOINTS];
+        for (i, t) in tau.iter_mut().enumerate().take(self.chain.dof()) {
+            *t = self.chain.moment(&ws.still, &ws.loads, i, Axis::Z, &self.gravity).value;
+        }
+        Ok(tau)
+    }
+
+    /// Checks that a measurement can be predicted by this model: its ball, target, anchor and frame exist, and every
+    /// covariate that a term needs is there.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub fn check(&self, state: &State, measured: &Measured, frame: usize) -> Result<()> {
+        let exists = |what, number: usize, have: usize| {
+            if number < have { Ok(()) } else { Err(ModelError::NoSuchPoint { what, number: number + 1, have }) }
+        };
+        match measured {
+            Measured::Touch { ball, .. } => exists("ball", *ball, self.balls.len())?,
+            Measured::Point { target, .. } => {
+                exists("target", *target, self.targets.len())?;
+                exists("frame", frame, self.frames.len())?;
+            }
+            Measured::Distance { anchor, .. } => exists("anchor", *anchor, self.anchors.len())?,
+            Measured::Pose { .. } => exists("frame", frame, self.frames.len())?,
+            Measured::Reference { .. } => {}
+        }
+        for (k, index) in &self.varying {
+            if let Some(needs) = self.bound[*index].basis.missing(state, measured)
+                && !matches!(self.bound[*index].basis.of, Variable::Reading { .. })
+            {
+                return Err(ModelError::MissingCovariate {
+                    term: self.model.terms[*k].name.clone(),
+                    needs: needs.to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Predicted minus measured, in SI, into the workspace; returns the number of scalars: touch 3 (world axes), point 3
+    /// (measuring frame), distance 1, pose 6 (measuring frame, then rotation vector in the tool's axes, rad).
+    /// The measurement must have passed [`Forward::check`].
+    #[inline]
+    pub fn residual(&self, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) -> usize {
+        self.frames_at(state, measured, frame, ws);
+        self.compare(measured, frame, ws);
+        residual_rows(measured)
+    }
+
+    pub(crate) fn compare(&self, measured: &Measured, frame: usize, ws: &mut Workspace) -> Target {
+        let flange = ws.moved.joints[self.chain.dof() - 1];
+        let nothing = Target { point: V3::zeros(), map: Map::World };
+        match measured {
+            Measured::Touch { ball, reading } => {
+                let (rotation, _) = self.tool_at(ws);
+                let in_flange = self.tcp_in_flange(ws) + rotation * V3::from(*reading);
+                let point = flange.origin + flange.axes.times(&in_flange);
+                let r = point - self.ball_at(*ball, ws).0;
+                ws.residual = [r.x, r.y, r.z, 0.0, 0.0, 0.0];
+                Target { point, map: Map::World }
+            }
+            Measured::Point { target, position } => {
+                let point = flange.origin + flange.axes.times(&(self.targets[*target] + self.slip(ws)));
+                let (pose, _) = self.frame_at(frame, ws);
+                let r = pose.apply(&point) - V3::from(*position);
+                ws.residual = [r.x, r.y, r.z, 0.0, 0.0, 0.0];
+                Target { point, map: Map::Frame(pose.rotation) }
+            }
+            Measured::Distance { anchor, length } => {
+                let point = flange.origin + flange.axes.times(&self.tcp_in_flange(ws));
+                let (from, zero) = self.anchors[*anchor];
+                let d = (point - from).norm();
+                ws.residual = [d + zero - length, 0.0, 0.0, 0.0, 0.0, 0.0];
+                Target { point, map: Map::Length((point - from) / d.max(1e-12)) }
+            }
+            Measured::Pose { position, quaternion } => {
+                let (tool, _) = self.tool_at(ws);
+                let point = flange.origin + flange.axes.times(&self.tcp_in_flange(ws));
+                let (pose, _) = self.frame_at(frame, ws);
+                let r = pose.apply(&point) - V3::from(*position);
+                let measured_from_frame = rotation_from_quaternion(*quaternion).transpose();
+                let v = rotation_vector(&(measured_from_frame * pose.rotation * flange.axes.matrix() * tool));
+                ws.residual = [r.x, r.y, r.z, v.x, v.y, v.z];
+                let rotation = left_jacobian_inverse(&v) * measured_from_frame * pose.rotation;
+                Target { point, map: Map::Pose { frame: pose.rotation, rotation } }
+            }
+            Measured::Reference { .. } => nothing,
+        }
+    }
+}

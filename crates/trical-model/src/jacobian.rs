@@ -1,0 +1,283 @@
+//! Derivatives of the forward function: to every free coefficient, and to the joints.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::chain::Moment;
+use crate::forward::{Bound, Forward, Workspace, residual_rows};
+use crate::pose::Pose;
+use crate::recording::{Measured, State};
+use crate::robot::JointKind;
+use crate::term::{ChainDof, Dof, Variable};
+
+type V3 = Vector3<f64>;
+
+/// The measured quantity's geometry at one pose, from which derivatives are taken.
+pub(crate) struct Target {
+    /// The measured point in {w}.
+    pub point: V3,
+    pub map: Map,
+}
+
+/// How a velocity of the measured point (and of the tool) becomes a change of the residual.
+pub(crate) enum Map {
+    World,
+    Frame(Matrix3<f64>),
+    Length(V3),
+    Pose {
+        frame: Matrix3<f64>,
+        rotation: Matrix3<f64>,
+    },
+    /// Velocity and angular velocity in {w} as they are.
+    Twist,
+}
+
+impl Map {
+    #[inline]
+    fn apply(&self, dp: &V3, dw: &V3) -> [f64; 6] {
+        match self {
+            Self::World => [dp.x, dp.y, dp.z, 0.0, 0.0, 0.0],
+            Self::Twist => [dp.x, dp.y, dp.z, dw.x, dw.y, dw.z],
+            Self::Frame(r) => {
+                let v = r * dp;
+                [v.x, v.y, v.z, 0.0, 0.0, 0.0]
+            }
+            Self::Length(u) => [u.dot(dp), 0.0, 0.0, 0.0, 0.0, 0.0],
+            Self::Pose { frame, rotation } => {
+                let (v, w) = (frame * dp, rotation * dw);
+                [v.x, v.y, v.z, w.x, w.y, w.z]
+            }
+        }
+    }
+
+    /// A change of the residual given in the measuring frame itself.
+    #[inline]
+    fn in_frame(&self, dp: &V3, dw_world_of_frame: &V3) -> [f64; 6] {
+        match self {
+            Self::World | Self::Length(_) | Self::Twist => [0.0; 6],
+            Self::Frame(_) => [dp.x, dp.y, dp.z, 0.0, 0.0, 0.0],
+            Self::Pose { frame, rotation } => {
+                let w = rotation * (frame.transpose() * dw_world_of_frame);
+                [dp.x, dp.y, dp.z, w.x, w.y, w.z]
+            }
+        }
+    }
+}
+
+const E: [V3; 3] = [V3::new(1.0, 0.0, 0.0), V3::new(0.0, 1.0, 0.0), V3::new(0.0, 0.0, 1.0)];
+
+impl Forward {
+    /// Residual and Jacobian: `jacobian` receives d residual / d coefficient of the free terms, row by row
+    /// (`jacobian[row * p + column]`, p = number of free terms). Returns the number of rows. Nothing is allocated.
+    /// The measurement must have passed [`Forward::check`].
+    #[inline]
+    pub fn linearize(
+        &self,
+        state: &State,
+        measured: &Measured,
+        frame: usize,
+        ws: &mut Workspace,
+        jacobian: &mut [f64],
+    ) -> usize {
+        let rows = residual_rows(measured);
+        self.frames_at(state, measured, frame, ws);
+        let target = self.compare(measured, frame, ws);
+        self.all_columns(state, measured, frame, &target, ws);
+        let p = self.free.len();
+        for (column, term) in self.free.iter().enumerate() {
+            let (from, to) = self.spans[*term];
+            let mut sum = [0.0; 6];
+            for b in &self.bound[from..to] {
+                self.add_action(b, state, measured, ws, &mut sum);
+            }
+            for (row, value) in sum.iter().enumerate().take(rows) {
+                jacobian[row * p + column] = *value;
+            }
+        }
+        rows
+    }
+
+    /// The pose of the tool in {w} and its Jacobian to the joints: rows x, y, z (m) and the angular velocity (rad) in {w},
+    /// `jacobian[row * n + joint]`. Everything that depends on the joints is followed: torques, harmonics, couplings.
+    pub fn joint_jacobian(&self, state: &State, ws: &mut Workspace, jacobian: &mut [f64]) -> Pose {
+        let pose = self.world_from_tool(state, ws);
+        let measured = Measured::Point { target: 0, position: [0.0; 3] };
+        let target = Target { point: pose.translation, map: Map::Twist };
+        self.all_columns(state, &measured, usize::MAX, &target, ws);
+        let n = self.chain.dof();
+        for (i, joint) in self.model.robot.joints.iter().enumerate() {
+            let own = if joint.kind == JointKind::Prismatic { ChainDof::D } else { ChainDof::Theta };
+            let dof = Dof::Chain(i, own);
+            let mut sum = self.dof_column(dof, &measured, usize::MAX, &target, ws);
+            self.add_through_moments(dof, ws, 1.0, &mut sum);
+            for (k, index) in &self.varying {
+                let b = &self.bound[*index];
+                let sign = match b.basis.of {
+                    Variable::Joint { joint } if joint == i + 1 => 1.0,
+                    Variable::Lag { joint } if joint == i + 1 => -1.0,
+                    _ => continue,
+                };
+                let u = Self::variable(&b.basis, None, state, &measured);
+                let slope = b.basis.shape.at(u).1 * Self::sense(&b.basis, state);
+                let factor = sign * slope * b.weight * self.model.terms[*k].value;
+                add(&mut sum, &ws.columns[b.dof], factor);
+            }
+            for (row, value) in sum.iter().enumerate() {
+                jacobian[row * n + i] = *value;
+            }
+        }
+        pose
+    }
+
+    /// Columns of all degrees of freedom, and the derivatives to the gravity moments, at the present pose.
+    #[inline]
+    fn all_columns(&self, state: &State, measured: &Measured, frame: usize, target: &Target, ws: &mut Workspace) {
+        for (k, dof) in self.dofs.iter().enumerate() {
+            ws.columns[k] = self.dof_column(*dof, measured, frame, target, ws);
+        }
+        if self.moments.is_empty() {
+            return;
+        }
+        ws.elastic.fill([0.0; 6]);
+        for (k, index) in &self.varying {
+            let b = &self.bound[*index];
+            let Some(m) = b.moment else { continue };
+            let slope = b.basis.shape.at(ws.moments[m].value).1;
+            let factor = self.model.terms[*k].value * b.weight * Self::sense(&b.basis, state) * slope;
+            let column = ws.columns[b.dof];
+            add(&mut ws.elastic[m], &column, factor);
+        }
+    }
+
+    /// Adds the derivative to the coefficient of one action.
+    #[inline]
+    fn add_action(&self, b: &Bound, state: &State, measured: &Measured, ws: &Workspace, sum: &mut [f64; 6]) {
+        if b.constant {
+            add(sum, &ws.columns[b.dof], b.weight);
+            self.add_through_moments(self.dofs[b.dof], ws, b.weight, sum);
+        } else {
+            let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
+            add(sum, &ws.columns[b.dof], b.weight * Self::sense(&b.basis, state) * b.basis.shape.at(u).0);
+        }
+    }
+
+    /// Adds what a motion of `dof` does through the gravity moments.
+    #[inline]
+    fn add_through_moments(&self, dof: Dof, ws: &Workspace, factor: f64, sum: &mut [f64; 6]) {
+        if self.moments.is_empty() {
+            return;
+        }
+        let flange = &ws.still.joints[self.chain.dof() - 1];
+        let derivative: &dyn Fn(&Moment) -> f64 = &|m: &Moment| match dof {
+            Dof::Chain(s, d) => m.to_chain(s, d, &ws.still, &ws.loads),
+            Dof::Base(k) => m.to_base(&ws.still.base_twist(k)),
+            Dof::Gravity(k) => m.arm[k],
+            Dof::PayloadMass => {
+                m.to_mass(&(flange.origin + flange.axes.times(&self.model.cell.tool.cog)), &self.gravity)
+            }
+            Dof::PayloadMoment(k) => m.to_first_moment(&flange.axes.times(&E[k])),
+            _ => 0.0,
+        };
+        if matches!(
+            dof,
+            Dof::Tool(_)
+                | Dof::Target(..)
+                | Dof::Fixture(_)
+                | Dof::Ball(..)
+                | Dof::Frame(..)
+                | Dof::Anchor(..)
+                | Dof::LengthZero(_)
+        ) {
+            return;
+        }
+        for (m, elastic) in ws.moments.iter().zip(&ws.elastic) {
+            let d = derivative(m) * factor;
+            if d != 0.0 {
+                add(sum, elastic, d);
+            }
+        }
+    }
+
+    /// Derivative of the residual to a degree of freedom, without what it does through the gravity moments.
+    #[inline]
+    fn dof_column(&self, dof: Dof, measured: &Measured, frame: usize, target: &Target, ws: &Workspace) -> [f64; 6] {
+        let zero = [0.0; 6];
+        let flange = &ws.moved.joints[self.chain.dof() - 1];
+        match dof {
+            Dof::Chain(i, d) => {
+                let twist = ws.moved.twist(i, d);
+                target.map.apply(&twist.at(&target.point), &twist.angular())
+            }
+            Dof::Base(k) => {
+                let twist = ws.moved.base_twist(k);
+                target.map.apply(&twist.at(&target.point), &twist.angular())
+            }
+            Dof::Tool(k @ 0..3) => target.map.apply(&flange.axes.times(&E[k]), &V3::zeros()),
+            Dof::Tool(k) => {
+                let turns = self.tool_at(ws).1;
+                let axis = flange.axes.times(&[turns.x, turns.y, turns.z][k - 3]);
+                let arm = match measured {
+                    // the reading turns with the device about its TCP
+                    Measured::Touch { .. } => {
+                        target.point - (flange.origin + flange.axes.times(&self.tcp_in_flange(ws)))
+                    }
+                    _ => V3::zeros(),
+                };
+                target.map.apply(&axis.cross(&arm), &axis)
+            }
+            Dof::Target(t, k) => match measured {
+                Measured::Point { target: seen, .. } if *seen == t => {
+                    target.map.apply(&flange.axes.times(&E[k]), &V3::zeros())
+                }
+                _ => zero,
+            },
+            Dof::Fixture(k) => match measured {
+                Measured::Touch { ball, .. } => {
+                    let (place, turns) = self.ball_at(*ball, ws);
+                    let v = if k < 3 {
+                        E[k]
+                    } else {
+                        let f = V3::new(ws.fixture[0], ws.fixture[1], ws.fixture[2]);
+                        [turns.x, turns.y, turns.z][k - 3].cross(&(place - f))
+                    };
+                    [-v.x, -v.y, -v.z, 0.0, 0.0, 0.0]
+                }
+                _ => zero,
+            },
+            Dof::Ball(b, k) => match measured {
+                Measured::Touch { ball, .. } if *ball == b => {
+                    let f = &ws.fixture;
+                    let v = if f[3..] == [0.0; 3] { E[k] } else { crate::pose::rotation_zyx(f[5], f[4], f[3]) * E[k] };
+                    [-v.x, -v.y, -v.z, 0.0, 0.0, 0.0]
+                }
+                _ => zero,
+            },
+            Dof::Frame(f, k) => {
+                if f != frame {
+                    return zero;
+                }
+                let (pose, turns) = self.frame_at(f, ws);
+                if k < 3 {
+                    return target.map.in_frame(&E[k], &V3::zeros());
+                }
+                let axis = [turns.x, turns.y, turns.z][k - 3];
+                target.map.in_frame(&axis.cross(&(pose.rotation * target.point)), &axis)
+            }
+            Dof::Anchor(a, k) => match (measured, &target.map) {
+                (Measured::Distance { anchor, .. }, Map::Length(u)) if *anchor == a => [-u[k], 0.0, 0.0, 0.0, 0.0, 0.0],
+                _ => zero,
+            },
+            Dof::LengthZero(a) => match measured {
+                Measured::Distance { anchor, .. } if *anchor == a => [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+                _ => zero,
+            },
+            Dof::Gravity(_) | Dof::PayloadMass | Dof::PayloadMoment(_) => zero,
+        }
+    }
+}
+
+#[inline]
+fn add(to: &mut [f64; 6], from: &[f64; 6], factor: f64) {
+    for (t, f) in to.iter_mut().zip(from) {
+        *t += f * factor;
+    }
+}

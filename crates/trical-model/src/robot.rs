@@ -1,0 +1,244 @@
+//! The arm as data: nominal modified Denavit-Hartenberg parameters, limits, masses.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{ModelError, Result, parse_toml, read_text};
+use crate::recording::MAX_JOINTS;
+
+/// How a joint moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JointKind {
+    /// Turns about z; its variable adds to theta (rad).
+    #[default]
+    Revolute,
+    /// Slides along z; its variable adds to d (m).
+    Prismatic,
+}
+
+/// One joint and the link behind it, Craig's convention:
+/// `T(i-1, i) = Rx(alpha) Tx(a) Rz(theta + theta_offset) Tz(d)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Revolute or prismatic.
+    pub kind: JointKind,
+    /// alpha_{i-1}, rad.
+    pub alpha: f64,
+    /// a_{i-1}, m.
+    pub a: f64,
+    /// d_i, m.
+    pub d: f64,
+    /// Added to the joint's angle, rad.
+    pub theta_offset: f64,
+    /// Lower and upper limit of the joint's variable, rad (m for a prismatic joint).
+    pub limits: [f64; 2],
+    /// Mass of link i, kg, where known.
+    pub mass: Option<f64>,
+    /// Centre of gravity of link i in frame {i}, m.
+    pub cog: Vector3<f64>,
+}
+
+/// A serial arm, base to flange.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// Its name, for people and to tell model files apart.
+    pub name: String,
+    /// The joints, base first: 1 to 9.
+    pub joints: Vec<Joint>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RobotFile {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    format_version: Option<u32>,
+    name: String,
+    joint: Vec<JointFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JointFile {
+    #[serde(default, skip_serializing_if = "is_revolute")]
+    kind: JointKind,
+    alpha_deg: f64,
+    a_mm: f64,
+    d_mm: f64,
+    theta_offset_deg: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    limits_deg: Option<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    limits_mm: Option<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mass_kg: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cog_mm: Option<[f64; 3]>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn is_revolute(kind: &JointKind) -> bool {
+    *kind == JointKind::Revolute
+}
+
+/// The newest version of the file formats that this program knows.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Refuses a file that a newer program wrote.
+pub(crate) fn check_version(version: Option<u32>, file: &str) -> Result<()> {
+    match version {
+        Some(v) if v > FORMAT_VERSION => Err(ModelError::Input {
+            file: file.to_owned(),
+            place: "format_version".into(),
+            problem: format!(
+                "is {v}: written by a newer TriCal than this one, which reads up to version {FORMAT_VERSION}"
+            ),
+        }),
+        _ => Ok(()),
+    }
+}
+
+impl Robot {
+    /// Reads `robot.toml`.
+    ///
+    /// # Errors
+    /// A sentence that names the file, the line or field, what was found and what is expected.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::parse(&read_text(path)?, &path.display().to_string())
+    }
+
+    /// Reads the text of a `robot.toml`; `file` is its name for messages.
+    ///
+    /// # Errors
+    /// As [`Robot::load`].
+    pub fn parse(text: &str, file: &str) -> Result<Self> {
+        let raw: RobotFile = parse_toml(text, file)?;
+        check_version(raw.format_version, file)?;
+        let bad = |place: String, problem: String| ModelError::Input { file: file.to_owned(), place, problem };
+        if raw.joint.is_empty() || raw.joint.len() > MAX_JOINTS {
+            return Err(bad(
+                "[[joint]]".into(),
+                format!("{} joints found, expected 1 to {MAX_JOINTS}", raw.joint.len()),
+            ));
+        }
+        let mut joints = Vec::with_capacity(raw.joint.len());
+        for (i, j) in raw.joint.iter().enumerate() {
+            let place = |field: &str| format!("joint {}, {field}", i + 1);
+            for (field, value, limit) in [
+                ("alpha_deg", j.alpha_deg, 360.0),
+                ("a_mm", j.a_mm, 1e5),
+                ("d_mm", j.d_mm, 1e5),
+                ("theta_offset_deg", j.theta_offset_deg, 720.0),
+            ] {
+                if !value.is_finite() || value.abs() > limit {
+                    return Err(bad(
+                        place(field),
+                        format!("found {value}, expected a number between -{limit} and {limit}"),
+                    ));
+                }
+            }
+            let (limits, unit, field) = match (j.kind, j.limits_deg, j.limits_mm) {
+                (JointKind::Revolute, Some(l), None) => (l, 1.0_f64.to_radians(), "limits_deg"),
+                (JointKind::Prismatic, None, Some(l)) => (l, 1e-3, "limits_mm"),
+                (JointKind::Revolute, ..) => {
+                    return Err(bad(
+                        place("limits_deg"),
+                        "a revolute joint needs limits_deg (and no limits_mm)".into(),
+                    ));
+                }
+                (JointKind::Prismatic, ..) => {
+                    return Err(bad(
+                        place("limits_mm"),
+                        "a prismatic joint needs limits_mm (and no limits_deg)".into(),
+                    ));
+                }
+            };
+            if !(limits[0].is_finite() && limits[1].is_finite() && limits[0] < limits[1]) {
+                return Err(bad(
+                    place(field),
+                    format!("found [{}, {}], expected a lower and a higher number", limits[0], limits[1]),
+                ));
+            }
+            if let Some(m) = j.mass_kg
+                && !(m.is_finite() && (0.0..1e5).contains(&m))
+            {
+                return Err(bad(place("mass_kg"), format!("found {m}, expected a mass of 0 to 100000 kg")));
+            }
+            if j.mass_kg.is_some_and(|m| m > 0.0) && j.cog_mm.is_none() {
+                return Err(bad(place("cog_mm"), "is missing, and a mass_kg is given".into()));
+            }
+            let cog = j.cog_mm.unwrap_or([0.0; 3]);
+            if cog.iter().any(|c| !c.is_finite() || c.abs() > 1e5) {
+                return Err(bad(place("cog_mm"), "expected three finite numbers".into()));
+            }
+            joints.push(Joint {
+                kind: j.kind,
+                alpha: j.alpha_deg.to_radians(),
+                a: j.a_mm * 1e-3,
+                d: j.d_mm * 1e-3,
+                theta_offset: j.theta_offset_deg.to_radians(),
+                limits: limits.map(|l| l * unit),
+                mass: j.mass_kg,
+                cog: Vector3::from(cog) * 1e-3,
+            });
+        }
+        Ok(Self { name: raw.name, joints })
+    }
+
+    /// The robot as the text of a `robot.toml`.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let joint = self
+            .joints
+            .iter()
+            .map(|j| {
+                let prismatic = j.kind == JointKind::Prismatic;
+                JointFile {
+                    kind: j.kind,
+                    alpha_deg: tidy(j.alpha.to_degrees()),
+                    a_mm: tidy(j.a * 1e3),
+                    d_mm: tidy(j.d * 1e3),
+                    theta_offset_deg: tidy(j.theta_offset.to_degrees()),
+                    limits_deg: (!prismatic).then(|| j.limits.map(|l| tidy(l.to_degrees()))),
+                    limits_mm: prismatic.then(|| j.limits.map(|l| tidy(l * 1e3))),
+                    mass_kg: j.mass,
+                    cog_mm: j.mass.map(|_| [j.cog.x, j.cog.y, j.cog.z].map(|c| tidy(c * 1e3))),
+                }
+            })
+            .collect();
+        let file = RobotFile { format_version: Some(FORMAT_VERSION), name: self.name.clone(), joint };
+        toml::to_string(&file).unwrap_or_default()
+    }
+
+    /// Number of joints.
+    #[must_use]
+    pub fn dof(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Whether every link has a mass, so that gravity torques can be had.
+    ///
+    /// # Errors
+    /// [`ModelError::NoMasses`] names the first joint that has none.
+    pub fn require_masses(&self) -> Result<()> {
+        match self.joints.iter().position(|j| j.mass.is_none()) {
+            Some(i) => Err(ModelError::NoMasses { robot: self.name.clone(), joint: i + 1 }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether `q` lies within the joint limits, up to `tolerance` (rad or m).
+    #[must_use]
+    pub fn within_limits(&self, q: &[f64], tolerance: f64) -> bool {
+        self.joints.iter().zip(q).all(|(j, q)| *q >= j.limits[0] - tolerance && *q <= j.limits[1] + tolerance)
+    }
+}
+
+/// Removes the last digits that a change of units leaves behind (1e-12 relative), so that files read well.
+#[must_use]
+pub fn tidy(x: f64) -> f64 {
+    let r = (x * 1e9).round() / 1e9;
+    if (r - x).abs() <= 1e-12 * x.abs().max(1.0) { r } else { x }
+}

@@ -152,6 +152,9 @@ impl Forward {
     #[inline]
     fn add_action(&self, b: &Bound, state: &State, measured: &Measured, ws: &Workspace, sum: &mut [f64; 6]) {
         if b.constant {
+            if matches!((self.dofs[b.dof], measured), (Dof::Tool(_), Measured::Point { .. })) {
+                return; // targets have constant places of their own
+            }
             add(sum, &ws.columns[b.dof], b.weight);
             self.add_through_moments(self.dofs[b.dof], ws, b.weight, sum);
         } else {

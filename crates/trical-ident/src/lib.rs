@@ -1,1 +1,27 @@
-//! placeholder
+//! Identification: recordings as observations, fits, what they can and cannot tell, validation.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`recording_csv`] | recordings as CSV |
+//! | [`dataset`] | observations, measuring frames, registration by references |
+//! | [`start`] | closed-form starting values |
+//! | [`fit`] | Levenberg-Marquardt |
+//! | [`identifiability`] | parameter sets, rank, covariance, observability |
+//! | [`identify`] | the whole of it, gross errors, cross-validation |
+
+pub mod dataset;
+pub mod error;
+pub mod fit;
+pub mod identifiability;
+pub mod identify;
+pub mod noise;
+pub mod recording_csv;
+pub mod rigid;
+pub mod start;
+
+pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
+pub use error::{IdentError, Result};
+pub use identifiability::{Dependent, Observability, ParameterSet};
+pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify, reject_gross_errors};
+pub use noise::Noise;
+pub use recording_csv::{load_csv, parse_csv, write_csv};

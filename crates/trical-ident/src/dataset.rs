@@ -1,0 +1,310 @@
+//! Recordings as observations: which joint angles are believed, which rows belong to one pose, which measuring frame a
+//! row was seen in, and each pose registered by its fixed references.
+
+use nalgebra::Vector3;
+use trical_model::{Joints, Measured, Pose, Recording, State};
+
+use crate::error::{IdentError, Result};
+use crate::rigid::{median, rigid_from_points};
+
+/// Which joint angles the model is to believe.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JointSource {
+    /// Those that the controller reported (`q`).
+    #[default]
+    Read,
+    /// Those that were commanded (`qc`).
+    Commanded,
+}
+
+/// One measurement that the model can predict.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation {
+    /// What is known about the arm.
+    pub state: State,
+    /// What was measured; points and poses after registration by the references.
+    pub measured: Measured,
+    /// Measuring frame (0-based); 0 for measurements that need none.
+    pub frame: usize,
+    /// Pose that it belongs to (0-based, over all recordings).
+    pub pose: usize,
+    /// Recording that it came from (0-based).
+    pub recording: usize,
+    /// Row over all recordings, counted from 1, references included.
+    pub row: usize,
+    /// Line in its file.
+    pub line: usize,
+}
+
+/// A row that is not used, and why.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Rejected {
+    /// File.
+    pub recording: String,
+    /// Line in it.
+    pub line: usize,
+    /// Row over all recordings, counted from 1.
+    pub row: usize,
+    /// In words.
+    pub reason: String,
+}
+
+/// Where the fixed references of a measuring frame are, m.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct References {
+    /// Position of each reference in the measuring frame; `None` for one never seen.
+    pub positions: Vec<Option<[f64; 3]>>,
+}
+
+/// Observations of one arm, from one or several recordings.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// Names of the recordings.
+    pub names: Vec<String>,
+    /// The observations, in the order of the recordings.
+    pub observations: Vec<Observation>,
+    /// Rows left out.
+    pub rejected: Vec<Rejected>,
+    /// Number of poses.
+    pub poses: usize,
+    /// Measuring frame of each recording that has one.
+    pub frame_of_recording: Vec<Option<usize>>,
+    /// References of each measuring frame; empty where it has none.
+    pub references: Vec<References>,
+    /// Which joint angles are believed.
+    pub joints: JointSource,
+    /// Number of the arm's joints.
+    pub dof: usize,
+}
+
+impl Dataset {
+    /// Gathers recordings of one arm. Each recording with points or poses gets a measuring frame of its own. `known` are
+    /// references of an earlier session, frame by frame: then this data is registered to them.
+    ///
+    /// # Errors
+    /// Recordings of arms with different numbers of joints, no commanded joints where they are asked for, or nothing to use.
+    pub fn build(recordings: &[Recording], joints: JointSource, known: Option<&[References]>) -> Result<Self> {
+        let Some(first) = recordings.first() else {
+            return Err(IdentError::NotEnough("no recording was given".into()));
+        };
+        let mut this = Self {
+            names: recordings.iter().map(|r| r.name.clone()).collect(),
+            observations: Vec::new(),
+            rejected: Vec::new(),
+            poses: 0,
+            frame_of_recording: Vec::new(),
+            references: Vec::new(),
+            joints,
+            dof: first.joints,
+        };
+        let mut row = 0;
+        for (index, recording) in recordings.iter().enumerate() {
+            if recording.joints != this.dof {
+                return Err(IdentError::Recording {
+                    file: recording.name.clone(),
+                    place: "header".into(),
+                    problem: format!(
+                        "has {} joints, but {} has {}; recordings of one arm are expected",
+                        recording.joints, first.name, first.joints
+                    ),
+                });
+            }
+            let framed = recording.rows.iter().any(|r| {
+                matches!(r.measured, Measured::Point { .. } | Measured::Pose { .. } | Measured::Reference { .. })
+            });
+            this.frame_of_recording.push(framed.then_some(this.references.len()));
+            let first_observation = this.observations.len();
+            let mut references: Vec<(usize, usize, Vector3<f64>, usize, usize)> = Vec::new();
+            let mut key: Option<(Option<u64>, Joints)> = None;
+            for r in &recording.rows {
+                row += 1;
+                let mut state = r.state;
+                if joints == JointSource::Commanded {
+                    state.q = state.q_commanded.ok_or_else(|| IdentError::Recording {
+                        file: recording.name.clone(),
+                        place: format!("line {}", r.line),
+                        problem: "has no commanded joints (qc1_deg ...), but --joints commanded was asked for".into(),
+                    })?;
+                }
+                let now = (r.seq, r.state.q);
+                let same = match (&key, r.seq) {
+                    (Some((Some(a), q)), Some(b)) => *a == b && *q == r.state.q,
+                    _ => false,
+                };
+                if !same {
+                    this.poses += 1;
+                    key = Some(now);
+                }
+                if let Measured::Reference { reference, position } = r.measured {
+                    references.push((this.poses - 1, reference, Vector3::from(position), row, r.line));
+                } else {
+                    this.observations.push(Observation {
+                        state,
+                        measured: r.measured,
+                        frame: if framed { this.references.len() } else { 0 },
+                        pose: this.poses - 1,
+                        recording: index,
+                        row,
+                        line: r.line,
+                    });
+                }
+            }
+            if framed {
+                let known = known.and_then(|k| k.get(this.references.len()));
+                let found = this.register(first_observation, &references, known, &recording.name);
+                this.references.push(found);
+            }
+        }
+        if this.observations.is_empty() {
+            return Err(IdentError::NotEnough(format!(
+                "{}: no measurement is left to use ({} rows were rejected)",
+                this.names.join(", "),
+                this.rejected.len()
+            )));
+        }
+        Ok(this)
+    }
+
+    /// Brings every pose of one recording into the frame in which its references stand still.
+    fn register(
+        &mut self,
+        first_observation: usize,
+        seen: &[(usize, usize, Vector3<f64>, usize, usize)],
+        known: Option<&References>,
+        name: &str,
+    ) -> References {
+        let count = seen.iter().map(|s| s.1 + 1).max().unwrap_or(0);
+        let known = known.filter(|k| k.positions.iter().flatten().count() >= 3);
+        if count < 3 {
+            return known.cloned().unwrap_or_default();
+        }
+        let place = |k: usize| -> Option<Vector3<f64>> {
+            let of: Vec<&Vector3<f64>> = seen.iter().filter(|s| s.1 == k).map(|s| &s.2).collect();
+            (!of.is_empty()).then(|| Vector3::from_fn(|i, _| median(&of.iter().map(|p| p[i]).collect::<Vec<_>>())))
+        };
+        let mut places: Vec<Option<Vector3<f64>>> = match known {
+            Some(k) => k.positions.iter().map(|p| p.map(Vector3::from)).collect(),
+            None => (0..count).map(place).collect(),
+        };
+        let mut by_pose: Vec<(usize, Vec<(usize, Vector3<f64>)>)> = Vec::new();
+        for s in seen {
+            match by_pose.last_mut() {
+                Some((pose, list)) if *pose == s.0 => list.push((s.1, s.2)),
+                _ => by_pose.push((s.0, vec![(s.1, s.2)])),
+            }
+        }
+        // generalized Procrustes: poses onto places, places onto their mean, until they agree
+        let mut fits: Vec<Option<(Pose, f64)>> = Vec::new();
+        for round in 0..4 {
+            fits = by_pose
+                .iter()
+                .map(|(_, list)| {
+                    let pairs: Vec<_> =
+                        list.iter().filter_map(|(k, p)| places.get(*k).copied().flatten().map(|q| (q, *p))).collect();
+                    let pose = rigid_from_points(&pairs)?;
+                    let off = pairs.iter().map(|(q, p)| (pose.apply(p) - q).norm()).fold(0.0, f64::max);
+                    Some((pose, off))
+                })
+                .collect();
+            if known.is_some() || round == 3 {
+                break;
+            }
+            let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
+            let limit = 10.0 * median(&offs) + 1e-6;
+            for (k, place) in places.iter_mut().enumerate() {
+                let (mut sum, mut n) = (Vector3::zeros(), 0.0);
+                for ((_, list), fit) in by_pose.iter().zip(&fits) {
+                    if let Some((pose, off)) = fit
+                        && *off <= limit
+                    {
+                        for (_, p) in list.iter().filter(|(i, _)| *i == k) {
+                            sum += pose.apply(p);
+                            n += 1.0;
+                        }
+                    }
+                }
+                if n > 0.0 {
+                    *place = Some(sum / n);
+                }
+            }
+        }
+        let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
+        // references scatter by the instrument's noise; beyond ten times their median something was bumped or lost
+        let limit = 10.0 * median(&offs) + 2e-6;
+        let mut verdicts: std::collections::BTreeMap<usize, std::result::Result<Pose, String>> =
+            std::collections::BTreeMap::new();
+        for ((pose, list), fit) in by_pose.iter().zip(&fits) {
+            let verdict = match fit {
+                None => Err(format!("only {} of {count} references were seen at this pose", list.len())),
+                Some((_, off)) if *off > limit => Err(format!(
+                    "a reference is {:.3} mm off its place at this pose (usual: {:.3} mm)",
+                    off * 1e3,
+                    median(&offs) * 1e3
+                )),
+                Some((p, _)) => Ok(*p),
+            };
+            verdicts.insert(*pose, verdict);
+        }
+        let tail = self.observations.split_off(first_observation);
+        for mut o in tail {
+            match verdicts.get(&o.pose) {
+                Some(Ok(p)) => {
+                    match &mut o.measured {
+                        Measured::Point { position, .. } => {
+                            *position = p.apply(&Vector3::from(*position)).into();
+                        }
+                        Measured::Pose { position, quaternion } => {
+                            *position = p.apply(&Vector3::from(*position)).into();
+                            let r = p.rotation * trical_model::pose::rotation_from_quaternion(*quaternion);
+                            *quaternion = trical_model::pose::quaternion_from_rotation(&r);
+                        }
+                        _ => {}
+                    }
+                    self.observations.push(o);
+                }
+                Some(Err(reason)) => self.reject(&o, name, reason.clone()),
+                None => self.reject(&o, name, "no references were seen at this pose".into()),
+            }
+        }
+        References { positions: places.iter().map(|p| p.map(Into::into)).collect() }
+    }
+
+    fn reject(&mut self, o: &Observation, name: &str, reason: String) {
+        self.rejected.push(Rejected { recording: name.to_owned(), line: o.line, row: o.row, reason });
+    }
+
+    /// The same data with only those observations for which `keep` holds.
+    #[must_use]
+    pub fn filtered(&self, keep: impl Fn(&Observation) -> bool) -> Self {
+        let observations = self.observations.iter().filter(|o| keep(o)).copied().collect();
+        Self { observations, rejected: self.rejected.clone(), ..self.shell() }
+    }
+
+    fn shell(&self) -> Self {
+        Self {
+            names: self.names.clone(),
+            observations: Vec::new(),
+            rejected: Vec::new(),
+            poses: self.poses,
+            frame_of_recording: self.frame_of_recording.clone(),
+            references: self.references.clone(),
+            joints: self.joints,
+            dof: self.dof,
+        }
+    }
+
+    /// Number of measuring frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.references.len()
+    }
+
+    /// Poses that have at least one observation, in order.
+    #[must_use]
+    pub fn used_poses(&self) -> Vec<usize> {
+        let mut poses: Vec<usize> = self.observations.iter().map(|o| o.pose).collect();
+        poses.dedup();
+        poses
+    }
+}

@@ -1,0 +1,42 @@
+//! What can go wrong with recordings and fits.
+
+use thiserror::Error;
+use trical_model::ModelError;
+
+/// Errors of this crate. Each message is one sentence that can be shown to a user as it is.
+#[derive(Debug, Error)]
+pub enum IdentError {
+    /// Something is wrong with a recording.
+    #[error("{file}, {place}: {problem}")]
+    Recording {
+        /// File name as the user gave it.
+        file: String,
+        /// "line 12, column q3_deg" or "header".
+        place: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// A file cannot be read or written at all.
+    #[error("{file}: {problem}")]
+    File {
+        /// File name as the user gave it.
+        file: String,
+        /// What happened.
+        problem: String,
+    },
+    /// The recordings do not hold enough for what was asked.
+    #[error("{0}")]
+    NotEnough(String),
+    /// The fit did not reach a minimum.
+    #[error("the fit did not converge: {0}")]
+    NotConverged(String),
+    /// A model file does not belong to this robot, or cannot be used on these recordings.
+    #[error("{0}")]
+    WrongModel(String),
+    /// The robot, the cell or a term is at fault.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, IdentError>;

@@ -1,0 +1,356 @@
+//! What measurements can and cannot tell: independent parameters, dependence in words, covariance, observability.
+
+use faer::Mat;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use trical_model::{Forward, Measured, Model, Motion, Parameter, Site, State, Term, residual_rows};
+
+use crate::dataset::Dataset;
+use crate::error::Result;
+use crate::noise::Noise;
+use crate::rigid::median;
+
+/// Rows of the weighted Jacobian at a time.
+const BLOCK: usize = 512;
+
+/// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
+/// does not grow with the rows.
+#[must_use]
+pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise) -> Mat<f64> {
+    let p = forward.free().len();
+    let mut ws = forward.workspace();
+    let mut jacobian = vec![0.0; 6 * p];
+    let mut r = Mat::<f64>::zeros(p, p);
+    let mut rows: Vec<f64> = Vec::with_capacity((BLOCK * 6) * p);
+    let flush = |r: &mut Mat<f64>, rows: &mut Vec<f64>| {
+        if rows.is_empty() || p == 0 {
+            return;
+        }
+        let n = rows.len() / p;
+        let stacked = Mat::from_fn(p + n, p, |i, j| if i < p { r[(i, j)] } else { rows[(i - p) * p + j] });
+        let qr = stacked.qr();
+        let upper = qr.thin_R();
+        *r = Mat::from_fn(p, p, |i, j| if i <= j { upper[(i, j)] } else { 0.0 });
+        rows.clear();
+    };
+    for o in &data.observations {
+        let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut jacobian);
+        for k in 0..n {
+            let s = 1.0 / noise.sigma(o.recording, &o.measured, k);
+            rows.extend(jacobian[k * p..(k + 1) * p].iter().map(|v| v * s));
+        }
+        if rows.len() >= BLOCK * 6 * p {
+            flush(&mut r, &mut rows);
+        }
+    }
+    flush(&mut r, &mut rows);
+    r
+}
+
+/// Observability of the parameters from the singular values of the weighted Jacobian with columns of unit length.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Observability {
+    /// O1 (Borm & Menq): (product of singular values)^(1/p) / sqrt(m).
+    pub o1: f64,
+    /// O2 (Driels & Pathre): smallest over largest; the inverse condition number.
+    pub o2: f64,
+    /// O3 (Nahvi): the smallest.
+    pub o3: f64,
+    /// O4 (Nahvi & Hollerbach), the noise amplification index: smallest squared over largest.
+    pub o4: f64,
+    /// O5 (Sun & Hollerbach): 1 / sum of 1 / s.
+    pub o5: f64,
+    /// Condition number of the scaled Jacobian.
+    pub condition: f64,
+    /// Number of scalars measured.
+    pub rows: usize,
+}
+
+/// Observability indices, and covariance of the parameters for unit weights (p x p, row by row, SI).
+///
+/// # Errors
+/// Never for a model from [`independent_terms`]; a singular `R` gives an infinite condition.
+#[must_use]
+pub fn observability(r: &Mat<f64>, rows: usize) -> (Observability, Vec<f64>) {
+    let p = r.ncols();
+    let scale: Vec<f64> = (0..p).map(|j| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt().max(1e-300)).collect();
+    let scaled = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]);
+    let Ok(svd) = scaled.thin_svd() else {
+        let nothing = Observability { o1: 0.0, o2: 0.0, o3: 0.0, o4: 0.0, o5: 0.0, condition: f64::INFINITY, rows };
+        return (nothing, vec![f64::INFINITY; p * p]);
+    };
+    let s: Vec<f64> = (0..p).map(|k| svd.S().column_vector()[k]).collect();
+    let v = svd.V();
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let (pf, m) = (p.max(1) as f64, rows.max(1) as f64);
+    let largest = s.first().copied().unwrap_or(0.0);
+    let smallest = s.last().copied().unwrap_or(0.0);
+    let indices = Observability {
+        o1: (s.iter().map(|x| x.max(1e-300).ln()).sum::<f64>() / pf).exp() / m.sqrt(),
+        o2: smallest / largest,
+        o3: smallest,
+        o4: smallest * smallest / largest,
+        o5: 1.0 / s.iter().map(|x| 1.0 / x).sum::<f64>(),
+        condition: largest / smallest,
+        rows,
+    };
+    let mut covariance = vec![0.0; p * p];
+    for i in 0..p {
+        for j in 0..p {
+            covariance[i * p + j] =
+                (0..p).map(|k| v[(i, k)] * v[(j, k)] / (s[k] * s[k])).sum::<f64>() / (scale[i] * scale[j]);
+        }
+    }
+    (indices, covariance)
+}
+
+/// Which parameters a fit is to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ParameterSet {
+    /// Measuring frame or base, and tool points, only: the nominal arm.
+    Nominal,
+    /// And the geometry: the paper's list, without Hayati's beta.
+    Geometry,
+    /// And the compliance of every joint that carries a gravity torque: the paper's 31 parameters.
+    Compliance,
+    /// And whatever else a geometric model needs to be complete: twists of near-parallel axes.
+    Complete,
+}
+
+/// A parameter that was left out because others do the same.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Dependent {
+    /// Its name.
+    pub name: String,
+    /// Those that move together with it.
+    pub with: Vec<String>,
+}
+
+fn constant(name: String, effect: &str, site: Site) -> Term {
+    Term::new(name, effect, site, trical_model::Basis::CONSTANT)
+}
+
+/// All candidates in the order in which they are preferred.
+fn candidates(model: &Model, data: &Dataset, set: ParameterSet) -> Vec<Term> {
+    let n = model.robot.dof();
+    let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
+    let touch = any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
+    let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+    let mut terms = Vec::new();
+    let many = model.frames.len() > 1;
+    for frame in 1..=model.frames.len() {
+        for motion in Motion::ALL {
+            let prefix = if many { format!("frame{frame}") } else { "frame".into() };
+            terms.push(constant(format!("{prefix}_{}", motion.name()), "frame", Site::Frame { frame, motion }));
+        }
+    }
+    if touch {
+        for m in Motion::ALL {
+            terms.push(constant(format!("base_{}", m.name()), "base", Site::Base(m)));
+        }
+    }
+    if touch || pose {
+        for m in Motion::ALL.iter().take(if pose { 6 } else { 3 }) {
+            terms.push(constant(format!("tool_{}", m.name()), "tool", Site::Tool(*m)));
+        }
+    }
+    let targets = model.cell.tool.targets.len();
+    for target in 1..=targets {
+        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+            for axis in trical_model::Axis::ALL {
+                let name = if targets == 1 { "target".to_owned() } else { format!("target{target}") };
+                terms.push(constant(format!("{name}_{}", axis.name()), "target", Site::Target { target, axis }));
+            }
+        }
+    }
+    if set >= ParameterSet::Geometry {
+        let link = |parameter, link, name: &str| {
+            constant(format!("{name}_{link}"), "geometry", Site::Link { link, parameter })
+        };
+        terms.extend((1..n).map(|k| link(Parameter::Alpha, k, "alpha")));
+        terms.extend((1..n).map(|k| link(Parameter::A, k, "a")));
+        // from the flange back: of parallel axes the last offset is kept, as in the paper
+        terms.extend((2..=n).rev().map(|k| link(Parameter::D, k, "d")));
+        terms.extend((2..=n).rev().map(|k| link(Parameter::Theta, k, "theta")));
+        if set >= ParameterSet::Complete {
+            terms.extend((1..n).map(|k| link(Parameter::Beta, k, "beta")));
+        }
+        terms.push(link(Parameter::D, 1, "d"));
+        terms.push(link(Parameter::Theta, 1, "theta"));
+        terms.push(link(Parameter::Alpha, 0, "alpha"));
+        terms.push(link(Parameter::A, 0, "a"));
+    }
+    if set >= ParameterSet::Compliance {
+        terms.extend((1..=n).map(|joint| {
+            Term::new(
+                format!("c_{joint}"),
+                "compliance",
+                Site::Joint { joint },
+                trical_model::Basis::torque(joint, trical_model::Shape::Linear),
+            )
+        }));
+    }
+    terms
+}
+
+/// Poses at which structure is judged, whatever the data: joint values at random within (one turn of) the limits.
+fn random_states(model: &Model, count: usize) -> Vec<State> {
+    let mut rng = Pcg64Mcg::seed_from_u64(20_260_101);
+    (0..count)
+        .map(|_| {
+            let q: Vec<f64> = model
+                .robot
+                .joints
+                .iter()
+                .map(|j| {
+                    let low = j.limits[0].max(-std::f64::consts::PI);
+                    let high = j.limits[1].min(std::f64::consts::PI);
+                    rng.random_range(low.min(high - 1e-3)..high)
+                })
+                .collect();
+            let mut s = State::at(&q);
+            s.q_commanded = Some(s.q);
+            s.dir = Some([1; trical_model::MAX_JOINTS]);
+            s.t = Some(0.0);
+            s.temp_c = Some(20.0);
+            s
+        })
+        .collect()
+}
+
+/// One measurement of each sort that the data has: ball, target, anchor, frame.
+fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
+    let mut seen: Vec<(Measured, usize)> = Vec::new();
+    for o in &data.observations {
+        let blank = match o.measured {
+            Measured::Touch { ball, .. } => Measured::Touch { ball, reading: [0.0; 3] },
+            Measured::Point { target, .. } => Measured::Point { target, position: [0.0; 3] },
+            Measured::Distance { anchor, .. } => Measured::Distance { anchor, length: 1.0 },
+            Measured::Pose { .. } => Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] },
+            Measured::Reference { .. } => continue,
+        };
+        if !seen.contains(&(blank, o.frame)) {
+            seen.push((blank, o.frame));
+        }
+    }
+    seen
+}
+
+/// The independent ones among the candidates of `set`, in order of preference, and what was left out.
+///
+/// Independence is structural: it is judged on the nominal arm at 80 random poses, with the sorts of measurement that the
+/// data has, so that it does not depend on where the data happens to be.
+///
+/// # Errors
+/// A robot without masses where compliance is asked for.
+pub fn independent_terms(nominal: &Model, data: &Dataset, set: ParameterSet) -> Result<(Vec<Term>, Vec<Dependent>)> {
+    let terms = candidates(nominal, data, set);
+    let p = terms.len();
+    let mut model = nominal.clone();
+    model.terms.clone_from(&terms);
+    let forward = Forward::new(model, (0..p).collect())?;
+    let mut ws = forward.workspace();
+    let mut jacobian = vec![0.0; 6 * p];
+    let sorts = sorts(data);
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); p];
+    for state in random_states(nominal, 80) {
+        for (measured, frame) in &sorts {
+            // a pose's orientation is compared with itself: derivatives are wanted, not residuals
+            let measured = match measured {
+                Measured::Pose { position, .. } => {
+                    let tool = forward.world_from_tool(&state, &mut ws).rotation;
+                    let frame_rotation = forward.frame_from_world(*frame).map_or(tool, |f| f.rotation * tool);
+                    Measured::Pose {
+                        position: *position,
+                        quaternion: trical_model::pose::quaternion_from_rotation(&frame_rotation),
+                    }
+                }
+                other => *other,
+            };
+            forward.check(&state, &measured, *frame)?;
+            let rows = forward.linearize(&state, &measured, *frame, &mut ws, &mut jacobian);
+            debug_assert_eq!(rows, residual_rows(&measured));
+            for k in 0..rows {
+                for (c, column) in columns.iter_mut().enumerate() {
+                    column.push(jacobian[k * p + c]);
+                }
+            }
+        }
+    }
+    let mut kept: Vec<usize> = Vec::new();
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    // columns of kept terms in the orthonormal basis, to put dependence into words
+    let mut in_basis: Vec<Vec<f64>> = Vec::new();
+    let mut dependent = Vec::new();
+    for (c, column) in columns.iter().enumerate() {
+        let norm = dot(column, column).sqrt();
+        if norm < 1e-9 {
+            if terms[c].effect != "compliance" {
+                dependent.push(Dependent { name: terms[c].name.clone(), with: Vec::new() });
+            }
+            continue;
+        }
+        let mut v: Vec<f64> = column.iter().map(|x| x / norm).collect();
+        let mut coefficients = vec![0.0; basis.len()];
+        for _ in 0..2 {
+            for (b, q) in basis.iter().enumerate() {
+                let d = dot(&v, q);
+                coefficients[b] += d;
+                for (x, y) in v.iter_mut().zip(q) {
+                    *x -= d * y;
+                }
+            }
+        }
+        let left = dot(&v, &v).sqrt();
+        if left > 1e-6 {
+            for x in &mut v {
+                *x /= left;
+            }
+            basis.push(v);
+            coefficients.push(left);
+            in_basis.push(coefficients);
+            kept.push(c);
+        } else {
+            // back substitution: the column as a sum of kept columns
+            let k = basis.len();
+            let mut share = vec![0.0; k];
+            for i in (0..k).rev() {
+                let above: f64 = (i + 1..k).map(|j| in_basis[j].get(i).copied().unwrap_or(0.0) * share[j]).sum();
+                share[i] = (coefficients[i] - above) / in_basis[i][i];
+            }
+            let with =
+                share.iter().zip(&kept).filter(|(s, _)| s.abs() > 1e-3).map(|(_, k)| terms[*k].name.clone()).collect();
+            dependent.push(Dependent { name: terms[c].name.clone(), with });
+        }
+    }
+    Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// The smallest singular direction of `R` (scaled columns) where the data cannot tell parameters apart: names of those that
+/// move together, or `None` where the condition is below `limit`.
+#[must_use]
+pub fn weakest_direction(r: &Mat<f64>, names: &[String], limit: f64) -> Option<Vec<String>> {
+    let p = r.ncols();
+    if p == 0 {
+        return None;
+    }
+    let scale: Vec<f64> = (0..p).map(|j| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt()).collect();
+    let reference = median(&scale);
+    if let Some(k) = scale.iter().position(|s| *s < 1e-12 * reference || !s.is_finite()) {
+        return Some(vec![names[k].clone()]);
+    }
+    let scaled = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]);
+    let svd = scaled.thin_svd().ok()?;
+    let s = svd.S().column_vector();
+    if s[p - 1] * limit > s[0] {
+        return None;
+    }
+    let v = svd.V();
+    let largest = (0..p).map(|i| v[(i, p - 1)].abs()).fold(0.0, f64::max);
+    Some((0..p).filter(|i| v[(*i, p - 1)].abs() > 0.2 * largest).map(|i| names[i].clone()).collect())
+}

@@ -1,0 +1,290 @@
+//! Identification: from recordings to a model with uncertainties.
+
+use trical_model::{Cell, Forward, Model, Robot, residual_rows};
+
+use crate::dataset::{Dataset, Rejected};
+use crate::error::{IdentError, Result};
+use crate::fit::{Ended, LmParams, LmReport, minimize, position_errors, weighted_residuals};
+use crate::identifiability::{
+    Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
+};
+use crate::noise::Noise;
+use crate::rigid::median;
+use crate::start::start;
+
+/// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
+/// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
+const GROSS: f64 = 10.0;
+
+/// Columns with a condition above this cannot be told apart by the data.
+const CONDITION_LIMIT: f64 = 1e9;
+
+/// A fitted model and what the fit knows about itself.
+#[derive(Clone, Debug)]
+pub struct Identified {
+    /// The model with its coefficients; every free term has a standard deviation.
+    pub model: Model,
+    /// Indices of the free terms.
+    pub free: Vec<usize>,
+    /// The data that it was fitted to.
+    pub data: Dataset,
+    /// Standard deviations of the measurements.
+    pub noise: Noise,
+    /// Covariance of the free coefficients, SI, row by row.
+    pub covariance: Vec<f64>,
+    /// Observability of the free terms.
+    pub observability: Observability,
+    /// Parameters that could not be told from others, and those.
+    pub dependent: Vec<Dependent>,
+    /// How the iteration went.
+    pub report: LmReport,
+}
+
+/// Mean, maximum and so on of position errors, mm.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ErrorSummary {
+    /// Mean.
+    pub mean_mm: f64,
+    /// Largest.
+    pub max_mm: f64,
+    /// Standard deviation about the mean.
+    pub sd_mm: f64,
+    /// Median.
+    pub median_mm: f64,
+    /// Root of the mean square.
+    pub rms_mm: f64,
+}
+
+impl ErrorSummary {
+    /// Of errors in m.
+    #[must_use]
+    pub fn of(errors: &[f64]) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let n = errors.len().max(1) as f64;
+        let mean = errors.iter().sum::<f64>() / n;
+        let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
+        let spread = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        Self {
+            mean_mm: mean * 1e3,
+            max_mm: errors.iter().copied().fold(0.0, f64::max) * 1e3,
+            sd_mm: spread.sqrt() * 1e3,
+            median_mm: median(errors) * 1e3,
+            rms_mm: square.sqrt() * 1e3,
+        }
+    }
+}
+
+impl Identified {
+    /// Errors at the data it was fitted to.
+    ///
+    /// # Errors
+    /// None for a model that was fitted.
+    pub fn errors(&self) -> Result<Vec<f64>> {
+        Ok(position_errors(&Forward::new(self.model.clone(), Vec::new())?, &self.data))
+    }
+
+    /// Pairs of parameters with a correlation beyond `limit`.
+    #[must_use]
+    pub fn correlated(&self, limit: f64) -> Vec<(String, String, f64)> {
+        let p = self.free.len();
+        let c = |i: usize, j: usize| self.covariance[i * p + j];
+        let mut pairs = Vec::new();
+        for i in 0..p {
+            for j in 0..i {
+                let r = c(i, j) / (c(i, i) * c(j, j)).sqrt();
+                if r.abs() > limit {
+                    let name = |k: usize| self.model.terms[self.free[k]].name.clone();
+                    pairs.push((name(j), name(i), r));
+                }
+            }
+        }
+        pairs
+    }
+}
+
+/// Fits `model` (all of its terms free) to the data as it is, with noise re-estimated per recording.
+///
+/// # Errors
+/// Too few data, parameters that the data cannot tell apart, or no convergence: a fit that failed is not a model.
+pub fn fit_model(model: Model, data: &Dataset, start_noise: &Noise, dependent: Vec<Dependent>) -> Result<Identified> {
+    let free: Vec<usize> = (0..model.terms.len()).collect();
+    let mut forward = Forward::new(model, free.clone())?;
+    let mut noise = start_noise.clone();
+    let mut report = minimize(&mut forward, data, &noise, &LmParams::default())?;
+    for _ in 0..2 {
+        noise.update(data, &weighted_residuals(&forward, data, &noise), free.len());
+        report = minimize(&mut forward, data, &noise, &LmParams::default())?;
+    }
+    finish(forward, data, noise, dependent, report)
+}
+
+fn finish(
+    forward: Forward,
+    data: &Dataset,
+    noise: Noise,
+    dependent: Vec<Dependent>,
+    report: LmReport,
+) -> Result<Identified> {
+    let free = forward.free().to_vec();
+    let p = free.len();
+    if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
+        return Err(IdentError::NotConverged(format!(
+            "{:?} after {} iterations, gradient {:.1e}; are robot.toml and cell.toml those of this arm?",
+            report.ended, report.iterations, report.gradient
+        )));
+    }
+    let r = r_factor(&forward, data, &noise);
+    let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
+    if let Some(weak) = weakest_direction(&r, &names, CONDITION_LIMIT) {
+        return Err(IdentError::NotEnough(format!(
+            "these measurements cannot tell {} apart: more varied poses are needed",
+            weak.join(", ")
+        )));
+    }
+    let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+    let (observability, mut covariance) = observability(&r, rows);
+    let square: f64 = weighted_residuals(&forward, data, &noise)
+        .iter()
+        .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>())
+        .sum();
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let variance = square / (rows - p).max(1) as f64;
+    for c in &mut covariance {
+        *c *= variance;
+    }
+    let mut model = forward.into_model();
+    for (k, index) in free.iter().enumerate() {
+        model.terms[*index].sd = Some(covariance[k * p + k].max(0.0).sqrt());
+    }
+    Ok(Identified { model, free, data: data.clone(), noise, covariance, observability, dependent, report })
+}
+
+/// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
+/// that is far beyond the rest.
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Dataset> {
+    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
+    let mut kept = data.clone();
+    for _ in 0..5 {
+        let (forward, noise) = robust_fit(robot, cell, &kept, set)?;
+        let residuals = weighted_residuals(&forward, &kept, &noise);
+        let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > GROSS).collect();
+        if bad.is_empty() {
+            break;
+        }
+        let errors = position_errors(&forward, &kept);
+        for i in &bad {
+            let o = &kept.observations[*i];
+            kept.rejected.push(Rejected {
+                recording: kept.names[o.recording].clone(),
+                line: o.line,
+                row: o.row,
+                reason: format!(
+                    "is {:.3} mm off, {:.0} times what is usual here: a gross error",
+                    errors[*i] * 1e3,
+                    length(&residuals[*i])
+                ),
+            });
+        }
+        let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
+        kept.observations.retain(|o| !rows.contains(&o.row));
+    }
+    kept.rejected.sort_by_key(|r| r.row);
+    Ok(kept)
+}
+
+fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
+    let (model, _) = prepared(robot, cell, data, set)?;
+    let free = (0..model.terms.len()).collect();
+    let mut forward = Forward::new(model, free)?;
+    crate::fit::check_observations(&forward, data)?;
+    let mut noise = Noise::usual(data.names.len());
+    noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
+    for _ in 0..6 {
+        let params = LmParams { huber: 3.0, max_iterations: 30, cost_tolerance: 1e-6, ..LmParams::default() };
+        minimize(&mut forward, data, &noise, &params)?;
+        noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
+    }
+    Ok((forward, noise))
+}
+
+/// The nominal model with the independent terms of `set` and a start from closed forms.
+///
+/// # Errors
+/// A robot without masses where compliance is asked for, or measurements that fix no frame.
+pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Model, Vec<Dependent>)> {
+    if set >= ParameterSet::Compliance {
+        robot.require_masses()?;
+    }
+    for o in &data.observations {
+        if let trical_model::Measured::Touch { ball, .. } = o.measured
+            && ball >= cell.balls.len()
+        {
+            return Err(IdentError::Recording {
+                file: data.names[o.recording].clone(),
+                place: format!("line {}, column ball", o.line),
+                problem: format!("found ball {}, but the cell has {}", ball + 1, cell.balls.len()),
+            });
+        }
+        if let trical_model::Measured::Point { target, .. } = o.measured
+            && target >= cell.tool.targets.len()
+        {
+            return Err(IdentError::Recording {
+                file: data.names[o.recording].clone(),
+                place: format!("line {}, column target", o.line),
+                problem: format!(
+                    "found target {}, but the cell's [tool] targets_mm has {}",
+                    target + 1,
+                    cell.tool.targets.len()
+                ),
+            });
+        }
+    }
+    let mut model = Model::nominal(robot.clone(), cell.clone());
+    model.frames = vec![trical_model::Pose::identity(); data.frames()];
+    let (terms, dependent) = independent_terms(&model, data, set)?;
+    model.terms = terms;
+    start(&mut model, data)?;
+    Ok((model, dependent))
+}
+
+/// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<Identified> {
+    let (model, dependent) = prepared(robot, cell, data, set)?;
+    fit_model(model, data, &Noise::usual(data.names.len()), dependent)
+}
+
+/// Errors (m) of every observation when its pose was left out of the fit: `folds` fits, pose k scored by the fit without the
+/// poses of fold `k mod folds`. Everything is fitted on the rest, the measuring frame too.
+///
+/// # Errors
+/// As [`fit_model`], and fewer poses than folds.
+pub fn cross_validate(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet, folds: usize) -> Result<Vec<f64>> {
+    let poses = data.used_poses();
+    if folds < 2 || poses.len() < 2 * folds {
+        return Err(IdentError::NotEnough(format!(
+            "{folds}-fold cross-validation needs at least 2 folds and twice as many poses as folds; there are {} poses",
+            poses.len()
+        )));
+    }
+    let fold_of = |pose: usize| poses.binary_search(&pose).map_or(0, |i| i % folds);
+    let mut errors = vec![0.0; data.observations.len()];
+    for fold in 0..folds {
+        let train = data.filtered(|o| fold_of(o.pose) != fold);
+        let fitted = identify(robot, cell, &train, set)?;
+        let forward = Forward::new(fitted.model, Vec::new())?;
+        let all = position_errors(&forward, data);
+        for ((to, from), o) in errors.iter_mut().zip(all).zip(&data.observations) {
+            if fold_of(o.pose) == fold {
+                *to = from;
+            }
+        }
+    }
+    Ok(errors)
+}

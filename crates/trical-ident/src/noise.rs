@@ -1,0 +1,91 @@
+//! How uncertain measurements are: a standard deviation for each kind of scalar of each recording.
+
+use trical_model::Measured;
+
+use crate::dataset::Dataset;
+
+/// Below this (m, rad) a residual is rounding.
+const SMALLEST: f64 = 1e-12;
+
+/// Kinds of scalars that share a standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Touch,
+    Point,
+    Distance,
+    Position,
+    Rotation,
+}
+
+fn kind(measured: &Measured, row: usize) -> Kind {
+    match measured {
+        Measured::Touch { .. } => Kind::Touch,
+        Measured::Point { .. } | Measured::Reference { .. } => Kind::Point,
+        Measured::Distance { .. } => Kind::Distance,
+        Measured::Pose { .. } if row < 3 => Kind::Position,
+        Measured::Pose { .. } => Kind::Rotation,
+    }
+}
+
+/// Standard deviations, per recording.
+#[derive(Clone, Debug)]
+pub struct Noise {
+    sigma: Vec<[f64; 5]>,
+}
+
+impl Noise {
+    /// What is usual before the data has spoken: 0.01 mm for touches, points and distances; 0.05 mm and 0.1 mrad for poses.
+    #[must_use]
+    pub fn usual(recordings: usize) -> Self {
+        Self { sigma: vec![[1e-5, 1e-5, 1e-5, 5e-5, 1e-4]; recordings] }
+    }
+
+    /// Standard deviation of scalar `row` of a measurement of recording `recording`, m or rad.
+    #[inline]
+    #[must_use]
+    pub fn sigma(&self, recording: usize, measured: &Measured, row: usize) -> f64 {
+        self.sigma[recording][kind(measured, row) as usize]
+    }
+
+    /// Re-estimates each group's standard deviation from weighted residuals (`residuals` in units of the present sigma,
+    /// one slice of 6 an observation), each group paying its share of the `parameters` that were fitted.
+    pub fn update(&mut self, data: &Dataset, residuals: &[([f64; 6], usize)], parameters: usize) {
+        let mut sums = vec![[(0.0, 0.0); 5]; self.sigma.len()];
+        let mut total = 0.0;
+        for (o, (r, rows)) in data.observations.iter().zip(residuals) {
+            for (k, v) in r.iter().enumerate().take(*rows) {
+                let s = &mut sums[o.recording][kind(&o.measured, k) as usize];
+                s.0 += v * v;
+                s.1 += 1.0;
+                total += 1.0;
+            }
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let share = (1.0 - parameters as f64 / total).max(0.1);
+        for (sigma, sums) in self.sigma.iter_mut().zip(&sums) {
+            for (s, (square, n)) in sigma.iter_mut().zip(sums) {
+                if *n >= 6.0 {
+                    *s = (*s * (square / (n * share)).sqrt()).max(SMALLEST);
+                }
+            }
+        }
+    }
+
+    /// Re-estimates each group's standard deviation from the median of its absolute weighted residuals, so that gross
+    /// errors do not count.
+    pub fn update_robustly(&mut self, data: &Dataset, residuals: &[([f64; 6], usize)]) {
+        let mut groups: Vec<[Vec<f64>; 5]> = vec![std::array::from_fn(|_| Vec::new()); self.sigma.len()];
+        for (o, (r, rows)) in data.observations.iter().zip(residuals) {
+            for (k, v) in r.iter().enumerate().take(*rows) {
+                groups[o.recording][kind(&o.measured, k) as usize].push(v.abs());
+            }
+        }
+        for (sigma, groups) in self.sigma.iter_mut().zip(&groups) {
+            for (s, values) in sigma.iter_mut().zip(groups) {
+                if values.len() >= 6 {
+                    *s = (*s * crate::rigid::median(values) / 0.6745).max(SMALLEST);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,495 @@
+//! Recordings as CSV: one row per measurement, columns known by name (the contract is in `formats.md`).
+
+use std::io::Write;
+use std::path::Path;
+
+use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
+
+use crate::error::{IdentError, Result};
+
+/// Columns by their meaning; `None` where the file has no such column.
+struct Columns {
+    joints: Vec<usize>,
+    commanded: Option<Vec<usize>>,
+    dir: Option<Vec<usize>>,
+    t: Option<usize>,
+    temp: Option<usize>,
+    payload: Option<usize>,
+    seq: Option<usize>,
+    ball: Option<usize>,
+    indicators: Option<[usize; 3]>,
+    xyz: Option<[usize; 3]>,
+    quaternion: Option<[usize; 4]>,
+    target: Option<usize>,
+    reference: Option<usize>,
+    distance: Option<usize>,
+    anchor: Option<usize>,
+}
+
+struct Reader<'a> {
+    file: &'a str,
+    header: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn error(&self, place: impl Into<String>, problem: impl Into<String>) -> IdentError {
+        IdentError::Recording { file: self.file.to_owned(), place: place.into(), problem: problem.into() }
+    }
+
+    fn at(&self, name: &str) -> Option<usize> {
+        self.header.iter().position(|h| h == name)
+    }
+
+    /// All of the named columns, none, or an error that names the first that is missing.
+    fn group<const N: usize>(&self, names: [&str; N]) -> Result<Option<[usize; N]>> {
+        let mut found = [0; N];
+        let mut missing = None;
+        let mut count = 0;
+        for (slot, name) in found.iter_mut().zip(names) {
+            match self.at(name) {
+                Some(i) => {
+                    *slot = i;
+                    count += 1;
+                }
+                None => missing = missing.or(Some(name)),
+            }
+        }
+        match (count, missing) {
+            (0, _) => Ok(None),
+            (_, None) => Ok(Some(found)),
+            (_, Some(name)) => {
+                Err(self
+                    .error("header", format!("column {name} is missing; expected all of {} or none", names.join(", "))))
+            }
+        }
+    }
+
+    fn per_joint(&self, joints: usize, name: impl Fn(usize) -> String) -> Result<Option<Vec<usize>>> {
+        let found: Vec<Option<usize>> = (1..=joints).map(|k| self.at(&name(k))).collect();
+        if let Some(extra) = (joints + 1..=MAX_JOINTS).map(&name).find(|n| self.at(n).is_some()) {
+            return Err(self.error("header", format!("column {extra} found, but the robot has {joints} joints")));
+        }
+        if found.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        found
+            .iter()
+            .enumerate()
+            .map(|(k, c)| c.ok_or_else(|| self.error("header", format!("column {} is missing", name(k + 1)))))
+            .collect::<Result<Vec<_>>>()
+            .map(Some)
+    }
+
+    fn columns(&self, joints: usize) -> Result<Columns> {
+        for (i, name) in self.header.iter().enumerate() {
+            if !is_known(name) {
+                return Err(self.error(
+                    "header",
+                    format!("unknown column '{name}'; known are t_s, seq, q1_deg ..., qc1_deg ..., dir1 ..., temp_c, payload_kg, ball, ix_mm, iy_mm, iz_mm, target, reference, x_mm, y_mm, z_mm, qw, qx, qy, qz, d_mm, anchor"),
+                ));
+            }
+            if self.header[..i].contains(name) {
+                return Err(self.error("header", format!("column {name} stands there twice")));
+            }
+        }
+        let Some(q) = self.per_joint(joints, |k| format!("q{k}_deg"))? else {
+            return Err(self.error(
+                "header",
+                format!("column q1_deg is missing; expected the joint angles q1_deg to q{joints}_deg"),
+            ));
+        };
+        let c = Columns {
+            joints: q,
+            commanded: self.per_joint(joints, |k| format!("qc{k}_deg"))?,
+            dir: self.per_joint(joints, |k| format!("dir{k}"))?,
+            t: self.at("t_s"),
+            temp: self.at("temp_c"),
+            payload: self.at("payload_kg"),
+            seq: self.at("seq"),
+            ball: self.at("ball"),
+            indicators: self.group(["ix_mm", "iy_mm", "iz_mm"])?,
+            xyz: self.group(["x_mm", "y_mm", "z_mm"])?,
+            quaternion: self.group(["qw", "qx", "qy", "qz"])?,
+            target: self.at("target"),
+            reference: self.at("reference"),
+            distance: self.at("d_mm"),
+            anchor: self.at("anchor"),
+        };
+        if c.indicators.is_some() != c.ball.is_some() {
+            let missing = if c.ball.is_none() { "ball" } else { "ix_mm, iy_mm, iz_mm" };
+            return Err(self.error("header", format!("a touch needs ball, ix_mm, iy_mm and iz_mm; {missing} missing")));
+        }
+        if c.indicators.is_none() && c.xyz.is_none() && c.distance.is_none() {
+            return Err(self.error(
+                "header",
+                "no measurement found; expected ball, ix_mm, iy_mm, iz_mm (touches) or x_mm, y_mm, z_mm (tracker) or d_mm (distances)",
+            ));
+        }
+        Ok(c)
+    }
+}
+
+fn is_known(name: &str) -> bool {
+    const PLAIN: [&str; 22] = [
+        "t_s",
+        "seq",
+        "temp_c",
+        "payload_kg",
+        "ball",
+        "ix_mm",
+        "iy_mm",
+        "iz_mm",
+        "target",
+        "reference",
+        "x_mm",
+        "y_mm",
+        "z_mm",
+        "qw",
+        "qx",
+        "qy",
+        "qz",
+        "d_mm",
+        "anchor",
+        "order",
+        "expected",
+        "note",
+    ];
+    let numbered = |prefix: &str, suffix: &str| {
+        name.strip_prefix(prefix)
+            .and_then(|s| s.strip_suffix(suffix))
+            .is_some_and(|s| s.len() == 1 && s.chars().all(|c| ('1'..='9').contains(&c)))
+    };
+    PLAIN.contains(&name) || numbered("q", "_deg") || numbered("qc", "_deg") || numbered("dir", "")
+}
+
+struct Cells<'a, 'r> {
+    reader: &'a Reader<'a>,
+    record: &'r csv::StringRecord,
+    line: usize,
+}
+
+impl Cells<'_, '_> {
+    fn text(&self, column: usize) -> &str {
+        self.record.get(column).unwrap_or("").trim()
+    }
+
+    fn error(&self, column: usize, problem: String) -> IdentError {
+        let name = self.reader.header.get(column).map_or("?", String::as_str);
+        self.reader.error(format!("line {}, column {name}", self.line), problem)
+    }
+
+    fn empty(&self, column: usize) -> bool {
+        self.text(column).is_empty()
+    }
+
+    fn number(&self, column: usize) -> Result<f64> {
+        let text = self.text(column);
+        match text.parse::<f64>() {
+            Ok(v) if v.is_finite() && v.abs() < 1e9 => Ok(v),
+            _ => Err(self.error(column, format!("found '{text}', expected a finite number"))),
+        }
+    }
+
+    fn optional(&self, column: Option<usize>) -> Result<Option<f64>> {
+        match column {
+            Some(c) if !self.empty(c) => self.number(c).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    fn count(&self, column: usize) -> Result<usize> {
+        let v = self.number(column)?;
+        if v.fract() == 0.0 && (1.0..1e6).contains(&v) {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+            let n = v as usize;
+            Ok(n - 1)
+        } else {
+            Err(self.error(column, format!("found '{}', expected a number counted from 1", self.text(column))))
+        }
+    }
+
+    fn numbers<const N: usize>(&self, columns: [usize; N], scale: f64) -> Result<[f64; N]> {
+        let mut out = [0.0; N];
+        for (o, c) in out.iter_mut().zip(columns) {
+            *o = self.number(c)? * scale;
+        }
+        Ok(out)
+    }
+
+    fn measured(&self, c: &Columns) -> Result<Measured> {
+        let filled = |column: Option<usize>| column.filter(|c| !self.empty(*c));
+        if let (Some(ball), Some(i)) = (filled(c.ball), c.indicators) {
+            return Ok(Measured::Touch { ball: self.count(ball)?, reading: self.numbers(i, 1e-3)? });
+        }
+        if let Some(d) = filled(c.distance) {
+            let anchor = filled(c.anchor).map_or(Ok(0), |a| self.count(a))?;
+            let length = self.number(d)? * 1e-3;
+            if length <= 0.0 {
+                return Err(self.error(d, format!("found '{}', expected a positive length", self.text(d))));
+            }
+            return Ok(Measured::Distance { anchor, length });
+        }
+        let Some(xyz) = c.xyz else {
+            return Err(self.reader.error(
+                format!("line {}", self.line),
+                "the row has no measurement: its columns ball or d_mm are empty",
+            ));
+        };
+        let position = self.numbers(xyz, 1e-3)?;
+        if let Some(q) = c.quaternion
+            && !self.empty(q[0])
+        {
+            let quaternion = self.numbers(q, 1.0)?;
+            let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if (norm - 1.0).abs() > 1e-2 {
+                return Err(self.error(q[0], format!("the quaternion has length {norm:.4}, expected 1")));
+            }
+            return Ok(Measured::Pose { position, quaternion });
+        }
+        match (filled(c.target), filled(c.reference)) {
+            (Some(t), Some(_)) => {
+                Err(self.error(t, "the row names a target and a reference, expected one of them".into()))
+            }
+            (None, Some(r)) => Ok(Measured::Reference { reference: self.count(r)?, position }),
+            (Some(t), None) => Ok(Measured::Point { target: self.count(t)?, position }),
+            (None, None) => Ok(Measured::Point { target: 0, position }),
+        }
+    }
+
+    fn row(&self, c: &Columns) -> Result<Row> {
+        let mut state = State::at(&[]);
+        for (q, column) in state.q.iter_mut().zip(&c.joints) {
+            *q = self.number(*column)?.to_radians();
+        }
+        if let Some(columns) = &c.commanded
+            && !columns.iter().all(|k| self.empty(*k))
+        {
+            let mut q = [0.0; MAX_JOINTS];
+            for (q, column) in q.iter_mut().zip(columns) {
+                *q = self.number(*column)?.to_radians();
+            }
+            state.q_commanded = Some(q);
+        }
+        if let Some(columns) = &c.dir
+            && !columns.iter().all(|k| self.empty(*k))
+        {
+            let mut dir = [0; MAX_JOINTS];
+            for (d, column) in dir.iter_mut().zip(columns) {
+                *d = match self.number(*column)? {
+                    v if v == 1.0 => 1,
+                    v if v == 0.0 => 0,
+                    v if v == -1.0 => -1,
+                    _ => {
+                        return Err(self.error(*column, format!("found '{}', expected -1, 0 or 1", self.text(*column))));
+                    }
+                };
+            }
+            state.dir = Some(dir);
+        }
+        state.t = self.optional(c.t)?;
+        state.temp_c = self.optional(c.temp)?;
+        state.payload_kg = self.optional(c.payload)?;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+        let seq = match c.seq.filter(|k| !self.empty(*k)) {
+            Some(column) => {
+                let v = self.number(column)?;
+                if v.fract() != 0.0 || v < 0.0 {
+                    return Err(self.error(column, format!("found '{v}', expected a whole number")));
+                }
+                Some(v as u64)
+            }
+            None => None,
+        };
+        Ok(Row { state, measured: self.measured(c)?, seq, line: self.line })
+    }
+}
+
+/// Reads a CSV recording of an arm with `joints` joints.
+///
+/// # Errors
+/// One sentence with file, line, column, what was found and what was expected.
+pub fn load_csv(path: &Path, joints: usize) -> Result<Recording> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path)
+        .map_err(|e| IdentError::File { file: name.clone(), problem: format!("cannot be read: {e}") })?;
+    parse_csv(&bytes, &name, joints)
+}
+
+/// Reads the bytes of a CSV recording; `file` is its name for messages.
+///
+/// # Errors
+/// As [`load_csv`].
+pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
+    let problem = |p: &str| IdentError::File { file: file.to_owned(), problem: p.to_owned() };
+    let text = std::str::from_utf8(bytes).map_err(|_| problem("is not a text file; expected a CSV recording"))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if text.trim().is_empty() {
+        return Err(problem("is empty; expected a CSV recording with a header line"));
+    }
+    if text.contains('\0') {
+        return Err(problem("is not a text file; expected a CSV recording"));
+    }
+    let mut csv = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+    let header: Vec<String> = csv
+        .headers()
+        .map_err(|e| problem(&format!("the header cannot be read: {e}")))?
+        .iter()
+        .map(|h| h.trim().to_owned())
+        .collect();
+    let reader = Reader { file, header };
+    let columns = reader.columns(joints)?;
+    let mut rows = Vec::new();
+    let mut record = csv::StringRecord::new();
+    let mut last_t = f64::NEG_INFINITY;
+    loop {
+        match csv.read_record(&mut record) {
+            Ok(false) => break,
+            Ok(true) => {}
+            Err(e) => return Err(problem(&format!("cannot be read as CSV: {e}"))),
+        }
+        let line = record.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0));
+        if record.len() != reader.header.len() {
+            return Err(reader.error(
+                format!("line {line}"),
+                format!("found {} fields, expected {} as in the header", record.len(), reader.header.len()),
+            ));
+        }
+        let row = Cells { reader: &reader, record: &record, line }.row(&columns)?;
+        if let Some(t) = row.state.t {
+            if t < last_t {
+                return Err(reader.error(
+                    format!("line {line}, column t_s"),
+                    format!("found {t} after {last_t}; expected rows in the order of time"),
+                ));
+            }
+            last_t = t;
+        }
+        rows.push(row);
+    }
+    if rows.is_empty() {
+        return Err(problem("has a header but no rows"));
+    }
+    Ok(Recording { name: file.to_owned(), joints, rows })
+}
+
+/// Writes a recording as CSV, with the columns that it has anything for.
+///
+/// # Errors
+/// The operating system's.
+pub fn write_csv(recording: &Recording, out: &mut dyn Write) -> std::io::Result<()> {
+    let rows = &recording.rows;
+    let n = recording.joints;
+    let any = |f: &dyn Fn(&Row) -> bool| rows.iter().any(f);
+    let has_c = any(&|r| r.state.q_commanded.is_some());
+    let has_dir = any(&|r| r.state.dir.is_some());
+    let has_t = any(&|r| r.state.t.is_some());
+    let has_temp = any(&|r| r.state.temp_c.is_some());
+    let has_payload = any(&|r| r.state.payload_kg.is_some());
+    let has_seq = any(&|r| r.seq.is_some());
+    let touch = any(&|r| matches!(r.measured, Measured::Touch { .. }));
+    let pose = any(&|r| matches!(r.measured, Measured::Pose { .. }));
+    let reference = any(&|r| matches!(r.measured, Measured::Reference { .. }));
+    let target = reference || any(&|r| matches!(r.measured, Measured::Point { target, .. } if target > 0));
+    let xyz = pose || any(&|r| matches!(r.measured, Measured::Point { .. } | Measured::Reference { .. }));
+    let distance = any(&|r| matches!(r.measured, Measured::Distance { .. }));
+
+    let mut header: Vec<String> = Vec::new();
+    let mut add = |on: bool, names: &[&str]| {
+        if on {
+            header.extend(names.iter().map(|s| (*s).to_owned()));
+        }
+    };
+    add(has_t, &["t_s"]);
+    add(has_seq, &["seq"]);
+    let joint_names = |prefix: &str, suffix: &str| (1..=n).map(|k| format!("{prefix}{k}{suffix}")).collect::<Vec<_>>();
+    let names = |v: &[String], on: bool, h: &mut Vec<String>| {
+        if on {
+            h.extend(v.iter().cloned());
+        }
+    };
+    names(&joint_names("q", "_deg"), true, &mut header);
+    names(&joint_names("qc", "_deg"), has_c, &mut header);
+    names(&joint_names("dir", ""), has_dir, &mut header);
+    let mut add = |on: bool, names: &[&str]| {
+        if on {
+            header.extend(names.iter().map(|s| (*s).to_owned()));
+        }
+    };
+    add(touch, &["ball", "ix_mm", "iy_mm", "iz_mm"]);
+    add(target, &["target"]);
+    add(reference, &["reference"]);
+    add(xyz, &["x_mm", "y_mm", "z_mm"]);
+    add(pose, &["qw", "qx", "qy", "qz"]);
+    add(distance, &["anchor", "d_mm"]);
+    add(has_temp, &["temp_c"]);
+    add(has_payload, &["payload_kg"]);
+    writeln!(out, "{}", header.join(","))?;
+
+    let deg = |v: f64| format!("{}", trical_model::robot::tidy(v.to_degrees()));
+    let mm = |v: f64| format!("{}", trical_model::robot::tidy(v * 1e3));
+    let opt = |v: Option<f64>| v.map_or_else(String::new, |v| format!("{v}"));
+    for r in rows {
+        let mut line: Vec<String> = Vec::with_capacity(header.len());
+        let s = &r.state;
+        if has_t {
+            line.push(opt(s.t));
+        }
+        if has_seq {
+            line.push(r.seq.map_or_else(String::new, |q| q.to_string()));
+        }
+        line.extend(s.q[..n].iter().map(|q| deg(*q)));
+        if has_c {
+            line.extend((0..n).map(|k| s.q_commanded.map_or_else(String::new, |q| deg(q[k]))));
+        }
+        if has_dir {
+            line.extend((0..n).map(|k| s.dir.map_or_else(String::new, |d| d[k].to_string())));
+        }
+        let mut fields: [String; 15] = std::array::from_fn(|_| String::new());
+        match r.measured {
+            Measured::Touch { ball, reading } => {
+                fields[0] = (ball + 1).to_string();
+                for k in 0..3 {
+                    fields[1 + k] = mm(reading[k]);
+                }
+            }
+            Measured::Point { target, position } => {
+                fields[4] = (target + 1).to_string();
+                for k in 0..3 {
+                    fields[6 + k] = mm(position[k]);
+                }
+            }
+            Measured::Reference { reference, position } => {
+                fields[5] = (reference + 1).to_string();
+                for k in 0..3 {
+                    fields[6 + k] = mm(position[k]);
+                }
+            }
+            Measured::Pose { position, quaternion } => {
+                for k in 0..3 {
+                    fields[6 + k] = mm(position[k]);
+                }
+                for k in 0..4 {
+                    fields[9 + k] = format!("{}", quaternion[k]);
+                }
+            }
+            Measured::Distance { anchor, length } => {
+                fields[13] = (anchor + 1).to_string();
+                fields[14] = mm(length);
+            }
+        }
+        let groups = [(touch, 0..4), (target, 4..5), (reference, 5..6), (xyz, 6..9), (pose, 9..13), (distance, 13..15)];
+        for (on, range) in groups {
+            if on {
+                line.extend(fields[range].iter().cloned());
+            }
+        }
+        if has_temp {
+            line.push(opt(s.temp_c));
+        }
+        if has_payload {
+            line.push(opt(s.payload_kg));
+        }
+        writeln!(out, "{}", line.join(","))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,76 @@
+//! Rigid transforms from pairs of points, in closed form (Arun, Huang & Blostein 1987; Umeyama 1991 for the sign).
+
+use nalgebra::{Matrix3, Vector3};
+use trical_model::Pose;
+
+/// The rotation nearest to `m` (in the Frobenius norm, proper).
+#[must_use]
+pub fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {
+    let svd = m.svd(true, true);
+    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
+    let sign = (u.determinant() * vt.determinant()).signum();
+    u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * vt
+}
+
+/// `a_from_b` that minimizes the sum of squares of `a_from_b * b - a`. `None` for fewer than three points, or points on
+/// a line, which leave a rotation open.
+#[must_use]
+pub fn rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Pose> {
+    if pairs.len() < 3 {
+        return None;
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let n = pairs.len() as f64;
+    let (mut ca, mut cb) = (Vector3::zeros(), Vector3::zeros());
+    for (a, b) in pairs {
+        ca += a / n;
+        cb += b / n;
+    }
+    let mut h = Matrix3::zeros();
+    for (a, b) in pairs {
+        h += (a - ca) * (b - cb).transpose();
+    }
+    let s = h.svd(false, false).singular_values;
+    let (mut largest, mut middle): (f64, f64) = (0.0, 0.0);
+    for v in s.iter() {
+        if *v > largest {
+            middle = largest;
+            largest = *v;
+        } else if *v > middle {
+            middle = *v;
+        }
+    }
+    if middle <= 1e-9 * largest || largest <= 0.0 {
+        return None;
+    }
+    let rotation = nearest_rotation(&h);
+    Some(Pose { rotation, translation: ca - rotation * cb })
+}
+
+/// As [`rigid_from_points`], with pairs that disagree with the rest (beyond eight median deviations) left out, thrice.
+#[must_use]
+pub fn robust_rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Pose> {
+    let mut pose = rigid_from_points(pairs)?;
+    for _ in 0..3 {
+        let d: Vec<f64> = pairs.iter().map(|(a, b)| (pose.apply(b) - a).norm()).collect();
+        let limit = 8.0 * median(&d) + 1e-9;
+        let kept: Vec<_> = pairs.iter().zip(&d).filter(|(_, d)| **d <= limit).map(|(p, _)| *p).collect();
+        match rigid_from_points(&kept) {
+            Some(p) => pose = p,
+            None => break,
+        }
+    }
+    Some(pose)
+}
+
+/// The median; 0 of nothing.
+#[must_use]
+pub fn median(values: &[f64]) -> f64 {
+    let mut v = values.to_vec();
+    v.sort_by(f64::total_cmp);
+    match v.len() {
+        0 => 0.0,
+        n if n % 2 == 1 => v[n / 2],
+        n => 0.5 * (v[n / 2 - 1] + v[n / 2]),
+    }
+}

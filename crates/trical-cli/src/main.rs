@@ -1,1 +1,54 @@
-fn main() {}
+//! The `trical` binary: commands, progress, reports. Algorithms live in the other crates.
+
+mod commands;
+mod error;
+mod input;
+mod table;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::CliError;
+
+/// Makes an industrial robot arm accurate with three dial indicators and three balls, and says which physics its model
+/// lacks.
+#[derive(Parser)]
+#[command(name = "trical", version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Identify the arm's true geometry and compliance from recordings
+    Identify(commands::identify::Args),
+    /// Score a model on recordings: position errors before and after, by region
+    Validate(commands::validate::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Identify(args) => commands::identify::run(&args),
+        Command::Validate(args) => commands::validate::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("trical: {e}");
+            ExitCode::from(e.code())
+        }
+    }
+}
+
+/// Prints a line on standard output; a reader that went away (`| head`) ends the program quietly.
+pub(crate) fn say(text: impl AsRef<str>) -> Result<(), CliError> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{}", text.as_ref()) {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        other => other.map_err(|e| CliError::Failed(format!("standard output: {e}"))),
+    }
+}

@@ -13,15 +13,29 @@ fn main() {
     let data = Dataset::build(&recs, src, None).unwrap();
     println!("{} obs {} poses, rejected {}", data.observations.len(), data.poses, data.rejected.len());
     let data = reject_gross_errors(&robot, &cell, &data).unwrap_or_else(|e| panic!("{e}"));
-    for r in data.rejected.iter().take(30) { println!("  {} {}", r.line, r.reason); }
+    for r in data.rejected.iter().take(30) {
+        println!("  {} {}", r.line, r.reason);
+    }
     println!("after gross: {} obs {:?}", data.observations.len(), t0.elapsed());
     for set in [ParameterSet::Nominal, ParameterSet::Geometry, ParameterSet::Compliance, ParameterSet::Complete] {
         let t0 = std::time::Instant::now();
         match identify(&robot, &cell, &data, set) {
             Ok(f) => {
                 let e = ErrorSummary::of(&f.errors().unwrap());
-                println!("{set:?} p={} {e:?} {:?} cond {:.1} {:?}", f.free.len(), f.report, f.observability.condition, t0.elapsed());
-                if set == ParameterSet::Complete { for k in &f.free { let t=&f.model.terms[*k]; println!("   {} {:.6e} sd {:.1e}", t.name, t.value, t.sd.unwrap()); } println!("{:?}", f.dependent); }
+                println!(
+                    "{set:?} p={} {e:?} {:?} cond {:.1} {:?}",
+                    f.free.len(),
+                    f.report,
+                    f.observability.condition,
+                    t0.elapsed()
+                );
+                if set == ParameterSet::Complete {
+                    for k in &f.free {
+                        let t = &f.model.terms[*k];
+                        println!("   {} {:.6e} sd {:.1e}", t.name, t.value, t.sd.unwrap());
+                    }
+                    println!("{:?}", f.dependent);
+                }
                 let t0 = std::time::Instant::now();
                 let cv = ErrorSummary::of(&cross_validate(&robot, &cell, &data, set, 4).unwrap());
                 println!("   cv {cv:?} {:?}", t0.elapsed());

@@ -118,6 +118,50 @@ pub enum ParameterSet {
     Complete,
 }
 
+/// A parameter set, with the compliance of some joints only if wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    set: ParameterSet,
+    compliant: Option<Vec<usize>>,
+}
+
+/// A joint that the arm does not have.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("--compliant: joint {joint} does not exist; the arm has joints 1 to {dof}")]
+pub struct ChoiceError {
+    joint: usize,
+    dof: usize,
+}
+
+impl Choice {
+    /// `compliant` are the joints (1-based) whose compliance is to be identified; empty for all that carry gravity.
+    ///
+    /// # Errors
+    /// A joint that an arm with `dof` joints does not have.
+    pub fn new(set: ParameterSet, compliant: &[usize], dof: usize) -> std::result::Result<Self, ChoiceError> {
+        match compliant.iter().find(|j| !(1..=dof).contains(j)) {
+            Some(joint) => Err(ChoiceError { joint: *joint, dof }),
+            None => Ok(Self { set, compliant: (!compliant.is_empty()).then(|| compliant.to_vec()) }),
+        }
+    }
+
+    /// The set.
+    #[must_use]
+    pub fn set(&self) -> ParameterSet {
+        self.set
+    }
+
+    fn is_compliant(&self, joint: usize) -> bool {
+        self.compliant.as_ref().is_none_or(|c| c.contains(&joint))
+    }
+}
+
+impl From<ParameterSet> for Choice {
+    fn from(set: ParameterSet) -> Self {
+        Self { set, compliant: None }
+    }
+}
+
 /// A parameter that was left out because others do the same.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dependent {
@@ -132,7 +176,8 @@ fn constant(name: String, effect: &str, site: Site) -> Term {
 }
 
 /// All candidates in the order in which they are preferred.
-fn candidates(model: &Model, data: &Dataset, set: ParameterSet) -> Vec<Term> {
+fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
+    let set = choice.set;
     let n = model.robot.dof();
     let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
     let touch = any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
@@ -182,7 +227,7 @@ fn candidates(model: &Model, data: &Dataset, set: ParameterSet) -> Vec<Term> {
         terms.push(link(Parameter::A, 0, "a"));
     }
     if set >= ParameterSet::Compliance {
-        terms.extend((1..=n).map(|joint| {
+        terms.extend((1..=n).filter(|joint| choice.is_compliant(*joint)).map(|joint| {
             Term::new(
                 format!("c_{joint}"),
                 "compliance",
@@ -244,8 +289,8 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for.
-pub fn independent_terms(nominal: &Model, data: &Dataset, set: ParameterSet) -> Result<(Vec<Term>, Vec<Dependent>)> {
-    let terms = candidates(nominal, data, set);
+pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Result<(Vec<Term>, Vec<Dependent>)> {
+    let terms = candidates(nominal, data, choice);
     let p = terms.len();
     let mut model = nominal.clone();
     model.terms.clone_from(&terms);

@@ -6,7 +6,7 @@ use crate::dataset::{Dataset, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{Ended, LmParams, LmReport, minimize, position_errors, weighted_residuals};
 use crate::identifiability::{
-    Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
+    Choice, Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
 };
 use crate::noise::Noise;
 use crate::rigid::median;
@@ -197,7 +197,7 @@ pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result
 }
 
 fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
-    let (model, _) = prepared(robot, cell, data, set)?;
+    let (model, _) = prepared(robot, cell, data, &set.into())?;
     let free = (0..model.terms.len()).collect();
     let mut forward = Forward::new(model, free)?;
     crate::fit::check_observations(&forward, data)?;
@@ -215,8 +215,8 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for, or measurements that fix no frame.
-pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Model, Vec<Dependent>)> {
-    if set >= ParameterSet::Compliance {
+pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<(Model, Vec<Dependent>)> {
+    if choice.set() >= ParameterSet::Compliance {
         robot.require_masses()?;
     }
     for o in &data.observations {
@@ -245,7 +245,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -
     }
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.frames = vec![trical_model::Pose::identity(); data.frames()];
-    let (terms, dependent) = independent_terms(&model, data, set)?;
+    let (terms, dependent) = independent_terms(&model, data, choice)?;
     model.terms = terms;
     start(&mut model, data)?;
     Ok((model, dependent))
@@ -255,8 +255,8 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -
 ///
 /// # Errors
 /// As [`fit_model`].
-pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<Identified> {
-    let (model, dependent) = prepared(robot, cell, data, set)?;
+pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Choice>) -> Result<Identified> {
+    let (model, dependent) = prepared(robot, cell, data, &choice.into())?;
     fit_model(model, data, &Noise::usual(data.names.len()), dependent)
 }
 
@@ -265,7 +265,14 @@ pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -
 ///
 /// # Errors
 /// As [`fit_model`], and fewer poses than folds.
-pub fn cross_validate(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet, folds: usize) -> Result<Vec<f64>> {
+pub fn cross_validate(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    choice: impl Into<Choice>,
+    folds: usize,
+) -> Result<Vec<f64>> {
+    let choice = choice.into();
     let poses = data.used_poses();
     if folds < 2 || poses.len() < 2 * folds {
         return Err(IdentError::NotEnough(format!(
@@ -277,7 +284,7 @@ pub fn cross_validate(robot: &Robot, cell: &Cell, data: &Dataset, set: Parameter
     let mut errors = vec![0.0; data.observations.len()];
     for fold in 0..folds {
         let train = data.filtered(|o| fold_of(o.pose) != fold);
-        let fitted = identify(robot, cell, &train, set)?;
+        let fitted = identify(robot, cell, &train, choice.clone())?;
         let forward = Forward::new(fitted.model, Vec::new())?;
         let all = position_errors(&forward, data);
         for ((to, from), o) in errors.iter_mut().zip(all).zip(&data.observations) {

@@ -8,20 +8,28 @@
 //! | [`fit`] | Levenberg-Marquardt |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, gross errors, cross-validation |
+//! | [`validate`] | a model on data that it was not fitted to |
+//! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod dataset;
 pub mod error;
 pub mod fit;
 pub mod identifiability;
 pub mod identify;
+pub mod model_file;
 pub mod noise;
 pub mod recording_csv;
 pub mod rigid;
 pub mod start;
+pub mod units;
+pub mod validate;
 
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use error::{IdentError, Result};
-pub use identifiability::{Dependent, Observability, ParameterSet};
+pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
 pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify, reject_gross_errors};
+pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};
+pub use units::{Shown, shown, site_json, unit};
+pub use validate::{Refit, Region, Validation, validate};

@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{ModelError, Result, parse_toml, read_text};
-use crate::pose::{Pose, rotation_zyx};
-use crate::robot::check_version;
+use crate::pose::{Pose, angles_zyx, rotation_zyx};
+use crate::robot::{check_version, tidy};
 
 /// What the flange carries.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,29 +39,29 @@ pub struct Cell {
     pub geometry: Option<toml::Table>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CellFile {
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     format_version: Option<u32>,
     base: BaseFile,
     tool: ToolFile,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     balls: Option<BallsFile>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     anchors: Option<PointsFile>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     geometry: Option<toml::Table>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BaseFile {
     xyz_mm: [f64; 3],
     zyx_deg: [f64; 3],
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ToolFile {
     tcp_mm: [f64; 3],
@@ -75,16 +75,16 @@ struct ToolFile {
     cog_mm: [f64; 3],
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BallsFile {
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     distances_mm: Option<Distances>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     positions_mm: Option<Vec<[f64; 3]>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PointsFile {
     positions_mm: Vec<[f64; 3]>,
@@ -189,5 +189,32 @@ impl Cell {
             anchors: points("[anchors] positions_mm", &raw.anchors.map_or_else(Vec::new, |a| a.positions_mm))?,
             geometry: raw.geometry,
         })
+    }
+
+    /// The cell as the text of a `cell.toml`, balls as positions.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mm = |v: &Vector3<f64>| [v.x, v.y, v.z].map(|x| tidy(x * 1e3));
+        let zyx = |r: &Matrix3<f64>| angles_zyx(r).map(|a| tidy(a.to_degrees()));
+        let list = |points: &[Vector3<f64>]| points.iter().map(mm).collect::<Vec<_>>();
+        let file = CellFile {
+            format_version: None,
+            base: BaseFile {
+                xyz_mm: mm(&self.world_from_base.translation),
+                zyx_deg: zyx(&self.world_from_base.rotation),
+            },
+            tool: ToolFile {
+                tcp_mm: mm(&self.tool.tcp),
+                zyx_deg: zyx(&self.tool.rotation),
+                targets_mm: list(&self.tool.targets),
+                mass_kg: self.tool.mass,
+                cog_mm: mm(&self.tool.cog),
+            },
+            balls: (!self.balls.is_empty())
+                .then(|| BallsFile { distances_mm: None, positions_mm: Some(list(&self.balls)) }),
+            anchors: (!self.anchors.is_empty()).then(|| PointsFile { positions_mm: list(&self.anchors) }),
+            geometry: self.geometry.clone(),
+        };
+        toml::to_string(&file).unwrap_or_default()
     }
 }

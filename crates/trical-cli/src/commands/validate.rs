@@ -1,0 +1,86 @@
+//! `trical validate`: a model on recordings.
+
+use std::path::PathBuf;
+
+use trical_ident::{ErrorSummary, ModelFile, Refit, validate};
+
+use crate::error::{CliError, Result};
+use crate::input::{self, Joints, RobotAndCell};
+use crate::{say, table};
+
+/// Arguments of `trical validate`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Recordings of one arm (CSV or MCAP)
+    #[arg(required = true, value_name = "REC")]
+    recordings: Vec<PathBuf>,
+    #[command(flatten)]
+    cell: RobotAndCell,
+    /// The model: calibrated.toml or improved.toml
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// Which joint angles to believe (default: those that the model was fitted to)
+    #[arg(long, value_enum)]
+    joints: Option<Joints>,
+    /// Identify again what a newly set up instrument changes: frame, or frame,targets; from every fourth pose, the others
+    /// are scored
+    #[arg(long, value_delimiter = ',', value_name = "WHAT")]
+    refit: Vec<String>,
+    /// A machine-readable summary on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let (robot, cell) = args.cell.load()?;
+    let file = ModelFile::load(&args.model)?;
+    file.require_robot(&robot, &args.model.display().to_string())?;
+    let refit = refit(&args.refit)?;
+    let source = match args.joints {
+        None | Some(Joints::Auto) => file.joints,
+        Some(Joints::Read) => trical_ident::JointSource::Read,
+        Some(Joints::Commanded) => trical_ident::JointSource::Commanded,
+    };
+    let recordings = input::recordings(&args.recordings, robot.dof())?;
+    let known = refit.is_none().then_some(file.references.as_slice());
+    let data = input::dataset(&recordings, source, known)?;
+    let v = validate(&robot, &cell, &file.model, &data, refit)?;
+    if args.json {
+        let mut value = serde_json::to_value(&v)?;
+        if let Some(map) = value.as_object_mut() {
+            map.insert("rejected".into(), serde_json::to_value(&data.rejected)?);
+        }
+        return say(serde_json::to_string_pretty(&value)?);
+    }
+    say(format!("{} measurements scored, {} rows rejected", v.n, data.rejected.len()))?;
+    let mut rows = vec![["position error, mm", "n", "mean", "max", "sd", "median", "rms"].map(String::from).to_vec()];
+    let mut add = |name: String, n: usize, e: &ErrorSummary| {
+        let mut row = vec![name, n.to_string()];
+        row.extend([e.mean_mm, e.max_mm, e.sd_mm, e.median_mm, e.rms_mm].map(|x| format!("{x:.3}")));
+        rows.push(row);
+    };
+    add("before: nominal arm".into(), v.n, &v.before);
+    add("after: the model".into(), v.n, &v.after);
+    for r in &v.regions {
+        add(format!("  after, {}", r.region), r.n, &r.after);
+    }
+    for line in table::lines(&rows) {
+        say(line)?;
+    }
+    Ok(())
+}
+
+fn refit(what: &[String]) -> Result<Option<Refit>> {
+    let mut refit = Refit { frame: false, targets: false };
+    for w in what {
+        match w.as_str() {
+            "frame" => refit.frame = true,
+            "targets" => refit.targets = true,
+            other => {
+                return Err(CliError::Input(format!("--refit: found '{other}', expected frame or frame,targets")));
+            }
+        }
+    }
+    Ok((refit.frame || refit.targets).then_some(refit))
+}

@@ -1,0 +1,63 @@
+//! Robots, cells and recordings from the files that the user names.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use trical_ident::{Dataset, JointSource, References, load_csv};
+use trical_model::{Cell, Recording, Robot};
+
+use crate::error::{CliError, Result};
+
+/// The two files that most commands need.
+#[derive(clap::Args)]
+pub struct RobotAndCell {
+    /// The arm: robot.toml
+    #[arg(long, value_name = "FILE")]
+    pub robot: PathBuf,
+    /// Where it stands and what it carries: cell.toml
+    #[arg(long, value_name = "FILE")]
+    pub cell: PathBuf,
+}
+
+impl RobotAndCell {
+    /// Reads both.
+    pub fn load(&self) -> Result<(Robot, Cell)> {
+        Ok((Robot::load(&self.robot)?, Cell::load(&self.cell)?))
+    }
+}
+
+/// Which joint angles to believe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Joints {
+    /// Those that the controller reported (q1_deg ...)
+    Read,
+    /// Those that were commanded (qc1_deg ...)
+    Commanded,
+    /// Whichever the model explains better
+    Auto,
+}
+
+/// Reads recordings of one arm, CSV or MCAP.
+pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
+    paths.iter().map(|p| recording(p, joints)).collect()
+}
+
+/// Reads one recording, CSV or MCAP.
+pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
+    Ok(load_csv(path, joints)?)
+}
+
+/// Recordings as observations, with the joints that were asked for.
+pub fn dataset(recordings: &[Recording], source: JointSource, known: Option<&[References]>) -> Result<Dataset> {
+    Ok(Dataset::build(recordings, source, known)?)
+}
+
+/// Refuses an output that lies in a folder that does not exist, before any work is done.
+pub fn check_output(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if folder.is_dir() {
+        Ok(())
+    } else {
+        Err(CliError::Input(format!("{}: the folder {} does not exist", path.display(), folder.display())))
+    }
+}

@@ -1,0 +1,32 @@
+//! Plain text tables.
+
+/// Lines of a table: the first row is the header; the first column is left-aligned, the others right.
+pub fn lines(rows: &[Vec<String>]) -> Vec<String> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width: Vec<usize> = (0..columns)
+        .map(|c| rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0))
+        .collect();
+    rows.iter()
+        .map(|r| {
+            let cells: Vec<String> = r
+                .iter()
+                .enumerate()
+                .map(|(c, s)| {
+                    let pad = " ".repeat(width[c].saturating_sub(s.chars().count()));
+                    if c == 0 { format!("{s}{pad}") } else { format!("{pad}{s}") }
+                })
+                .collect();
+            format!("  {}", cells.join("  ")).trim_end().to_owned()
+        })
+        .collect()
+}
+
+/// Decimals that a standard deviation leaves meaningful: two digits of it.
+pub fn decimals_for(sd: f64) -> usize {
+    if !(sd.is_finite() && sd > 0.0) {
+        return 4;
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let d = (1.0 - sd.log10().floor()).clamp(0.0, 12.0) as usize;
+    d
+}

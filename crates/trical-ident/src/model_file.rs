@@ -1,0 +1,255 @@
+//! Model files (`calibrated.toml`, `improved.toml`): everything that a prediction needs.
+
+use std::io::Write;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use trical_model::error::{parse_toml, read_text};
+use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
+use trical_model::{Basis, Cell, Model, Pose, Robot, Site, Term};
+
+use crate::dataset::{JointSource, References};
+use crate::error::{IdentError, Result};
+use crate::units::unit;
+
+/// A model as it is kept in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelFile {
+    /// Robot, cell, measuring frames and terms.
+    pub model: Model,
+    /// Which joint angles it was fitted to, and wants.
+    pub joints: JointSource,
+    /// References of each measuring frame.
+    pub references: Vec<References>,
+    /// Names of the recordings that it came from.
+    pub recordings: Vec<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    format_version: u32,
+    program: String,
+    joints: JointSource,
+    #[serde(default)]
+    recordings: Vec<String>,
+    robot: toml::Table,
+    cell: toml::Table,
+    #[serde(default, rename = "frame", skip_serializing_if = "Vec::is_empty")]
+    frames: Vec<FrameFile>,
+    #[serde(default, rename = "term")]
+    terms: Vec<TermFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameFile {
+    /// `frame_from_world`, before the terms at this frame.
+    xyz_mm: [f64; 3],
+    quaternion_wxyz: [f64; 4],
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    references_mm: Vec<[f64; 3]>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TermFile {
+    name: String,
+    effect: String,
+    /// Coefficient: what is added to nominal, in `unit`.
+    value: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sd: Option<f64>,
+    unit: String,
+    site: Site,
+    #[serde(default = "constant", skip_serializing_if = "Basis::is_constant")]
+    basis: Basis,
+}
+
+fn constant() -> Basis {
+    Basis::CONSTANT
+}
+
+fn table(text: &str) -> toml::Table {
+    text.parse().unwrap_or_default()
+}
+
+impl ModelFile {
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// A model that TOML cannot hold (never for one that was fitted).
+    pub fn to_toml(&self) -> Result<String> {
+        let m = &self.model;
+        let frames = m
+            .frames
+            .iter()
+            .enumerate()
+            .map(|(k, f)| FrameFile {
+                xyz_mm: (f.translation * 1e3).into(),
+                quaternion_wxyz: quaternion_from_rotation(&f.rotation),
+                references_mm: self
+                    .references
+                    .get(k)
+                    .map(|r| r.positions.iter().map(|p| p.map_or([f64::NAN; 3], |p| p.map(|x| x * 1e3))).collect())
+                    .unwrap_or_default(),
+            })
+            .collect();
+        let terms = m
+            .terms
+            .iter()
+            .map(|t| {
+                let u = unit(t);
+                TermFile {
+                    name: t.name.clone(),
+                    effect: t.effect.clone(),
+                    value: t.value * u.per_si,
+                    sd: t.sd.map(|s| s * u.per_si),
+                    unit: u.name,
+                    site: t.site,
+                    basis: t.basis,
+                }
+            })
+            .collect();
+        let file = File {
+            format_version: trical_model::robot::FORMAT_VERSION,
+            program: format!("trical {}", env!("CARGO_PKG_VERSION")),
+            joints: self.joints,
+            recordings: self.recordings.clone(),
+            robot: table(&m.robot.to_toml()),
+            cell: table(&m.cell.to_toml()),
+            frames,
+            terms,
+        };
+        toml::to_string(&file).map_err(|e| IdentError::WrongModel(format!("the model cannot be written: {e}")))
+    }
+
+    /// Writes the file whole, then renames it into place.
+    ///
+    /// # Errors
+    /// The operating system's, with the file's name.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        write_whole(path, self.to_toml()?.as_bytes())
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// A sentence that names the file and what is wrong with it.
+    pub fn load(path: &Path) -> Result<Self> {
+        let name = path.display().to_string();
+        let text = read_text(path)?;
+        Self::parse(&text, &name)
+    }
+
+    /// Reads the text of a model file.
+    ///
+    /// # Errors
+    /// As [`ModelFile::load`].
+    pub fn parse(text: &str, name: &str) -> Result<Self> {
+        let looks_right = text.contains("[[term]]") || text.contains("format_version");
+        let bad = |problem: String| IdentError::WrongModel(format!("{name}: {problem}"));
+        if !looks_right {
+            return Err(bad(
+                "is not a model file (calibrated.toml or improved.toml, as trical identify writes it)".into()
+            ));
+        }
+        if let Ok(t) = text.parse::<toml::Table>()
+            && let Some(v) = t.get("format_version").and_then(toml::Value::as_integer)
+            && v > i64::from(trical_model::robot::FORMAT_VERSION)
+        {
+            return Err(bad(format!("format_version is {v}: written by a newer TriCal than this one")));
+        }
+        let file: File = parse_toml(text, name)?;
+        let part = |t: &toml::Table| toml::to_string(t).map_err(|e| bad(e.to_string()));
+        let robot = Robot::parse(&part(&file.robot)?, &format!("{name} [robot]"))?;
+        let cell = Cell::parse(&part(&file.cell)?, &format!("{name} [cell]"))?;
+        let mut references = Vec::new();
+        let mut frames = Vec::new();
+        for f in &file.frames {
+            if f.xyz_mm.iter().chain(&f.quaternion_wxyz).any(|v| !v.is_finite()) {
+                return Err(bad("[[frame]] holds a number that is not finite".into()));
+            }
+            frames.push(Pose {
+                rotation: rotation_from_quaternion(f.quaternion_wxyz),
+                translation: nalgebra::Vector3::from(f.xyz_mm) * 1e-3,
+            });
+            references.push(References {
+                positions: f
+                    .references_mm
+                    .iter()
+                    .map(|p| p.iter().all(|x| x.is_finite()).then(|| p.map(|x| x * 1e-3)))
+                    .collect(),
+            });
+        }
+        let mut terms = Vec::new();
+        for t in file.terms {
+            let mut term = Term::new(t.name, t.effect, t.site, t.basis);
+            let u = unit(&term);
+            if u.name != t.unit {
+                return Err(bad(format!("term {} has unit '{}', expected '{}'", term.name, t.unit, u.name)));
+            }
+            if !t.value.is_finite() {
+                return Err(bad(format!("term {} has value {}, expected a finite number", term.name, t.value)));
+            }
+            term.value = t.value / u.per_si;
+            term.sd = t.sd.map(|s| s / u.per_si);
+            terms.push(term);
+        }
+        Ok(Self {
+            model: Model { robot, cell, frames, terms },
+            joints: file.joints,
+            references,
+            recordings: file.recordings,
+        })
+    }
+
+    /// Refuses a model of another arm than `robot`.
+    ///
+    /// # Errors
+    /// What differs.
+    pub fn require_robot(&self, robot: &Robot, name: &str) -> Result<()> {
+        let own = &self.model.robot;
+        let differs = if own.dof() != robot.dof() {
+            Some(format!("{} joints instead of {}", own.dof(), robot.dof()))
+        } else {
+            own.joints.iter().zip(&robot.joints).enumerate().find_map(|(i, (a, b))| {
+                let close = |x: f64, y: f64| (x - y).abs() < 1e-9;
+                let same = close(a.alpha, b.alpha)
+                    && close(a.a, b.a)
+                    && close(a.d, b.d)
+                    && close(a.theta_offset, b.theta_offset)
+                    && a.kind == b.kind;
+                (!same).then(|| format!("other nominal parameters at joint {}", i + 1))
+            })
+        };
+        match differs {
+            None => Ok(()),
+            Some(what) => Err(IdentError::WrongModel(format!(
+                "{name} is a model of '{}', not of '{}': it has {what}",
+                own.name, robot.name
+            ))),
+        }
+    }
+}
+
+/// Writes a file whole beside its place, then renames it into place.
+///
+/// # Errors
+/// The operating system's, with the file's name.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let problem = |e: &std::io::Error| IdentError::File {
+        file: path.display().to_string(),
+        problem: format!("cannot be written: {e}"),
+    };
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".part{}", std::process::id()));
+    let part = path.with_file_name(name);
+    let written = std::fs::File::create(&part)
+        .and_then(|mut f| f.write_all(bytes).and_then(|()| f.sync_all()))
+        .and_then(|()| std::fs::rename(&part, path));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&part);
+    }
+    written.map_err(|e| problem(&e))
+}

@@ -78,6 +78,9 @@ pub struct Dataset {
     pub dof: usize,
 }
 
+/// Which reference, and where.
+type Seen = (usize, Vector3<f64>);
+
 impl Dataset {
     /// Gathers recordings of one arm. Each recording with points or poses gets a measuring frame of its own. `known` are
     /// references of an earlier session, frame by frame: then this data is registered to them.
@@ -187,7 +190,7 @@ impl Dataset {
             Some(k) => k.positions.iter().map(|p| p.map(Vector3::from)).collect(),
             None => (0..count).map(place).collect(),
         };
-        let mut by_pose: Vec<(usize, Vec<(usize, Vector3<f64>)>)> = Vec::new();
+        let mut by_pose: Vec<(usize, Vec<Seen>)> = Vec::new();
         for s in seen {
             match by_pose.last_mut() {
                 Some((pose, list)) if *pose == s.0 => list.push((s.1, s.2)),

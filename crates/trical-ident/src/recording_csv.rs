@@ -276,9 +276,9 @@ impl Cells<'_, '_> {
             let mut dir = [0; MAX_JOINTS];
             for (d, column) in dir.iter_mut().zip(columns) {
                 *d = match self.number(*column)? {
-                    v if v == 1.0 => 1,
-                    v if v == 0.0 => 0,
-                    v if v == -1.0 => -1,
+                    1.0 => 1,
+                    0.0 => 0,
+                    -1.0 => -1,
                     _ => {
                         return Err(self.error(*column, format!("found '{}', expected -1, 0 or 1", self.text(*column))));
                     }

@@ -428,13 +428,13 @@ pub(crate) struct Moment {
 impl Moment {
     /// Derivative to a motion of the base.
     #[inline]
-    pub fn to_base(&self, twist: &Twist) -> f64 {
+    pub fn by_base(&self, twist: &Twist) -> f64 {
         -twist.angular().dot(&self.turn)
     }
 
     /// Derivative to a motion within joint `s`.
     #[inline]
-    pub fn to_chain(&self, s: usize, dof: ChainDof, frames: &Frames, loads: &Loads) -> f64 {
+    pub fn by_chain(&self, s: usize, dof: ChainDof, frames: &Frames, loads: &Loads) -> f64 {
         let behind = s > self.joint
             || (s == self.joint && matches!(dof, ChainDof::TiltX | ChainDof::TiltY | ChainDof::Theta) && {
                 // a tilt turns the axis z with it, but not the bearing's x and y
@@ -453,7 +453,7 @@ impl Moment {
 
     /// Derivative to the mass of a body at `place` in {w} on the flange.
     #[inline]
-    pub fn to_mass(&self, place: &V3, gravity: &V3) -> f64 {
+    pub fn by_mass(&self, place: &V3, gravity: &V3) -> f64 {
         match self.slide {
             Some(e) => e.dot(gravity),
             None => (place - self.about).dot(&self.carry),
@@ -462,7 +462,7 @@ impl Moment {
 
     /// Derivative to the first moment on the flange along `axis` in {w}.
     #[inline]
-    pub fn to_first_moment(&self, axis: &V3) -> f64 {
+    pub fn by_first_moment(&self, axis: &V3) -> f64 {
         axis.dot(&self.carry)
     }
 }

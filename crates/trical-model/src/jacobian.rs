@@ -171,13 +171,13 @@ impl Forward {
         }
         let flange = &ws.still.joints[self.chain.dof() - 1];
         let derivative: &dyn Fn(&Moment) -> f64 = &|m: &Moment| match dof {
-            Dof::Chain(s, d) => m.to_chain(s, d, &ws.still, &ws.loads),
-            Dof::Base(k) => m.to_base(&ws.still.base_twist(k)),
+            Dof::Chain(s, d) => m.by_chain(s, d, &ws.still, &ws.loads),
+            Dof::Base(k) => m.by_base(&ws.still.base_twist(k)),
             Dof::Gravity(k) => m.arm[k],
             Dof::PayloadMass => {
-                m.to_mass(&(flange.origin + flange.axes.times(&self.model.cell.tool.cog)), &self.gravity)
+                m.by_mass(&(flange.origin + flange.axes.times(&self.model.cell.tool.cog)), &self.gravity)
             }
-            Dof::PayloadMoment(k) => m.to_first_moment(&flange.axes.times(&E[k])),
+            Dof::PayloadMoment(k) => m.by_first_moment(&flange.axes.times(&E[k])),
             _ => 0.0,
         };
         if matches!(

@@ -1,0 +1,321 @@
+//! The linear picture of a fit: what every candidate would do to the measurements, and what the fitted parameters leave of it.
+//!
+//! With `Q` an orthonormal basis of the columns of the weighted Jacobian (and of the effects already chosen), `r` the weighted
+//! residual and `X` a candidate's columns, the sum of squares that the candidate would remove is `b' G^-1 b`, where `b = X'r`
+//! and `G = X'X - (Q'X)'(Q'X)`. `G` also gives lambda: the length of a signature after projection, in units of the noise.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatRef, Par};
+use trical_model::{Forward, Model, residual_rows};
+
+use super::catalogue::Candidate;
+use crate::dataset::Dataset;
+use crate::error::Result;
+use crate::noise::Noise;
+
+/// Columns whose length after projection is below this fraction of their length are absorbed by the fit.
+const ABSORBED: f64 = 1e-3;
+
+/// A linearized fit with candidates.
+pub struct Design {
+    /// Rows (scalars).
+    pub rows: usize,
+    /// Fitted parameters.
+    pub parameters: usize,
+    /// Weighted candidate columns, row-major, `rows x columns`.
+    columns: Vec<f64>,
+    width: usize,
+    /// First column of each candidate, and one past the last.
+    spans: Vec<(usize, usize)>,
+    /// Orthonormal basis of what is fitted, `rows x parameters`.
+    q: Mat<f64>,
+    /// Residual after projection.
+    residual: Vec<f64>,
+    /// Squared lengths of the columns.
+    squares: Vec<f64>,
+    /// Pose of each row.
+    pub pose_of_row: Vec<usize>,
+}
+
+/// A state of the search: the basis with some candidates added.
+#[derive(Clone)]
+pub struct Stage {
+    /// `Q'X` of every column: rows are basis vectors.
+    w: Vec<Vec<f64>>,
+    /// Basis vectors of the candidates that were added.
+    added: Vec<Vec<f64>>,
+    residual: Vec<f64>,
+    /// `X'r` of every column.
+    b: Vec<f64>,
+    /// Weighted sum of squares left.
+    pub ss: f64,
+    /// Parameters in the basis.
+    pub parameters: usize,
+}
+
+/// What one candidate would do.
+#[derive(Clone, Copy, Debug)]
+pub struct Gain {
+    /// Sum of squares that it would remove.
+    pub dss: f64,
+    /// How many of its columns the fit does not absorb.
+    pub rank: usize,
+}
+
+impl Design {
+    /// Linearizes `model` (fitted, all terms free) with the candidates at zero.
+    ///
+    /// # Errors
+    /// A candidate at a site that the arm does not have.
+    pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
+        let p = model.terms.len();
+        let mut wide = model.clone();
+        let mut spans = Vec::with_capacity(candidates.len());
+        let mut at = 0;
+        for c in candidates {
+            spans.push((at, at + c.terms.len()));
+            at += c.terms.len();
+            wide.terms.extend(c.terms.iter().cloned());
+        }
+        let width = at;
+        let total = p + width;
+        let forward = Forward::new(wide, (0..total).collect())?;
+        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let mut jacobian = Mat::<f64>::zeros(rows, p);
+        let mut columns = vec![0.0; rows * width];
+        let mut residual = vec![0.0; rows];
+        let mut pose_of_row = vec![0; rows];
+        let mut ws = forward.workspace();
+        let mut block = vec![0.0; 6 * total];
+        let mut row = 0;
+        for o in &data.observations {
+            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
+            for k in 0..n {
+                let s = 1.0 / noise.sigma(o.recording, &o.measured, k);
+                residual[row] = ws.residual()[k] * s;
+                pose_of_row[row] = o.pose;
+                for j in 0..p {
+                    jacobian[(row, j)] = block[k * total + j] * s;
+                }
+                let from = &block[k * total + p..(k + 1) * total];
+                for (to, v) in columns[row * width..(row + 1) * width].iter_mut().zip(from) {
+                    *to = v * s;
+                }
+                row += 1;
+            }
+        }
+        let qr = jacobian.qr();
+        let q = qr.compute_thin_Q();
+        // residual after projection, twice for the last digits
+        let mut r = residual;
+        for _ in 0..2 {
+            for j in 0..p {
+                let column = q.col(j);
+                let d: f64 = (0..rows).map(|i| column[i] * r[i]).sum();
+                for (i, v) in r.iter_mut().enumerate() {
+                    *v -= d * column[i];
+                }
+            }
+        }
+        let mut squares = vec![0.0; width];
+        for i in 0..rows {
+            for (s, v) in squares.iter_mut().zip(&columns[i * width..(i + 1) * width]) {
+                *s += v * v;
+            }
+        }
+        Ok(Self { rows, parameters: p, columns, width, spans, q, residual: r, squares, pose_of_row })
+    }
+
+    fn view(&self) -> MatRef<'_, f64> {
+        MatRef::from_row_major_slice(&self.columns, self.rows, self.width)
+    }
+
+    /// The state with nothing added.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        let mut w = Mat::<f64>::zeros(self.parameters, self.width);
+        matmul(w.as_mut(), Accum::Replace, self.q.transpose(), self.view(), 1.0, Par::Seq);
+        let w = (0..self.parameters).map(|i| (0..self.width).map(|j| w[(i, j)]).collect()).collect();
+        let ss = self.residual.iter().map(|v| v * v).sum();
+        Stage { w, added: Vec::new(), b: self.transposed_times(&self.residual), residual: self.residual.clone(), ss, parameters: self.parameters }
+    }
+
+    fn transposed_times(&self, v: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.width];
+        for (i, x) in v.iter().enumerate() {
+            if *x != 0.0 {
+                for (o, c) in out.iter_mut().zip(&self.columns[i * self.width..(i + 1) * self.width]) {
+                    *o += x * c;
+                }
+            }
+        }
+        out
+    }
+
+    fn inner(&self, a: usize, b: usize) -> f64 {
+        (0..self.rows).map(|i| self.columns[i * self.width + a] * self.columns[i * self.width + b]).sum()
+    }
+
+    /// `G` of a candidate (k x k, row by row) and the columns that the fit does not absorb.
+    fn gram(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>) {
+        let (from, to) = self.spans[candidate];
+        let left = |a: usize| self.squares[a] - stage.w.iter().map(|w| w[a] * w[a]).sum::<f64>();
+        let kept: Vec<usize> =
+            (from..to).filter(|a| self.squares[*a] > 0.0 && left(*a) > ABSORBED * ABSORBED * self.squares[*a]).collect();
+        let k = kept.len();
+        let mut g = vec![0.0; k * k];
+        for i in 0..k {
+            for j in 0..=i {
+                let (a, b) = (kept[i], kept[j]);
+                let full = if a == b { self.squares[a] } else { self.inner(a, b) };
+                let v = full - stage.w.iter().map(|w| w[a] * w[b]).sum::<f64>();
+                g[i * k + j] = v;
+                g[j * k + i] = v;
+            }
+        }
+        (kept, g)
+    }
+
+    /// What a candidate would remove from the sum of squares.
+    #[must_use]
+    pub fn gain(&self, stage: &Stage, candidate: usize) -> Gain {
+        let (kept, g) = self.gram(stage, candidate);
+        match cholesky(&g, kept.len()) {
+            None => Gain { dss: 0.0, rank: 0 },
+            Some((l, independent)) => {
+                let b: Vec<f64> = kept.iter().map(|a| stage.b[*a]).collect();
+                let y = forward_substitution(&l, &b, &independent);
+                Gain { dss: y.iter().map(|v| v * v).sum(), rank: independent.iter().filter(|i| **i).count() }
+            }
+        }
+    }
+
+    /// Coefficients (SI, zero for absorbed columns) and lambda of a candidate, were it added now.
+    #[must_use]
+    pub fn coefficients(&self, stage: &Stage, candidate: usize) -> (Vec<f64>, f64) {
+        let (from, to) = self.spans[candidate];
+        let (kept, g) = self.gram(stage, candidate);
+        let mut out = vec![0.0; to - from];
+        let Some((l, independent)) = cholesky(&g, kept.len()) else { return (out, 0.0) };
+        let b: Vec<f64> = kept.iter().map(|a| stage.b[*a]).collect();
+        let y = forward_substitution(&l, &b, &independent);
+        let k = kept.len();
+        let mut x = vec![0.0; k];
+        for i in (0..k).rev() {
+            if independent[i] {
+                let sum: f64 = (i + 1..k).map(|j| l[j * k + i] * x[j]).sum();
+                x[i] = (y[i] - sum) / l[i * k + i];
+            }
+        }
+        // the residual is predicted minus measured: what is added must cancel it
+        for (a, v) in kept.iter().zip(&x) {
+            out[a - from] = -v;
+        }
+        (out, y.iter().map(|v| v * v).sum::<f64>().sqrt())
+    }
+
+    /// lambda of a candidate of coefficients `size` each (root mean square over its columns' directions).
+    #[must_use]
+    pub fn lambda_of_size(&self, stage: &Stage, candidate: usize, size: f64) -> f64 {
+        let (from, to) = self.spans[candidate];
+        let (kept, g) = self.gram(stage, candidate);
+        let k = kept.len();
+        let trace: f64 = (0..k).map(|i| g[i * k + i]).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let n = (to - from).max(1) as f64;
+        size * (trace / n).max(0.0).sqrt()
+    }
+
+    /// Cosine between two candidates' signatures after projection (largest canonical correlation, by their best columns).
+    #[must_use]
+    pub fn alike(&self, stage: &Stage, a: usize, b: usize) -> f64 {
+        let (ka, ga) = self.gram(stage, a);
+        let (kb, gb) = self.gram(stage, b);
+        let mut best: f64 = 0.0;
+        for (i, x) in ka.iter().enumerate() {
+            for (j, y) in kb.iter().enumerate() {
+                let v = self.inner(*x, *y) - stage.w.iter().map(|w| w[*x] * w[*y]).sum::<f64>();
+                let size = (ga[i * ka.len() + i] * gb[j * kb.len() + j]).sqrt();
+                best = best.max((v / size).abs());
+            }
+        }
+        best.min(1.0)
+    }
+
+    /// Adds a candidate to the basis.
+    pub fn add(&self, stage: &mut Stage, candidate: usize) {
+        let (from, to) = self.spans[candidate];
+        for a in from..to {
+            let left = self.squares[a] - stage.w.iter().map(|w| w[a] * w[a]).sum::<f64>();
+            if self.squares[a] <= 0.0 || left <= ABSORBED * ABSORBED * self.squares[a] {
+                continue;
+            }
+            let mut v: Vec<f64> = (0..self.rows).map(|i| self.columns[i * self.width + a]).collect();
+            for _ in 0..2 {
+                for j in 0..self.parameters {
+                    let column = self.q.col(j);
+                    let d: f64 = (0..self.rows).map(|i| column[i] * v[i]).sum();
+                    for (i, x) in v.iter_mut().enumerate() {
+                        *x -= d * column[i];
+                    }
+                }
+                for q in &stage.added {
+                    let d: f64 = q.iter().zip(&v).map(|(a, b)| a * b).sum();
+                    for (x, y) in v.iter_mut().zip(q) {
+                        *x -= d * y;
+                    }
+                }
+            }
+            let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+            for x in &mut v {
+                *x /= norm;
+            }
+            let w = self.transposed_times(&v);
+            let d: f64 = v.iter().zip(&stage.residual).map(|(a, b)| a * b).sum();
+            for (r, x) in stage.residual.iter_mut().zip(&v) {
+                *r -= d * x;
+            }
+            for (b, x) in stage.b.iter_mut().zip(&w) {
+                *b -= d * x;
+            }
+            stage.ss -= d * d;
+            stage.parameters += 1;
+            stage.w.push(w);
+            stage.added.push(v);
+        }
+    }
+}
+
+/// Cholesky factor (k x k, lower, row by row) of a Gram matrix; columns that depend on earlier ones are skipped and marked.
+fn cholesky(g: &[f64], k: usize) -> Option<(Vec<f64>, Vec<bool>)> {
+    if k == 0 {
+        return None;
+    }
+    let mut l = vec![0.0; k * k];
+    let mut independent = vec![false; k];
+    for j in 0..k {
+        let d = g[j * k + j] - (0..j).map(|m| l[j * k + m] * l[j * k + m]).sum::<f64>();
+        if d <= 1e-6 * g[j * k + j] || d <= 0.0 {
+            continue;
+        }
+        independent[j] = true;
+        l[j * k + j] = d.sqrt();
+        for i in j + 1..k {
+            let s = g[i * k + j] - (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum::<f64>();
+            l[i * k + j] = s / l[j * k + j];
+        }
+    }
+    Some((l, independent))
+}
+
+fn forward_substitution(l: &[f64], b: &[f64], independent: &[bool]) -> Vec<f64> {
+    let k = b.len();
+    let mut y = vec![0.0; k];
+    for i in 0..k {
+        if independent[i] {
+            let s: f64 = (0..i).map(|j| l[i * k + j] * y[j]).sum();
+            y[i] = (b[i] - s) / l[i * k + i];
+        }
+    }
+    y
+}

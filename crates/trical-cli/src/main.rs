@@ -3,6 +3,8 @@
 mod commands;
 mod error;
 mod input;
+mod progress;
+mod report;
 mod table;
 
 use std::process::ExitCode;
@@ -26,6 +28,8 @@ enum Command {
     Identify(commands::identify::Args),
     /// Score a model on recordings: position errors before and after, by region
     Validate(commands::validate::Args),
+    /// Say which physics the model lacks: locate the mismatch, name it, model it, prove it on held-out data
+    Diagnose(commands::diagnose::Args),
 }
 
 fn main() -> ExitCode {
@@ -33,6 +37,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),
+        Command::Diagnose(args) => commands::diagnose::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,8 +1,6 @@
 //! The catalogue of effects: which terms each would add to the model, where, and how large it usually is.
 
-use trical_model::{
-    Axis, Basis, Measured, Model, Motion, Parameter, Payload, Shape, Site, Term, Variable,
-};
+use trical_model::{Axis, Basis, Measured, Model, Motion, Parameter, Payload, Shape, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 
@@ -78,6 +76,7 @@ impl Builder<'_> {
 }
 
 /// What of a recording the bases can look at.
+#[expect(clippy::struct_excessive_bools, reason = "a list of yes and no")]
 struct Has {
     direction: bool,
     commanded: bool,
@@ -85,11 +84,14 @@ struct Has {
     temperature: bool,
     touches: bool,
     frames: bool,
-    payload: bool,
     masses: bool,
+    /// Readings spread far beyond the noise: not every touch was nulled.
+    spread: [bool; 3],
+    /// Read joints lag behind commanded ones in the sense of motion.
+    lags: bool,
 }
 
-fn has(model: &Model, data: &Dataset) -> Has {
+fn has(model: &Model, data: &Dataset, sigma: f64) -> Has {
     let all = |f: &dyn Fn(&crate::dataset::Observation) -> bool| data.observations.iter().all(f);
     let any = |f: &dyn Fn(&crate::dataset::Observation) -> bool| data.observations.iter().any(f);
     Has {
@@ -100,9 +102,85 @@ fn has(model: &Model, data: &Dataset) -> Has {
         temperature: all(&|o| o.state.temp_c.is_some()),
         touches: any(&|o| matches!(o.measured, Measured::Touch { .. })),
         frames: any(&|o| matches!(o.measured, Measured::Point { .. } | Measured::Pose { .. })),
-        payload: any(&|o| o.state.payload_kg.is_some_and(|p| p != 0.0)),
         masses: model.robot.require_masses().is_ok(),
+        spread: std::array::from_fn(|k| reading_spread(data, k) > SPREAD * sigma),
+        lags: lag_follows_motion(data),
     }
+}
+
+/// Indicator readings must spread this many times beyond the residual noise before their gain can be asked for. The noise of
+/// a reading stands in the residual and in the regressor, which biases a gain by -(noise / spread)^2: by 1 % at ten.
+const SPREAD: f64 = 10.0;
+
+/// Standard deviation of the readings of one indicator, m.
+fn reading_spread(data: &Dataset, axis: usize) -> f64 {
+    let v: Vec<f64> = data
+        .observations
+        .iter()
+        .filter_map(|o| match o.measured {
+            Measured::Touch { reading, .. } => Some(reading[axis]),
+            _ => None,
+        })
+        .collect();
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let n = v.len().max(1) as f64;
+    let mean = v.iter().sum::<f64>() / n;
+    (v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// Whether commanded minus read angles go with the sense of the last motion (a joint that was read before it arrived is
+/// behind) rather than being noise of either: mean of the sign, with its error.
+fn lag_follows_motion(data: &Dataset) -> bool {
+    let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
+    for o in &data.observations {
+        let (Some(c), Some(d)) = (o.state.q_commanded, o.state.dir) else { continue };
+        for j in 0..data.dof {
+            if d[j] != 0 {
+                let lag = (c[j] - o.state.q[j]) * f64::from(d[j]);
+                sum += lag;
+                squares += lag * lag;
+                n += 1.0;
+            }
+        }
+    }
+    let rms = (squares / f64::max(n, 1.0)).sqrt();
+    rms > 0.0 && sum / n > 0.2 * rms && sum > 5.0 * rms * f64::max(n, 1.0).sqrt()
+}
+
+/// Terms that are about the noise of the readings, not about the arm. Where every touch was nulled, what an indicator still
+/// reads is mostly its own noise, and believing a share of it is better than believing all; where commanded and read joints
+/// differ by noise, a share of that helps likewise. They are fitted with the baseline if they pay, and never named as effects.
+#[must_use]
+pub fn reading_noise(model: &Model, data: &Dataset, sigma: f64) -> Vec<Candidate> {
+    let has = has(model, data, sigma);
+    let mut b = Builder { model, families: Vec::new(), untestable: Vec::new() };
+    if has.touches && has.spread == [false; 3] {
+        let parts = Axis::ALL
+            .iter()
+            .map(|axis| {
+                let basis = Basis::new(Variable::Reading { axis: *axis }, Shape::Linear);
+                (format!("disbelief_{}", axis.name()), Site::Tool(Motion::Along(*axis)), basis, -1)
+            })
+            .collect();
+        b.add(
+            "reading_noise",
+            serde_json::json!({ "tool": true }),
+            "nulled readings are mostly noise".into(),
+            0.0,
+            parts,
+        );
+    }
+    if has.commanded && !has.lags {
+        let basis = Basis::new(Variable::Lag { joint: 1 }, Shape::Linear);
+        b.add(
+            "joint_reading_noise",
+            serde_json::json!({ "joints": true }),
+            "read joints are noisier than commanded ones".into(),
+            0.0,
+            vec![("belief_in_commanded".into(), Site::AllJoints, basis, 1)],
+        );
+    }
+    b.families.into_iter().flat_map(|f| f.1).collect()
 }
 
 /// Times at which something may have changed: `count` quantiles of the data's times, ends left out.
@@ -123,20 +201,21 @@ fn change_points(data: &Dataset, count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// All candidates that this data can be asked about, with priors, and the families that it cannot test.
+/// All candidates that this data can be asked about, with priors, and the families that it cannot test. `sigma` is the
+/// standard deviation (m) of a scalar residual of the baseline.
 #[must_use]
-pub fn catalogue(model: &Model, data: &Dataset) -> (Vec<Candidate>, Vec<Untestable>) {
-    let has = has(model, data);
+pub fn catalogue(model: &Model, data: &Dataset, sigma: f64) -> (Vec<Candidate>, Vec<Untestable>) {
+    let has = has(model, data, sigma);
     let mut b = Builder { model, families: Vec::new(), untestable: Vec::new() };
     joint_angle_effects(&mut b);
-    axis_effects(&mut b, &has);
+    axis_effects(&mut b);
     if has.direction {
         direction_effects(&mut b, &has);
     } else {
         b.lacks(&["lost_motion_direction", "load_friction"], "the sense of each joint's last motion (dir1 ...)");
     }
     if has.masses {
-        torque_effects(&mut b, &has);
+        torque_effects(&mut b);
     } else {
         b.lacks(
             &["lost_motion_gravity", "nonlinear_stiffness", "cross_axis_compliance", "gravity_direction", "payload"],
@@ -156,10 +235,12 @@ pub fn catalogue(model: &Model, data: &Dataset) -> (Vec<Candidate>, Vec<Untestab
     if has.touches {
         gauge_effects(&mut b, &has);
     }
-    if has.commanded {
-        late_reading(&mut b);
-    } else {
-        b.lacks(&["late_joint_reading"], "commanded beside read joints (qc1_deg ...)");
+    match (has.commanded, has.lags) {
+        (true, true) => late_reading(&mut b),
+        (true, false) => {
+            b.lacks(&["late_joint_reading"], "read joints that lag behind commanded ones: these had settled")
+        }
+        _ => b.lacks(&["late_joint_reading"], "commanded beside read joints (qc1_deg ...)"),
     }
     let families = b.families.len();
     let mut all = Vec::new();
@@ -170,8 +251,7 @@ pub fn catalogue(model: &Model, data: &Dataset) -> (Vec<Candidate>, Vec<Untestab
                 sites.push(c.site.clone());
             }
         }
-        let scans: Vec<usize> =
-            sites.iter().map(|s| list.iter().filter(|c| c.site == *s).count()).collect();
+        let scans: Vec<usize> = sites.iter().map(|s| list.iter().filter(|c| c.site == *s).count()).collect();
         for c in &mut list {
             let scan = sites.iter().position(|s| *s == c.site).map_or(1, |k| scans[k]);
             #[expect(clippy::cast_precision_loss, reason = "counts")]
@@ -240,7 +320,7 @@ fn joint_angle_effects(b: &mut Builder<'_>) {
     }
 }
 
-fn axis_effects(b: &mut Builder<'_>, _has: &Has) {
+fn axis_effects(b: &mut Builder<'_>) {
     let n = b.dof();
     for link in 1..n {
         let near_parallel = b.model.robot.joints[link].alpha.sin().abs() < 0.1;
@@ -250,12 +330,7 @@ fn axis_effects(b: &mut Builder<'_>, _has: &Has) {
                 joint_site(link + 1),
                 format!("axis {} is twisted against axis {link} about y", link + 1),
                 0.03_f64.to_radians(),
-                vec![(
-                    format!("beta_{link}"),
-                    Site::Link { link, parameter: Parameter::Beta },
-                    Basis::CONSTANT,
-                    0,
-                )],
+                vec![(format!("beta_{link}"), Site::Link { link, parameter: Parameter::Beta }, Basis::CONSTANT, 0)],
             );
         }
     }
@@ -312,7 +387,7 @@ fn direction_effects(b: &mut Builder<'_>, has: &Has) {
     }
 }
 
-fn torque_effects(b: &mut Builder<'_>, has: &Has) {
+fn torque_effects(b: &mut Builder<'_>) {
     let n = b.dof();
     for joint in 1..=n {
         let at = Site::Joint { joint };
@@ -371,7 +446,6 @@ fn torque_effects(b: &mut Builder<'_>, has: &Has) {
     parts.insert(0, ("payload_mass".into(), Site::Payload(Payload::Mass), Basis::CONSTANT, 0));
     let tool = serde_json::json!({ "tool": true });
     b.add("payload", tool, "the load on the flange is not what cell.toml says".into(), 0.03, parts);
-    let _ = has.payload;
 }
 
 fn along(site: impl Fn(Motion) -> Site, name: &str, basis: Basis) -> Vec<(String, Site, Basis, i8)> {
@@ -449,11 +523,7 @@ fn thermal_effects(b: &mut Builder<'_>, has: &Has, data: &Dataset) {
         let t: Vec<f64> = data.observations.iter().filter_map(|o| o.state.temp_c).collect();
         let reference_c = (crate::rigid::median(&t) * 10.0).round() / 10.0;
         let rise = (t.iter().copied().fold(f64::MIN, f64::max) - t.iter().copied().fold(f64::MAX, f64::min)).max(0.1);
-        clocks.push((
-            "with temperature",
-            Basis::new(Variable::Temperature { reference_c }, Shape::Linear),
-            rise,
-        ));
+        clocks.push(("with temperature", Basis::new(Variable::Temperature { reference_c }, Shape::Linear), rise));
     } else if has.time {
         for constant in [600.0, 1800.0, 5400.0] {
             clocks.push(("as the arm warms up", Basis::new(Variable::Time, Shape::WarmUp { constant }), 1.0));
@@ -483,21 +553,21 @@ fn thermal_effects(b: &mut Builder<'_>, has: &Has, data: &Dataset) {
 }
 
 fn gauge_effects(b: &mut Builder<'_>, has: &Has) {
+    if has.spread != [true; 3] {
+        b.lacks(&["indicator_gain"], "readings with a spread: each touch was nulled to within the noise");
+    }
     for axis in Axis::ALL {
         let at = Site::Tool(Motion::Along(axis));
         let site = serde_json::json!({ "axis": axis.name() });
-        b.add(
-            "indicator_gain",
-            site.clone(),
-            format!("in proportion to indicator {}'s own reading", axis.name()),
-            0.02,
-            vec![(
-                format!("gain_{}", axis.name()),
-                at,
-                Basis::new(Variable::Reading { axis }, Shape::Linear),
-                0,
-            )],
-        );
+        if has.spread[axis.index()] {
+            b.add(
+                "indicator_gain",
+                site.clone(),
+                format!("in proportion to indicator {}'s own reading", axis.name()),
+                0.02,
+                vec![(format!("gain_{}", axis.name()), at, Basis::new(Variable::Reading { axis }, Shape::Linear), 0)],
+            );
+        }
         let others: Vec<(String, Site, Basis, i8)> = Axis::ALL
             .iter()
             .filter(|a| **a != axis)
@@ -523,12 +593,7 @@ fn gauge_effects(b: &mut Builder<'_>, has: &Has) {
                 site,
                 format!("indicator {} drifts with time", axis.name()),
                 2e-5 / 3600.0,
-                vec![(
-                    format!("indicator_drift_{}", axis.name()),
-                    at,
-                    Basis::new(Variable::Time, Shape::Linear),
-                    0,
-                )],
+                vec![(format!("indicator_drift_{}", axis.name()), at, Basis::new(Variable::Time, Shape::Linear), 0)],
             );
         }
     }

@@ -5,7 +5,8 @@
 //! and `G = X'X - (Q'X)'(Q'X)`. `G` also gives lambda: the length of a signature after projection, in units of the noise.
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use faer::linalg::solvers::Solve;
+use faer::{Accum, Mat, MatRef, Par, Side};
 use trical_model::{Forward, Model, residual_rows};
 
 use super::catalogue::Candidate;
@@ -35,6 +36,11 @@ pub struct Design {
     squares: Vec<f64>,
     /// Pose of each row.
     pub pose_of_row: Vec<usize>,
+    /// Weighted Jacobian of the fitted parameters, and residual before projection.
+    jacobian: Mat<f64>,
+    raw: Vec<f64>,
+    /// Standard deviation and observation of each row.
+    sigma_of_row: Vec<(f64, usize)>,
 }
 
 /// A state of the search: the basis with some candidates added.
@@ -85,13 +91,17 @@ impl Design {
         let mut columns = vec![0.0; rows * width];
         let mut residual = vec![0.0; rows];
         let mut pose_of_row = vec![0; rows];
+        let mut sigma_of_row = Vec::with_capacity(rows);
         let mut ws = forward.workspace();
         let mut block = vec![0.0; 6 * total];
         let mut row = 0;
-        for o in &data.observations {
+        for (index, o) in data.observations.iter().enumerate() {
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
             for k in 0..n {
-                let s = 1.0 / noise.sigma(o.recording, &o.measured, k);
+                let sigma = noise.sigma(o.recording, &o.measured, k);
+                let s = 1.0 / sigma;
+                // rotations of a pose are fitted, but a position error has no part in them
+                sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
                 residual[row] = ws.residual()[k] * s;
                 pose_of_row[row] = o.pose;
                 for j in 0..p {
@@ -107,7 +117,7 @@ impl Design {
         let qr = jacobian.qr();
         let q = qr.compute_thin_Q();
         // residual after projection, twice for the last digits
-        let mut r = residual;
+        let mut r = residual.clone();
         for _ in 0..2 {
             for j in 0..p {
                 let column = q.col(j);
@@ -123,7 +133,20 @@ impl Design {
                 *s += v * v;
             }
         }
-        Ok(Self { rows, parameters: p, columns, width, spans, q, residual: r, squares, pose_of_row })
+        Ok(Self {
+            rows,
+            parameters: p,
+            columns,
+            width,
+            spans,
+            q,
+            residual: r,
+            squares,
+            pose_of_row,
+            jacobian,
+            raw: residual,
+            sigma_of_row,
+        })
     }
 
     fn view(&self) -> MatRef<'_, f64> {
@@ -137,7 +160,14 @@ impl Design {
         matmul(w.as_mut(), Accum::Replace, self.q.transpose(), self.view(), 1.0, Par::Seq);
         let w = (0..self.parameters).map(|i| (0..self.width).map(|j| w[(i, j)]).collect()).collect();
         let ss = self.residual.iter().map(|v| v * v).sum();
-        Stage { w, added: Vec::new(), b: self.transposed_times(&self.residual), residual: self.residual.clone(), ss, parameters: self.parameters }
+        Stage {
+            w,
+            added: Vec::new(),
+            b: self.transposed_times(&self.residual),
+            residual: self.residual.clone(),
+            ss,
+            parameters: self.parameters,
+        }
     }
 
     fn transposed_times(&self, v: &[f64]) -> Vec<f64> {
@@ -160,8 +190,9 @@ impl Design {
     fn gram(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>) {
         let (from, to) = self.spans[candidate];
         let left = |a: usize| self.squares[a] - stage.w.iter().map(|w| w[a] * w[a]).sum::<f64>();
-        let kept: Vec<usize> =
-            (from..to).filter(|a| self.squares[*a] > 0.0 && left(*a) > ABSORBED * ABSORBED * self.squares[*a]).collect();
+        let kept: Vec<usize> = (from..to)
+            .filter(|a| self.squares[*a] > 0.0 && left(*a) > ABSORBED * ABSORBED * self.squares[*a])
+            .collect();
         let k = kept.len();
         let mut g = vec![0.0; k * k];
         for i in 0..k {
@@ -240,6 +271,48 @@ impl Design {
             }
         }
         best.min(1.0)
+    }
+
+    /// Position errors (m) of observations whose pose is in `test`, by a linear fit of the parameters and the candidates of
+    /// `set` to the rows whose pose is in `train`.
+    #[must_use]
+    pub fn held_out(&self, set: &[usize], train: &dyn Fn(usize) -> bool, test: &dyn Fn(usize) -> bool) -> Vec<f64> {
+        let extra: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
+        let p = self.parameters + extra.len();
+        let entry = |i: usize, j: usize| {
+            if j < self.parameters {
+                self.jacobian[(i, j)]
+            } else {
+                self.columns[i * self.width + extra[j - self.parameters]]
+            }
+        };
+        let rows: Vec<usize> = (0..self.rows).filter(|i| train(self.pose_of_row[*i])).collect();
+        // normal equations with scaled columns and a trace of damping, so that absorbed columns do no harm
+        let mut scale = vec![0.0; p];
+        for i in &rows {
+            for (j, s) in scale.iter_mut().enumerate() {
+                *s += entry(*i, j).powi(2);
+            }
+        }
+        for s in &mut scale {
+            *s = if *s > 0.0 { 1.0 / s.sqrt() } else { 0.0 };
+        }
+        let a = Mat::from_fn(rows.len(), p, |i, j| entry(rows[i], j) * scale[j]);
+        let mut h = Mat::<f64>::zeros(p, p);
+        matmul(h.as_mut(), Accum::Replace, a.transpose(), a.as_ref(), 1.0, Par::Seq);
+        for j in 0..p {
+            h[(j, j)] += 1e-10;
+        }
+        let g = Mat::from_fn(p, 1, |j, _| -(0..rows.len()).map(|i| a[(i, j)] * self.raw[rows[i]]).sum::<f64>());
+        let Ok(llt) = h.llt(Side::Lower) else { return Vec::new() };
+        let x = llt.solve(&g);
+        let mut squares: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
+        for i in (0..self.rows).filter(|i| test(self.pose_of_row[*i])) {
+            let (sigma, observation) = self.sigma_of_row[i];
+            let r = self.raw[i] + (0..p).map(|j| entry(i, j) * scale[j] * x[(j, 0)]).sum::<f64>();
+            *squares.entry(observation).or_insert(0.0) += (r * sigma).powi(2);
+        }
+        squares.into_values().map(f64::sqrt).collect()
     }
 
     /// Adds a candidate to the basis.

@@ -59,8 +59,8 @@ impl Search<'_> {
         }
         let n = self.freedom(stage);
         let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
-        let evidence = -0.5 * n * (1.0 - share).ln() - 0.5 * gain.rank as f64 * n.ln()
-            + self.candidates[candidate].log_prior;
+        let evidence =
+            -0.5 * n * (1.0 - share).ln() - 0.5 * gain.rank as f64 * n.ln() + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }
 
@@ -185,8 +185,7 @@ impl Search<'_> {
         for _ in 0..3 {
             let mut changed = false;
             for k in 0..chosen.len() {
-                let others: Vec<usize> =
-                    chosen.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, c)| *c).collect();
+                let others: Vec<usize> = chosen.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, c)| *c).collect();
                 let stage = self.with(start, &others);
                 let Some(own) = self.evidence(&stage, chosen[k]) else { continue };
                 if let Some(best) = self.rank(&stage).first()

@@ -28,12 +28,13 @@ pub struct Design {
     width: usize,
     /// First column of each candidate, and one past the last.
     spans: Vec<(usize, usize)>,
-    /// Orthonormal basis of what is fitted, `rows x parameters`.
-    q: Mat<f64>,
-    /// Residual after projection.
-    residual: Vec<f64>,
-    /// Squared lengths of the columns.
+    /// Squared lengths of the columns before projection.
     squares: Vec<f64>,
+    /// `X'X - (Q'X)'(Q'X)` of all columns, `width x width`.
+    gram: Mat<f64>,
+    /// `X'r` of all columns, and `r'r`, after projection.
+    b: Vec<f64>,
+    ss: f64,
     /// Pose of each row.
     pub pose_of_row: Vec<usize>,
     /// Weighted Jacobian of the fitted parameters, and residual before projection.
@@ -43,14 +44,14 @@ pub struct Design {
     sigma_of_row: Vec<(f64, usize)>,
 }
 
-/// A state of the search: the basis with some candidates added.
+/// A state of the search: the fit with some candidates added. All that is needed are inner products, so a stage costs as
+/// much as there are columns, however many rows there were.
 #[derive(Clone)]
 pub struct Stage {
-    /// `Q'X` of every column: rows are basis vectors.
+    /// Inner products of every column with each basis vector that was added.
     w: Vec<Vec<f64>>,
-    /// Basis vectors of the candidates that were added.
-    added: Vec<Vec<f64>>,
-    residual: Vec<f64>,
+    /// Squared length of every column after projection.
+    left: Vec<f64>,
     /// `X'r` of every column.
     b: Vec<f64>,
     /// Weighted sum of squares left.
@@ -133,15 +134,29 @@ impl Design {
                 *s += v * v;
             }
         }
+        let view = MatRef::from_row_major_slice(&columns, rows, width);
+        let mut w = Mat::<f64>::zeros(p, width);
+        matmul(w.as_mut(), Accum::Replace, q.transpose(), view, 1.0, Par::Seq);
+        let mut gram = Mat::<f64>::zeros(width, width);
+        matmul(gram.as_mut(), Accum::Replace, view.transpose(), view, 1.0, Par::Seq);
+        matmul(gram.as_mut(), Accum::Add, w.transpose(), w.as_ref(), -1.0, Par::Seq);
+        let mut b = vec![0.0; width];
+        for (i, x) in r.iter().enumerate() {
+            for (o, c) in b.iter_mut().zip(&columns[i * width..(i + 1) * width]) {
+                *o += x * c;
+            }
+        }
+        let ss = r.iter().map(|v| v * v).sum();
         Ok(Self {
             rows,
             parameters: p,
             columns,
             width,
             spans,
-            q,
-            residual: r,
             squares,
+            gram,
+            b,
+            ss,
             pose_of_row,
             jacobian,
             raw: residual,
@@ -149,57 +164,32 @@ impl Design {
         })
     }
 
-    fn view(&self) -> MatRef<'_, f64> {
-        MatRef::from_row_major_slice(&self.columns, self.rows, self.width)
-    }
-
     /// The state with nothing added.
     #[must_use]
     pub fn stage(&self) -> Stage {
-        let mut w = Mat::<f64>::zeros(self.parameters, self.width);
-        matmul(w.as_mut(), Accum::Replace, self.q.transpose(), self.view(), 1.0, Par::Seq);
-        let w = (0..self.parameters).map(|i| (0..self.width).map(|j| w[(i, j)]).collect()).collect();
-        let ss = self.residual.iter().map(|v| v * v).sum();
-        Stage {
-            w,
-            added: Vec::new(),
-            b: self.transposed_times(&self.residual),
-            residual: self.residual.clone(),
-            ss,
-            parameters: self.parameters,
-        }
+        let left = (0..self.width).map(|a| self.gram[(a, a)]).collect();
+        Stage { w: Vec::new(), left, b: self.b.clone(), ss: self.ss, parameters: self.parameters }
     }
 
-    fn transposed_times(&self, v: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; self.width];
-        for (i, x) in v.iter().enumerate() {
-            if *x != 0.0 {
-                for (o, c) in out.iter_mut().zip(&self.columns[i * self.width..(i + 1) * self.width]) {
-                    *o += x * c;
-                }
-            }
-        }
-        out
-    }
-
-    fn inner(&self, a: usize, b: usize) -> f64 {
-        (0..self.rows).map(|i| self.columns[i * self.width + a] * self.columns[i * self.width + b]).sum()
+    /// Whether the fit has not absorbed a column.
+    fn is_left(&self, stage: &Stage, column: usize) -> bool {
+        self.squares[column] > 0.0 && stage.left[column] > ABSORBED * ABSORBED * self.squares[column]
     }
 
     /// `G` of a candidate (k x k, row by row) and the columns that the fit does not absorb.
     fn gram(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>) {
         let (from, to) = self.spans[candidate];
-        let left = |a: usize| self.squares[a] - stage.w.iter().map(|w| w[a] * w[a]).sum::<f64>();
-        let kept: Vec<usize> = (from..to)
-            .filter(|a| self.squares[*a] > 0.0 && left(*a) > ABSORBED * ABSORBED * self.squares[*a])
-            .collect();
+        let kept: Vec<usize> = (from..to).filter(|a| self.is_left(stage, *a)).collect();
         let k = kept.len();
         let mut g = vec![0.0; k * k];
         for i in 0..k {
             for j in 0..=i {
                 let (a, b) = (kept[i], kept[j]);
-                let full = if a == b { self.squares[a] } else { self.inner(a, b) };
-                let v = full - stage.w.iter().map(|w| w[a] * w[b]).sum::<f64>();
+                let v = if a == b {
+                    stage.left[a]
+                } else {
+                    self.gram[(a, b)] - stage.w.iter().map(|w| w[a] * w[b]).sum::<f64>()
+                };
                 g[i * k + j] = v;
                 g[j * k + i] = v;
             }
@@ -257,22 +247,6 @@ impl Design {
         size * (trace / n).max(0.0).sqrt()
     }
 
-    /// Cosine between two candidates' signatures after projection (largest canonical correlation, by their best columns).
-    #[must_use]
-    pub fn alike(&self, stage: &Stage, a: usize, b: usize) -> f64 {
-        let (ka, ga) = self.gram(stage, a);
-        let (kb, gb) = self.gram(stage, b);
-        let mut best: f64 = 0.0;
-        for (i, x) in ka.iter().enumerate() {
-            for (j, y) in kb.iter().enumerate() {
-                let v = self.inner(*x, *y) - stage.w.iter().map(|w| w[*x] * w[*y]).sum::<f64>();
-                let size = (ga[i * ka.len() + i] * gb[j * kb.len() + j]).sqrt();
-                best = best.max((v / size).abs());
-            }
-        }
-        best.min(1.0)
-    }
-
     /// Position errors (m) of observations whose pose is in `test`, by a linear fit of the parameters and the candidates of
     /// `set` to the rows whose pose is in `train`.
     #[must_use]
@@ -319,42 +293,28 @@ impl Design {
     pub fn add(&self, stage: &mut Stage, candidate: usize) {
         let (from, to) = self.spans[candidate];
         for a in from..to {
-            let left = self.squares[a] - stage.w.iter().map(|w| w[a] * w[a]).sum::<f64>();
-            if self.squares[a] <= 0.0 || left <= ABSORBED * ABSORBED * self.squares[a] {
+            if !self.is_left(stage, a) {
                 continue;
             }
-            let mut v: Vec<f64> = (0..self.rows).map(|i| self.columns[i * self.width + a]).collect();
-            for _ in 0..2 {
-                for j in 0..self.parameters {
-                    let column = self.q.col(j);
-                    let d: f64 = (0..self.rows).map(|i| column[i] * v[i]).sum();
-                    for (i, x) in v.iter_mut().enumerate() {
-                        *x -= d * column[i];
-                    }
-                }
-                for q in &stage.added {
-                    let d: f64 = q.iter().zip(&v).map(|(a, b)| a * b).sum();
-                    for (x, y) in v.iter_mut().zip(q) {
-                        *x -= d * y;
-                    }
+            let norm = stage.left[a].sqrt();
+            let mut w: Vec<f64> = self.gram.col_as_slice(a).to_vec();
+            for old in &stage.w {
+                let factor = old[a];
+                for (x, y) in w.iter_mut().zip(old) {
+                    *x -= factor * y;
                 }
             }
-            let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-            for x in &mut v {
+            for x in &mut w {
                 *x /= norm;
             }
-            let w = self.transposed_times(&v);
-            let d: f64 = v.iter().zip(&stage.residual).map(|(a, b)| a * b).sum();
-            for (r, x) in stage.residual.iter_mut().zip(&v) {
-                *r -= d * x;
-            }
-            for (b, x) in stage.b.iter_mut().zip(&w) {
+            let d = stage.b[a] / norm;
+            for ((b, l), x) in stage.b.iter_mut().zip(&mut stage.left).zip(&w) {
                 *b -= d * x;
+                *l -= x * x;
             }
             stage.ss -= d * d;
             stage.parameters += 1;
             stage.w.push(w);
-            stage.added.push(v);
         }
     }
 }

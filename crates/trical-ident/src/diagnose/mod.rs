@@ -225,17 +225,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let mut fitted = fit_model(start, &all, &usual, Vec::new())?;
     let sigma = touch_sigma(&fitted);
     let nuisances = reading_noise(&fitted.model, &all, sigma);
-    let mut believed = Vec::new();
-    for n in &nuisances {
-        let design = Design::new(&fitted.model, std::slice::from_ref(n), &all, &fitted.noise)?;
-        let one = searcher(&design, std::slice::from_ref(n), &all);
-        if one.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
-            let mut model = fitted.model.clone();
-            model.terms.extend(n.terms.iter().cloned());
-            fitted = fit_model(model, &all, &fitted.noise, Vec::new())?;
-            believed.push(n.located.clone());
-        }
-    }
+    let mut believed = vec![false; nuisances.len()];
+    fitted = believe(fitted, &nuisances, &mut believed)?;
     let baseline_terms = fitted.model.terms.len();
     let baseline = fitted.clone();
     let (mut candidates, untestable) = catalogue(&fitted.model, &all, sigma);
@@ -246,6 +237,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let mut chosen: Vec<usize> = Vec::new();
     let mut shortlist: Vec<usize> = Vec::new();
     let mut kept = all.clone();
+    let mut baseline_terms = baseline_terms;
     let mut last: Option<(Vec<usize>, usize)> = None;
     for round in 0..ROUNDS {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
@@ -265,6 +257,17 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         sorted.sort_unstable();
         let state = (sorted, kept.observations.len());
         fitted = refit(&bare, &chosen, &candidates, &kept, &fitted.noise)?;
+        // with the effects out of the way the readings' noise may show
+        let (terms, added) = (fitted.model.terms.len(), fitted.model.terms.len() - bare.terms.len());
+        fitted = believe(fitted, &nuisances, &mut believed)?;
+        if fitted.model.terms.len() > terms {
+            let new = fitted.model.terms.split_off(terms);
+            let count = new.len();
+            let at = terms - added;
+            fitted.model.terms.splice(at..at, new);
+            baseline_terms += count;
+            continue;
+        }
         if last.as_ref() == Some(&state) {
             break;
         }
@@ -339,7 +342,12 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
             noise_mm,
             lack_of_fit_p: lack_of_fit(&search, &start, &set),
             holdout_rms_mm: ErrorSummary::of(&none).rms_mm,
-            reading_noise: believed,
+            reading_noise: nuisances
+                .iter()
+                .zip(&believed)
+                .filter(|(_, b)| **b)
+                .map(|(n, _)| n.located.clone())
+                .collect(),
         },
         findings,
         blind_to,
@@ -360,6 +368,24 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     };
     progress(1.0, "done");
     Ok(diagnosis)
+}
+
+/// Adds those terms about the readings' own noise that pay, and fits again.
+fn believe(mut fitted: Identified, nuisances: &[Candidate], believed: &mut [bool]) -> Result<Identified> {
+    for (n, done) in nuisances.iter().zip(believed) {
+        if *done {
+            continue;
+        }
+        let design = Design::new(&fitted.model, std::slice::from_ref(n), &fitted.data, &fitted.noise)?;
+        let one = searcher(&design, std::slice::from_ref(n), &fitted.data);
+        if one.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
+            let mut model = fitted.model.clone();
+            model.terms.extend(n.terms.iter().cloned());
+            fitted = fit_model(model, &fitted.data, &fitted.noise, Vec::new())?;
+            *done = true;
+        }
+    }
+    Ok(fitted)
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.
@@ -564,19 +590,17 @@ fn finding(
         n * (stage.ss / with.ss).ln() - rank as f64 * n.ln()
     };
     let ranked: Vec<Ranked> = search.rank(stage).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
-    let own = ranked
-        .iter()
-        .filter(|r| group.members.contains(&r.candidate))
-        .map(|r| r.evidence)
-        .fold(f64::NEG_INFINITY, f64::max);
+    let own = search.total(stage, &group.members);
     let mut rivals: Vec<Rival> = Vec::new();
     let mut rival_weight = 0.0;
-    let mut own_weight = 0.0;
+    let mut own_weight = 1.0;
     for r in &ranked {
         // tempered: the noise is never quite what the model of it says
         let weight = (0.7 * (r.evidence - own)).exp();
         if search.same_place(r.candidate, first) {
-            own_weight += weight;
+            if !group.members.contains(&r.candidate) {
+                own_weight += weight;
+            }
             continue;
         }
         rival_weight += weight;

@@ -36,11 +36,12 @@ pub mod controller;
 pub mod gauge;
 pub mod motion;
 // pub mod procedure;
-// pub mod record;
+pub mod record;
 pub mod url;
 pub mod virtual_cell;
 
 pub use controller::{Controller, ControllerError, open_controller};
 pub use gauge::{Gauge, GaugeError, open_gauge};
 pub use motion::{JointSample, MotionSense};
+pub use record::{Header, ReadRecording, RecordError, RecordingWriter, RunLog, read_recording};
 pub use virtual_cell::{CellError, CellOptions, Fault, Plant, VirtualCell};

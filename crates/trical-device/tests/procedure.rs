@@ -1,0 +1,566 @@
+//! The whole procedure against a virtual cell, through the real drivers.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use common::{BALLS, Gantry, nominal, options, plan};
+use trical_device::gauge::uwave_protocol::Status;
+use trical_device::procedure::{Retreat, RetreatOutcome, Violation};
+use trical_device::{
+    CellError, CellOptions, Controller, Fault, Gauge, PlanEntry, ProcedureError, ProcedureOptions,
+    Progress, RunReport, VirtualCell, open_controller, open_gauge, run,
+};
+use trical_model::recording::{Measured, Row};
+
+struct Bench {
+    cell: VirtualCell,
+    gauge: Box<dyn Gauge>,
+    controller: Box<dyn Controller>,
+    rows: Vec<Row>,
+    events: Vec<Progress>,
+}
+
+impl Bench {
+    fn new(plant: Gantry, cell: CellOptions) -> Self {
+        let start = plan(1)[0].via[0];
+        let cell = VirtualCell::start(Box::new(plant), CellOptions { start, ..cell }).unwrap();
+        let gauge = open_gauge(&format!("{}&timeout_ms=300", cell.gauge_url())).unwrap();
+        let controller = open_controller(&cell.controller_url()).unwrap();
+        Self {
+            cell,
+            gauge,
+            controller,
+            rows: Vec::new(),
+            events: Vec::new(),
+        }
+    }
+
+    fn run(
+        &mut self,
+        plan: &[PlanEntry],
+        options: &ProcedureOptions<'_>,
+    ) -> Result<RunReport, ProcedureError> {
+        let cancel = AtomicBool::new(false);
+        let events = &mut self.events;
+        run(
+            plan,
+            self.gauge.as_mut(),
+            self.controller.as_mut(),
+            &mut self.rows,
+            options,
+            &cancel,
+            &mut |event| {
+                events.push(event);
+            },
+        )
+    }
+
+    fn fails(&mut self, fault: Fault) -> ProcedureError {
+        self.cell.inject(fault);
+        self.run(&plan(3), &options()).unwrap_err()
+    }
+}
+
+fn bench() -> Bench {
+    Bench::new(Gantry::default(), CellOptions::default())
+}
+
+#[test]
+fn forty_five_touches_close_on_the_balls_in_seconds() {
+    let begin = Instant::now();
+    let mut bench = bench();
+    let report = bench.run(&plan(45), &options()).unwrap();
+    assert_eq!(
+        (report.measured, report.skipped, report.warnings.len()),
+        (45, 0, 0)
+    );
+    assert!(
+        begin.elapsed() < Duration::from_secs(8),
+        "{:?}",
+        begin.elapsed()
+    );
+    for row in &bench.rows {
+        let Measured::Touch { ball, reading } = row.measured else {
+            panic!("no touch")
+        };
+        let (p, r) = nominal(&row.state.q);
+        for i in 0..3 {
+            let centre = p[i]
+                + Gantry::default().error[i]
+                + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>();
+            assert!(
+                (centre - BALLS[ball][i]).abs() < 1e-6,
+                "indicators resolve 0.001 mm"
+            );
+        }
+        assert!(row.state.temp_c.is_some() && row.state.t.is_some());
+    }
+    assert!(
+        bench
+            .rows
+            .windows(2)
+            .all(|pair| pair[0].state.t < pair[1].state.t)
+    );
+}
+
+#[test]
+fn the_recorded_sense_of_motion_is_the_arms_own() {
+    let plant = Gantry {
+        backlash: 50e-6,
+        ..Gantry::default()
+    };
+    let mut bench = Bench::new(plant, CellOptions::default());
+    bench.run(&plan(9), &options()).unwrap();
+    for row in &bench.rows {
+        let Measured::Touch { ball, reading } = row.measured else {
+            panic!("no touch")
+        };
+        let (p, r) = nominal(&row.state.q);
+        let sense = f64::from(row.state.dir.unwrap()[1]);
+        let x = p[0]
+            + Gantry::default().error[0]
+            + 50e-6 * sense
+            + (0..3).map(|j| r[0][j] * reading[j]).sum::<f64>();
+        assert!((x - BALLS[ball][0]).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_rows() {
+    let once = || {
+        let cell = CellOptions {
+            noise: 1e-6,
+            placement: 3e-6,
+            seed: 7,
+            ..CellOptions::default()
+        };
+        let mut bench = Bench::new(
+            Gantry {
+                drift: 1e-9,
+                ..Gantry::default()
+            },
+            cell,
+        );
+        bench
+            .run(
+                &plan(6),
+                &ProcedureOptions {
+                    epsilon: 20e-6,
+                    ..options()
+                },
+            )
+            .unwrap();
+        bench.rows
+    };
+    assert_eq!(once(), once());
+}
+
+#[test]
+fn nothing_moves_without_go() {
+    let mut bench = bench();
+    let motions = bench.cell.motions();
+    let report = bench
+        .run(
+            &plan(2),
+            &ProcedureOptions {
+                go: false,
+                ..options()
+            },
+        )
+        .unwrap();
+    assert_eq!(bench.cell.motions(), motions);
+    assert_eq!(report.measured, 0);
+    assert_eq!(report.steps.len(), 2 * 5);
+    assert!(
+        report.steps[0].starts_with("touch 0 (ball 1): move to via point 1 of 2 at 100 mm/s: "),
+        "{}",
+        report.steps[0]
+    );
+}
+
+#[test]
+fn a_plan_beyond_the_limits_is_refused_before_anything_moves() {
+    let mut bench = bench();
+    let mut options = options();
+    options.limits.joints = vec![(-10.0, 10.0), (-10.0, 10.0), (-10.0, 0.0)];
+    let error = bench.run(&plan(2), &options).unwrap_err();
+    assert!(matches!(
+        error,
+        ProcedureError::Plan {
+            index: 0,
+            violation: Violation::JointLimit { joint: 3, .. },
+            ..
+        }
+    ));
+    assert!(error.to_string().contains("nothing has moved"));
+    assert_eq!(bench.cell.motions(), 0);
+
+    let refuse = |_: &_, to: &[f64; 9]| {
+        if to[2] < 0.0 {
+            Err("link 4 would touch the floor".to_owned())
+        } else {
+            Ok(())
+        }
+    };
+    let error = bench
+        .run(
+            &plan(2),
+            &ProcedureOptions {
+                guard: Some(&refuse),
+                ..self::options()
+            },
+        )
+        .unwrap_err();
+    assert!(
+        error.to_string().contains("link 4 would touch the floor"),
+        "{error}"
+    );
+    assert_eq!(bench.cell.motions(), 0);
+}
+
+#[test]
+fn touches_that_are_done_are_skipped() {
+    let mut bench = bench();
+    let report = bench
+        .run(
+            &plan(4),
+            &ProcedureOptions {
+                skip: [0, 2].into(),
+                begin_t: 100.0,
+                ..options()
+            },
+        )
+        .unwrap();
+    assert_eq!((report.measured, report.skipped), (2, 2));
+    assert_eq!(
+        bench
+            .rows
+            .iter()
+            .map(|row| row.seq.unwrap())
+            .collect::<Vec<_>>(),
+        [1, 3]
+    );
+    assert!(bench.rows[0].state.t.unwrap() > 100.0);
+}
+
+#[test]
+fn a_stop_ends_at_a_free_place() {
+    for stop_at in 1..12 {
+        let mut bench = bench();
+        let cancel = AtomicBool::new(false);
+        let mut readings = 0;
+        let result = run(
+            &plan(3),
+            bench.gauge.as_mut(),
+            bench.controller.as_mut(),
+            &mut bench.rows,
+            &options(),
+            &cancel,
+            &mut |event| {
+                readings += usize::from(matches!(
+                    event,
+                    Progress::Reading { .. } | Progress::Begin { .. }
+                ));
+                cancel.store(readings >= stop_at, Ordering::Relaxed);
+            },
+        );
+        match result {
+            Ok(report) => assert_eq!(report.measured, 3),
+            Err(error) => {
+                assert!(error.is_cancelled(), "{error}");
+                let state = bench.cell.state();
+                let free = plan(3).iter().any(|entry| {
+                    entry.via[0]
+                        .iter()
+                        .zip(&state.q)
+                        .all(|(a, b)| (a - b).abs() < 1e-6)
+                });
+                assert!(free, "stopped at {stop_at}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn entries_may_begin_where_the_last_one_was_held_short() {
+    let mut bench = bench();
+    bench
+        .run(
+            &plan(2),
+            &ProcedureOptions {
+                retreat: Retreat::Approach,
+                ..options()
+            },
+        )
+        .unwrap();
+    let stands = bench.cell.state().q;
+    assert!(
+        plan(2)[1].via[1]
+            .iter()
+            .zip(&stands)
+            .all(|(a, b)| (a - b).abs() < 1e-6)
+    );
+}
+
+#[test]
+fn a_dead_transmitter_is_noticed_and_the_arm_retreats() {
+    let mut bench = bench();
+    bench.run(&plan(1), &options()).unwrap();
+    let error = bench.fails(Fault::Stale { axis: 1 });
+    let ProcedureError::Touch {
+        violation, retreat, ..
+    } = &error
+    else {
+        panic!("{error}")
+    };
+    // at the end of its stroke, or the same before and after
+    assert!(
+        matches!(
+            violation,
+            Violation::Stale { axis: 'y', .. } | Violation::NoContact { axis: 'y', .. }
+        ),
+        "{error}"
+    );
+    assert!(matches!(retreat, RetreatOutcome::Done), "{error}");
+}
+
+#[test]
+fn mixed_up_or_reversed_axes_diverge_and_say_so() {
+    let error = bench().fails(Fault::FlippedAxis { axis: 0 });
+    assert!(
+        error.to_string().contains("check the channels and signs"),
+        "{error}"
+    );
+    let error = bench().fails(Fault::SwappedAxes);
+    assert!(
+        error.to_string().contains("check the channels and signs"),
+        "{error}"
+    );
+}
+
+#[test]
+fn faults_of_the_receiver_have_their_own_errors() {
+    for (fault, words) in [
+        (Fault::Silence, "no answer to \"DR1000000\" in 3 attempts"),
+        (Fault::Garbage, "expected a record of a U-WAVE-R"),
+        (
+            Fault::Status {
+                axis: 2,
+                status: Status::NoData,
+                times: 9,
+            },
+            "axis z (channel 02): the receiver has no value",
+        ),
+        (
+            Fault::Status {
+                axis: 0,
+                status: Status::Unregistered,
+                times: 1,
+            },
+            "status 02",
+        ),
+        (
+            Fault::Status {
+                axis: 1,
+                status: Status::DataLost,
+                times: 3,
+            },
+            "status 03",
+        ),
+        (
+            Fault::Status {
+                axis: 1,
+                status: Status::Disconnected,
+                times: 1,
+            },
+            "status 04",
+        ),
+    ] {
+        let mut bench = bench();
+        let error = bench.fails(fault.clone());
+        assert!(error.to_string().contains(words), "{fault:?}: {error}");
+        assert!(matches!(error, ProcedureError::Start { .. }), "{error}");
+        assert_eq!(bench.cell.motions(), 0);
+        bench.cell.clear_faults();
+        assert_eq!(
+            bench.run(&plan(1), &options()).unwrap().measured,
+            1,
+            "works again after {fault:?}"
+        );
+    }
+}
+
+#[test]
+fn passing_faults_are_survived_and_a_low_battery_is_a_warning() {
+    let mut bench = bench();
+    bench.cell.inject(Fault::Status {
+        axis: 1,
+        status: Status::DataLost,
+        times: 2,
+    });
+    bench.cell.inject(Fault::BatteryLow { axis: 0 });
+    bench.cell.inject(Fault::Unsolicited);
+    let report = bench.run(&plan(3), &options()).unwrap();
+    assert_eq!(report.measured, 3);
+    assert_eq!(report.warnings.len(), 1, "{:?}", report.warnings);
+    assert!(report.warnings[0].contains("channel 00 is low"));
+    assert!(
+        bench
+            .events
+            .iter()
+            .any(|event| matches!(event, Progress::Warning(_)))
+    );
+}
+
+#[test]
+fn faults_of_the_arm_have_their_own_errors() {
+    let mut bench = bench();
+    bench.run(&plan(1), &options()).unwrap();
+    let error = bench.fails(Fault::BallsRemoved);
+    assert!(
+        matches!(
+            error.violation(),
+            Some(Violation::StaleTouch | Violation::NoContact { .. })
+        ),
+        "{error}"
+    );
+    bench.cell.clear_faults();
+    let error = bench.fails(Fault::StuckArm);
+    assert!(
+        matches!(error.violation(), Some(Violation::NotArrived { .. })),
+        "{error}"
+    );
+    bench.cell.clear_faults();
+    let error = bench.fails(Fault::RefuseMoves);
+    assert!(error.to_string().contains("emergency stop"), "{error}");
+    assert!(error.to_string().contains("could NOT go back"), "{error}");
+    bench.cell.clear_faults();
+    let error = bench.fails(Fault::DropConnection);
+    assert!(error.to_string().contains("connection is lost"), "{error}");
+}
+
+#[test]
+fn limits_of_corrections_hold_on_both_sides() {
+    let off = || Gantry {
+        error: [3.5e-3, 0.0, 0.0],
+        ..Gantry::default()
+    };
+    let mut bench = Bench::new(off(), CellOptions::default());
+    let mut strict = options();
+    strict.limits.correction = 3e-3;
+    let error = bench.run(&plan(1), &strict).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("correction would be 3.500 mm, the limit is 3.000 mm"),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("went back the way it came"),
+        "{error}"
+    );
+
+    let mut bench = Bench::new(
+        off(),
+        CellOptions {
+            correction_limit: 2e-3,
+            ..CellOptions::default()
+        },
+    );
+    let error = bench.run(&plan(1), &options()).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("correction 3.500 mm is over the limit of 2.000 mm"),
+        "{error}"
+    );
+
+    let mut bench = Bench::new(off(), CellOptions::default());
+    let mut strict = options();
+    strict.limits.total_correction = 3.4e-3;
+    let error = bench.run(&plan(1), &strict).unwrap_err();
+    assert!(
+        matches!(error.violation(), Some(Violation::TotalCorrection { .. })),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_tolerance_below_the_repeatability_is_warned_about_and_may_not_converge() {
+    let cell = CellOptions {
+        placement: 50e-6,
+        ..CellOptions::default()
+    };
+    let mut bench = Bench::new(Gantry::default(), cell);
+    let mut fine = ProcedureOptions {
+        epsilon: 1e-6,
+        repeatability: 50e-6,
+        ..options()
+    };
+    fine.limits.growth = 1e9;
+    let error = bench.run(&plan(1), &fine).unwrap_err();
+    assert!(
+        matches!(
+            error.violation(),
+            Some(Violation::Iterations { iterations: 10, .. } | Violation::Stale { .. })
+        ),
+        "{error}"
+    );
+    assert!(
+        bench.events.iter().any(
+            |event| matches!(event, Progress::Warning(text) if text.contains("repeatability"))
+        )
+    );
+}
+
+#[test]
+fn the_controllers_own_joint_limits_hold() {
+    let cell = CellOptions {
+        limits: vec![(-10.0, 10.0), (-10.0, 10.0), (0.0, 10.0)],
+        ..CellOptions::default()
+    };
+    let mut bench = Bench::new(Gantry::default(), cell);
+    let error = bench.run(&plan(1), &options()).unwrap_err();
+    assert!(
+        error.to_string().contains("joint 3 out of limits"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_taken_port_is_one_clear_error() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let result = VirtualCell::start(
+        Box::new(Gantry::default()),
+        CellOptions {
+            port,
+            ..CellOptions::default()
+        },
+    );
+    let error = result.err().unwrap();
+    assert!(matches!(error, CellError::PortInUse { .. }));
+    assert!(
+        error.to_string().contains("in use by another program"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_second_client_finds_the_cell_as_the_first_left_it() {
+    let mut bench = bench();
+    bench.run(&plan(1), &options()).unwrap();
+    drop((bench.gauge, bench.controller));
+    bench.gauge = open_gauge(&bench.cell.gauge_url()).unwrap();
+    bench.controller = open_controller(&bench.cell.controller_url()).unwrap();
+    let q = bench.controller.joints().unwrap();
+    assert!(
+        q.iter()
+            .zip(&bench.cell.state().q)
+            .all(|(a, b)| (a - b).abs() < 1e-9)
+    );
+}

@@ -188,13 +188,10 @@ fn a_plan_beyond_the_limits_is_refused_before_anything_moves() {
     let mut options = options();
     options.limits.joints = vec![(-10.0, 10.0), (-10.0, 10.0), (-10.0, 0.0)];
     let error = bench.run(&plan(2), &options).unwrap_err();
+    assert!(matches!(error, ProcedureError::Plan { index: 0, .. }));
     assert!(matches!(
-        error,
-        ProcedureError::Plan {
-            index: 0,
-            violation: Violation::JointLimit { joint: 3, .. },
-            ..
-        }
+        error.violation(),
+        Some(Violation::JointLimit { joint: 3, .. })
     ));
     assert!(error.to_string().contains("nothing has moved"));
     assert_eq!(bench.cell.motions(), 0);
@@ -307,25 +304,76 @@ fn entries_may_begin_where_the_last_one_was_held_short() {
 }
 
 #[test]
-fn a_dead_transmitter_is_noticed_and_the_arm_retreats() {
+fn a_transmitter_that_dies_while_free_is_noticed() {
     let mut bench = bench();
     bench.run(&plan(1), &options()).unwrap();
     let error = bench.fails(Fault::Stale { axis: 1 });
+    assert!(
+        matches!(
+            error.violation(),
+            Some(Violation::NoContact { axis: 'y', .. })
+        ),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("went back the way it came"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_transmitter_that_dies_in_a_touch_is_noticed_and_the_arm_retreats() {
+    let Bench {
+        cell,
+        mut gauge,
+        mut controller,
+        mut rows,
+        ..
+    } = bench();
+    let mut watch = |event| {
+        if matches!(
+            event,
+            Progress::Reading {
+                index: 1,
+                corrections: 0,
+                ..
+            }
+        ) {
+            cell.inject(Fault::Stale { axis: 1 });
+        }
+    };
+    let cancel = AtomicBool::new(false);
+    let error = run(
+        &plan(3),
+        gauge.as_mut(),
+        controller.as_mut(),
+        &mut rows,
+        &options(),
+        &cancel,
+        &mut watch,
+    )
+    .unwrap_err();
     let ProcedureError::Touch {
-        violation, retreat, ..
+        index: 1,
+        ball: 1,
+        violation,
+        retreat,
     } = &error
     else {
         panic!("{error}")
     };
-    // at the end of its stroke, or the same before and after
     assert!(
-        matches!(
-            violation,
-            Violation::Stale { axis: 'y', .. } | Violation::NoContact { axis: 'y', .. }
-        ),
+        matches!(violation.as_ref(), Violation::Stale { axis: 'y', .. }),
         "{error}"
     );
     assert!(matches!(retreat, RetreatOutcome::Done), "{error}");
+    assert_eq!(rows.len(), 1, "what was measured before stays");
+    let free = plan(2)[1].via[0];
+    assert!(
+        free.iter()
+            .zip(&cell.state().q)
+            .all(|(a, b)| (a - b).abs() < 1e-6)
+    );
 }
 
 #[test]

@@ -281,9 +281,9 @@ impl<P: Port> Gauge for UWave<P> {
 
     fn read(&mut self) -> Result<[f64; 3], GaugeError> {
         let mut reading = [0.0; 3];
-        for axis in 0..3 {
+        for (axis, to) in reading.iter_mut().enumerate() {
             let value = self.read_axis(axis, self.settings.channels[axis])?;
-            reading[axis] = if self.settings.flip[axis] {
+            *to = if self.settings.flip[axis] {
                 -value
             } else {
                 value

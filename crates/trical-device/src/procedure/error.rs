@@ -22,13 +22,13 @@ pub enum ProcedureError {
         /// Which ball, counted from 0.
         ball: usize,
         /// What is wrong.
-        violation: Violation,
+        violation: Box<Violation>,
     },
     /// The robot or the gauge failed before the first touch; nothing has moved.
     #[error("{violation}; nothing has moved")]
     Start {
         /// What is wrong.
-        violation: Violation,
+        violation: Box<Violation>,
     },
     /// A touch failed.
     #[error("touch {index} (ball {}): {violation}; {retreat}", ball + 1)]
@@ -38,7 +38,7 @@ pub enum ProcedureError {
         /// Which ball, counted from 0.
         ball: usize,
         /// What went wrong.
-        violation: Violation,
+        violation: Box<Violation>,
         /// Where the arm is now.
         retreat: RetreatOutcome,
     },

@@ -57,7 +57,7 @@ pub enum Progress {
     /// A measurement is accepted and safe.
     Measured {
         /// The measurement.
-        row: Row,
+        row: Box<Row>,
         /// Corrections that it took.
         corrections: usize,
         /// Number of touches that are done, those of an earlier run included.

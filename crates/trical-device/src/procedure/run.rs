@@ -52,9 +52,9 @@ pub fn run(
         trail: Vec::new(),
         report: RunReport::default(),
     };
-    runner
-        .start()
-        .map_err(|violation| ProcedureError::Start { violation })?;
+    runner.start().map_err(|violation| ProcedureError::Start {
+        violation: Box::new(violation),
+    })?;
     let total = plan.len();
     for entry in plan {
         let done = runner.report.measured + runner.report.skipped;
@@ -79,7 +79,7 @@ pub fn run(
             return Err(ProcedureError::Touch {
                 index: entry.index,
                 ball: entry.ball,
-                violation,
+                violation: Box::new(violation),
                 retreat,
             });
         }
@@ -293,7 +293,7 @@ impl Runner<'_, '_> {
         self.report.measured += 1;
         let done = self.report.measured + self.report.skipped;
         (self.progress)(Progress::Measured {
-            row,
+            row: Box::new(row),
             corrections,
             done,
             total,

@@ -135,7 +135,7 @@ pub(super) fn check_plan(
         let wrong = |violation| ProcedureError::Plan {
             index: entry.index,
             ball: entry.ball,
-            violation,
+            violation: Box::new(violation),
         };
         let mut from: Option<&Joints> = None;
         for q in entry.via.iter().chain(std::iter::once(&entry.joints)) {

@@ -8,6 +8,7 @@ pub mod cdr;
 pub mod json;
 mod read;
 pub mod schema;
+mod walk;
 mod write;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -198,6 +199,14 @@ pub enum RecordError {
         path: PathBuf,
         /// Its first bytes.
         found: String,
+    },
+    /// The file is a recording that this program cannot read.
+    #[error("{}: {problem}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
     },
     /// The file is there already.
     #[error("{}: exists already; resume it or choose another name", path.display())]

@@ -1,48 +1,15 @@
 //! Reading of recordings, whole or cut.
 
-use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::{BufReader, Read};
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde_json::Value;
 use trical_model::recording::{MAX_JOINTS, Recording, Row};
 
 use super::cdr::JointState;
-use super::{Attachment, IndicatorSample, ReadRecording, RecordError, json, schema};
+use super::walk::{MAGIC, RawFile, walk};
+use super::{IndicatorSample, ReadRecording, RecordError, json, schema};
 use crate::motion::{JointSample, MotionSense};
-
-/// A message as it stands in the file.
-pub(super) struct RawMessage {
-    pub(super) channel: u16,
-    pub(super) sequence: u32,
-    pub(super) log_time: u64,
-    pub(super) publish_time: u64,
-    pub(super) data: Vec<u8>,
-}
-
-/// A channel as it stands in the file.
-#[derive(Clone, PartialEq, Eq)]
-pub(super) struct RawChannel {
-    pub(super) topic: String,
-    pub(super) encoding: String,
-    pub(super) metadata: BTreeMap<String, String>,
-    pub(super) schema: Option<(String, String, Vec<u8>)>,
-}
-
-/// All that is whole in a file.
-#[derive(Default)]
-pub(super) struct RawFile {
-    pub(super) channels: BTreeMap<u16, RawChannel>,
-    pub(super) messages: Vec<RawMessage>,
-    pub(super) attachments: Vec<Attachment>,
-    pub(super) metadata: Vec<(String, BTreeMap<String, String>)>,
-    pub(super) lost: Option<String>,
-}
-
-const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
 
 /// Reads a recording, whole or cut anywhere.
 ///
@@ -54,127 +21,42 @@ pub fn read_recording(path: &Path) -> Result<ReadRecording, RecordError> {
     interpret(path, read_raw(path)?)
 }
 
-/// Takes all whole records out of a file, up to the first that is not.
+/// Takes all whole records out of a file.
 pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
-    let file = File::open(path).map_err(RecordError::io(path, "open"))?;
-    let size = file
-        .metadata()
-        .map_err(RecordError::io(path, "read"))?
-        .len();
-    let mut source = BufReader::new(file);
-    check_magic(path, &mut source)?;
-
-    let limit = usize::try_from(size).unwrap_or(usize::MAX).max(1 << 16);
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_record_length_limit(limit);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut raw = RawFile::default();
-    let mut schemas: HashMap<u16, (String, String, Vec<u8>)> = HashMap::new();
-    let mut ended = false;
-    let mut problem = None;
-    while let Some(event) = reader.next_event() {
-        let record = match event {
-            Ok(LinearReadEvent::ReadRequest(need)) => {
-                let read = read_some(&mut source, reader.insert(need))
-                    .map_err(RecordError::io(path, "read"))?;
-                reader.notify_read(read);
-                continue;
-            }
-            Ok(LinearReadEvent::Record { data, opcode }) => mcap::parse_record(opcode, data),
-            Err(error) => Err(error),
+    let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
+    let Some(body) = bytes.strip_prefix(&MAGIC) else {
+        let begin = bytes.get(..MAGIC.len()).unwrap_or(&bytes);
+        let found = if begin.is_empty() {
+            "nothing".to_owned()
+        } else {
+            format!("\"{}\"", begin.escape_ascii())
         };
-        match record {
-            Ok(Record::Schema { header, data }) => {
-                schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
-            }
-            Ok(Record::Channel(channel)) => {
-                let schema = schemas.get(&channel.schema_id).cloned();
-                raw.channels.insert(
-                    channel.id,
-                    RawChannel {
-                        topic: channel.topic,
-                        encoding: channel.message_encoding,
-                        metadata: channel.metadata,
-                        schema,
-                    },
-                );
-            }
-            Ok(Record::Message { header, data }) => {
-                if !raw.channels.contains_key(&header.channel_id) {
-                    problem = Some(format!(
-                        "a message on the unknown channel {}",
-                        header.channel_id
-                    ));
-                    break;
-                }
-                raw.messages.push(RawMessage {
-                    channel: header.channel_id,
-                    sequence: header.sequence,
-                    log_time: header.log_time,
-                    publish_time: header.publish_time,
-                    data: data.into_owned(),
-                });
-            }
-            Ok(Record::Attachment { header, data, .. }) => raw.attachments.push(Attachment {
-                name: header.name,
-                media_type: header.media_type,
-                data: data.into_owned(),
-            }),
-            Ok(Record::Metadata(metadata)) => raw.metadata.push((metadata.name, metadata.metadata)),
-            Ok(Record::DataEnd(_) | Record::Footer(_)) => ended = true,
-            Ok(_) => {}
-            // what follows the data repeats it
-            Err(_) if ended => break,
-            Err(error) => {
-                problem = Some(error.to_string());
-                break;
-            }
-        }
-    }
-    if !ended {
-        let why = problem.unwrap_or_else(|| "it has no end record".to_owned());
-        raw.lost = Some(format!(
-            "{}: the recording was cut ({why}); {} whole messages were recovered, what came after them is lost",
-            path.display(),
-            raw.messages.len()
-        ));
-    }
-    Ok(raw)
-}
-
-fn check_magic(path: &Path, source: &mut impl Read) -> Result<(), RecordError> {
-    let mut begin = Vec::with_capacity(MAGIC.len());
-    source
-        .take(MAGIC.len() as u64)
-        .read_to_end(&mut begin)
-        .map_err(RecordError::io(path, "read"))?;
-    if begin == MAGIC {
-        return Ok(());
-    }
-    let found = if begin.is_empty() {
-        "nothing".to_owned()
-    } else {
-        format!("\"{}\"", begin.escape_ascii())
+        return Err(RecordError::NotMcap {
+            path: path.to_owned(),
+            found,
+        });
     };
-    Err(RecordError::NotMcap {
+    walk(body).map_err(|problem| RecordError::Unreadable {
         path: path.to_owned(),
-        found,
+        problem,
     })
 }
 
-fn read_some(source: &mut impl Read, into: &mut [u8]) -> std::io::Result<usize> {
-    loop {
-        match source.read(into) {
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            other => return other,
-        }
-    }
+/// What was lost of a file, as one sentence.
+fn lost(path: &Path, raw: &RawFile) -> Option<String> {
+    (!raw.losses.is_empty()).then(|| {
+        format!(
+            "{}: the recording is not whole ({}); {} messages were recovered",
+            path.display(),
+            raw.losses.join("; "),
+            raw.messages.len()
+        )
+    })
 }
 
 /// Makes sense of the messages.
 pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, RecordError> {
+    let lost = lost(path, &raw);
     let metadata: BTreeMap<_, _> = raw.metadata.into_iter().collect();
     let start_ns = metadata
         .get("trical")
@@ -256,7 +138,7 @@ pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, Reco
         joint_states,
         indicators,
         start_ns,
-        lost: raw.lost,
+        lost,
     })
 }
 

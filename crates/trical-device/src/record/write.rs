@@ -9,7 +9,8 @@ use mcap::records::{MessageHeader, Metadata};
 use trical_model::recording::{Recording, Row};
 
 use super::cdr::{self, JointState};
-use super::read::{RawFile, interpret, read_raw};
+use super::read::{interpret, read_raw};
+use super::walk::RawFile;
 use super::{Header, ReadRecording, RecordError, RunLog, json, schema};
 use crate::motion::JointSample;
 
@@ -224,9 +225,9 @@ impl RecordingWriter {
         let mut ids: BTreeMap<u16, u16> = BTreeMap::new();
         for (old, channel) in &raw.channels {
             let schema = match &channel.schema {
-                Some((name, encoding, data)) => self
+                Some(schema) => self
                     .mcap
-                    .add_schema(name, encoding, data)
+                    .add_schema(&schema.name, &schema.encoding, &schema.data)
                     .map_err(RecordError::mcap(&self.path))?,
                 None => 0,
             };

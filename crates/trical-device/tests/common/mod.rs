@@ -1,6 +1,6 @@
 //! A gantry with a wrist whose inverse is closed-form: enough of an arm to try the procedure on.
 
-#![allow(dead_code, clippy::unwrap_used)]
+#![allow(dead_code, clippy::unwrap_used, clippy::needless_range_loop)]
 
 use trical_device::virtual_cell::{Frame, Plant};
 use trical_device::{PlanEntry, ProcedureOptions};

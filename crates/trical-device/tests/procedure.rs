@@ -10,9 +10,11 @@ use std::time::{Duration, Instant};
 use common::{BALLS, Gantry, nominal, options, plan};
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{Retreat, RetreatOutcome, Violation};
+use trical_device::record::RunLog;
 use trical_device::{
-    CellError, CellOptions, Controller, Fault, Gauge, PlanEntry, ProcedureError, ProcedureOptions,
-    Progress, RunReport, VirtualCell, open_controller, open_gauge, run,
+    CellError, CellOptions, Controller, Fault, Gauge, JointSample, PlanEntry, ProcedureError,
+    ProcedureOptions, Progress, RecordError, RunReport, VirtualCell, open_controller, open_gauge,
+    run,
 };
 use trical_model::recording::{Measured, Row};
 
@@ -610,5 +612,180 @@ fn a_second_client_finds_the_cell_as_the_first_left_it() {
         q.iter()
             .zip(&bench.cell.state().q)
             .all(|(a, b)| (a - b).abs() < 1e-9)
+    );
+}
+
+/// Fails like a full disk, from the given record on.
+struct FullDisk(usize);
+
+impl FullDisk {
+    fn count(&mut self) -> Result<(), RecordError> {
+        match self.0.checked_sub(1) {
+            Some(left) => {
+                self.0 = left;
+                Ok(())
+            }
+            None => Err(RecordError::Io {
+                path: "run.mcap".into(),
+                action: "write to the disk",
+                source: std::io::ErrorKind::StorageFull.into(),
+            }),
+        }
+    }
+}
+
+impl RunLog for FullDisk {
+    fn joint_state(&mut self, _: &JointSample) -> Result<(), RecordError> {
+        Ok(())
+    }
+    fn indicators(&mut self, _: f64, _: &[f64; 3], _: bool) -> Result<(), RecordError> {
+        Ok(())
+    }
+    fn temperature(&mut self, _: f64, _: f64) -> Result<(), RecordError> {
+        Ok(())
+    }
+    fn measurement(&mut self, _: &Row) -> Result<(), RecordError> {
+        self.count()
+    }
+}
+
+#[test]
+fn a_full_disk_ends_the_run_with_the_arm_back_at_a_free_place() {
+    let Bench {
+        cell,
+        mut gauge,
+        mut controller,
+        ..
+    } = bench();
+    let cancel = AtomicBool::new(false);
+    let mut disk = FullDisk(1);
+    let error = run(
+        &plan(3),
+        gauge.as_mut(),
+        controller.as_mut(),
+        &mut disk,
+        &options(),
+        &cancel,
+        &mut |_| (),
+    )
+    .unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("run.mcap: cannot write to the disk"),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("went back the way it came"),
+        "{error}"
+    );
+    assert!(
+        plan(3)[1].via[0]
+            .iter()
+            .zip(&cell.state().q)
+            .all(|(a, b)| (a - b).abs() < 1e-6)
+    );
+}
+
+#[test]
+fn a_connection_lost_on_the_way_back_says_that_the_touch_is_recorded() {
+    let Bench {
+        cell,
+        mut gauge,
+        mut controller,
+        mut rows,
+        ..
+    } = bench();
+    let cancel = AtomicBool::new(false);
+    let mut watch = |event| {
+        if matches!(event, Progress::Measured { .. }) {
+            cell.inject(Fault::DropConnection);
+        }
+    };
+    let error = run(
+        &plan(2),
+        gauge.as_mut(),
+        controller.as_mut(),
+        &mut rows,
+        &options(),
+        &cancel,
+        &mut watch,
+    )
+    .unwrap_err();
+    assert!(
+        error.to_string().contains("the touch is recorded"),
+        "{error}"
+    );
+    assert_eq!(rows.len(), 1);
+}
+
+#[test]
+fn a_receiver_that_is_unplugged_is_an_error_and_not_a_hang() {
+    let Bench {
+        cell,
+        mut gauge,
+        mut controller,
+        mut rows,
+        ..
+    } = bench();
+    let mut cell = Some(cell);
+    let cancel = AtomicBool::new(false);
+    let mut watch = |event| {
+        if matches!(event, Progress::Reading { .. }) {
+            cell.take();
+        }
+    };
+    let error = run(
+        &plan(2),
+        gauge.as_mut(),
+        controller.as_mut(),
+        &mut rows,
+        &options(),
+        &cancel,
+        &mut watch,
+    )
+    .unwrap_err();
+    assert!(
+        error.to_string().contains("lost") || error.to_string().contains("port failed"),
+        "{error}"
+    );
+    assert!(
+        gauge
+            .read()
+            .unwrap_err()
+            .to_string()
+            .contains("the port failed")
+    );
+}
+
+#[test]
+fn the_controllers_own_sum_of_corrections_holds() {
+    let cell = CellOptions {
+        correction_sum_limit: 0.9e-3,
+        ..CellOptions::default()
+    };
+    let mut bench = Bench::new(Gantry::default(), cell);
+    let error = bench.run(&plan(1), &options()).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("since the last MoveAbsJ are over 0.900 mm"),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_same_plan_may_touch_again_with_a_payload_and_a_temperature_by_hand() {
+    let mut bench = bench();
+    let options = ProcedureOptions {
+        payload_kg: Some(1.5),
+        temp_c: Some(30.0),
+        ..options()
+    };
+    bench.run(&plan(1), &options).unwrap();
+    assert_eq!(bench.rows[0].state.payload_kg, Some(1.5));
+    assert!(
+        bench.rows[0].state.temp_c.unwrap() < 25.0,
+        "the controller's own sensor goes before"
     );
 }

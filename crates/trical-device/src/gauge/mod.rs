@@ -217,6 +217,69 @@ pub fn settled_reading(
     }
 }
 
+/// A gauge that reads relative to where it was mastered.
+///
+/// On the calibrator all three stems define the TCP: what the gauge shows there is taken off every reading. Not needed
+/// where the indicators themselves were set to zero.
+pub struct Mastered<G> {
+    gauge: G,
+    zero: [f64; 3],
+}
+
+impl<G: Gauge> Mastered<G> {
+    /// Reads the gauge on the calibrator, once it stands still.
+    ///
+    /// # Errors
+    /// What [`settled_reading`] says.
+    pub fn on_calibrator(
+        mut gauge: G,
+        settle: &Settle,
+        cancel: &AtomicBool,
+    ) -> Result<Self, GaugeError> {
+        let zero = settled_reading(&mut gauge, settle, cancel)?;
+        Ok(Self { gauge, zero })
+    }
+
+    /// A gauge with a known reading on the calibrator, m.
+    pub fn with_zero(gauge: G, zero: [f64; 3]) -> Self {
+        Self { gauge, zero }
+    }
+
+    /// The reading on the calibrator, m.
+    pub fn zero(&self) -> [f64; 3] {
+        self.zero
+    }
+}
+
+impl<G: Gauge> Gauge for Mastered<G> {
+    fn name(&self) -> String {
+        self.gauge.name()
+    }
+
+    fn read(&mut self) -> Result<[f64; 3], GaugeError> {
+        let reading = self.gauge.read()?;
+        Ok(std::array::from_fn(|axis| reading[axis] - self.zero[axis]))
+    }
+
+    fn take_warnings(&mut self) -> Vec<String> {
+        self.gauge.take_warnings()
+    }
+}
+
+impl<G: Gauge + ?Sized> Gauge for Box<G> {
+    fn name(&self) -> String {
+        (**self).name()
+    }
+
+    fn read(&mut self) -> Result<[f64; 3], GaugeError> {
+        (**self).read()
+    }
+
+    fn take_warnings(&mut self) -> Vec<String> {
+        (**self).take_warnings()
+    }
+}
+
 fn spread(readings: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|axis| {
         let values = readings.iter().map(|reading| reading[axis]);
@@ -274,6 +337,22 @@ mod tests {
         ]);
         let value = settled_reading(&mut gauge, &settle, &AtomicBool::new(false)).unwrap();
         assert!((value[0] - 2e-3).abs() < 1e-12, "{value:?}");
+    }
+
+    #[test]
+    fn a_mastered_gauge_reads_from_the_calibrator() {
+        let gauge = Scripted(vec![
+            [1e-3, 2e-3, 3e-3],
+            [1e-3, 2e-3, 3e-3],
+            [1.5e-3, 2e-3, 2e-3],
+        ]);
+        let settle = Settle::at_once();
+        let mut gauge = Mastered::on_calibrator(gauge, &settle, &AtomicBool::new(false)).unwrap();
+        assert_eq!(gauge.zero(), [1e-3, 2e-3, 3e-3]);
+        let reading = gauge.read().unwrap();
+        for (found, expected) in reading.iter().zip([0.5e-3, 0.0, -1e-3]) {
+            assert!((found - expected).abs() < 1e-15);
+        }
     }
 
     #[test]

@@ -110,6 +110,8 @@ pub struct ProcedureOptions<'a> {
     pub tcp_in_flange: Option<[f64; 3]>,
     /// Touches that are done already.
     pub skip: BTreeSet<u64>,
+    /// Temperature in degC, recorded with each measurement where the controller has no sensor.
+    pub temp_c: Option<f64>,
     /// Mass added on the flange, kg, recorded with each measurement.
     pub payload_kg: Option<f64>,
     /// Time of the recording when this run begins, s.
@@ -137,6 +139,7 @@ impl Default for ProcedureOptions<'_> {
             retreat: Retreat::Whole,
             tcp_in_flange: None,
             skip: BTreeSet::new(),
+            temp_c: None,
             payload_kg: None,
             begin_t: 0.0,
             dead_band: MotionSense::DEAD_BAND,

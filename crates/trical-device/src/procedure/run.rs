@@ -266,7 +266,7 @@ impl Runner<'_, '_> {
         self.at = self.settled_joints()?;
         self.note_joints()?;
         let t = self.time()?;
-        let temp_c = self.controller.temperature()?;
+        let temp_c = self.controller.temperature()?.or(self.options.temp_c);
         if let Some(temp_c) = temp_c {
             self.log.temperature(t, temp_c)?;
         }

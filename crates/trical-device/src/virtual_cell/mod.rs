@@ -36,6 +36,8 @@ pub struct CellOptions {
     pub limits: Vec<(f64, f64)>,
     /// Largest correction that the controller takes.
     pub correction_limit: f64,
+    /// Largest sum of corrections that the controller takes between two joint motions.
+    pub correction_sum_limit: f64,
     /// Readings where the indicators end, retracted and extended.
     pub stroke: [f64; 2],
     /// Resolution of the indicators; 0 = what a record can hold (a nanometre).
@@ -52,6 +54,8 @@ pub struct CellOptions {
     pub payload_kg: Option<f64>,
     /// Time that passes at each pose that is reached (settling and reading).
     pub dwell: f64,
+    /// Real seconds for each simulated second of motion; 0 = motions take no time, 1 = as long as a real arm's.
+    pub pace: f64,
 }
 
 impl Default for CellOptions {
@@ -62,6 +66,7 @@ impl Default for CellOptions {
             group: 0,
             limits: Vec::new(),
             correction_limit: 5e-3,
+            correction_sum_limit: 10e-3,
             stroke: [-6e-3, 6e-3],
             resolution: 1e-6,
             noise: 0.0,
@@ -70,6 +75,7 @@ impl Default for CellOptions {
             start: [0.0; MAX_JOINTS],
             payload_kg: None,
             dwell: 2.0,
+            pace: 0.0,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::world::World;
 use super::{Fault, lock};
@@ -47,9 +47,15 @@ fn serve_client(
         }
         while let Some(end) = pending.iter().position(|byte| *byte == b'#') {
             let message: Vec<u8> = pending.drain(..=end).take(end).collect();
-            let Some(reply) = answer(&message, &mut lock(world)) else {
-                return Ok(());
+            let (reply, takes) = {
+                let mut world = lock(world);
+                let begin = world.clock();
+                let Some(reply) = answer(&message, &mut world) else {
+                    return Ok(());
+                };
+                (reply, (world.clock() - begin) * world.options.pace)
             };
+            wait(takes, stop);
             stream.write_all(reply.as_bytes())?;
         }
         if pending.len() > protocol::LONGEST {
@@ -57,6 +63,14 @@ fn serve_client(
         }
     }
     Ok(())
+}
+
+/// Lets real time pass, in s.
+fn wait(seconds: f64, stop: &AtomicBool) {
+    let begin = Instant::now();
+    while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 /// What the controller sends on a request; `None` closes the connection.

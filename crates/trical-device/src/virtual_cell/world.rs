@@ -25,6 +25,8 @@ pub(super) struct World {
     angular_speed: f64,
     pub(super) stream_interval: f64,
     pub(super) motions: u64,
+    /// Sum of the corrections since the last joint motion, m.
+    corrected: f64,
 }
 
 impl World {
@@ -44,6 +46,7 @@ impl World {
             angular_speed: 0.5,
             stream_interval: 0.0,
             motions: 0,
+            corrected: 0.0,
             options,
         };
         world.motion.push(&q);
@@ -95,6 +98,7 @@ impl World {
             return Err("emergency stop".to_owned());
         }
         self.check_limits(target)?;
+        self.corrected = 0.0;
         Ok(self.go(target))
     }
 
@@ -111,6 +115,12 @@ impl World {
                 self.options.correction_limit * 1e3
             ));
         }
+        if self.corrected + length > self.options.correction_sum_limit {
+            return Err(format!(
+                "corrections since the last MoveAbsJ are over {:.3} mm",
+                self.options.correction_sum_limit * 1e3
+            ));
+        }
         let (position, rotation) = self.plant.nominal_tcp(&self.q);
         let moved = std::array::from_fn(|row| {
             position[row]
@@ -122,6 +132,7 @@ impl World {
             return Err("position cannot be reached".to_owned());
         };
         self.check_limits(&target)?;
+        self.corrected += length;
         Ok(self.go(&target))
     }
 

@@ -90,12 +90,16 @@ impl Status {
         }
     }
 
-    /// Whether asking again may help.
+    /// Whether asking again may help. A request is also refused when it came behind half of another one.
     #[must_use]
     pub fn is_worth_a_retry(self) -> bool {
         matches!(
             self,
-            Self::InstrumentSilent | Self::DataLost | Self::NoData | Self::CancelledByOperator
+            Self::InstrumentSilent
+                | Self::DataLost
+                | Self::NoData
+                | Self::BadRequest
+                | Self::CancelledByOperator
         )
     }
 }

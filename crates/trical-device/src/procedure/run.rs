@@ -342,12 +342,14 @@ impl Runner<'_, '_> {
 
     /// After a touch: back to the approach point or all the way, as the plan is made for.
     fn leave(&mut self) -> Result<(), Violation> {
-        let stop = match self.options.retreat {
-            // the first point of the trail is where the arm stood before the entry
-            Retreat::Whole => 1,
-            Retreat::Approach => self.trail.len().saturating_sub(2),
+        // the first point of the trail is where the arm stood before the entry, the last is the touch
+        let keep = match (self.options.retreat, self.trail.len()) {
+            // there was no point on the way: back to where it came from
+            (_, 0..=2) => 0,
+            (Retreat::Whole, _) => 1,
+            (Retreat::Approach, points) => points - 2,
         };
-        self.back_to(stop.max(1))
+        self.back_to(keep)
     }
 
     /// After a failure: all the way back, with whatever still works.

@@ -79,13 +79,32 @@ impl RecordingWriter {
         if !read.recording.rows.is_empty() && read.recording.joints != header.joint_names.len() {
             return Err(different("number of joints"));
         }
+        // a file that was cut before its first message says nothing of when it began either
+        if raw.messages.is_empty() {
+            return Ok((Self::begin(path, header, None)?, Some(read)));
+        }
         let mut header = header.clone();
         header.start_ns = read.start_ns;
-        let writer = Self::begin(path, &header, Some(raw))?;
+        let writer = Self::begin(path, &header, Some(&raw))?;
         Ok((writer, Some(read)))
     }
 
-    fn begin(path: &Path, header: &Header, before: Option<RawFile>) -> Result<Self, RecordError> {
+    /// Begins in a file beside, which takes the name once its head is whole.
+    fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+        let mut writer = Self::begin_beside(path, header, before)?;
+        if let Some(raw) = before {
+            writer.copy(raw)?;
+        }
+        writer.sync()?;
+        publish(path)?;
+        Ok(writer)
+    }
+
+    fn begin_beside(
+        path: &Path,
+        header: &Header,
+        before: Option<&RawFile>,
+    ) -> Result<Self, RecordError> {
         let temporary = temporary_beside(path);
         let file = OpenOptions::new()
             .write(true)
@@ -93,15 +112,7 @@ impl RecordingWriter {
             .truncate(true)
             .open(&temporary)
             .map_err(RecordError::io(&temporary, "create"))?;
-        let mut writer = Self::write_head(file, path, header, before.as_ref())?;
-        if let Some(raw) = before {
-            writer.copy(&raw)?;
-        }
-        writer.sync()?;
-        std::fs::rename(&temporary, path)
-            .map_err(RecordError::io(path, "rename the new file to it"))?;
-        sync_directory(path)?;
-        Ok(writer)
+        Self::write_head(file, path, header, before)
     }
 
     fn write_head(
@@ -346,25 +357,31 @@ impl RunLog for RecordingWriter {
     }
 }
 
-/// Writes a recording that is whole already, e.g. one that was read from CSV.
+/// Writes a recording that is whole already, e.g. one that was read from CSV. A file of that name is replaced, once the
+/// new one is whole.
 ///
 /// # Errors
-/// The file exists or cannot be written.
+/// The file cannot be written.
 pub fn write_recording(
     path: &Path,
     recording: &Recording,
     header: &Header,
 ) -> Result<(), RecordError> {
-    let mut writer = RecordingWriter::create(path, header)?;
+    let mut writer = RecordingWriter::begin_beside(path, header, None)?;
     for row in &recording.rows {
         let text = json::row_to_json(row, recording.joints);
-        writer.message(
-            writer.channels.measurement,
-            row.state.t.unwrap_or(writer.last_t),
-            text.as_bytes(),
-        )?;
+        let t = row.state.t.unwrap_or(writer.last_t);
+        writer.message(writer.channels.measurement, t, text.as_bytes())?;
     }
-    writer.finish()
+    writer.finish()?;
+    publish(path)
+}
+
+/// Gives the file beside its name.
+fn publish(path: &Path) -> Result<(), RecordError> {
+    std::fs::rename(temporary_beside(path), path)
+        .map_err(RecordError::io(path, "rename the new file to it"))?;
+    sync_directory(path)
 }
 
 fn temporary_beside(path: &Path) -> PathBuf {

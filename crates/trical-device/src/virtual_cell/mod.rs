@@ -272,6 +272,12 @@ impl VirtualCell {
         lock(&self.world).state()
     }
 
+    /// Where the TCP truly is, in the world frame; what a perfect tracker would see.
+    #[must_use]
+    pub fn true_tcp(&self) -> Frame {
+        lock(&self.world).true_tcp()
+    }
+
     /// Number of motions so far.
     #[must_use]
     pub fn motions(&self) -> u64 {

@@ -5,7 +5,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 use trical_model::recording::{Joints, State};
 
-use super::{CellOptions, Fault, Plant};
+use super::{CellOptions, Fault, Frame, Plant};
 use crate::motion::{JointSample, MotionSense};
 
 /// Never more joint samples in one motion.
@@ -90,6 +90,11 @@ impl World {
             temp_c: self.plant.temperature(self.clock),
             payload_kg: self.options.payload_kg,
         }
+    }
+
+    pub(super) fn true_tcp(&mut self) -> Frame {
+        let state = self.state();
+        self.plant.tcp(&state)
     }
 
     /// MoveAbsJ of the virtual controller; gives samples on the way.

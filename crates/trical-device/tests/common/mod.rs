@@ -2,9 +2,14 @@
 
 #![allow(dead_code, clippy::unwrap_used, clippy::needless_range_loop)]
 
+use std::sync::atomic::AtomicBool;
+
 use trical_device::virtual_cell::{Frame, Plant};
-use trical_device::{PlanEntry, ProcedureOptions};
-use trical_model::recording::{Joints, MAX_JOINTS, State};
+use trical_device::{
+    CellOptions, Controller, Fault, Gauge, PlanEntry, ProcedureError, ProcedureOptions, Progress,
+    RunReport, VirtualCell, open_controller, open_gauge, run,
+};
+use trical_model::recording::{Joints, MAX_JOINTS, Row, State};
 
 /// Three linear joints (1 rad stands for 1 m) and roll, pitch, yaw of the wrist, about a TCP off the wrist.
 pub struct Gantry {
@@ -136,4 +141,58 @@ pub fn options<'a>() -> ProcedureOptions<'a> {
         ..ProcedureOptions::default()
     }
     .at_once()
+}
+
+/// A virtual cell with its drivers and what came out of it.
+pub struct Bench {
+    pub cell: VirtualCell,
+    pub gauge: Box<dyn Gauge>,
+    pub controller: Box<dyn Controller>,
+    pub rows: Vec<Row>,
+    pub events: Vec<Progress>,
+}
+
+impl Bench {
+    pub fn new(plant: Gantry, cell: CellOptions) -> Self {
+        let start = plan(1)[0].via[0];
+        let cell = VirtualCell::start(Box::new(plant), CellOptions { start, ..cell }).unwrap();
+        let gauge = open_gauge(&format!("{}&timeout_ms=300", cell.gauge_url())).unwrap();
+        let controller = open_controller(&cell.controller_url()).unwrap();
+        Self {
+            cell,
+            gauge,
+            controller,
+            rows: Vec::new(),
+            events: Vec::new(),
+        }
+    }
+
+    pub fn run(
+        &mut self,
+        plan: &[PlanEntry],
+        options: &ProcedureOptions<'_>,
+    ) -> Result<RunReport, ProcedureError> {
+        let cancel = AtomicBool::new(false);
+        let events = &mut self.events;
+        run(
+            plan,
+            self.gauge.as_mut(),
+            self.controller.as_mut(),
+            &mut self.rows,
+            options,
+            &cancel,
+            &mut |event| {
+                events.push(event);
+            },
+        )
+    }
+
+    pub fn fails(&mut self, fault: Fault) -> ProcedureError {
+        self.cell.inject(fault);
+        self.run(&plan(3), &options()).unwrap_err()
+    }
+}
+
+pub fn bench() -> Bench {
+    Bench::new(Gantry::default(), CellOptions::default())
 }

@@ -11,12 +11,14 @@
 //! | [`recording`] | what is known about a pose and what was measured there |
 //! | [`term`] | sites, bases, terms |
 //! | [`forward`] | prediction and Jacobians |
+//! | [`ik`] | inverse kinematics on the full model |
 //! | [`pose`] | rigid transforms |
 
 pub mod cell;
 mod chain;
 pub mod error;
 pub mod forward;
+pub mod ik;
 mod jacobian;
 pub mod pose;
 pub mod recording;
@@ -26,6 +28,7 @@ pub mod term;
 pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};
 pub use forward::{Forward, GRAVITY, Model, Workspace, residual_rows};
+pub use ik::{IkError, Solution, inverse_kinematics, nearest_solution};
 pub use pose::Pose;
 pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
 pub use robot::{Joint, JointKind, Robot};

@@ -1,0 +1,527 @@
+//! Inverse kinematics on the full model: every way the arm can take a pose, to rounding.
+//!
+//! Two steps. The nominal arm gives the branches: in closed form where the last three axes meet in a point ([`spherical`]) or
+//! where axes 2, 3 and 4 are parallel ([`parallel`]), by many starts otherwise. Newton's method on the model with all of its
+//! terms then takes each branch to the pose itself, so a calibrated arm has as many solutions as its nominal one.
+//!
+//! ```
+//! use trical_model::ik::inverse_kinematics;
+//! use trical_model::{Cell, Forward, Model, Robot, State};
+//! # let robot = Robot::parse(include_str!("../tests/data/arm.toml"), "arm.toml")?;
+//! # let cell = Cell::parse(include_str!("../tests/data/cell.toml"), "cell.toml")?;
+//! let forward = Forward::new(Model::nominal(robot, cell), vec![])?;
+//! let mut ws = forward.workspace();
+//! let state = State::at(&[0.3, 0.5, -0.2, 0.4, 0.8, -1.0]);
+//! let world_from_tool = forward.world_from_tool(&state, &mut ws);
+//! let solutions = inverse_kinematics(&forward, &world_from_tool, &state, &mut ws)?;
+//! assert!((solutions[0].joints[1] - 0.5).abs() < 1e-9); // nearest to `state` first
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod newton;
+mod parallel;
+mod search;
+mod spherical;
+mod wrist;
+
+use std::f64::consts::{PI, TAU};
+
+use thiserror::Error;
+
+use crate::forward::{Forward, Workspace};
+use crate::pose::Pose;
+use crate::recording::{Joints, MAX_JOINTS, State};
+use crate::robot::{JointKind, Robot};
+use crate::term::{Shape, Variable};
+use newton::Ended;
+
+/// Solutions that differ by less than this in every joint are one, rad or m.
+const SAME: f64 = 1e-6;
+
+/// A joint may pass its limit by this much, rad or m; it is then put on the limit.
+const LIMIT_SLACK: f64 = 1e-12;
+
+/// No pose has more solutions than this listed: an arm of six joints that turn twice has 8 branches x 64 wraps.
+const MOST: usize = 4096;
+
+/// Why the arm cannot take a pose.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum IkError {
+    /// The arm reaches the pose only with a joint beyond its limits; the branch that is least beyond is told.
+    #[error(
+        "joint {joint} would have to be at {:.3} deg, and its limits are {:.3} to {:.3} deg",
+        value_rad.to_degrees(), lower_rad.to_degrees(), upper_rad.to_degrees()
+    )]
+    OutOfLimits {
+        /// 1-based.
+        joint: usize,
+        /// Where it would be.
+        value_rad: f64,
+        /// Its lower limit.
+        lower_rad: f64,
+        /// Its upper limit.
+        upper_rad: f64,
+    },
+    /// As [`IkError::OutOfLimits`] for a joint that slides.
+    #[error(
+        "joint {joint} would have to be at {:.3} mm, and its limits are {:.3} to {:.3} mm",
+        value_m * 1e3, lower_m * 1e3, upper_m * 1e3
+    )]
+    OutOfTravel {
+        /// 1-based.
+        joint: usize,
+        /// Where it would be.
+        value_m: f64,
+        /// Its lower limit.
+        lower_m: f64,
+        /// Its upper limit.
+        upper_m: f64,
+    },
+    /// The arm loses a direction near the pose and cannot be brought onto it.
+    #[error(
+        "the arm is singular near the pose and stays {:.6} mm and {:.6} deg off it",
+        miss_m * 1e3, miss_rad.to_degrees()
+    )]
+    Singular {
+        /// Distance left, m.
+        miss_m: f64,
+        /// Angle left, rad.
+        miss_rad: f64,
+    },
+    /// The arm is too short, or too close, whatever its joints do.
+    #[error("the pose is out of reach: the nearest that was found is {:.3} mm and {:.3} deg off it", miss_m * 1e3, miss_rad.to_degrees())]
+    Unreachable {
+        /// Distance left, m.
+        miss_m: f64,
+        /// Angle left, rad.
+        miss_rad: f64,
+    },
+    /// The iteration ended without an answer.
+    #[error(
+        "no solution after {iterations} iterations: {:.6} mm and {:.6} deg are left",
+        miss_m * 1e3, miss_rad.to_degrees()
+    )]
+    NotConverged {
+        /// How many.
+        iterations: usize,
+        /// Distance left, m.
+        miss_m: f64,
+        /// Angle left, rad.
+        miss_rad: f64,
+    },
+    /// The pose is not one: a number is not finite, or the rotation is none.
+    #[error("the pose to reach is not a rigid transform of finite numbers")]
+    NotAPose,
+}
+
+/// One way to take a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solution {
+    /// Joint values within limits, rad (m for prismatic joints).
+    pub joints: Joints,
+    /// Number of the branch (elbow up or down and so on), from 0. Solutions that differ by whole turns share it.
+    pub branch: usize,
+}
+
+/// Every way to bring the tool to `world_from_tool` (TCP and axes of the tool in {w}) within joint limits: all branches, and
+/// all whole turns of joints that can turn further than once; nearest to `state.q` first.
+///
+/// `state` gives the covariates (temperature, sense of motion, payload ...) that the model's terms may look at; its `q`
+/// chooses among the infinitely many solutions where two axes coincide. Arms with more than six joints get a sample of
+/// their solutions. Solutions are accurate to 1e-10 m and 1e-10 rad on the full model.
+///
+/// # Errors
+/// [`IkError`], where there is no solution; of several reasons the one closest to success: limits before a singular arm
+/// before reach.
+pub fn inverse_kinematics(
+    forward: &Forward,
+    world_from_tool: &Pose,
+    state: &State,
+    ws: &mut Workspace,
+) -> Result<Vec<Solution>, IkError> {
+    check_pose(world_from_tool)?;
+    let robot = &forward.model().robot;
+    let n = robot.dof();
+    let seeds = seeds(forward, world_from_tool, state, ws);
+    let mut found = Found { roots: Vec::with_capacity(8), failure: None };
+    for seed in &seeds.list {
+        found.attempt(forward, world_from_tool, seed, state, ws);
+    }
+    let exact = forward.model().terms.is_empty();
+    if seeds.closed && !exact {
+        // the branch of `state.q`, in case the nominal arm folds where the calibrated one does not
+        found.attempt(forward, world_from_tool, &state.q, state, ws);
+        if found.roots.is_empty() {
+            for seed in search::starts(robot, &state.q, 24) {
+                found.attempt(forward, world_from_tool, &seed, state, ws);
+            }
+        }
+    } else if seeds.list.is_empty() {
+        // nothing to be had: one descent says by how much
+        found.attempt(forward, world_from_tool, &state.q, state, ws);
+    }
+    let Found { roots, mut failure } = found;
+    if let (true, Some(IkError::NotConverged { miss_m, miss_rad, .. })) = (roots.is_empty(), failure) {
+        failure = Some(IkError::Unreachable { miss_m, miss_rad });
+    }
+    let turning = changes_with_turns(forward);
+    let mut solutions = Vec::with_capacity(roots.len());
+    for (branch, root) in roots.iter().enumerate() {
+        let mut wraps = Vec::new();
+        match all_wraps(robot, root, &mut wraps) {
+            Ok(()) => {}
+            Err(e) => keep_better(&mut failure, e),
+        }
+        for q in wraps {
+            let mut joints = q;
+            if turning {
+                let mut at = State { q, ..*state };
+                if newton::refine(forward, world_from_tool, &mut at, ws) != Ended::Converged {
+                    continue;
+                }
+                joints = at.q;
+                if let Err(e) = put_within(robot, &mut joints) {
+                    keep_better(&mut failure, e);
+                    continue;
+                }
+            }
+            solutions.push(Solution { joints, branch });
+        }
+    }
+    let mut order: Vec<(f64, Solution)> =
+        solutions.into_iter().map(|s| (farthest(n, &s.joints, &state.q), s)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order.truncate(MOST);
+    if order.is_empty() {
+        return Err(failure.unwrap_or(IkError::Unreachable { miss_m: f64::NAN, miss_rad: f64::NAN }));
+    }
+    Ok(order.into_iter().map(|(_, s)| s).collect())
+}
+
+/// The solution on the same branch as `state.q`, by Newton's method from there: what a small correction of a pose needs.
+/// Where that jumps or fails, the solution nearest to `state.q` of all.
+///
+/// # Errors
+/// As [`inverse_kinematics`].
+pub fn nearest_solution(
+    forward: &Forward,
+    world_from_tool: &Pose,
+    state: &State,
+    ws: &mut Workspace,
+) -> Result<Joints, IkError> {
+    check_pose(world_from_tool)?;
+    let robot = &forward.model().robot;
+    let mut at = *state;
+    if newton::refine(forward, world_from_tool, &mut at, ws) == Ended::Converged
+        && farthest(robot.dof(), &at.q, &state.q) < 1.0
+        && put_within(robot, &mut at.q).is_ok()
+    {
+        return Ok(at.q);
+    }
+    let all = inverse_kinematics(forward, world_from_tool, state, ws)?;
+    all.first().map(|s| s.joints).ok_or(IkError::NotAPose)
+}
+
+/// The solution that Newton's method finds from `state.q`, or why there is none: never another branch.
+///
+/// # Errors
+/// As [`inverse_kinematics`]; also [`IkError::NotConverged`] where the nearest solution is more than 1 rad (or 1 m) away
+/// in some joint.
+pub fn continue_from(
+    forward: &Forward,
+    world_from_tool: &Pose,
+    state: &State,
+    ws: &mut Workspace,
+) -> Result<Joints, IkError> {
+    check_pose(world_from_tool)?;
+    let robot = &forward.model().robot;
+    let mut at = *state;
+    match newton::refine(forward, world_from_tool, &mut at, ws) {
+        Ended::Converged if farthest(robot.dof(), &at.q, &state.q) < 1.0 => {
+            put_within(robot, &mut at.q)?;
+            Ok(at.q)
+        }
+        Ended::Converged => Err(IkError::NotConverged { iterations: 0, miss_m: 0.0, miss_rad: 0.0 }),
+        ended => Err(ended.error()),
+    }
+}
+
+struct Found {
+    roots: Vec<Joints>,
+    failure: Option<IkError>,
+}
+
+impl Found {
+    fn attempt(&mut self, forward: &Forward, target: &Pose, seed: &Joints, state: &State, ws: &mut Workspace) {
+        let robot = &forward.model().robot;
+        let mut at = State { q: *seed, ..*state };
+        match newton::refine(forward, target, &mut at, ws) {
+            Ended::Converged => {
+                let q = principal(robot, &at.q);
+                if !self.roots.iter().any(|r| same(robot, r, &q)) {
+                    self.roots.push(q);
+                }
+            }
+            ended => keep_better(&mut self.failure, ended.error()),
+        }
+    }
+}
+
+fn check_pose(pose: &Pose) -> Result<(), IkError> {
+    let r = &pose.rotation;
+    let finite = r.iter().chain(pose.translation.iter()).all(|x| x.is_finite());
+    if finite && (r.transpose() * r - nalgebra::Matrix3::identity()).amax() < 1e-6 && r.determinant() > 0.0 {
+        Ok(())
+    } else {
+        Err(IkError::NotAPose)
+    }
+}
+
+struct Seeds {
+    list: Vec<Joints>,
+    /// From a closed form: then they are all there are.
+    closed: bool,
+}
+
+/// Starting points for Newton's method: one for each branch of the nominal arm.
+fn seeds(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Workspace) -> Seeds {
+    let robot = &forward.model().robot;
+    if robot.dof() == 6 && robot.joints.iter().all(|j| j.kind == JointKind::Revolute) {
+        // where base and tool really are, so that only what is inside the arm separates seed and solution
+        let world_from_flange = forward.world_from_flange(state, ws);
+        let world_from_base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
+        let flange_from_tool = world_from_flange.inverse().compose(&forward.world_from_tool(state, ws));
+        let base_from_flange = world_from_base.inverse().compose(&world_from_tool.compose(&flange_from_tool.inverse()));
+        let arm = Arm::of(robot);
+        let start = arm.theta(&state.q);
+        let mut thetas = Vec::with_capacity(8);
+        if arm.has_spherical_wrist() {
+            spherical::solve(&arm, &base_from_flange, &start, &mut thetas);
+        } else if arm.has_parallel_axes() {
+            parallel::solve(&arm, &base_from_flange, &start, &mut thetas);
+        }
+        if arm.has_spherical_wrist() || arm.has_parallel_axes() {
+            return Seeds { list: thetas.iter().map(|t| arm.joints(t)).collect(), closed: true };
+        }
+    }
+    Seeds { list: search::starts(robot, &state.q, 160), closed: false }
+}
+
+/// Nominal lengths and angles of a 6R arm, in the file's order (entry i belongs to joint i + 1).
+struct Arm {
+    alpha: [f64; 6],
+    a: [f64; 6],
+    d: [f64; 6],
+    offset: [f64; 6],
+    /// Sum of all lengths, m.
+    size: f64,
+}
+
+impl Arm {
+    fn of(robot: &Robot) -> Self {
+        let mut arm = Self { alpha: [0.0; 6], a: [0.0; 6], d: [0.0; 6], offset: [0.0; 6], size: 0.0 };
+        for (i, j) in robot.joints.iter().enumerate().take(6) {
+            arm.alpha[i] = j.alpha;
+            arm.a[i] = j.a;
+            arm.d[i] = j.d;
+            arm.offset[i] = j.theta_offset;
+            arm.size += j.a.abs() + j.d.abs();
+        }
+        arm.size = arm.size.max(1e-3);
+        arm
+    }
+
+    fn zero(&self, length: f64) -> bool {
+        length.abs() < 1e-9 * self.size
+    }
+
+    fn has_spherical_wrist(&self) -> bool {
+        self.zero(self.a[4])
+            && self.zero(self.d[4])
+            && self.zero(self.a[5])
+            && self.alpha[4].sin().abs() > 1e-6
+            && self.alpha[5].sin().abs() > 1e-6
+    }
+
+    fn has_parallel_axes(&self) -> bool {
+        [2, 3].iter().all(|i| self.alpha[*i].sin().abs() < 1e-9 && self.alpha[*i].cos() > 0.0)
+            && [1, 4, 5].iter().all(|i| self.alpha[*i].sin().abs() > 1e-6)
+            && self.zero(self.a[5])
+            && !self.zero(self.a[2])
+            && !self.zero(self.a[3])
+    }
+
+    fn theta(&self, q: &Joints) -> [f64; 6] {
+        std::array::from_fn(|i| q[i] + self.offset[i])
+    }
+
+    fn joints(&self, theta: &[f64; 6]) -> Joints {
+        let mut q = [0.0; MAX_JOINTS];
+        for i in 0..6 {
+            q[i] = theta[i] - self.offset[i];
+        }
+        q
+    }
+}
+
+/// `q` with every revolute joint turned into the turn about the middle of its limits.
+fn principal(robot: &Robot, q: &Joints) -> Joints {
+    let mut out = *q;
+    for (x, j) in out.iter_mut().zip(&robot.joints) {
+        if j.kind == JointKind::Revolute {
+            let middle = 0.5 * (j.limits[0] + j.limits[1]);
+            *x -= TAU * ((*x - middle) / TAU).round();
+        }
+    }
+    out
+}
+
+fn same(robot: &Robot, a: &Joints, b: &Joints) -> bool {
+    robot.joints.iter().zip(a.iter().zip(b)).all(|(j, (x, y))| {
+        let mut d = x - y;
+        if j.kind == JointKind::Revolute {
+            d -= TAU * (d / TAU).round();
+        }
+        d.abs() < SAME
+    })
+}
+
+fn farthest(n: usize, a: &Joints, b: &Joints) -> f64 {
+    a.iter().zip(b).take(n).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+}
+
+fn beyond(robot: &Robot, joint: usize, value: f64) -> IkError {
+    let j = &robot.joints[joint];
+    let [lower, upper] = j.limits;
+    match j.kind {
+        JointKind::Revolute => {
+            IkError::OutOfLimits { joint: joint + 1, value_rad: value, lower_rad: lower, upper_rad: upper }
+        }
+        JointKind::Prismatic => {
+            IkError::OutOfTravel { joint: joint + 1, value_m: value, lower_m: lower, upper_m: upper }
+        }
+    }
+}
+
+/// How far beyond limits an error says the arm would be.
+fn excess(e: &IkError) -> f64 {
+    match *e {
+        IkError::OutOfLimits { value_rad: v, lower_rad: l, upper_rad: u, .. }
+        | IkError::OutOfTravel { value_m: v, lower_m: l, upper_m: u, .. } => (l - v).max(v - u),
+        _ => 0.0,
+    }
+}
+
+/// Checks limits, and puts joints that pass one by rounding onto it.
+fn put_within(robot: &Robot, q: &mut Joints) -> Result<(), IkError> {
+    let mut worst: Option<IkError> = None;
+    for (i, j) in robot.joints.iter().enumerate() {
+        let over = (j.limits[0] - q[i]).max(q[i] - j.limits[1]);
+        if over > LIMIT_SLACK {
+            let e = beyond(robot, i, q[i]);
+            if worst.as_ref().is_none_or(|w| excess(w) < excess(&e)) {
+                worst = Some(e);
+            }
+        } else {
+            q[i] = q[i].clamp(j.limits[0], j.limits[1]);
+        }
+    }
+    worst.map_or(Ok(()), Err)
+}
+
+/// All whole turns of `q` within limits.
+fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Result<(), IkError> {
+    // turns[i] = the values joint i can have
+    let mut worst: Option<IkError> = None;
+    out.push(*q);
+    for (i, j) in robot.joints.iter().enumerate() {
+        let [lower, upper] = j.limits;
+        let mut values = Vec::with_capacity(3);
+        if j.kind == JointKind::Revolute {
+            let first = ((lower - LIMIT_SLACK - q[i]) / TAU).ceil();
+            let mut v = q[i] + TAU * first;
+            while v <= upper + LIMIT_SLACK {
+                values.push(v.clamp(lower, upper));
+                v += TAU;
+            }
+        } else if q[i] >= lower - LIMIT_SLACK && q[i] <= upper + LIMIT_SLACK {
+            values.push(q[i].clamp(lower, upper));
+        }
+        if values.is_empty() {
+            let e = beyond(robot, i, q[i]);
+            if worst.as_ref().is_none_or(|w| excess(w) < excess(&e)) {
+                worst = Some(e);
+            }
+            continue;
+        }
+        let before = std::mem::take(out);
+        for w in before.iter().take(MOST / values.len().max(1)) {
+            for v in &values {
+                let mut next = *w;
+                next[i] = *v;
+                out.push(next);
+            }
+        }
+    }
+    if let Some(e) = worst {
+        out.clear();
+        return Err(e);
+    }
+    Ok(())
+}
+
+/// Keeps the failure that is closest to success.
+fn keep_better(kept: &mut Option<IkError>, new: IkError) {
+    let rank = |e: &IkError| match e {
+        IkError::OutOfLimits { .. } | IkError::OutOfTravel { .. } => (0, excess(e)),
+        IkError::Singular { miss_m, miss_rad } => (1, miss_m + miss_rad),
+        IkError::NotConverged { miss_m, miss_rad, .. } => (2, miss_m + miss_rad),
+        IkError::Unreachable { miss_m, miss_rad } => (3, miss_m + miss_rad),
+        IkError::NotAPose => (4, 0.0),
+    };
+    if kept.as_ref().is_none_or(|k| {
+        let (a, b) = (rank(&new), rank(k));
+        a.0 < b.0 || (a.0 == b.0 && a.1 < b.1)
+    }) {
+        *kept = Some(new);
+    }
+}
+
+/// Whether a whole turn of a joint changes what the model predicts.
+fn changes_with_turns(forward: &Forward) -> bool {
+    forward.varying.iter().any(|(_, index)| {
+        let basis = &forward.bound[*index].basis;
+        match basis.of {
+            Variable::Lag { .. } => true,
+            Variable::Joint { .. } => {
+                !matches!(basis.shape, Shape::Sine { cycles } | Shape::Cosine { cycles } if cycles.fract() == 0.0)
+            }
+            _ => false,
+        }
+    })
+}
+
+/// Both angles whose cosine is `x`. A little beyond 1, where the nominal arm just misses what the calibrated one may reach,
+/// they are parted as far as they would be a little within, so that Newton's method does not start on a singular arm.
+/// `None` further out.
+fn arc_cosines(x: f64) -> Option<[f64; 2]> {
+    if x.abs() > 1.02 {
+        return None;
+    }
+    let angle = if x.abs() <= 1.0 {
+        x.acos()
+    } else {
+        let apart = (2.0 * (x.abs() - 1.0)).sqrt();
+        if x > 0.0 { apart } else { PI - apart }
+    };
+    Some([angle, -angle])
+}
+
+/// `x` in (-pi, pi].
+fn wrapped(x: f64) -> f64 {
+    let y = x - TAU * (x / TAU).round();
+    if y <= -PI { y + TAU } else { y }
+}
+
+#[cfg(test)]
+mod tests;

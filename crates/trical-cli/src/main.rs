@@ -3,7 +3,9 @@
 mod commands;
 mod error;
 mod input;
+mod plant;
 mod progress;
+mod rapid;
 mod report;
 mod table;
 

@@ -31,11 +31,7 @@ impl MotionSense {
     /// Nothing known yet: all senses are 0. `dead_band` in rad.
     #[must_use]
     pub fn new(dead_band: f64) -> Self {
-        Self {
-            dead_band,
-            reference: None,
-            sense: [0; MAX_JOINTS],
-        }
+        Self { dead_band, reference: None, sense: [0; MAX_JOINTS] }
     }
 
     /// Takes the next joint values, in the order of time.

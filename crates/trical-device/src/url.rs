@@ -30,21 +30,16 @@ impl DeviceUrl {
     /// # Errors
     /// No `://`, an empty place, a key without `=`, a key given twice, a broken percent escape.
     pub fn parse(text: &str) -> Result<Self, UrlError> {
-        let fail = |problem: String| UrlError {
-            url: text.to_owned(),
-            problem,
-        };
-        let (scheme, rest) = text.split_once("://").ok_or_else(|| {
-            fail("no \"://\" in it; expected scheme://place, e.g. uwave:///dev/ttyUSB0".to_owned())
-        })?;
+        let fail = |problem: String| UrlError { url: text.to_owned(), problem };
+        let (scheme, rest) = text
+            .split_once("://")
+            .ok_or_else(|| fail("no \"://\" in it; expected scheme://place, e.g. uwave:///dev/ttyUSB0".to_owned()))?;
         let (place, query) = match rest.split_once('?') {
             Some((place, query)) => (place, query),
             None => (rest, ""),
         };
         if place.is_empty() {
-            return Err(fail(
-                "nothing between \"://\" and the options; expected a port or an address".to_owned(),
-            ));
+            return Err(fail("nothing between \"://\" and the options; expected a port or an address".to_owned()));
         }
         let mut pairs: Vec<(String, String)> = Vec::new();
         for part in query.split('&').filter(|part| !part.is_empty()) {
@@ -54,30 +49,18 @@ impl DeviceUrl {
             if pairs.iter().any(|(known, _)| known == key) {
                 return Err(fail(format!("option {key:?} is given twice")));
             }
-            let value = percent_decode(value).ok_or_else(|| {
-                fail(format!(
-                    "option {key:?} has a broken percent escape in {value:?}"
-                ))
-            })?;
+            let value = percent_decode(value)
+                .ok_or_else(|| fail(format!("option {key:?} has a broken percent escape in {value:?}")))?;
             pairs.push((key.to_owned(), value));
         }
-        let place = percent_decode(place)
-            .ok_or_else(|| fail("broken percent escape in the place".to_owned()))?;
-        Ok(Self {
-            text: text.to_owned(),
-            scheme: scheme.to_ascii_lowercase(),
-            place,
-            query: pairs,
-        })
+        let place = percent_decode(place).ok_or_else(|| fail("broken percent escape in the place".to_owned()))?;
+        Ok(Self { text: text.to_owned(), scheme: scheme.to_ascii_lowercase(), place, query: pairs })
     }
 
     /// An error about this URL.
     #[must_use]
     pub fn error(&self, problem: impl Into<String>) -> UrlError {
-        UrlError {
-            url: self.text.clone(),
-            problem: problem.into(),
-        }
+        UrlError { url: self.text.clone(), problem: problem.into() }
     }
 
     /// Takes the text value of a key out of the URL; what is left at the end is unknown (see [`Self::finish`]).
@@ -149,10 +132,7 @@ mod tests {
     #[test]
     fn parts_and_escapes() {
         let mut url = DeviceUrl::parse("line:///dev/ttyS0?request=%3F%0D&baud=4800").unwrap();
-        assert_eq!(
-            (url.scheme.as_str(), url.place.as_str()),
-            ("line", "/dev/ttyS0")
-        );
+        assert_eq!((url.scheme.as_str(), url.place.as_str()), ("line", "/dev/ttyS0"));
         assert_eq!(url.take("request").unwrap(), "?\r");
         assert_eq!(url.take_number("baud", 9600.0, 50.0..=1e6).unwrap(), 4800.0);
         url.finish("baud, request").unwrap();

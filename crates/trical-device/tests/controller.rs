@@ -101,26 +101,14 @@ fn requests_are_written_as_the_module_reads_them() {
 
 #[test]
 fn plain_open_abb_is_told_from_the_module() {
-    let error = connect(|request| Some(format!("{} 0 #", &request[..2])))
-        .err()
-        .unwrap();
-    assert!(
-        error.to_string().contains("load rapid/TriCal.mod"),
-        "{error}"
-    );
-    let error = connect(|_| Some("HTTP/1.1 400 Bad Request\r\n\r\n#".to_owned()))
-        .err()
-        .unwrap();
+    let error = connect(|request| Some(format!("{} 0 #", &request[..2]))).err().unwrap();
+    assert!(error.to_string().contains("load rapid/TriCal.mod"), "{error}");
+    let error = connect(|_| Some("HTTP/1.1 400 Bad Request\r\n\r\n#".to_owned())).err().unwrap();
     assert!(matches!(error, ControllerError::Garbage { .. }), "{error}");
     let error = connect(|_| Some("x".repeat(3000))).err().unwrap();
     assert!(matches!(error, ControllerError::Lost { .. }), "{error}");
     let error = connect(|_| Some(String::new())).err().unwrap();
-    assert!(
-        error
-            .to_string()
-            .contains("no answer to \"24 #\" within 0.2 s"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("no answer to \"24 #\" within 0.2 s"), "{error}");
     let error = connect(|_| None).err().unwrap();
     assert!(matches!(error, ControllerError::Lost { .. }), "{error}");
 }
@@ -146,52 +134,31 @@ fn samples_come_before_the_reply_and_are_kept() {
 
 #[test]
 fn a_server_that_refuses_the_samples_is_used_without() {
-    let client = connect(|request| {
-        if request.starts_with("22") {
-            Some("22 0 unknown code#".to_owned())
-        } else {
-            sound(request)
-        }
-    });
+    let client =
+        connect(
+            |request| {
+                if request.starts_with("22") { Some("22 0 unknown code#".to_owned()) } else { sound(request) }
+            },
+        );
     assert!(client.is_ok());
 }
 
 #[test]
 fn after_a_late_answer_the_connection_is_not_used_again() {
-    let mut client = connect(|request| {
-        if request.starts_with("02") {
-            Some(String::new())
-        } else {
-            sound(request)
-        }
-    })
-    .unwrap();
+    let mut client =
+        connect(|request| if request.starts_with("02") { Some(String::new()) } else { sound(request) }).unwrap();
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
     let error = client.joints().unwrap_err();
-    assert!(
-        error.to_string().contains("no answer to \"02"),
-        "a late answer could be taken for this one: {error}"
-    );
+    assert!(error.to_string().contains("no answer to \"02"), "a late answer could be taken for this one: {error}");
 }
 
 #[test]
 fn answers_to_another_request_are_an_error() {
-    let mut client = connect(|request| {
-        if request.starts_with("04") {
-            Some("21 1 3#".to_owned())
-        } else {
-            sound(request)
-        }
-    })
-    .unwrap();
+    let mut client =
+        connect(|request| if request.starts_with("04") { Some("21 1 3#".to_owned()) } else { sound(request) }).unwrap();
     let error = client.joints().unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .contains("answered \"21 1 3\" to \"04 #\", expected 04 1 ... #"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("answered \"21 1 3\" to \"04 #\", expected 04 1 ... #"), "{error}");
     assert!(client.ping().is_err());
 }
 
@@ -207,9 +174,7 @@ fn a_refusal_carries_the_reason_and_the_connection_lives_on() {
     .unwrap();
     let error = client.correct([6e-3, 0.0, 0.0]).unwrap_err();
     assert!(
-        error
-            .to_string()
-            .contains("refused \"20 6.00000 0.00000 0.00000 #\" (correction 6.000 mm is over"),
+        error.to_string().contains("refused \"20 6.00000 0.00000 0.00000 #\" (correction 6.000 mm is over"),
         "{error}"
     );
     client.ping().unwrap();
@@ -217,27 +182,15 @@ fn a_refusal_carries_the_reason_and_the_connection_lives_on() {
 
 #[test]
 fn wrong_numbers_of_joints_are_noticed() {
-    let mut client = connect(|request| {
-        if request.starts_with("04") {
-            Some("04 1 1 2 3#".to_owned())
-        } else {
-            sound(request)
-        }
-    })
-    .unwrap();
-    assert!(
-        client
-            .joints()
-            .unwrap_err()
-            .to_string()
-            .contains("expected 6 joint values")
-    );
+    let mut client =
+        connect(|request| if request.starts_with("04") { Some("04 1 1 2 3#".to_owned()) } else { sound(request) })
+            .unwrap();
+    assert!(client.joints().unwrap_err().to_string().contains("expected 6 joint values"));
 }
 
 #[test]
 fn the_url_opens_the_client() {
     let address = server(sound);
-    let mut controller =
-        open_controller(&format!("rapid://{address}?timeout_s=1&stream_ms=0")).unwrap();
+    let mut controller = open_controller(&format!("rapid://{address}?timeout_s=1&stream_ms=0")).unwrap();
     controller.ping().unwrap();
 }

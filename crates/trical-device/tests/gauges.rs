@@ -29,10 +29,7 @@ impl Mock {
         let mut settings = tcgetattr(&pair.slave).unwrap();
         cfmakeraw(&mut settings);
         tcsetattr(&pair.slave, SetArg::TCSANOW, &settings).unwrap();
-        let path = nix::unistd::ttyname(&pair.slave)
-            .unwrap()
-            .display()
-            .to_string();
+        let path = nix::unistd::ttyname(&pair.slave).unwrap().display().to_string();
         let master = File::from(pair.master);
         let stop = Arc::new(AtomicBool::new(false));
         let mut io = master.try_clone().unwrap();
@@ -40,8 +37,7 @@ impl Mock {
         let thread = std::thread::spawn(move || {
             let mut pending = Vec::new();
             let mut byte = [0];
-            while !ends.load(Ordering::Relaxed) && io.read(&mut byte).is_ok_and(|count| count == 1)
-            {
+            while !ends.load(Ordering::Relaxed) && io.read(&mut byte).is_ok_and(|count| count == 1) {
                 pending.push(byte[0]);
                 if byte[0] == end {
                     io.write_all(&script(&pending)).unwrap();
@@ -49,13 +45,7 @@ impl Mock {
                 }
             }
         });
-        Self {
-            path,
-            master,
-            stop,
-            thread: Some(thread),
-            _slave: pair.slave,
-        }
+        Self { path, master, stop, thread: Some(thread), _slave: pair.slave }
     }
 }
 
@@ -63,20 +53,14 @@ impl Drop for Mock {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         // one byte from the other side ends the blocking read
-        let _ = std::fs::OpenOptions::new()
-            .write(true)
-            .open(&self.path)
-            .and_then(|mut slave| slave.write_all(b"\0"));
+        let _ = std::fs::OpenOptions::new().write(true).open(&self.path).and_then(|mut slave| slave.write_all(b"\0"));
         let _ = self.thread.take().unwrap().join();
     }
 }
 
 fn close(found: [f64; 3], expected_mm: [f64; 3]) {
     for (found, expected) in found.iter().zip(expected_mm) {
-        assert!(
-            (found - expected * 1e-3).abs() < 1e-12,
-            "{found} m, expected {expected} mm"
-        );
+        assert!((found - expected * 1e-3).abs() < 1e-12, "{found} m, expected {expected} mm");
     }
 }
 
@@ -88,22 +72,12 @@ fn three_usb_itn_adaptors() {
             Mock::new(b'\r', move |request| {
                 assert_eq!(request, b"1\r");
                 busy -= 1;
-                if busy >= 0 {
-                    b"918\r".to_vec()
-                } else {
-                    format!("01A+0000.{axis}23\r").into_bytes()
-                }
+                if busy >= 0 { b"918\r".to_vec() } else { format!("01A+0000.{axis}23\r").into_bytes() }
             })
         })
         .into();
-    let url = format!(
-        "itn://{},{},{}?flip=z",
-        mocks[0].path, mocks[1].path, mocks[2].path
-    );
-    close(
-        open_gauge(&url).unwrap().read().unwrap(),
-        [0.123, 0.223, -0.323],
-    );
+    let url = format!("itn://{},{},{}?flip=z", mocks[0].path, mocks[1].path, mocks[2].path);
+    close(open_gauge(&url).unwrap().read().unwrap(), [0.123, 0.223, -0.323]);
 }
 
 #[test]
@@ -114,14 +88,8 @@ fn one_line_gauge_with_three_channels_and_inches() {
         b"C\r" => b"0.500\r\n".to_vec(),
         other => panic!("{other:?}"),
     });
-    let url = format!(
-        "line://{}?x=A%0D&y=B%0D&z=C%0D&framing=7E2&baud=4800",
-        mock.path
-    );
-    close(
-        open_gauge(&url).unwrap().read().unwrap(),
-        [0.254, -1.25, 0.5],
-    );
+    let url = format!("line://{}?x=A%0D&y=B%0D&z=C%0D&framing=7E2&baud=4800", mock.path);
+    close(open_gauge(&url).unwrap().read().unwrap(), [0.254, -1.25, 0.5]);
 }
 
 #[test]
@@ -143,10 +111,7 @@ fn errors_of_instruments_are_not_values() {
         ("918\r", "busy"),
     ] {
         let mock = Mock::new(b'\r', move |_| reply.as_bytes().to_vec());
-        let url = format!(
-            "line://{}?pattern={{v}};{{v}};{{v}}&timeout_ms=60&attempts=2",
-            mock.path
-        );
+        let url = format!("line://{}?pattern={{v}};{{v}};{{v}}&timeout_ms=60&attempts=2", mock.path);
         let error = open_gauge(&url).unwrap().read().unwrap_err().to_string();
         assert!(error.contains(words), "{reply:?}: {error}");
     }
@@ -159,9 +124,7 @@ fn what_came_before_a_request_is_no_answer_to_it() {
         format!("DT100{channel}+0000000.500M\r").into_bytes()
     });
     let mut gauge = open_gauge(&format!("uwave://{}?interval_ms=0", mock.path)).unwrap();
-    mock.master
-        .write_all(b"DT10000+0000009.999M\rST10001FFFFFFFFFF00\rDT100")
-        .unwrap();
+    mock.master.write_all(b"DT10000+0000009.999M\rST10001FFFFFFFFFF00\rDT100").unwrap();
     std::thread::sleep(std::time::Duration::from_millis(20));
     close(gauge.read().unwrap(), [0.5, 0.5, 0.5]);
     let warnings = gauge.take_warnings();
@@ -179,39 +142,20 @@ fn inches_and_missing_units() {
     let url = format!("uwave://{}?interval_ms=0", mock.path);
     let error = open_gauge(&url).unwrap().read().unwrap_err().to_string();
     assert!(error.contains("unit=mm"), "{error}");
-    close(
-        open_gauge(&format!("{url}&unit=mm"))
-            .unwrap()
-            .read()
-            .unwrap(),
-        [0.254, -0.01, 0.01],
-    );
+    close(open_gauge(&format!("{url}&unit=mm")).unwrap().read().unwrap(), [0.254, -0.01, 0.01]);
 }
 
 #[test]
 fn the_receiver_tells_of_itself_and_its_transmitters() {
     let mock = Mock::new(b'\r', |request| match request {
-        b"IR1000000\r" => format!(
-            "DT10000+0000000.010M\rRI100123456789002{}\r",
-            "0".repeat(50)
-        )
-        .into_bytes(),
+        b"IR1000000\r" => format!("DT10000+0000000.010M\rRI100123456789002{}\r", "0".repeat(50)).into_bytes(),
         b"IR1100001\r" => b"TI1002001234567890021\r".to_vec(),
         other => panic!("{other:?}"),
     });
     let port = open_serial(&mock.path, &UWaveSettings::serial()).unwrap();
     let mut gauge = UWave::new(port, "mock", UWaveSettings::default());
-    assert!(
-        matches!(gauge.receiver_information().unwrap(), Record::Receiver { id, .. } if id == "1234567890")
-    );
+    assert!(matches!(gauge.receiver_information().unwrap(), Record::Receiver { id, .. } if id == "1234567890"));
     let transmitter = gauge.transmitter_information(0).unwrap();
-    assert!(matches!(
-        transmitter,
-        Record::Transmitter {
-            channel: 2,
-            event_mode: true,
-            ..
-        }
-    ));
+    assert!(matches!(transmitter, Record::Transmitter { channel: 2, event_mode: true, .. }));
     assert_eq!(Unit::Inch.in_metres(), Some(0.0254));
 }

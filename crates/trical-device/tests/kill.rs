@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use common::{Gantry, options, plan};
 use trical_device::{
-    CellOptions, Header, ProcedureOptions, RecordingWriter, VirtualCell, open_controller,
-    open_gauge, read_recording, run,
+    CellOptions, Header, ProcedureOptions, RecordingWriter, VirtualCell, open_controller, open_gauge, read_recording,
+    run,
 };
 
 const TOUCHES: u64 = 8;
@@ -24,25 +24,12 @@ fn child() {
         return;
     };
     let mut gauge = open_gauge(&std::env::var("TRICAL_TEST_GAUGE").unwrap()).unwrap();
-    let mut controller =
-        open_controller(&std::env::var("TRICAL_TEST_CONTROLLER").unwrap()).unwrap();
+    let mut controller = open_controller(&std::env::var("TRICAL_TEST_CONTROLLER").unwrap()).unwrap();
     let (mut log, before) = RecordingWriter::resume(path.as_ref(), &Header::default()).unwrap();
     let skip = before.map(|read| read.done()).unwrap_or_default();
-    let options = ProcedureOptions {
-        skip,
-        begin_t: log.last_t(),
-        ..options()
-    };
-    run(
-        &plan(TOUCHES),
-        gauge.as_mut(),
-        controller.as_mut(),
-        &mut log,
-        &options,
-        &AtomicBool::new(false),
-        &mut |_| (),
-    )
-    .unwrap();
+    let options = ProcedureOptions { skip, begin_t: log.last_t(), ..options() };
+    run(&plan(TOUCHES), gauge.as_mut(), controller.as_mut(), &mut log, &options, &AtomicBool::new(false), &mut |_| ())
+        .unwrap();
     log.finish().unwrap();
 }
 
@@ -62,11 +49,7 @@ fn nothing_is_lost_or_doubled_when_the_process_is_killed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     // about 25 simulated seconds a touch: 50 ms of real time
-    let options = CellOptions {
-        start: plan(1)[0].via[0],
-        pace: 2e-3,
-        ..CellOptions::default()
-    };
+    let options = CellOptions { start: plan(1)[0].via[0], pace: 2e-3, ..CellOptions::default() };
     let cell = VirtualCell::start(Box::new(Gantry::default()), options).unwrap();
 
     let mut measured = Vec::new();
@@ -78,39 +61,22 @@ fn nothing_is_lost_or_doubled_when_the_process_is_killed() {
             if count >= wanted {
                 break;
             }
-            assert!(
-                begin.elapsed() < Duration::from_secs(20),
-                "the process does not measure"
-            );
+            assert!(begin.elapsed() < Duration::from_secs(20), "the process does not measure");
             std::thread::sleep(Duration::from_millis(3));
         }
         child.kill().unwrap();
         child.wait().unwrap();
         let rows = read_recording(&path).unwrap().recording.rows;
         assert!(rows.len() >= wanted);
-        assert_eq!(
-            rows[..measured.len()],
-            measured[..],
-            "what was there before is there still"
-        );
+        assert_eq!(rows[..measured.len()], measured[..], "what was there before is there still");
         measured = rows;
     }
     assert!(start(&cell, &path).wait().unwrap().success());
 
     let read = read_recording(&path).unwrap();
     assert_eq!(read.recording.rows[..measured.len()], measured[..]);
-    let numbers: Vec<u64> = read
-        .recording
-        .rows
-        .iter()
-        .map(|row| row.seq.unwrap())
-        .collect();
+    let numbers: Vec<u64> = read.recording.rows.iter().map(|row| row.seq.unwrap()).collect();
     assert_eq!(numbers, (0..TOUCHES).collect::<Vec<_>>());
     assert_eq!(read.lost, None);
-    assert!(
-        read.recording
-            .rows
-            .windows(2)
-            .all(|pair| pair[0].state.t < pair[1].state.t)
-    );
+    assert!(read.recording.rows.windows(2).all(|pair| pair[0].state.t < pair[1].state.t));
 }

@@ -59,25 +59,21 @@ fn every_code_of_the_protocol_is_served() {
 fn blocks_are_closed_and_lines_are_plain_ascii() {
     let mut open: Vec<&str> = Vec::new();
     for statement in statements() {
-        let mut words = statement
-            .split(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-            .filter(|w| !w.is_empty());
+        let mut words = statement.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').filter(|w| !w.is_empty());
         let mut first = words.next().unwrap_or_default();
         if first == "LOCAL" {
             first = words.next().unwrap_or_default();
         }
         match first {
-            "MODULE" | "PROC" | "FUNC" | "TRAP" | "WHILE" | "FOR" | "TEST" => {
-                open.push(match first {
-                    "MODULE" => "ENDMODULE",
-                    "PROC" => "ENDPROC",
-                    "FUNC" => "ENDFUNC",
-                    "TRAP" => "ENDTRAP",
-                    "WHILE" => "ENDWHILE",
-                    "FOR" => "ENDFOR",
-                    _ => "ENDTEST",
-                })
-            }
+            "MODULE" | "PROC" | "FUNC" | "TRAP" | "WHILE" | "FOR" | "TEST" => open.push(match first {
+                "MODULE" => "ENDMODULE",
+                "PROC" => "ENDPROC",
+                "FUNC" => "ENDFUNC",
+                "TRAP" => "ENDTRAP",
+                "WHILE" => "ENDWHILE",
+                "FOR" => "ENDFOR",
+                _ => "ENDTEST",
+            }),
             "IF" if statement.ends_with("THEN") => open.push("ENDIF"),
             word if word.starts_with("END") => assert_eq!(open.pop(), Some(word), "{statement}"),
             _ => {}
@@ -93,10 +89,7 @@ fn blocks_are_closed_and_lines_are_plain_ascii() {
 fn names_are_short_enough_for_rapid() {
     for statement in statements() {
         for word in statement.split(|c: char| !c.is_ascii_alphanumeric() && c != '_') {
-            assert!(
-                word.len() <= 16,
-                "{word}: 16 characters are safe in every version"
-            );
+            assert!(word.len() <= 16, "{word}: 16 characters are safe in every version");
         }
     }
 }

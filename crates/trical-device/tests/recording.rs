@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use common::{Gantry, options, plan};
 use trical_device::record::{Attachment, RunLog, write_recording};
 use trical_device::{
-    CellOptions, Header, JointSample, PlanEntry, ProcedureOptions, Progress, ReadRecording,
-    RecordError, RecordingWriter, VirtualCell, open_controller, open_gauge, read_recording, run,
+    CellOptions, Header, JointSample, PlanEntry, ProcedureOptions, Progress, ReadRecording, RecordError,
+    RecordingWriter, VirtualCell, open_controller, open_gauge, read_recording, run,
 };
 use trical_model::recording::Row;
 
@@ -29,10 +29,7 @@ fn header() -> Header {
 }
 
 fn cell() -> VirtualCell {
-    let options = CellOptions {
-        start: plan(1)[0].via[0],
-        ..CellOptions::default()
-    };
+    let options = CellOptions { start: plan(1)[0].via[0], ..CellOptions::default() };
     VirtualCell::start(Box::new(Gantry::default()), options).unwrap()
 }
 
@@ -49,22 +46,14 @@ fn drive(
     let mut controller = open_controller(&cell.controller_url()).unwrap();
     let cancel = AtomicBool::new(false);
     let mut sizes = Vec::new();
-    let result = run(
-        plan,
-        gauge.as_mut(),
-        controller.as_mut(),
-        log,
-        options,
-        &cancel,
-        &mut |event| {
-            if let Progress::Measured { .. } = event {
-                sizes.push(std::fs::metadata(path).unwrap().len());
-            }
-            if sizes.len() >= stop_after && matches!(event, Progress::Begin { .. }) {
-                cancel.store(true, Ordering::Relaxed);
-            }
-        },
-    );
+    let result = run(plan, gauge.as_mut(), controller.as_mut(), log, options, &cancel, &mut |event| {
+        if let Progress::Measured { .. } = event {
+            sizes.push(std::fs::metadata(path).unwrap().len());
+        }
+        if sizes.len() >= stop_after && matches!(event, Progress::Begin { .. }) {
+            cancel.store(true, Ordering::Relaxed);
+        }
+    });
     assert!(result.is_ok() || result.unwrap_err().is_cancelled());
     sizes
 }
@@ -73,24 +62,13 @@ fn recorded(touches: u64) -> (tempfile::TempDir, std::path::PathBuf, Vec<u64>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let mut log = RecordingWriter::create(&path, &header()).unwrap();
-    let sizes = drive(
-        &cell(),
-        &mut log,
-        &path,
-        &plan(touches),
-        &options(),
-        usize::MAX,
-    );
+    let sizes = drive(&cell(), &mut log, &path, &plan(touches), &options(), usize::MAX);
     log.finish().unwrap();
     (folder, path, sizes)
 }
 
 fn rows(read: &ReadRecording) -> Vec<u64> {
-    read.recording
-        .rows
-        .iter()
-        .map(|row| row.seq.unwrap())
-        .collect()
+    read.recording.rows.iter().map(|row| row.seq.unwrap()).collect()
 }
 
 #[test]
@@ -102,45 +80,18 @@ fn a_recording_holds_rows_history_files_and_settings() {
     assert_eq!(read.lost, None);
     assert_eq!(read.attachment("robot.toml"), Some("name = \"gantry\"\n"));
     assert_eq!(read.metadata["trical"]["epsilon_mm"], "0.005");
-    assert_eq!(
-        read.metadata["trical"]["version"],
-        env!("CARGO_PKG_VERSION")
-    );
+    assert_eq!(read.metadata["trical"]["version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(read.start_ns, header().start_ns);
-    assert!(
-        read.joint_states.len() > 5 * 10,
-        "continuous while the robot moves: {}",
-        read.joint_states.len()
-    );
-    assert!(
-        read.joint_states
-            .windows(2)
-            .all(|pair| pair[0].t <= pair[1].t)
-    );
-    assert!(
-        read.indicators
-            .iter()
-            .filter(|sample| sample.settled)
-            .count()
-            >= 10
-    );
+    assert!(read.joint_states.len() > 5 * 10, "continuous while the robot moves: {}", read.joint_states.len());
+    assert!(read.joint_states.windows(2).all(|pair| pair[0].t <= pair[1].t));
+    assert!(read.indicators.iter().filter(|sample| sample.settled).count() >= 10);
     // the index that viewers rely on
     let bytes = std::fs::read(&path).unwrap();
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     assert_eq!(summary.attachment_indexes.len(), 2);
-    assert_eq!(
-        summary.stats.unwrap().message_count as usize,
-        mcap::MessageStream::new(&bytes).unwrap().count()
-    );
-    let topics: std::collections::BTreeSet<_> =
-        summary.channels.values().map(|c| c.topic.clone()).collect();
-    for topic in [
-        "/joint_states",
-        "/indicators",
-        "/temperature",
-        "/measurement",
-        "/robot_description",
-    ] {
+    assert_eq!(summary.stats.unwrap().message_count as usize, mcap::MessageStream::new(&bytes).unwrap().count());
+    let topics: std::collections::BTreeSet<_> = summary.channels.values().map(|c| c.topic.clone()).collect();
+    for topic in ["/joint_states", "/indicators", "/temperature", "/measurement", "/robot_description"] {
         assert!(topics.contains(topic), "{topic}");
     }
 }
@@ -153,10 +104,7 @@ fn senses_of_motion_come_from_the_joint_states_where_the_rows_have_none() {
     let mut log = RecordingWriter::create(&bare, &header()).unwrap();
     let mut rows = read.recording.rows.iter().peekable();
     for sample in &read.joint_states {
-        while rows
-            .peek()
-            .is_some_and(|row| row.state.t.unwrap() + 1e-6 < sample.t)
-        {
+        while rows.peek().is_some_and(|row| row.state.t.unwrap() + 1e-6 < sample.t) {
             write_bare(&mut log, rows.next().unwrap());
         }
         log.joint_state(sample).unwrap();
@@ -183,17 +131,11 @@ fn a_file_cut_anywhere_gives_all_complete_measurements() {
     for length in (0..bytes.len()).step_by(100) {
         std::fs::write(&cut, &bytes[..length]).unwrap();
         if length < 8 {
-            assert!(matches!(
-                read_recording(&cut),
-                Err(RecordError::NotMcap { .. })
-            ));
+            assert!(matches!(read_recording(&cut), Err(RecordError::NotMcap { .. })));
             continue;
         }
         let read = read_recording(&cut).unwrap();
-        let complete = sizes
-            .iter()
-            .filter(|size| **size as usize <= length)
-            .count();
+        let complete = sizes.iter().filter(|size| **size as usize <= length).count();
         assert!(read.recording.rows.len() >= complete, "cut at {length}");
         assert!(read.lost.is_some() || length as u64 > sizes[5]);
         // and it can be taken up from there
@@ -232,22 +174,11 @@ fn a_run_that_was_broken_off_is_taken_up_with_nothing_lost_or_doubled() {
     // as after a crash: no end is written
     std::mem::forget(log);
 
-    let (mut log, before) = RecordingWriter::resume(
-        &path,
-        &Header {
-            start_ns: 1,
-            ..header()
-        },
-    )
-    .unwrap();
+    let (mut log, before) = RecordingWriter::resume(&path, &Header { start_ns: 1, ..header() }).unwrap();
     let before = before.unwrap();
     assert_eq!(rows(&before), [0, 1, 2]);
     assert!(before.lost.is_some());
-    let again = ProcedureOptions {
-        skip: before.done(),
-        begin_t: log.last_t(),
-        ..options()
-    };
+    let again = ProcedureOptions { skip: before.done(), begin_t: log.last_t(), ..options() };
     drive(&cell, &mut log, &path, &plan(7), &again, usize::MAX);
     log.finish().unwrap();
 
@@ -255,24 +186,11 @@ fn a_run_that_was_broken_off_is_taken_up_with_nothing_lost_or_doubled() {
     assert_eq!(rows(&read), [0, 1, 2, 3, 4, 5, 6]);
     assert_eq!(read.recording.rows[..3], before.recording.rows[..]);
     assert_eq!(read.lost, None);
-    assert_eq!(
-        read.start_ns,
-        header().start_ns,
-        "times go on from the first beginning"
-    );
+    assert_eq!(read.start_ns, header().start_ns, "times go on from the first beginning");
     assert_eq!(read.attachments.len(), 2);
-    assert!(
-        read.recording
-            .rows
-            .windows(2)
-            .all(|pair| pair[0].state.t < pair[1].state.t)
-    );
+    assert!(read.recording.rows.windows(2).all(|pair| pair[0].state.t < pair[1].state.t));
     assert!(read.metadata.contains_key("trical.resumed.1"));
-    assert_eq!(
-        std::fs::read_dir(folder.path()).unwrap().count(),
-        1,
-        "no temporary file is left"
-    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
 
     // taking up a whole recording changes nothing that counts
     let (log, _) = RecordingWriter::resume(&path, &header()).unwrap();
@@ -287,15 +205,8 @@ fn a_recording_is_taken_up_with_the_same_robot_and_cell_only() {
     other.attachments[1] = Attachment::toml("cell.toml", "[tool]\nmass_kg = 2.0\n");
     let error = RecordingWriter::resume(&path, &other).err().unwrap();
     assert!(error.to_string().contains("another cell.toml"), "{error}");
-    let error = RecordingWriter::resume(
-        &path,
-        &Header {
-            joint_names: vec!["a".to_owned()],
-            ..header()
-        },
-    )
-    .err()
-    .unwrap();
+    let error =
+        RecordingWriter::resume(&path, &Header { joint_names: vec!["a".to_owned()], ..header() }).err().unwrap();
     assert!(error.to_string().contains("number of joints"), "{error}");
     let error = RecordingWriter::create(&path, &header()).err().unwrap();
     assert!(matches!(error, RecordError::Exists { .. }));
@@ -307,13 +218,8 @@ fn what_is_no_recording_is_one_clear_error_that_names_the_file() {
     let path = folder.path().join("rows.csv");
     std::fs::write(&path, "q1_deg,q2_deg\n1,2\n").unwrap();
     let error = read_recording(&path).unwrap_err().to_string();
-    assert!(
-        error.contains("rows.csv: not an MCAP recording (begins with \"q1_deg,q\""),
-        "{error}"
-    );
-    let error = read_recording(&folder.path().join("none.mcap"))
-        .unwrap_err()
-        .to_string();
+    assert!(error.contains("rows.csv: not an MCAP recording (begins with \"q1_deg,q\""), "{error}");
+    let error = read_recording(&folder.path().join("none.mcap")).unwrap_err().to_string();
     assert!(error.contains("none.mcap: cannot open"), "{error}");
 }
 
@@ -327,22 +233,12 @@ fn the_same_rows_give_the_same_bytes() {
         std::fs::read(path).unwrap()
     });
     assert_eq!(files[0], files[1]);
-    assert_eq!(
-        read_recording(&folder.path().join("a.mcap"))
-            .unwrap()
-            .recording
-            .rows,
-        read.recording.rows
-    );
+    assert_eq!(read_recording(&folder.path().join("a.mcap")).unwrap().recording.rows, read.recording.rows);
     let again = folder.path().join("again.mcap");
     let mut log = RecordingWriter::create(&again, &header()).unwrap();
     drive(&cell(), &mut log, &again, &plan(4), &options(), usize::MAX);
     log.finish().unwrap();
-    assert_eq!(
-        std::fs::read(again).unwrap(),
-        std::fs::read(path).unwrap(),
-        "a whole run repeats byte for byte"
-    );
+    assert_eq!(std::fs::read(again).unwrap(), std::fs::read(path).unwrap(), "a whole run repeats byte for byte");
 }
 
 #[test]
@@ -350,10 +246,7 @@ fn joint_states_carry_the_time_of_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let mut log = RecordingWriter::create(&path, &header()).unwrap();
-    let sample = JointSample {
-        t: 1.5,
-        q: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.0, 0.0],
-    };
+    let sample = JointSample { t: 1.5, q: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.0, 0.0] };
     log.joint_state(&sample).unwrap();
     log.finish().unwrap();
     assert_eq!(read_recording(&path).unwrap().joint_states, [sample]);
@@ -364,14 +257,8 @@ fn joint_states_carry_the_time_of_the_recording() {
         .find(|m| m.channel.topic == "/joint_states")
         .unwrap();
     let state = trical_device::record::cdr::JointState::from_cdr(&message.data).unwrap();
-    assert_eq!(
-        (state.seconds, state.nanoseconds),
-        (1_700_000_001, 500_000_000)
-    );
+    assert_eq!((state.seconds, state.nanoseconds), (1_700_000_001, 500_000_000));
     assert_eq!(state.names[5], "joint_6");
     let schema = message.channel.schema.clone().unwrap();
-    assert_eq!(
-        (schema.name.as_str(), schema.encoding.as_str()),
-        ("sensor_msgs/msg/JointState", "ros2msg")
-    );
+    assert_eq!((schema.name.as_str(), schema.encoding.as_str()), ("sensor_msgs/msg/JointState", "ros2msg"));
 }

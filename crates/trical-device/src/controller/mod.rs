@@ -87,9 +87,7 @@ pub enum ControllerError {
     #[error(transparent)]
     Url(#[from] UrlError),
     /// No connection.
-    #[error(
-        "robot controller {address}: cannot connect ({reason}); is the module loaded and running?"
-    )]
+    #[error("robot controller {address}: cannot connect ({reason}); is the module loaded and running?")]
     Connect {
         /// Address that was tried.
         address: String,
@@ -125,9 +123,7 @@ pub enum ControllerError {
         reason: String,
     },
     /// An answer that is none.
-    #[error(
-        "robot controller {controller}: answered {found:?} to {request:?}, expected {expected}"
-    )]
+    #[error("robot controller {controller}: answered {found:?} to {request:?}, expected {expected}")]
     Garbage {
         /// Name of the controller.
         controller: String,
@@ -167,12 +163,7 @@ pub enum ControllerError {
 pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError> {
     let mut url = DeviceUrl::parse(url)?;
     if url.scheme != "rapid" {
-        return Err(url
-            .error(format!(
-                "unknown controller {:?}; known is rapid",
-                url.scheme
-            ))
-            .into());
+        return Err(url.error(format!("unknown controller {:?}; known is rapid", url.scheme)).into());
     }
     let defaults = RapidSettings::default();
     let mut seconds = |key: &str, default: Duration| {
@@ -189,11 +180,7 @@ pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError
         )? as u64),
     };
     url.finish("timeout_s, move_timeout_s, stream_ms")?;
-    let address = if url.place.contains(':') {
-        url.place.clone()
-    } else {
-        format!("{}:5000", url.place)
-    };
+    let address = if url.place.contains(':') { url.place.clone() } else { format!("{}:5000", url.place) };
     Ok(Box::new(RapidClient::connect(&address, settings)?))
 }
 
@@ -236,17 +223,9 @@ pub fn wait_settled(
 
 /// The joint (0-based) where two sets of values differ most, and by how much.
 pub(crate) fn largest_difference(a: &Joints, b: &Joints) -> (usize, f64) {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).abs())
-        .enumerate()
-        .fold((0, 0.0), |best, (joint, difference)| {
-            if difference > best.1 || difference.is_nan() {
-                (joint, difference)
-            } else {
-                best
-            }
-        })
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).enumerate().fold((0, 0.0), |best, (joint, difference)| {
+        if difference > best.1 || difference.is_nan() { (joint, difference) } else { best }
+    })
 }
 
 #[cfg(test)]

@@ -54,14 +54,8 @@ impl RapidClient<TcpStream> {
     /// # Errors
     /// No connection, or something else answers.
     pub fn connect(address: &str, settings: RapidSettings) -> Result<Self, ControllerError> {
-        let failed = |reason: String| ControllerError::Connect {
-            address: address.to_owned(),
-            reason,
-        };
-        let targets: Vec<_> = address
-            .to_socket_addrs()
-            .map_err(|error| failed(error.to_string()))?
-            .collect();
+        let failed = |reason: String| ControllerError::Connect { address: address.to_owned(), reason };
+        let targets: Vec<_> = address.to_socket_addrs().map_err(|error| failed(error.to_string()))?.collect();
         let mut last = "the name has no address".to_owned();
         for target in targets {
             match TcpStream::connect_timeout(&target, settings.timeout) {
@@ -84,11 +78,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
     ///
     /// # Errors
     /// Something else answers, or nothing.
-    pub fn new(
-        stream: S,
-        name: impl Into<String>,
-        settings: RapidSettings,
-    ) -> Result<Self, ControllerError> {
+    pub fn new(stream: S, name: impl Into<String>, settings: RapidSettings) -> Result<Self, ControllerError> {
         let mut client = Self {
             stream,
             name: name.into(),
@@ -133,21 +123,14 @@ impl<S: Read + Write + Send> RapidClient<S> {
         let words: Vec<&str> = answer.split_ascii_whitespace().collect();
         let parsed = match words.as_slice() {
             ["TriCal", version, joints, limit] => {
-                let version: Option<u32> = version
-                    .parse()
-                    .ok()
-                    .filter(|version| *version == protocol::VERSION);
-                let joints: Option<usize> = joints
-                    .parse()
-                    .ok()
-                    .filter(|count| (1..=MAX_JOINTS).contains(count));
+                let version: Option<u32> = version.parse().ok().filter(|version| *version == protocol::VERSION);
+                let joints: Option<usize> = joints.parse().ok().filter(|count| (1..=MAX_JOINTS).contains(count));
                 let limit: Option<f64> = limit.parse().ok().filter(|limit: &f64| limit.is_finite());
                 version.and(joints).zip(limit)
             }
             _ => None,
         };
-        let (joints, limit) =
-            parsed.ok_or_else(|| wrong(shorten(answer.as_bytes()), &self.name))?;
+        let (joints, limit) = parsed.ok_or_else(|| wrong(shorten(answer.as_bytes()), &self.name))?;
         self.joints = joints;
         self.correction_limit = limit * 1e-3;
         Ok(())
@@ -155,30 +138,15 @@ impl<S: Read + Write + Send> RapidClient<S> {
 
     fn lost(&mut self, reason: String) -> ControllerError {
         self.broken = Some(reason.clone());
-        ControllerError::Lost {
-            controller: self.name.clone(),
-            reason,
-        }
+        ControllerError::Lost { controller: self.name.clone(), reason }
     }
 
     /// Sends a request and waits for its reply; samples of the stream are kept on the way.
-    fn request(
-        &mut self,
-        wanted: u8,
-        request: &str,
-        timeout: Duration,
-    ) -> Result<String, ControllerError> {
+    fn request(&mut self, wanted: u8, request: &str, timeout: Duration) -> Result<String, ControllerError> {
         if let Some(reason) = &self.broken {
-            return Err(ControllerError::Lost {
-                controller: self.name.clone(),
-                reason: reason.clone(),
-            });
+            return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
         }
-        if let Err(error) = self
-            .stream
-            .write_all(request.as_bytes())
-            .and_then(|()| self.stream.flush())
-        {
+        if let Err(error) = self.stream.write_all(request.as_bytes()).and_then(|()| self.stream.flush()) {
             return Err(self.lost(error.to_string()));
         }
         let deadline = Instant::now() + timeout;
@@ -192,18 +160,10 @@ impl<S: Read + Write + Send> RapidClient<S> {
                 });
             };
             match protocol::parse_reply(&message) {
-                Some(Reply {
-                    code: code::SAMPLE,
-                    ok: true,
-                    data,
-                }) if self.keep_sample(&data) => {}
+                Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
                 Some(reply) if reply.code == wanted && reply.ok => return Ok(reply.data),
                 Some(reply) if reply.code == wanted => {
-                    let reason = if reply.data.is_empty() {
-                        "without a reason".to_owned()
-                    } else {
-                        reply.data
-                    };
+                    let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };
                     return Err(ControllerError::Refused {
                         controller: self.name.clone(),
                         request: request.to_owned(),
@@ -234,10 +194,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             }
             if self.buffer.len() > protocol::LONGEST {
                 let found = std::mem::take(&mut self.buffer);
-                return Err(self.lost(format!(
-                    "it sends {:?} and no end of message",
-                    shorten(&found)
-                )));
+                return Err(self.lost(format!("it sends {:?} and no end of message", shorten(&found))));
             }
             if Instant::now() >= deadline {
                 return Ok(None);
@@ -245,15 +202,11 @@ impl<S: Read + Write + Send> RapidClient<S> {
             let mut bytes = [0_u8; 256];
             match self.stream.read(&mut bytes) {
                 Ok(0) => return Err(self.lost("closed at its other end".to_owned())),
-                Ok(count) => self
-                    .buffer
-                    .extend_from_slice(bytes.get(..count).unwrap_or_default()),
+                Ok(count) => self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default()),
                 Err(error)
                     if matches!(
                         error.kind(),
-                        io::ErrorKind::TimedOut
-                            | io::ErrorKind::WouldBlock
-                            | io::ErrorKind::Interrupted
+                        io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
                     ) => {}
                 Err(error) => return Err(self.lost(error.to_string())),
             }
@@ -274,25 +227,14 @@ impl<S: Read + Write + Send> RapidClient<S> {
         true
     }
 
-    fn simple(
-        &mut self,
-        wanted: u8,
-        parameters: &[f64],
-        decimals: usize,
-    ) -> Result<String, ControllerError> {
+    fn simple(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<String, ControllerError> {
         let request = protocol::write_request(wanted, parameters, decimals);
         self.request(wanted, &request, self.settings.timeout)
     }
 
-    fn motion(
-        &mut self,
-        wanted: u8,
-        parameters: &[f64],
-        decimals: usize,
-    ) -> Result<(), ControllerError> {
+    fn motion(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<(), ControllerError> {
         let request = protocol::write_request(wanted, parameters, decimals);
-        self.request(wanted, &request, self.settings.move_timeout)
-            .map(|_| ())
+        self.request(wanted, &request, self.settings.move_timeout).map(|_| ())
     }
 }
 
@@ -313,21 +255,11 @@ impl<S: Read + Write + Send> Controller for RapidClient<S> {
         let answer = self.simple(code::JOINTS, &[], 0)?;
         protocol::parse_numbers(&answer)
             .and_then(|degrees| protocol::parse_joints(&degrees, self.joints))
-            .ok_or_else(|| {
-                self.garbage(
-                    "04 #",
-                    answer.as_bytes(),
-                    format!("{} joint values in degrees", self.joints),
-                )
-            })
+            .ok_or_else(|| self.garbage("04 #", answer.as_bytes(), format!("{} joint values in degrees", self.joints)))
     }
 
     fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
-        self.motion(
-            code::MOVE_JOINTS,
-            &protocol::joints_in_degrees(target, self.joints),
-            5,
-        )
+        self.motion(code::MOVE_JOINTS, &protocol::joints_in_degrees(target, self.joints), 5)
     }
 
     fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
@@ -335,14 +267,12 @@ impl<S: Read + Write + Send> Controller for RapidClient<S> {
     }
 
     fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
-        self.simple(code::SPEED, &[linear * 1e3, angular.to_degrees()], 3)
-            .map(|_| ())
+        self.simple(code::SPEED, &[linear * 1e3, angular.to_degrees()], 3).map(|_| ())
     }
 
     fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError> {
         let [x, y, z] = tcp_in_flange.map(|p| p * 1e3);
-        self.simple(code::TOOL, &[x, y, z, 1.0, 0.0, 0.0, 0.0], 4)
-            .map(|_| ())
+        self.simple(code::TOOL, &[x, y, z, 1.0, 0.0, 0.0, 0.0], 4).map(|_| ())
     }
 
     fn clock(&mut self) -> Result<f64, ControllerError> {

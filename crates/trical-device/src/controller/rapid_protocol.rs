@@ -117,11 +117,7 @@ pub fn parse_reply(message: &[u8]) -> Option<Reply> {
         "0" => false,
         _ => return None,
     };
-    Some(Reply {
-        code,
-        ok,
-        data: data.trim().to_owned(),
-    })
+    Some(Reply { code, ok, data: data.trim().to_owned() })
 }
 
 /// Joint values (rad) as parameters in degrees, of the first `count` joints.
@@ -133,11 +129,7 @@ pub fn joints_in_degrees(q: &Joints, count: usize) -> Vec<f64> {
 /// Joint values (rad) as text: degrees with five decimals.
 #[must_use]
 pub fn write_joints(q: &Joints, count: usize) -> String {
-    joints_in_degrees(q, count)
-        .into_iter()
-        .map(|q| number(q, 5))
-        .collect::<Vec<_>>()
-        .join(" ")
+    joints_in_degrees(q, count).into_iter().map(|q| number(q, 5)).collect::<Vec<_>>().join(" ")
 }
 
 /// Reads degrees as joint values in rad; there must be `count` of them.
@@ -181,23 +173,10 @@ mod tests {
     #[test]
     fn the_framing_of_open_abb() {
         assert_eq!(write_request(code::PING, &[], 5), "00 #");
-        assert_eq!(
-            write_request(code::CORRECT, &[0.25, -1.0, 0.0], 4),
-            "20 0.2500 -1.0000 0.0000 #"
-        );
+        assert_eq!(write_request(code::CORRECT, &[0.25, -1.0, 0.0], 4), "20 0.2500 -1.0000 0.0000 #");
         assert_eq!(write_reply(code::PING, true, ""), "00 1 #");
-        assert_eq!(
-            parse_reply(b"04 1 1.0 2.0").unwrap(),
-            Reply {
-                code: 4,
-                ok: true,
-                data: "1.0 2.0".to_owned()
-            }
-        );
-        assert_eq!(
-            parse_reply(b"20 0 correction over limit").unwrap().data,
-            "correction over limit"
-        );
+        assert_eq!(parse_reply(b"04 1 1.0 2.0").unwrap(), Reply { code: 4, ok: true, data: "1.0 2.0".to_owned() });
+        assert_eq!(parse_reply(b"20 0 correction over limit").unwrap().data, "correction over limit");
     }
 
     #[test]

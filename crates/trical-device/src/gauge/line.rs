@@ -39,16 +39,7 @@ impl LineSettings {
     pub fn preset(name: &str) -> Option<Self> {
         let (serial, request, pattern) = match name {
             "itn" => (SerialSettings::new(9600), "1\r", "01A{v}"),
-            "opto" => (
-                SerialSettings {
-                    baud: 4800,
-                    data_bits: 7,
-                    parity: 'E',
-                    stop_bits: 2,
-                },
-                "?\r",
-                "{v}",
-            ),
+            "opto" => (SerialSettings { baud: 4800, data_bits: 7, parity: 'E', stop_bits: 2 }, "?\r", "{v}"),
             "tesa" | "millimar" => (SerialSettings::new(9600), "?\r", "{v}"),
             "pico" => (SerialSettings::new(115_200), "1", "{v}"),
             "line" => (SerialSettings::new(9600), "?\r", "{v}"),
@@ -80,11 +71,7 @@ impl<P: Port> LineGauge<P> {
     ///
     /// # Errors
     /// Another number of ports.
-    pub fn new(
-        ports: Vec<P>,
-        name: impl Into<String>,
-        settings: LineSettings,
-    ) -> Result<Self, GaugeError> {
+    pub fn new(ports: Vec<P>, name: impl Into<String>, settings: LineSettings) -> Result<Self, GaugeError> {
         let name = name.into();
         if !matches!(ports.len(), 1 | 3) {
             return Err(GaugeError::Open {
@@ -92,14 +79,7 @@ impl<P: Port> LineGauge<P> {
                 reason: format!("{} ports; expected one, or three for x, y, z", ports.len()),
             });
         }
-        Ok(Self {
-            ports: ports
-                .into_iter()
-                .map(|port| (port, Lines::default()))
-                .collect(),
-            name,
-            settings,
-        })
+        Ok(Self { ports: ports.into_iter().map(|port| (port, Lines::default())).collect(), name, settings })
     }
 
     /// Asks one port once, with patience for a busy instrument.
@@ -109,15 +89,9 @@ impl<P: Port> LineGauge<P> {
         let settings = &self.settings;
         let request = &settings.requests[axis];
         let Some((port, lines)) = self.ports.get_mut(port_index) else {
-            return Err(GaugeError::Open {
-                port: self.name.clone(),
-                reason: "no port".to_owned(),
-            });
+            return Err(GaugeError::Open { port: self.name.clone(), reason: "no port".to_owned() });
         };
-        let io = |source| GaugeError::Io {
-            gauge: self.name.clone(),
-            source,
-        };
+        let io = |source| GaugeError::Io { gauge: self.name.clone(), source };
         let mut busy = 0;
         let mut attempt = 0;
         let mut garbage: Option<Vec<u8>> = None;
@@ -125,13 +99,8 @@ impl<P: Port> LineGauge<P> {
             lines.drain(port).map_err(io)?;
             while lines.next_line().is_some() {}
             lines.clear();
-            port.write_all(request.as_bytes())
-                .and_then(|()| port.flush())
-                .map_err(io)?;
-            let Some(line) = lines
-                .wait(port, Instant::now() + settings.timeout)
-                .map_err(io)?
-            else {
+            port.write_all(request.as_bytes()).and_then(|()| port.flush()).map_err(io)?;
+            let Some(line) = lines.wait(port, Instant::now() + settings.timeout).map_err(io)? else {
                 attempt += 1;
                 continue;
             };
@@ -139,9 +108,7 @@ impl<P: Port> LineGauge<P> {
                 LineReply::Values(values) => {
                     return Ok(values
                         .into_iter()
-                        .map(|(value, unit): (f64, Unit)| {
-                            value * unit.in_metres().unwrap_or(settings.scale)
-                        })
+                        .map(|(value, unit): (f64, Unit)| value * unit.in_metres().unwrap_or(settings.scale))
                         .collect());
                 }
                 LineReply::Busy if busy < settings.busy_attempts => {

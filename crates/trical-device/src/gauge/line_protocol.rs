@@ -27,9 +27,7 @@ pub struct Pattern {
 
 impl Default for Pattern {
     fn default() -> Self {
-        Self {
-            literals: vec![String::new(), String::new()],
-        }
+        Self { literals: vec![String::new(), String::new()] }
     }
 }
 
@@ -37,10 +35,7 @@ impl Pattern {
     /// Reads a pattern; it must hold one or three `{v}`.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
-        let literals: Vec<String> = text
-            .split("{v}")
-            .map(|part| part.trim().to_owned())
-            .collect();
+        let literals: Vec<String> = text.split("{v}").map(|part| part.trim().to_owned()).collect();
         matches!(literals.len(), 2 | 4).then_some(Self { literals })
     }
 
@@ -91,9 +86,7 @@ pub fn parse_line(line: &[u8], pattern: &Pattern) -> LineReply {
             _ => LineReply::Error("the interface reports an error of the indicator"),
         };
     }
-    pattern
-        .read(text)
-        .map_or(LineReply::Garbage, LineReply::Values)
+    pattern.read(text).map_or(LineReply::Garbage, LineReply::Values)
 }
 
 /// A number at the start of the text, a unit behind it, and the rest.
@@ -105,10 +98,8 @@ fn take_value(text: &str) -> Option<(f64, Unit, &str)> {
     };
     // some instruments put blanks between the sign and the number
     let digits = digits.trim_start();
-    let end = digits
-        .bytes()
-        .position(|byte| !(byte.is_ascii_digit() || matches!(byte, b'.' | b',')))
-        .unwrap_or(digits.len());
+    let end =
+        digits.bytes().position(|byte| !(byte.is_ascii_digit() || matches!(byte, b'.' | b','))).unwrap_or(digits.len());
     let (number, rest) = digits.split_at_checked(end)?;
     // a decimal comma is a setting of some instruments
     let magnitude: f64 = number.replacen(',', ".", 1).parse().ok()?;
@@ -153,10 +144,7 @@ mod tests {
         assert_eq!(parse_line(b"02A+0000.123", &itn), LineReply::Garbage);
         let three = Pattern::parse("{v};{v};{v}").unwrap();
         let values = vec![(1.0, Unit::None), (-2.0, Unit::None), (3.5, Unit::None)];
-        assert_eq!(
-            parse_line(b"1.0; -2.0; +3.5", &three),
-            LineReply::Values(values)
-        );
+        assert_eq!(parse_line(b"1.0; -2.0; +3.5", &three), LineReply::Values(values));
     }
 
     #[test]
@@ -165,9 +153,7 @@ mod tests {
             assert!(matches!(one(text), LineReply::Error(_)), "{text}");
         }
         assert_eq!(one("918"), LineReply::Busy);
-        for text in [
-            "", "abc", "+", "1.2.3", "12.5 xyz", "0x12", "1e5", "nan", "inf",
-        ] {
+        for text in ["", "abc", "+", "1.2.3", "12.5 xyz", "0x12", "1e5", "nan", "inf"] {
             assert_eq!(one(text), LineReply::Garbage, "{text}");
         }
     }

@@ -62,9 +62,7 @@ pub enum GaugeError {
         source: std::io::Error,
     },
     /// No answer at all.
-    #[error(
-        "gauge {gauge}, axis {axis}: no answer to {request:?} in {attempts} attempts of {seconds} s each"
-    )]
+    #[error("gauge {gauge}, axis {axis}: no answer to {request:?} in {attempts} attempts of {seconds} s each")]
     Silent {
         /// Name of the gauge.
         gauge: String,
@@ -149,12 +147,7 @@ pub struct Settle {
 
 impl Default for Settle {
     fn default() -> Self {
-        Self {
-            repeats: 3,
-            interval: Duration::from_millis(200),
-            tolerance: 1.1e-6,
-            timeout: Duration::from_secs(10),
-        }
+        Self { repeats: 3, interval: Duration::from_millis(200), tolerance: 1.1e-6, timeout: Duration::from_secs(10) }
     }
 }
 
@@ -162,11 +155,7 @@ impl Settle {
     /// Without pauses: for the virtual cell, whose values stand still between moves.
     #[must_use]
     pub fn at_once() -> Self {
-        Self {
-            repeats: 2,
-            interval: Duration::ZERO,
-            ..Self::default()
-        }
+        Self { repeats: 2, interval: Duration::ZERO, ..Self::default() }
     }
 }
 
@@ -174,11 +163,7 @@ impl Settle {
 ///
 /// # Errors
 /// What [`Gauge::read`] says, readings that do not come to rest, or cancellation.
-pub fn settled_reading(
-    gauge: &mut dyn Gauge,
-    settle: &Settle,
-    cancel: &AtomicBool,
-) -> Result<[f64; 3], GaugeError> {
+pub fn settled_reading(gauge: &mut dyn Gauge, settle: &Settle, cancel: &AtomicBool) -> Result<[f64; 3], GaugeError> {
     let repeats = settle.repeats.max(2);
     let begin = Instant::now();
     let mut last: Vec<[f64; 3]> = Vec::with_capacity(repeats);
@@ -192,15 +177,10 @@ pub fn settled_reading(
         last.push(gauge.read()?);
         let spread = spread(&last);
         let (axis, worst) =
-            spread.iter().enumerate().fold(
-                (0, 0.0),
-                |best, (axis, &s)| if s > best.1 { (axis, s) } else { best },
-            );
+            spread.iter().enumerate().fold((0, 0.0), |best, (axis, &s)| if s > best.1 { (axis, s) } else { best });
         if last.len() == repeats && worst <= settle.tolerance {
             let count = last.len() as f64;
-            return Ok(std::array::from_fn(|axis| {
-                last.iter().map(|r| r[axis]).sum::<f64>() / count
-            }));
+            return Ok(std::array::from_fn(|axis| last.iter().map(|r| r[axis]).sum::<f64>() / count));
         }
         if last.len() == repeats && begin.elapsed() >= settle.timeout {
             return Err(GaugeError::NotSettled {
@@ -231,11 +211,7 @@ impl<G: Gauge> Mastered<G> {
     ///
     /// # Errors
     /// What [`settled_reading`] says.
-    pub fn on_calibrator(
-        mut gauge: G,
-        settle: &Settle,
-        cancel: &AtomicBool,
-    ) -> Result<Self, GaugeError> {
+    pub fn on_calibrator(mut gauge: G, settle: &Settle, cancel: &AtomicBool) -> Result<Self, GaugeError> {
         let zero = settled_reading(&mut gauge, settle, cancel)?;
         Ok(Self { gauge, zero })
     }
@@ -283,9 +259,8 @@ impl<G: Gauge + ?Sized> Gauge for Box<G> {
 fn spread(readings: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|axis| {
         let values = readings.iter().map(|reading| reading[axis]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         high - low
     })
 }
@@ -293,11 +268,7 @@ fn spread(readings: &[[f64; 3]]) -> [f64; 3] {
 /// Bytes as text for a message: at most 60 characters, control characters escaped.
 pub(crate) fn shorten(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
-    if text.chars().count() <= 60 {
-        text.into_owned()
-    } else {
-        text.chars().take(60).chain("...".chars()).collect()
-    }
+    if text.chars().count() <= 60 { text.into_owned() } else { text.chars().take(60).chain("...".chars()).collect() }
 }
 
 #[cfg(test)]
@@ -312,21 +283,13 @@ mod tests {
             "script".to_owned()
         }
         fn read(&mut self) -> Result<[f64; 3], GaugeError> {
-            Ok(if self.0.len() > 1 {
-                self.0.remove(0)
-            } else {
-                self.0[0]
-            })
+            Ok(if self.0.len() > 1 { self.0.remove(0) } else { self.0[0] })
         }
     }
 
     #[test]
     fn a_reading_is_accepted_only_after_it_repeats() {
-        let settle = Settle {
-            repeats: 3,
-            interval: Duration::ZERO,
-            ..Settle::default()
-        };
+        let settle = Settle { repeats: 3, interval: Duration::ZERO, ..Settle::default() };
         let mut gauge = Scripted(vec![
             [0.0; 3],
             [1e-3, 0.0, 0.0],
@@ -341,11 +304,7 @@ mod tests {
 
     #[test]
     fn a_mastered_gauge_reads_from_the_calibrator() {
-        let gauge = Scripted(vec![
-            [1e-3, 2e-3, 3e-3],
-            [1e-3, 2e-3, 3e-3],
-            [1.5e-3, 2e-3, 2e-3],
-        ]);
+        let gauge = Scripted(vec![[1e-3, 2e-3, 3e-3], [1e-3, 2e-3, 3e-3], [1.5e-3, 2e-3, 2e-3]]);
         let settle = Settle::at_once();
         let mut gauge = Mastered::on_calibrator(gauge, &settle, &AtomicBool::new(false)).unwrap();
         assert_eq!(gauge.zero(), [1e-3, 2e-3, 3e-3]);
@@ -367,19 +326,11 @@ mod tests {
                 Ok([0.0, self.0, 0.0])
             }
         }
-        let settle = Settle {
-            timeout: Duration::from_millis(5),
-            interval: Duration::from_millis(1),
-            ..Settle::default()
-        };
-        let error =
-            settled_reading(&mut Restless(0.0), &settle, &AtomicBool::new(false)).unwrap_err();
-        assert!(
-            error.to_string().contains("differ by 0.2000 mm on axis y"),
-            "{error}"
-        );
-        let error =
-            settled_reading(&mut Restless(0.0), &settle, &AtomicBool::new(true)).unwrap_err();
+        let settle =
+            Settle { timeout: Duration::from_millis(5), interval: Duration::from_millis(1), ..Settle::default() };
+        let error = settled_reading(&mut Restless(0.0), &settle, &AtomicBool::new(false)).unwrap_err();
+        assert!(error.to_string().contains("differ by 0.2000 mm on axis y"), "{error}");
+        let error = settled_reading(&mut Restless(0.0), &settle, &AtomicBool::new(true)).unwrap_err();
         assert!(matches!(error, GaugeError::Cancelled));
     }
 }

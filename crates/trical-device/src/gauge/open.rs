@@ -26,34 +26,20 @@ pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
     if url.scheme == "uwave" {
         let settings = uwave_settings(&mut url)?;
         let port = open_serial(&url.place, &UWaveSettings::serial())?;
-        return Ok(Box::new(UWave::new(
-            port,
-            format!("uwave {}", url.place),
-            settings,
-        )));
+        return Ok(Box::new(UWave::new(port, format!("uwave {}", url.place), settings)));
     }
     let Some(preset) = LineSettings::preset(&url.scheme) else {
         return Err(url
-            .error(format!(
-                "unknown gauge {:?}; known are uwave, itn, opto, tesa, millimar, pico, line",
-                url.scheme
-            ))
+            .error(format!("unknown gauge {:?}; known are uwave, itn, opto, tesa, millimar, pico, line", url.scheme))
             .into());
     };
     let settings = line_settings(&mut url, preset)?;
     let places: Vec<&str> = url.place.split(',').collect();
     if !matches!(places.len(), 1 | 3) {
-        return Err(url
-            .error(format!(
-                "{} ports; expected one, or three for x, y, z",
-                places.len()
-            ))
-            .into());
+        return Err(url.error(format!("{} ports; expected one, or three for x, y, z", places.len())).into());
     }
     if places.len() == 3 && settings.pattern.values() == 3 {
-        return Err(url
-            .error("three ports and a pattern with three values; expected one of the two")
-            .into());
+        return Err(url.error("three ports and a pattern with three values; expected one of the two").into());
     }
     if places.len() == 1
         && settings.pattern.values() == 1
@@ -71,11 +57,7 @@ pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
     for place in places {
         ports.push(open_serial(place, &settings.serial)?);
     }
-    Ok(Box::new(LineGauge::new(
-        ports,
-        format!("{} {}", url.scheme, url.place),
-        settings,
-    )?))
+    Ok(Box::new(LineGauge::new(ports, format!("{} {}", url.scheme, url.place), settings)?))
 }
 
 pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlError> {
@@ -85,16 +67,13 @@ pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlEr
     }
     let [x, y, z] = settings.channels;
     if x == y || y == z || x == z {
-        return Err(url.error(format!(
-            "channels x={x:02}, y={y:02}, z={z:02}; expected three different ones"
-        )));
+        return Err(url.error(format!("channels x={x:02}, y={y:02}, z={z:02}; expected three different ones")));
     }
     settings.group = two_digits(url, "group", settings.group)?;
     settings.flip = flip(url)?;
     settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
     settings.interval = milliseconds(url, "interval_ms", settings.interval)?;
-    settings.attempts =
-        url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
+    settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
     settings.assume_mm = match url.take("unit").as_deref() {
         None => false,
         Some("mm") => true,
@@ -104,18 +83,13 @@ pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlEr
     Ok(settings)
 }
 
-pub(super) fn line_settings(
-    url: &mut DeviceUrl,
-    mut settings: LineSettings,
-) -> Result<LineSettings, UrlError> {
-    settings.serial.baud =
-        url.take_number("baud", f64::from(settings.serial.baud), 50.0..=4_000_000.0)? as u32;
+pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> Result<LineSettings, UrlError> {
+    settings.serial.baud = url.take_number("baud", f64::from(settings.serial.baud), 50.0..=4_000_000.0)? as u32;
     if let Some(framing) = url.take("framing") {
-        settings.serial = settings.serial.with_framing(&framing).ok_or_else(|| {
-            url.error(format!(
-                "option framing={framing:?}; expected e.g. 8N1 or 7E2"
-            ))
-        })?;
+        settings.serial = settings
+            .serial
+            .with_framing(&framing)
+            .ok_or_else(|| url.error(format!("option framing={framing:?}; expected e.g. 8N1 or 7E2")))?;
     }
     if let Some(request) = url.take("request") {
         settings.requests = std::array::from_fn(|_| request.clone());
@@ -126,11 +100,8 @@ pub(super) fn line_settings(
         }
     }
     if let Some(pattern) = url.take("pattern") {
-        settings.pattern = Pattern::parse(&pattern).ok_or_else(|| {
-            url.error(format!(
-                "option pattern={pattern:?}; expected one or three {{v}} in it"
-            ))
-        })?;
+        settings.pattern = Pattern::parse(&pattern)
+            .ok_or_else(|| url.error(format!("option pattern={pattern:?}; expected one or three {{v}} in it")))?;
     }
     if let Some(unit) = url.take("unit") {
         settings.scale = match unit.as_str() {
@@ -143,11 +114,8 @@ pub(super) fn line_settings(
     settings.scale *= url.take_number("scale", 1.0, -1e6..=1e6)?;
     settings.flip = flip(url)?;
     settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
-    settings.attempts =
-        url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
-    url.finish(
-        "baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts",
-    )?;
+    settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
+    url.finish("baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts")?;
     Ok(settings)
 }
 
@@ -159,11 +127,7 @@ fn two_digits(url: &mut DeviceUrl, key: &str, default: u8) -> Result<u8, UrlErro
         .parse::<u8>()
         .ok()
         .filter(|number| *number <= 99)
-        .ok_or_else(|| {
-            url.error(format!(
-                "option {key}={value:?}; expected a number from 00 to 99"
-            ))
-        })
+        .ok_or_else(|| url.error(format!("option {key}={value:?}; expected a number from 00 to 99")))
 }
 
 fn flip(url: &mut DeviceUrl) -> Result<[bool; 3], UrlError> {
@@ -194,10 +158,7 @@ mod tests {
     #[test]
     fn a_bad_url_is_one_clear_sentence() {
         assert!(says("uwave:///dev/ttyUSB0?chanel=1").contains("unknown option \"chanel\""));
-        assert!(
-            says("uwave:///dev/ttyUSB0?x=100")
-                .contains("x=\"100\"; expected a number from 00 to 99")
-        );
+        assert!(says("uwave:///dev/ttyUSB0?x=100").contains("x=\"100\"; expected a number from 00 to 99"));
         assert!(says("uwave:///dev/ttyUSB0?x=01").contains("three different"));
         assert!(says("usb:///dev/ttyUSB0").contains("unknown gauge \"usb\""));
         assert!(says("itn:///dev/a").contains("three ports"));
@@ -209,23 +170,13 @@ mod tests {
 
     #[test]
     fn settings_come_from_the_url() {
-        let mut url = DeviceUrl::parse(
-            "uwave:///dev/x?x=07&y=08&z=09&group=02&flip=xz&interval_ms=0&timeout_ms=50",
-        )
-        .unwrap();
+        let mut url =
+            DeviceUrl::parse("uwave:///dev/x?x=07&y=08&z=09&group=02&flip=xz&interval_ms=0&timeout_ms=50").unwrap();
         let settings = uwave_settings(&mut url).unwrap();
-        assert_eq!(
-            (settings.channels, settings.group, settings.flip),
-            ([7, 8, 9], 2, [true, false, true])
-        );
-        assert_eq!(
-            (settings.interval, settings.timeout),
-            (Duration::ZERO, Duration::from_millis(50))
-        );
-        let mut url = DeviceUrl::parse(
-            "line:///dev/x?baud=19200&framing=7E1&x=A%0D&y=B%0D&z=C%0D&unit=in&scale=2",
-        )
-        .unwrap();
+        assert_eq!((settings.channels, settings.group, settings.flip), ([7, 8, 9], 2, [true, false, true]));
+        assert_eq!((settings.interval, settings.timeout), (Duration::ZERO, Duration::from_millis(50)));
+        let mut url =
+            DeviceUrl::parse("line:///dev/x?baud=19200&framing=7E1&x=A%0D&y=B%0D&z=C%0D&unit=in&scale=2").unwrap();
         let settings = line_settings(&mut url, LineSettings::preset("line").unwrap()).unwrap();
         assert_eq!(settings.serial.baud, 19200);
         assert_eq!(settings.requests, ["A\r", "B\r", "C\r"]);

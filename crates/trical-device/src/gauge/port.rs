@@ -45,36 +45,20 @@ impl SerialSettings {
     /// 8 data bits, no parity, 1 stop bit.
     #[must_use]
     pub fn new(baud: u32) -> Self {
-        Self {
-            baud,
-            data_bits: 8,
-            parity: 'N',
-            stop_bits: 1,
-        }
+        Self { baud, data_bits: 8, parity: 'N', stop_bits: 1 }
     }
 
     /// Takes a framing such as `8N1` or `7E2`.
     #[must_use]
     pub fn with_framing(self, framing: &str) -> Option<Self> {
         let mut letters = framing.chars();
-        let data_bits = letters
-            .next()?
-            .to_digit(10)
-            .filter(|bits| (5..=8).contains(bits))?;
+        let data_bits = letters.next()?.to_digit(10).filter(|bits| (5..=8).contains(bits))?;
         let parity = letters.next()?.to_ascii_uppercase();
-        let stop_bits = letters
-            .next()?
-            .to_digit(10)
-            .filter(|bits| (1..=2).contains(bits))?;
+        let stop_bits = letters.next()?.to_digit(10).filter(|bits| (1..=2).contains(bits))?;
         if letters.next().is_some() || !"NEO".contains(parity) {
             return None;
         }
-        Some(Self {
-            data_bits: data_bits as u8,
-            parity,
-            stop_bits: stop_bits as u8,
-            ..self
-        })
+        Some(Self { data_bits: data_bits as u8, parity, stop_bits: stop_bits as u8, ..self })
     }
 }
 
@@ -85,15 +69,9 @@ impl SerialSettings {
 ///
 /// # Errors
 /// The port is missing, in use, or not permitted.
-pub fn open_serial(
-    path: &str,
-    settings: &SerialSettings,
-) -> Result<Box<dyn serialport::SerialPort>, GaugeError> {
+pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn serialport::SerialPort>, GaugeError> {
     use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
-    let failed = |error: &dyn std::fmt::Display| GaugeError::Open {
-        port: path.to_owned(),
-        reason: error.to_string(),
-    };
+    let failed = |error: &dyn std::fmt::Display| GaugeError::Open { port: path.to_owned(), reason: error.to_string() };
     let real_path = std::fs::canonicalize(path).map_err(|error| failed(&error))?;
     let is_pseudo = real_path.starts_with("/dev/pts");
     let builder = serialport::new(real_path.to_string_lossy(), settings.baud)
@@ -108,25 +86,17 @@ pub fn open_serial(
             'O' => Parity::Odd,
             _ => Parity::None,
         })
-        .stop_bits(if settings.stop_bits == 2 {
-            StopBits::Two
-        } else {
-            StopBits::One
-        })
+        .stop_bits(if settings.stop_bits == 2 { StopBits::Two } else { StopBits::One })
         .flow_control(FlowControl::None)
         .dtr_on_open(true)
         .timeout(Duration::from_millis(20));
     #[cfg(unix)]
-    let mut port = builder
-        .exclusive(!is_pseudo)
-        .open_native()
-        .map_err(|error| failed(&error))?;
+    let mut port = builder.exclusive(!is_pseudo).open_native().map_err(|error| failed(&error))?;
     #[cfg(not(unix))]
     let mut port = builder.open_native().map_err(|error| failed(&error))?;
     // a pseudo-terminal has no such lines
     if !is_pseudo {
-        port.write_request_to_send(true)
-            .map_err(|error| failed(&error))?;
+        port.write_request_to_send(true).map_err(|error| failed(&error))?;
     }
     Ok(Box::new(port))
 }
@@ -145,10 +115,7 @@ impl Lines {
     /// handed out when they grow too long.
     pub(crate) fn next_line(&mut self) -> Option<Vec<u8>> {
         loop {
-            let end = self
-                .buffer
-                .iter()
-                .position(|byte| matches!(byte, b'\r' | b'\n'));
+            let end = self.buffer.iter().position(|byte| matches!(byte, b'\r' | b'\n'));
             let line: Vec<u8> = match end {
                 Some(end) => self.buffer.drain(..=end).take(end).collect(),
                 None if self.buffer.len() >= Self::LONGEST => self.buffer.drain(..).collect(),
@@ -174,21 +141,15 @@ impl Lines {
     pub(crate) fn fill(&mut self, port: &mut dyn Port) -> io::Result<bool> {
         let mut bytes = [0_u8; 256];
         match port.read(&mut bytes) {
-            Ok(0) => Err(io::Error::new(
-                io::ErrorKind::UnexpectedEof,
-                "the port was closed at its other end",
-            )),
+            Ok(0) => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the port was closed at its other end")),
             Ok(count) => {
-                self.buffer
-                    .extend_from_slice(bytes.get(..count).unwrap_or_default());
+                self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default());
                 Ok(true)
             }
             Err(error)
                 if matches!(
                     error.kind(),
-                    io::ErrorKind::TimedOut
-                        | io::ErrorKind::WouldBlock
-                        | io::ErrorKind::Interrupted
+                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
                 ) =>
             {
                 Ok(false)
@@ -208,11 +169,7 @@ impl Lines {
     }
 
     /// Waits for a whole record until the deadline.
-    pub(crate) fn wait(
-        &mut self,
-        port: &mut dyn Port,
-        deadline: Instant,
-    ) -> io::Result<Option<Vec<u8>>> {
+    pub(crate) fn wait(&mut self, port: &mut dyn Port, deadline: Instant) -> io::Result<Option<Vec<u8>>> {
         loop {
             if let Some(line) = self.next_line() {
                 return Ok(Some(line));
@@ -232,15 +189,7 @@ mod tests {
     #[test]
     fn framings() {
         let opto = SerialSettings::new(4800).with_framing("7E2");
-        assert_eq!(
-            opto,
-            Some(SerialSettings {
-                baud: 4800,
-                data_bits: 7,
-                parity: 'E',
-                stop_bits: 2
-            })
-        );
+        assert_eq!(opto, Some(SerialSettings { baud: 4800, data_bits: 7, parity: 'E', stop_bits: 2 }));
         for bad in ["", "8N", "9N1", "8X1", "8N3", "8N11"] {
             assert_eq!(SerialSettings::new(9600).with_framing(bad), None, "{bad}");
         }
@@ -248,9 +197,7 @@ mod tests {
 
     #[test]
     fn records_end_with_cr_or_lf_or_both() {
-        let mut lines = Lines {
-            buffer: b"a\r\nb\rc\n\r\nd".to_vec(),
-        };
+        let mut lines = Lines { buffer: b"a\r\nb\rc\n\r\nd".to_vec() };
         let mut seen = Vec::new();
         while let Some(line) = lines.next_line() {
             seen.push(line);
@@ -261,9 +208,7 @@ mod tests {
 
     #[test]
     fn endless_garbage_does_not_grow_without_limit() {
-        let mut lines = Lines {
-            buffer: vec![b'x'; 600],
-        };
+        let mut lines = Lines { buffer: vec![b'x'; 600] };
         assert_eq!(lines.next_line().map(|line| line.len()), Some(600));
         assert!(lines.rest().is_empty());
     }

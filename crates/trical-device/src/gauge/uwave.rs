@@ -99,16 +99,10 @@ impl<P: Port> UWave<P> {
     /// No or a wrong answer; a status where there is no such transmitter.
     pub fn transmitter_information(&mut self, channel: u8) -> Result<Record, GaugeError> {
         let request = protocol::transmitter_request(channel, self.settings.group);
-        self.information(&request, |record| {
-            matches!(record, Record::Transmitter { .. } | Record::Status { .. })
-        })
+        self.information(&request, |record| matches!(record, Record::Transmitter { .. } | Record::Status { .. }))
     }
 
-    fn information(
-        &mut self,
-        request: &str,
-        wanted: impl Fn(&Record) -> bool,
-    ) -> Result<Record, GaugeError> {
+    fn information(&mut self, request: &str, wanted: impl Fn(&Record) -> bool) -> Result<Record, GaugeError> {
         for _ in 0..self.settings.attempts.max(1) {
             self.send(request)?;
             let deadline = Instant::now() + self.settings.timeout;
@@ -125,10 +119,7 @@ impl<P: Port> UWave<P> {
     }
 
     fn io(&self, source: std::io::Error) -> GaugeError {
-        GaugeError::Io {
-            gauge: self.name.clone(),
-            source,
-        }
+        GaugeError::Io { gauge: self.name.clone(), source }
     }
 
     fn silent(&self, axis: char, request: &str) -> GaugeError {
@@ -163,21 +154,14 @@ impl<P: Port> UWave<P> {
             }
         }
         self.lines.clear();
-        let sent = self
-            .port
-            .write_all(request.as_bytes())
-            .and_then(|()| self.port.flush());
+        let sent = self.port.write_all(request.as_bytes()).and_then(|()| self.port.flush());
         self.last_request = Some(Instant::now());
         sent.map_err(|source| self.io(source))
     }
 
     /// Takes note of a record that answers nothing: only low batteries matter.
     fn note(&mut self, record: &Record) {
-        if let Record::Status {
-            channel: Some(channel),
-            status: Status::BatteryLow,
-            ..
-        } = record
+        if let Record::Status { channel: Some(channel), status: Status::BatteryLow, .. } = record
             && self.low_batteries.insert(*channel)
         {
             self.warnings.push(format!(
@@ -194,34 +178,23 @@ impl<P: Port> UWave<P> {
         let mut garbage = None;
         while let Some(line) = self.wait(deadline)? {
             match protocol::parse_record(&line) {
-                Some(Record::Data {
-                    group: g,
-                    channel: c,
-                    value,
-                    unit,
-                }) if g == group && c == channel => {
+                Some(Record::Data { group: g, channel: c, value, unit }) if g == group && c == channel => {
                     let in_metres = unit.in_metres().or(self.settings.assume_mm.then_some(1e-3));
                     let Some(in_metres) = in_metres else {
                         return Err(GaugeError::Garbage {
                             gauge: self.name.clone(),
                             axis: axis_name(axis),
                             found: shorten(&line),
-                            expected:
-                                "a value with a unit (M or I); unit=mm in the URL takes it as mm"
-                                    .to_owned(),
+                            expected: "a value with a unit (M or I); unit=mm in the URL takes it as mm".to_owned(),
                         });
                     };
                     return Ok(Attempt::Value(value * in_metres));
                 }
                 // FF: not about one channel; a refused request is then ours, the only one under way
-                Some(Record::Status {
-                    group: g,
-                    channel: c,
-                    status,
-                    ..
-                }) if g.is_none_or(|g| g == group)
-                    && c.is_none_or(|c| c == channel)
-                    && !matches!(status, Status::BatteryLow | Status::EndOfSearch) =>
+                Some(Record::Status { group: g, channel: c, status, .. })
+                    if g.is_none_or(|g| g == group)
+                        && c.is_none_or(|c| c == channel)
+                        && !matches!(status, Status::BatteryLow | Status::EndOfSearch) =>
                 {
                     return Ok(Attempt::Status(status));
                 }
@@ -242,12 +215,7 @@ impl<P: Port> UWave<P> {
             error = Some(match self.attempt(axis, channel)? {
                 Attempt::Value(value) => return Ok(value),
                 Attempt::Status(status) => {
-                    let error = GaugeError::Status {
-                        gauge: self.name.clone(),
-                        axis: axis_name(axis),
-                        channel,
-                        status,
-                    };
+                    let error = GaugeError::Status { gauge: self.name.clone(), axis: axis_name(axis), channel, status };
                     if !status.is_worth_a_retry() {
                         return Err(error);
                     }
@@ -257,13 +225,11 @@ impl<P: Port> UWave<P> {
                     gauge: self.name.clone(),
                     axis: axis_name(axis),
                     found: shorten(&found),
-                    expected: "a record of a U-WAVE-R; check that the port is the receiver's"
-                        .to_owned(),
+                    expected: "a record of a U-WAVE-R; check that the port is the receiver's".to_owned(),
                 },
-                Attempt::Nothing => self.silent(
-                    axis_name(axis),
-                    &protocol::data_request(channel, self.settings.group, false),
-                ),
+                Attempt::Nothing => {
+                    self.silent(axis_name(axis), &protocol::data_request(channel, self.settings.group, false))
+                }
             });
         }
         Err(error.unwrap_or_else(|| self.silent(axis_name(axis), "DR")))
@@ -283,11 +249,7 @@ impl<P: Port> Gauge for UWave<P> {
         let mut reading = [0.0; 3];
         for (axis, to) in reading.iter_mut().enumerate() {
             let value = self.read_axis(axis, self.settings.channels[axis])?;
-            *to = if self.settings.flip[axis] {
-                -value
-            } else {
-                value
-            };
+            *to = if self.settings.flip[axis] { -value } else { value };
         }
         Ok(reading)
     }

@@ -95,11 +95,7 @@ impl Status {
     pub fn is_worth_a_retry(self) -> bool {
         matches!(
             self,
-            Self::InstrumentSilent
-                | Self::DataLost
-                | Self::NoData
-                | Self::BadRequest
-                | Self::CancelledByOperator
+            Self::InstrumentSilent | Self::DataLost | Self::NoData | Self::BadRequest | Self::CancelledByOperator
         )
     }
 }
@@ -108,12 +104,8 @@ impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let says = match self {
             Self::BatteryLow => "the transmitter's battery is low",
-            Self::InstrumentSilent => {
-                "the indicator does not answer its transmitter; check its plug and that it is on"
-            }
-            Self::Unregistered => {
-                "no transmitter is registered on this channel; check the channel numbers"
-            }
+            Self::InstrumentSilent => "the indicator does not answer its transmitter; check its plug and that it is on",
+            Self::Unregistered => "no transmitter is registered on this channel; check the channel numbers",
             Self::DataLost => "data were lost on the radio link; check distance and interference",
             Self::Disconnected => "the transmitter is disconnected; check its battery and distance",
             Self::NoData => {
@@ -182,12 +174,7 @@ pub enum Record {
 /// A request for the value of a channel; `clear` makes the receiver forget it afterwards.
 #[must_use]
 pub fn data_request(channel: u8, group: u8, clear: bool) -> String {
-    format!(
-        "DR1{:02}{:02}{}0\r",
-        channel.min(99),
-        group.min(99),
-        u8::from(clear)
-    )
+    format!("DR1{:02}{:02}{}0\r", channel.min(99), group.min(99), u8::from(clear))
 }
 
 /// A request for information on the receiver.
@@ -212,10 +199,7 @@ pub fn data_record(group: u8, channel: u8, value: f64, decimals: usize, unit: Un
         Unit::Inch => 'I',
         Unit::None => '0',
     };
-    format!(
-        "DT1{group:02}{channel:02}{sign}{:011.decimals$}{letter}",
-        value.abs()
-    )
+    format!("DT1{group:02}{channel:02}{sign}{:011.decimals$}{letter}", value.abs())
 }
 
 /// A status record as the receiver sends it, without CR.
@@ -227,17 +211,13 @@ pub fn status_record(group: u8, channel: u8, status: Status) -> String {
 /// Takes a record apart; `None` is garbage. The record comes without its CR.
 #[must_use]
 pub fn parse_record(line: &[u8]) -> Option<Record> {
-    let text = std::str::from_utf8(line)
-        .ok()
-        .filter(|text| text.is_ascii())?;
+    let text = std::str::from_utf8(line).ok().filter(|text| text.is_ascii())?;
     let (kind, body) = text.split_at_checked(3)?;
     match kind {
         "DT1" if text.len() == 20 => {
             let (group, channel) = (two_digits(body.get(0..2)?)?, two_digits(body.get(2..4)?)?);
             let (sign, digits) = body.get(4..16)?.split_at_checked(1)?;
-            let digits_are_plain = digits
-                .bytes()
-                .all(|byte| byte.is_ascii_digit() || byte == b'.');
+            let digits_are_plain = digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
             let magnitude: f64 = digits.parse().ok().filter(|_| digits_are_plain)?;
             let value = match sign {
                 "+" => magnitude,
@@ -250,20 +230,11 @@ pub fn parse_record(line: &[u8]) -> Option<Record> {
                 "0" => Unit::None,
                 _ => return None,
             };
-            Some(Record::Data {
-                group,
-                channel,
-                value,
-                unit,
-            })
+            Some(Record::Data { group, channel, value, unit })
         }
         "ST1" if text.len() == 19 => {
             let id = body.get(4..14)?;
-            let id = if id == "FFFFFFFFFF" {
-                None
-            } else {
-                Some(all_digits(id)?.parse().ok()?)
-            };
+            let id = if id == "FFFFFFFFFF" { None } else { Some(all_digits(id)?.parse().ok()?) };
             Some(Record::Status {
                 group: two_digits_or_ff(body.get(0..2)?)?,
                 channel: two_digits_or_ff(body.get(2..4)?)?,
@@ -321,9 +292,7 @@ pub enum Request {
 /// Takes a request apart; `None` is a bad request. The request comes without its CR.
 #[must_use]
 pub fn parse_request(line: &[u8]) -> Option<Request> {
-    let text = std::str::from_utf8(line)
-        .ok()
-        .filter(|text| text.is_ascii() && text.len() == 9)?;
+    let text = std::str::from_utf8(line).ok().filter(|text| text.is_ascii() && text.len() == 9)?;
     let (kind, body) = text.split_at_checked(3)?;
     match kind {
         "DR1" => Some(Request::Data {
@@ -356,11 +325,7 @@ fn two_digits(text: &str) -> Option<u8> {
 }
 
 fn two_digits_or_ff(text: &str) -> Option<Option<u8>> {
-    if text == "FF" {
-        Some(None)
-    } else {
-        two_digits(text).map(Some)
-    }
+    if text == "FF" { Some(None) } else { two_digits(text).map(Some) }
 }
 
 #[cfg(test)]
@@ -372,15 +337,7 @@ mod tests {
     #[test]
     fn the_capture_of_the_manual() {
         let record = parse_record(b"DT10002-0000000.001M").unwrap();
-        assert_eq!(
-            record,
-            Record::Data {
-                group: 0,
-                channel: 2,
-                value: -0.001,
-                unit: Unit::Millimetre
-            }
-        );
+        assert_eq!(record, Record::Data { group: 0, channel: 2, value: -0.001, unit: Unit::Millimetre });
     }
 
     #[test]
@@ -389,54 +346,29 @@ mod tests {
         assert_eq!(data_request(1, 0, false), "DR1010000\r");
         assert_eq!(receiver_request(0), "IR1000000\r");
         assert_eq!(transmitter_request(0, 0), "IR1100001\r");
-        assert_eq!(
-            parse_request(b"DR1FF0010"),
-            Some(Request::Data {
-                channel: None,
-                group: 0,
-                clear: true
-            })
-        );
+        assert_eq!(parse_request(b"DR1FF0010"), Some(Request::Data { channel: None, group: 0, clear: true }));
     }
 
     #[test]
     fn group_comes_before_channel_in_replies() {
         let record = parse_record(b"ST10305FFFFFFFFFF04").unwrap();
-        let expected = Record::Status {
-            group: Some(3),
-            channel: Some(5),
-            id: None,
-            status: Status::Disconnected,
-        };
+        let expected = Record::Status { group: Some(3), channel: Some(5), id: None, status: Status::Disconnected };
         assert_eq!(record, expected);
         assert_eq!(
             parse_record(b"ST1FFFF123456789050").unwrap(),
-            Record::Status {
-                group: None,
-                channel: None,
-                id: Some(1_234_567_890),
-                status: Status::BadRequest
-            }
+            Record::Status { group: None, channel: None, id: Some(1_234_567_890), status: Status::BadRequest }
         );
     }
 
     #[test]
     fn information_records() {
         let receiver = format!("RI100123456789002{}", "0".repeat(50));
-        assert!(matches!(
-            parse_record(receiver.as_bytes()),
-            Some(Record::Receiver { group: 0, .. })
-        ));
+        assert!(matches!(parse_record(receiver.as_bytes()), Some(Record::Receiver { group: 0, .. })));
         let transmitter = parse_record(b"TI100200123456789002" as &[u8]);
         assert_eq!(transmitter, None, "one character short");
         assert!(matches!(
             parse_record(b"TI1002001234567890021"),
-            Some(Record::Transmitter {
-                channel: 2,
-                group: 0,
-                event_mode: true,
-                ..
-            })
+            Some(Record::Transmitter { channel: 2, group: 0, event_mode: true, .. })
         ));
     }
 

@@ -50,9 +50,7 @@ impl ProcedureError {
     pub fn violation(&self) -> Option<&Violation> {
         match self {
             Self::Options(_) => None,
-            Self::Plan { violation, .. }
-            | Self::Start { violation }
-            | Self::Touch { violation, .. } => Some(violation),
+            Self::Plan { violation, .. } | Self::Start { violation } | Self::Touch { violation, .. } => Some(violation),
         }
     }
 
@@ -148,9 +146,7 @@ pub enum Violation {
     )]
     StaleTouch,
     /// A joint is or would be outside its limits.
-    #[error(
-        "joint {joint} at {value_deg:.3} deg is outside its limits {low_deg:.3} to {high_deg:.3} deg"
-    )]
+    #[error("joint {joint} at {value_deg:.3} deg is outside its limits {low_deg:.3} to {high_deg:.3} deg")]
     JointLimit {
         /// Which joint, counted from 1.
         joint: usize,
@@ -232,10 +228,9 @@ impl fmt::Display for RetreatOutcome {
         match self {
             Self::Done => write!(f, "the arm went back the way it came"),
             Self::NotNeeded => write!(f, "the arm had not left its place"),
-            Self::Interrupted => write!(
-                f,
-                "the touch is recorded, but the arm stopped on its way back: look where it stands"
-            ),
+            Self::Interrupted => {
+                write!(f, "the touch is recorded, but the arm stopped on its way back: look where it stands")
+            }
             Self::Failed(why) => write!(
                 f,
                 "the arm could NOT go back ({why}): look where it stands, and jog it away from the ball by hand"

@@ -6,8 +6,7 @@ use trical_model::recording::{Joints, Measured, Row, State};
 
 use super::steps::{check_guard, check_joints, check_plan};
 use super::{
-    PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport,
-    Violation, dry_run,
+    PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
 use crate::controller::{Controller, largest_difference, wait_settled};
 use crate::gauge::{AXES, Gauge, settled_reading};
@@ -34,10 +33,7 @@ pub fn run(
     check_plan(plan, options)?;
     if !options.go {
         let steps = dry_run(plan, options, controller.joint_count());
-        return Ok(RunReport {
-            steps,
-            ..RunReport::default()
-        });
+        return Ok(RunReport { steps, ..RunReport::default() });
     }
     let mut runner = Runner {
         gauge,
@@ -52,9 +48,7 @@ pub fn run(
         trail: Vec::new(),
         report: RunReport::default(),
     };
-    runner.start().map_err(|violation| ProcedureError::Start {
-        violation: Box::new(violation),
-    })?;
+    runner.start().map_err(|violation| ProcedureError::Start { violation: Box::new(violation) })?;
     let total = plan.len();
     for entry in plan {
         let done = runner.report.measured + runner.report.skipped;
@@ -62,17 +56,10 @@ pub fn run(
             runner.report.skipped += 1;
             continue;
         }
-        (runner.progress)(Progress::Begin {
-            index: entry.index,
-            ball: entry.ball,
-            done,
-            total,
-        });
+        (runner.progress)(Progress::Begin { index: entry.index, ball: entry.ball, done, total });
         runner.trail = vec![runner.at];
         let result = match runner.touch(entry, total) {
-            Ok(()) => runner
-                .leave()
-                .map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+            Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
             Err(violation) => Err((violation, runner.retreat())),
         };
         if let Err((violation, retreat)) = result {
@@ -128,20 +115,14 @@ impl Runner<'_, '_> {
     /// Steps (a) to (g): to the ball, read and correct, record.
     fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
         let options = self.options;
-        self.controller
-            .set_speed(options.travel_speed, options.rotation_speed)?;
+        self.controller.set_speed(options.travel_speed, options.rotation_speed)?;
         for q in &entry.via {
             self.go(q)?;
         }
         self.check_cancelled()?;
-        let free = if options.check_release && !entry.via.is_empty() {
-            Some(self.gauge.read()?)
-        } else {
-            None
-        };
+        let free = if options.check_release && !entry.via.is_empty() { Some(self.gauge.read()?) } else { None };
 
-        self.controller
-            .set_speed(options.touch_speed, options.rotation_speed)?;
+        self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
         self.go(&entry.joints)?;
         let mut reading = self.read(entry, 0)?;
         if free == Some(reading) {
@@ -173,11 +154,7 @@ impl Runner<'_, '_> {
         self.take_warnings();
         let t = self.time()?;
         self.log.indicators(t, &reading, true)?;
-        (self.progress)(Progress::Reading {
-            index: entry.index,
-            corrections,
-            reading,
-        });
+        (self.progress)(Progress::Reading { index: entry.index, corrections, reading });
         let [low, high] = self.options.limits.stroke;
         for (axis, value) in AXES.into_iter().zip(reading) {
             if !(low..=high).contains(&value) {
@@ -197,10 +174,7 @@ impl Runner<'_, '_> {
         let limits = &self.options.limits;
         let length = norm(&reading);
         if length > limits.correction {
-            return Err(Violation::Correction {
-                length_mm: length * 1e3,
-                limit_mm: limits.correction * 1e3,
-            });
+            return Err(Violation::Correction { length_mm: length * 1e3, limit_mm: limits.correction * 1e3 });
         }
         if total_length > limits.total_correction {
             return Err(Violation::TotalCorrection {
@@ -216,9 +190,7 @@ impl Runner<'_, '_> {
         check_joints(&self.at, self.options)?;
         let (joint, moved) = largest_difference(&before, &self.at);
         if moved == 0.0 && length > limits.stale {
-            return Err(Violation::NotMoved {
-                length_mm: length * 1e3,
-            });
+            return Err(Violation::NotMoved { length_mm: length * 1e3 });
         }
         if moved > limits.joint_change {
             return Err(Violation::JointChange {
@@ -237,20 +209,12 @@ impl Runner<'_, '_> {
         let limits = &self.options.limits;
         for (axis, (before, after)) in AXES.into_iter().zip(before.iter().zip(after)) {
             if before == after && before.abs() > limits.stale {
-                return Err(Violation::Stale {
-                    axis,
-                    reading_mm: after * 1e3,
-                    moved_mm: before.abs() * 1e3,
-                });
+                return Err(Violation::Stale { axis, reading_mm: after * 1e3, moved_mm: before.abs() * 1e3 });
             }
         }
         let (length_before, length_after) = (norm(before), norm(after));
-        if length_after > limits.growth * length_before && length_after > 2.0 * self.options.epsilon
-        {
-            return Err(Violation::Diverging {
-                before_mm: length_before * 1e3,
-                after_mm: length_after * 1e3,
-            });
+        if length_after > limits.growth * length_before && length_after > 2.0 * self.options.epsilon {
+            return Err(Violation::Diverging { before_mm: length_before * 1e3, after_mm: length_after * 1e3 });
         }
         Ok(())
     }
@@ -279,25 +243,12 @@ impl Runner<'_, '_> {
             temp_c,
             payload_kg: self.options.payload_kg,
         };
-        let measured = Measured::Touch {
-            ball: entry.ball,
-            reading,
-        };
-        let row = Row {
-            state,
-            measured,
-            seq: Some(entry.index),
-            line: 0,
-        };
+        let measured = Measured::Touch { ball: entry.ball, reading };
+        let row = Row { state, measured, seq: Some(entry.index), line: 0 };
         self.log.measurement(&row)?;
         self.report.measured += 1;
         let done = self.report.measured + self.report.skipped;
-        (self.progress)(Progress::Measured {
-            row: Box::new(row),
-            corrections,
-            done,
-            total,
-        });
+        (self.progress)(Progress::Measured { row: Box::new(row), corrections, done, total });
         Ok(())
     }
 
@@ -331,13 +282,7 @@ impl Runner<'_, '_> {
         let settle = &self.options.joint_settle;
         // a stop by the user waits until the arm stands
         let never = AtomicBool::new(false);
-        Ok(wait_settled(
-            self.controller,
-            settle.tolerance,
-            settle.interval,
-            settle.timeout,
-            &never,
-        )?)
+        Ok(wait_settled(self.controller, settle.tolerance, settle.interval, settle.timeout, &never)?)
     }
 
     /// After a touch: back to the approach point or all the way, as the plan is made for.
@@ -368,26 +313,20 @@ impl Runner<'_, '_> {
 
     /// Goes back along the trail until only so many of its points are left behind the arm.
     fn back_to(&mut self, keep: usize) -> Result<(), Violation> {
-        self.controller
-            .set_speed(self.options.touch_speed, self.options.rotation_speed)?;
+        self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
         while self.trail.len() > keep + 1 {
             self.trail.pop();
             let Some(target) = self.trail.last().copied() else {
                 break;
             };
             self.drive(&target)?;
-            self.controller
-                .set_speed(self.options.travel_speed, self.options.rotation_speed)?;
+            self.controller.set_speed(self.options.travel_speed, self.options.rotation_speed)?;
         }
         Ok(())
     }
 
     fn check_cancelled(&self) -> Result<(), Violation> {
-        if self.cancel.load(Ordering::Relaxed) {
-            Err(Violation::Cancelled)
-        } else {
-            Ok(())
-        }
+        if self.cancel.load(Ordering::Relaxed) { Err(Violation::Cancelled) } else { Ok(()) }
     }
 
     /// Time of the recording, s.

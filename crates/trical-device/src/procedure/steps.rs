@@ -12,37 +12,18 @@ use super::{PlanEntry, ProcedureError, ProcedureOptions, Retreat, Violation};
 pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize) -> Vec<String> {
     let mut steps = Vec::new();
     if let Some([x, y, z]) = options.tcp_in_flange {
-        steps.push(format!(
-            "tell the controller the TCP: {:.4} {:.4} {:.4} mm",
-            x * 1e3,
-            y * 1e3,
-            z * 1e3
-        ));
+        steps.push(format!("tell the controller the TCP: {:.4} {:.4} {:.4} mm", x * 1e3, y * 1e3, z * 1e3));
     }
-    for entry in plan
-        .iter()
-        .filter(|entry| !options.skip.contains(&entry.index))
-    {
+    for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
         let head = format!("touch {} (ball {})", entry.index, entry.ball + 1);
         let mut from: Option<&Joints> = None;
         let count = entry.via.len();
-        let stops = entry
-            .via
-            .iter()
-            .enumerate()
-            .map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
+        let stops = entry.via.iter().enumerate().map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
         for (name, q) in stops.chain(std::iter::once(("the touch".to_owned(), &entry.joints))) {
-            let speed = if name == "the touch" {
-                options.touch_speed
-            } else {
-                options.travel_speed
-            };
+            let speed = if name == "the touch" { options.touch_speed } else { options.travel_speed };
             let refused = check_joints(q, options)
                 .and_then(|()| from.map_or(Ok(()), |from| check_guard(from, q, options)))
-                .map_or_else(
-                    |violation| format!("; REFUSED: {violation}"),
-                    |()| String::new(),
-                );
+                .map_or_else(|violation| format!("; REFUSED: {violation}"), |()| String::new());
             steps.push(format!(
                 "{head}: move to {name} at {:.0} mm/s: {} deg{refused}",
                 speed * 1e3,
@@ -67,21 +48,12 @@ pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize
 }
 
 fn degrees(q: &Joints, joints: usize) -> String {
-    q.iter()
-        .take(joints)
-        .map(|q| format!("{:.3}", q.to_degrees()))
-        .collect::<Vec<_>>()
-        .join(" ")
+    q.iter().take(joints).map(|q| format!("{:.3}", q.to_degrees())).collect::<Vec<_>>().join(" ")
 }
 
 /// Whether joint values are finite and within the limits.
 pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
-    let limits = options
-        .limits
-        .joints
-        .iter()
-        .copied()
-        .chain(std::iter::repeat((f64::MIN, f64::MAX)));
+    let limits = options.limits.joints.iter().copied().chain(std::iter::repeat((f64::MIN, f64::MAX)));
     for (joint, (q, (low, high))) in q.iter().zip(limits).enumerate() {
         if !(low..=high).contains(q) {
             return Err(Violation::JointLimit {
@@ -96,22 +68,12 @@ pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result
 }
 
 /// Whether the collision model allows a motion.
-pub(super) fn check_guard(
-    from: &Joints,
-    to: &Joints,
-    options: &ProcedureOptions<'_>,
-) -> Result<(), Violation> {
-    options
-        .guard
-        .map_or(Ok(()), |guard| guard(from, to))
-        .map_err(Violation::Guard)
+pub(super) fn check_guard(from: &Joints, to: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
+    options.guard.map_or(Ok(()), |guard| guard(from, to)).map_err(Violation::Guard)
 }
 
 /// Checks a plan and settings before anything moves.
-pub(super) fn check_plan(
-    plan: &[PlanEntry],
-    options: &ProcedureOptions<'_>,
-) -> Result<(), ProcedureError> {
+pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> Result<(), ProcedureError> {
     let positive = [
         ("epsilon", options.epsilon),
         ("travel speed", options.travel_speed),
@@ -123,20 +85,12 @@ pub(super) fn check_plan(
     ];
     for (name, value) in positive {
         if !(value > 0.0 && value.is_finite()) {
-            return Err(ProcedureError::Options(format!(
-                "{name} is {value}; expected a positive number"
-            )));
+            return Err(ProcedureError::Options(format!("{name} is {value}; expected a positive number")));
         }
     }
-    for entry in plan
-        .iter()
-        .filter(|entry| !options.skip.contains(&entry.index))
-    {
-        let wrong = |violation| ProcedureError::Plan {
-            index: entry.index,
-            ball: entry.ball,
-            violation: Box::new(violation),
-        };
+    for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
+        let wrong =
+            |violation| ProcedureError::Plan { index: entry.index, ball: entry.ball, violation: Box::new(violation) };
         let mut from: Option<&Joints> = None;
         for q in entry.via.iter().chain(std::iter::once(&entry.joints)) {
             check_joints(q, options).map_err(wrong)?;
@@ -148,10 +102,7 @@ pub(super) fn check_plan(
     }
     let mut seen = std::collections::BTreeSet::new();
     match plan.iter().find(|entry| !seen.insert(entry.index)) {
-        Some(twice) => Err(ProcedureError::Options(format!(
-            "the plan has two entries with number {}",
-            twice.index
-        ))),
+        Some(twice) => Err(ProcedureError::Options(format!("the plan has two entries with number {}", twice.index))),
         None => Ok(()),
     }
 }

@@ -24,9 +24,7 @@ pub enum TcpError {
         found: usize,
     },
     /// The orientations do not tell the TCP from the ball.
-    #[error(
-        "the touches do not fix the TCP: expected orientations that differ about at least two axes"
-    )]
+    #[error("the touches do not fix the TCP: expected orientations that differ about at least two axes")]
     Degenerate,
     /// The three balls lie on a line.
     #[error("the three balls lie on a line; expected a triangle")]
@@ -50,21 +48,15 @@ pub struct TcpFit {
 /// Fewer than four touches, or orientations that do not differ enough.
 pub fn tcp_from_touches(touches: &[FlangeTouch]) -> Result<TcpFit, TcpError> {
     if touches.len() < 4 {
-        return Err(TcpError::TooFew {
-            found: touches.len(),
-        });
+        return Err(TcpError::TooFew { found: touches.len() });
     }
     let rows = 3 * touches.len();
     let mut matrix = DMatrix::zeros(rows, 6);
     let mut right = DVector::zeros(rows);
     for (at, touch) in touches.iter().enumerate() {
         let rotation = matrix3(&touch.rotation);
-        matrix
-            .fixed_view_mut::<3, 3>(3 * at, 0)
-            .copy_from(&rotation);
-        matrix
-            .fixed_view_mut::<3, 3>(3 * at, 3)
-            .copy_from(&-Matrix3::identity());
+        matrix.fixed_view_mut::<3, 3>(3 * at, 0).copy_from(&rotation);
+        matrix.fixed_view_mut::<3, 3>(3 * at, 3).copy_from(&-Matrix3::identity());
         let known = -(Vector3::from(touch.position) + rotation * Vector3::from(touch.reading));
         right.fixed_rows_mut::<3>(3 * at).copy_from(&known);
     }
@@ -92,18 +84,10 @@ pub fn tcp_from_touches(touches: &[FlangeTouch]) -> Result<TcpFit, TcpError> {
 /// The balls lie on a line.
 pub fn base_from_balls(balls: &[[f64; 3]; 3]) -> Result<([f64; 3], [[f64; 3]; 3]), TcpError> {
     let [first, second, third] = balls.map(Vector3::from);
-    let x = (second - first)
-        .try_normalize(1e-6)
-        .ok_or(TcpError::NoTriangle)?;
-    let z = x
-        .cross(&(third - first))
-        .try_normalize(1e-6)
-        .ok_or(TcpError::NoTriangle)?;
+    let x = (second - first).try_normalize(1e-6).ok_or(TcpError::NoTriangle)?;
+    let z = x.cross(&(third - first)).try_normalize(1e-6).ok_or(TcpError::NoTriangle)?;
     let y = z.cross(&x);
-    Ok((
-        first.into(),
-        std::array::from_fn(|row| [x[row], y[row], z[row]]),
-    ))
+    Ok((first.into(), std::array::from_fn(|row| [x[row], y[row], z[row]])))
 }
 
 fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
@@ -121,8 +105,7 @@ mod tests {
 
     fn touch(roll: f64, pitch: f64, yaw: f64, reading: [f64; 3]) -> FlangeTouch {
         let rotation = *Rotation3::from_euler_angles(roll, pitch, yaw).matrix();
-        let position =
-            Vector3::from(BALL) - rotation * (Vector3::from(TCP) + Vector3::from(reading));
+        let position = Vector3::from(BALL) - rotation * (Vector3::from(TCP) + Vector3::from(reading));
         FlangeTouch {
             position: position.into(),
             rotation: std::array::from_fn(|r| std::array::from_fn(|c| rotation[(r, c)])),
@@ -139,12 +122,7 @@ mod tests {
             touch(2.9, 0.5, -1.0, [0.0, 0.0, 3e-5]),
         ];
         let fit = tcp_from_touches(&touches).unwrap();
-        for (found, truth) in fit
-            .tcp_in_flange
-            .iter()
-            .chain(&fit.ball_in_base)
-            .zip(TCP.iter().chain(&BALL))
-        {
+        for (found, truth) in fit.tcp_in_flange.iter().chain(&fit.ball_in_base).zip(TCP.iter().chain(&BALL)) {
             assert!((found - truth).abs() < 1e-12, "{fit:?}");
         }
         assert!(fit.rms < 1e-12);
@@ -152,28 +130,19 @@ mod tests {
 
     #[test]
     fn orientations_about_one_axis_are_refused() {
-        let touches: Vec<FlangeTouch> = (0..5)
-            .map(|i| touch(0.0, 0.0, 0.4 * f64::from(i), [0.0; 3]))
-            .collect();
+        let touches: Vec<FlangeTouch> = (0..5).map(|i| touch(0.0, 0.0, 0.4 * f64::from(i), [0.0; 3])).collect();
         assert_eq!(tcp_from_touches(&touches), Err(TcpError::Degenerate));
-        assert_eq!(
-            tcp_from_touches(&touches[..3]),
-            Err(TcpError::TooFew { found: 3 })
-        );
+        assert_eq!(tcp_from_touches(&touches[..3]), Err(TcpError::TooFew { found: 3 }));
     }
 
     #[test]
     fn the_world_frame_of_three_balls() {
-        let (origin, rotation) =
-            base_from_balls(&[[0.1, 0.2, 0.3], [0.1, 0.5, 0.3], [-0.2, 0.2, 0.3]]).unwrap();
+        let (origin, rotation) = base_from_balls(&[[0.1, 0.2, 0.3], [0.1, 0.5, 0.3], [-0.2, 0.2, 0.3]]).unwrap();
         assert_eq!(origin, [0.1, 0.2, 0.3]);
         let expected = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
         for (row, expected) in rotation.iter().flatten().zip(expected.iter().flatten()) {
             assert!((row - expected).abs() < 1e-12, "{rotation:?}");
         }
-        assert_eq!(
-            base_from_balls(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]),
-            Err(TcpError::NoTriangle)
-        );
+        assert_eq!(base_from_balls(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), Err(TcpError::NoTriangle));
     }
 }

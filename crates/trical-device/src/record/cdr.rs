@@ -58,21 +58,11 @@ impl JointState {
         let nanoseconds = from.u32()?;
         let frame = from.string()?;
         let count = from.count(5)?;
-        let names = (0..count)
-            .map(|_| from.string())
-            .collect::<Option<Vec<_>>>()?;
+        let names = (0..count).map(|_| from.string()).collect::<Option<Vec<_>>>()?;
         let position = from.sequence()?;
         let velocity = from.sequence()?;
         let effort = from.sequence()?;
-        Some(Self {
-            seconds,
-            nanoseconds,
-            frame,
-            names,
-            position,
-            velocity,
-            effort,
-        })
+        Some(Self { seconds, nanoseconds, frame, names, position, velocity, effort })
     }
 }
 
@@ -138,9 +128,7 @@ impl Decoder<'_> {
 
     fn sequence(&mut self) -> Option<Vec<f64>> {
         let count = self.count(8)?;
-        (0..count)
-            .map(|_| self.take().map(f64::from_le_bytes))
-            .collect()
+        (0..count).map(|_| self.take().map(f64::from_le_bytes)).collect()
     }
 }
 
@@ -178,9 +166,8 @@ mod tests {
     #[test]
     fn the_84_bytes_of_the_reference() {
         let digits: String = REFERENCE.split_whitespace().collect();
-        let bytes: Vec<u8> = (0..digits.len() / 2)
-            .map(|i| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).unwrap())
-            .collect();
+        let bytes: Vec<u8> =
+            (0..digits.len() / 2).map(|i| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).unwrap()).collect();
         assert_eq!(bytes.len(), 84);
         assert_eq!(reference().to_cdr(), bytes);
         assert_eq!(JointState::from_cdr(&bytes), Some(reference()));

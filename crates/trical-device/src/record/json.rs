@@ -31,10 +31,7 @@ pub fn row_to_json(row: &Row, joints: usize) -> String {
             out.integer("target", *target as i64 + 1);
             out.millimetres(["x_mm", "y_mm", "z_mm"], position);
         }
-        Measured::Reference {
-            reference,
-            position,
-        } => {
+        Measured::Reference { reference, position } => {
             out.integer("reference", *reference as i64 + 1);
             out.millimetres(["x_mm", "y_mm", "z_mm"], position);
         }
@@ -42,10 +39,7 @@ pub fn row_to_json(row: &Row, joints: usize) -> String {
             out.integer("anchor", *anchor as i64 + 1);
             out.number("d_mm", length * 1e3);
         }
-        Measured::Pose {
-            position,
-            quaternion,
-        } => {
+        Measured::Pose { position, quaternion } => {
             out.millimetres(["x_mm", "y_mm", "z_mm"], position);
             for (name, value) in ["qw", "qx", "qy", "qz"].into_iter().zip(quaternion) {
                 out.exactly(name, *value);
@@ -83,8 +77,7 @@ pub fn temperature_to_json(t: f64, temp_c: f64) -> String {
 /// # Errors
 /// One sentence: no JSON, an unknown or missing key, a wrong value.
 pub fn row_from_json(text: &[u8]) -> Result<(Row, usize), String> {
-    let value: Value =
-        serde_json::from_slice(text).map_err(|error| format!("no JSON ({error})"))?;
+    let value: Value = serde_json::from_slice(text).map_err(|error| format!("no JSON ({error})"))?;
     let Value::Object(map) = value else {
         return Err("no JSON object".to_owned());
     };
@@ -96,9 +89,7 @@ pub fn row_from_json(text: &[u8]) -> Result<(Row, usize), String> {
     }
     let (q_commanded, commanded) = fields.joints("qc")?;
     if commanded != 0 && commanded != joints {
-        return Err(format!(
-            "{commanded} keys qc1_deg...; expected {joints}, one for each joint"
-        ));
+        return Err(format!("{commanded} keys qc1_deg...; expected {joints}, one for each joint"));
     }
     let dir = fields.directions(joints)?;
     let state = State {
@@ -114,15 +105,7 @@ pub fn row_from_json(text: &[u8]) -> Result<(Row, usize), String> {
     if let Some(key) = fields.0.keys().next() {
         return Err(format!("unknown key {key:?}"));
     }
-    Ok((
-        Row {
-            state,
-            measured,
-            seq,
-            line: 0,
-        },
-        joints,
-    ))
+    Ok((Row { state, measured, seq, line: 0 }, joints))
 }
 
 struct Fields(Map<String, Value>);
@@ -131,20 +114,16 @@ impl Fields {
     fn number(&mut self, key: &str) -> Result<Option<f64>, String> {
         match self.0.remove(key) {
             None => Ok(None),
-            Some(value) => value
-                .as_f64()
-                .map(Some)
-                .ok_or_else(|| format!("key {key:?} is {value}; expected a number")),
+            Some(value) => value.as_f64().map(Some).ok_or_else(|| format!("key {key:?} is {value}; expected a number")),
         }
     }
 
     fn integer(&mut self, key: &str) -> Result<Option<u64>, String> {
         match self.0.remove(key) {
             None => Ok(None),
-            Some(value) => value
-                .as_u64()
-                .map(Some)
-                .ok_or_else(|| format!("key {key:?} is {value}; expected a whole number")),
+            Some(value) => {
+                value.as_u64().map(Some).ok_or_else(|| format!("key {key:?} is {value}; expected a whole number"))
+            }
         }
     }
 
@@ -189,9 +168,7 @@ impl Fields {
         match count {
             0 => Ok(None),
             count if count == joints => Ok(Some(dir)),
-            count => Err(format!(
-                "{count} keys dir1...; expected {joints}, one for each joint"
-            )),
+            count => Err(format!("{count} keys dir1...; expected {joints}, one for each joint")),
         }
     }
 
@@ -311,15 +288,7 @@ mod tests {
         state.t = Some(12.5);
         state.dir = Some([1, -1, 0, 1, -1, 1, 0, 0, 0]);
         state.temp_c = Some(21.5);
-        Row {
-            state,
-            measured: Measured::Touch {
-                ball: 2,
-                reading: [0.001e-3, -0.012e-3, 0.0],
-            },
-            seq: Some(7),
-            line: 0,
-        }
+        Row { state, measured: Measured::Touch { ball: 2, reading: [0.001e-3, -0.012e-3, 0.0] }, seq: Some(7), line: 0 }
     }
 
     #[test]
@@ -336,28 +305,13 @@ mod tests {
     fn every_kind_of_measurement_comes_back() {
         let kinds = [
             touch().measured,
-            Measured::Point {
-                target: 1,
-                position: [0.1, 0.2, 0.3],
-            },
-            Measured::Reference {
-                reference: 0,
-                position: [0.1, 0.2, 0.3],
-            },
-            Measured::Distance {
-                anchor: 2,
-                length: 0.5,
-            },
-            Measured::Pose {
-                position: [0.1, 0.2, 0.3],
-                quaternion: [1.0, 0.0, 0.0, 0.0],
-            },
+            Measured::Point { target: 1, position: [0.1, 0.2, 0.3] },
+            Measured::Reference { reference: 0, position: [0.1, 0.2, 0.3] },
+            Measured::Distance { anchor: 2, length: 0.5 },
+            Measured::Pose { position: [0.1, 0.2, 0.3], quaternion: [1.0, 0.0, 0.0, 0.0] },
         ];
         for measured in kinds {
-            let mut row = Row {
-                measured,
-                ..touch()
-            };
+            let mut row = Row { measured, ..touch() };
             row.state.q_commanded = Some(row.state.q);
             row.state.payload_kg = Some(1.5);
             let text = row_to_json(&row, 6);
@@ -365,29 +319,18 @@ mod tests {
             assert_eq!(joints, 6);
             assert_eq!(row_to_json(&back, 6), text);
             assert_eq!(back.seq, row.seq);
-            assert_eq!(
-                std::mem::discriminant(&back.measured),
-                std::mem::discriminant(&row.measured)
-            );
+            assert_eq!(std::mem::discriminant(&back.measured), std::mem::discriminant(&row.measured));
         }
     }
 
     #[test]
     fn errors_name_the_key() {
         let says = |text: &str| row_from_json(text.as_bytes()).unwrap_err();
-        assert!(
-            says("{\"q1_deg\":1,\"bal\":1,\"ball\":1,\"ix_mm\":0,\"iy_mm\":0,\"iz_mm\":0}")
-                .contains("\"bal\"")
-        );
+        assert!(says("{\"q1_deg\":1,\"bal\":1,\"ball\":1,\"ix_mm\":0,\"iy_mm\":0,\"iz_mm\":0}").contains("\"bal\""));
         assert!(says("{\"ball\":1}").contains("q1_deg"));
         assert!(says("{\"q1_deg\":\"a\"}").contains("\"q1_deg\""));
-        assert!(
-            says("{\"q1_deg\":1,\"ball\":0,\"ix_mm\":0,\"iy_mm\":0,\"iz_mm\":0}")
-                .contains("1 or more")
-        );
-        assert!(
-            says("{\"q1_deg\":1,\"ball\":1,\"ix_mm\":0,\"iy_mm\":0}").contains("without \"iz_mm\"")
-        );
+        assert!(says("{\"q1_deg\":1,\"ball\":0,\"ix_mm\":0,\"iy_mm\":0,\"iz_mm\":0}").contains("1 or more"));
+        assert!(says("{\"q1_deg\":1,\"ball\":1,\"ix_mm\":0,\"iy_mm\":0}").contains("without \"iz_mm\""));
         assert!(says("{\"q1_deg\":1,\"dir1\":2}").contains("-1, 0 or 1"));
         assert!(says("{\"q1_deg\":1}").contains("one kind"));
         assert!(says("[]").contains("object"));

@@ -37,11 +37,7 @@ impl Attachment {
     /// A TOML file.
     #[must_use]
     pub fn toml(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Self {
-            name: name.into(),
-            media_type: "application/toml".to_owned(),
-            data: text.into().into_bytes(),
-        }
+        Self { name: name.into(), media_type: "application/toml".to_owned(), data: text.into().into_bytes() }
     }
 }
 
@@ -161,20 +157,13 @@ impl ReadRecording {
     /// Numbers (`seq`) of the measurements that are there.
     #[must_use]
     pub fn done(&self) -> BTreeSet<u64> {
-        self.recording
-            .rows
-            .iter()
-            .filter_map(|row| row.seq)
-            .collect()
+        self.recording.rows.iter().filter_map(|row| row.seq).collect()
     }
 
     /// The text of an attachment.
     #[must_use]
     pub fn attachment(&self, name: &str) -> Option<&str> {
-        let found = self
-            .attachments
-            .iter()
-            .find(|attachment| attachment.name == name)?;
+        let found = self.attachments.iter().find(|attachment| attachment.name == name)?;
         std::str::from_utf8(&found.data).ok()
     }
 }
@@ -247,11 +236,7 @@ pub enum RecordError {
 impl RecordError {
     pub(crate) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Io {
-            path,
-            action,
-            source,
-        }
+        move |source| Self::Io { path, action, source }
     }
 
     pub(crate) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {

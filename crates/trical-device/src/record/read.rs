@@ -26,20 +26,10 @@ pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
     let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
     let Some(body) = bytes.strip_prefix(&MAGIC) else {
         let begin = bytes.get(..MAGIC.len()).unwrap_or(&bytes);
-        let found = if begin.is_empty() {
-            "nothing".to_owned()
-        } else {
-            format!("\"{}\"", begin.escape_ascii())
-        };
-        return Err(RecordError::NotMcap {
-            path: path.to_owned(),
-            found,
-        });
+        let found = if begin.is_empty() { "nothing".to_owned() } else { format!("\"{}\"", begin.escape_ascii()) };
+        return Err(RecordError::NotMcap { path: path.to_owned(), found });
     };
-    walk(body).map_err(|problem| RecordError::Unreadable {
-        path: path.to_owned(),
-        problem,
-    })
+    walk(body).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
 }
 
 /// What was lost of a file, as one sentence.
@@ -89,31 +79,22 @@ pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, Reco
         match channel.topic.as_str() {
             schema::JOINT_STATES => {
                 if channel.encoding != "cdr" {
-                    return Err(wrong(format!(
-                        "encoding {:?}; expected \"cdr\"",
-                        channel.encoding
-                    )));
+                    return Err(wrong(format!("encoding {:?}; expected \"cdr\"", channel.encoding)));
                 }
-                let state = JointState::from_cdr(&message.data).ok_or_else(|| {
-                    wrong("no sensor_msgs/msg/JointState in little-endian CDR".to_owned())
-                })?;
+                let state = JointState::from_cdr(&message.data)
+                    .ok_or_else(|| wrong("no sensor_msgs/msg/JointState in little-endian CDR".to_owned()))?;
                 let mut q = [0.0; MAX_JOINTS];
                 for (to, from) in q.iter_mut().zip(&state.position) {
                     *to = *from;
                 }
                 motion.push(&q);
-                joint_states.push(JointSample {
-                    t: seconds_since(start_ns, message.log_time),
-                    q,
-                });
+                joint_states.push(JointSample { t: seconds_since(start_ns, message.log_time), q });
             }
             schema::MEASUREMENT => {
                 let (mut row, count) = json::row_from_json(&message.data).map_err(wrong)?;
                 match joints {
                     Some(before) if before != count => {
-                        return Err(wrong(format!(
-                            "{count} joints; expected {before} as before"
-                        )));
+                        return Err(wrong(format!("{count} joints; expected {before} as before")));
                     }
                     _ => joints = Some(count),
                 }
@@ -126,49 +107,21 @@ pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, Reco
             _ => {}
         }
     }
-    let recording = Recording {
-        name: path.display().to_string(),
-        joints: joints.unwrap_or(0),
-        rows,
-    };
-    Ok(ReadRecording {
-        recording,
-        attachments: raw.attachments,
-        metadata,
-        joint_states,
-        indicators,
-        start_ns,
-        lost,
-    })
+    let recording = Recording { name: path.display().to_string(), joints: joints.unwrap_or(0), rows };
+    Ok(ReadRecording { recording, attachments: raw.attachments, metadata, joint_states, indicators, start_ns, lost })
 }
 
 fn seconds_since(start_ns: u64, log_time: u64) -> f64 {
-    if log_time >= start_ns {
-        (log_time - start_ns) as f64 * 1e-9
-    } else {
-        -((start_ns - log_time) as f64) * 1e-9
-    }
+    if log_time >= start_ns { (log_time - start_ns) as f64 * 1e-9 } else { -((start_ns - log_time) as f64) * 1e-9 }
 }
 
 fn read_indicators(data: &[u8]) -> Result<IndicatorSample, String> {
-    let value: Value =
-        serde_json::from_slice(data).map_err(|error| format!("no JSON ({error})"))?;
-    let number = |key: &str| {
-        value
-            .get(key)
-            .and_then(Value::as_f64)
-            .ok_or_else(|| format!("key {key:?}; expected a number"))
-    };
+    let value: Value = serde_json::from_slice(data).map_err(|error| format!("no JSON ({error})"))?;
+    let number =
+        |key: &str| value.get(key).and_then(Value::as_f64).ok_or_else(|| format!("key {key:?}; expected a number"));
     Ok(IndicatorSample {
         t: number("t_s")?,
-        reading: [
-            number("ix_mm")? * 1e-3,
-            number("iy_mm")? * 1e-3,
-            number("iz_mm")? * 1e-3,
-        ],
-        settled: value
-            .get("settled")
-            .and_then(Value::as_bool)
-            .unwrap_or(false),
+        reading: [number("ix_mm")? * 1e-3, number("iy_mm")? * 1e-3, number("iz_mm")? * 1e-3],
+        settled: value.get("settled").and_then(Value::as_bool).unwrap_or(false),
     })
 }

@@ -43,70 +43,39 @@ pub fn indicators() -> (&'static str, String) {
     let fields = ["t_s", "ix_mm", "iy_mm", "iz_mm"].map(|name| (name.to_owned(), "number"));
     let mut fields = fields.to_vec();
     fields.push(("settled".to_owned(), "boolean"));
-    (
-        "trical.Indicators",
-        json_schema(
-            "trical.Indicators",
-            &fields,
-            &["t_s", "ix_mm", "iy_mm", "iz_mm"],
-        ),
-    )
+    ("trical.Indicators", json_schema("trical.Indicators", &fields, &["t_s", "ix_mm", "iy_mm", "iz_mm"]))
 }
 
 /// Name and text of the schema of `/temperature`.
 #[must_use]
 pub fn temperature() -> (&'static str, String) {
     let fields = ["t_s", "temp_c"].map(|name| (name.to_owned(), "number"));
-    (
-        "trical.Temperature",
-        json_schema("trical.Temperature", &fields, &["t_s", "temp_c"]),
-    )
+    ("trical.Temperature", json_schema("trical.Temperature", &fields, &["t_s", "temp_c"]))
 }
 
 /// Name and text of the schema of `/measurement` for an arm with so many joints.
 #[must_use]
 pub fn measurement(joints: usize) -> (&'static str, String) {
     let mut fields = vec![("t_s".to_owned(), "number")];
-    for (stem, tail, kind) in [
-        ("q", "_deg", "number"),
-        ("qc", "_deg", "number"),
-        ("dir", "", "integer"),
-    ] {
+    for (stem, tail, kind) in [("q", "_deg", "number"), ("qc", "_deg", "number"), ("dir", "", "integer")] {
         fields.extend((1..=joints).map(|joint| (format!("{stem}{joint}{tail}"), kind)));
     }
     for name in ["seq", "ball", "target", "reference", "anchor"] {
         fields.push((name.to_owned(), "integer"));
     }
-    for name in [
-        "temp_c",
-        "payload_kg",
-        "ix_mm",
-        "iy_mm",
-        "iz_mm",
-        "x_mm",
-        "y_mm",
-        "z_mm",
-        "d_mm",
-        "qw",
-        "qx",
-        "qy",
-        "qz",
-    ] {
+    for name in
+        ["temp_c", "payload_kg", "ix_mm", "iy_mm", "iz_mm", "x_mm", "y_mm", "z_mm", "d_mm", "qw", "qx", "qy", "qz"]
+    {
         fields.push((name.to_owned(), "number"));
     }
     let required: Vec<String> = (1..=joints).map(|joint| format!("q{joint}_deg")).collect();
     let required: Vec<&str> = required.iter().map(String::as_str).collect();
-    (
-        "trical.Measurement",
-        json_schema("trical.Measurement", &fields, &required),
-    )
+    ("trical.Measurement", json_schema("trical.Measurement", &fields, &required))
 }
 
 fn json_schema(title: &str, fields: &[(String, &str)], required: &[&str]) -> String {
-    let properties: Vec<String> = fields
-        .iter()
-        .map(|(name, kind)| format!("\"{name}\":{{\"type\":\"{kind}\"}}"))
-        .collect();
+    let properties: Vec<String> =
+        fields.iter().map(|(name, kind)| format!("\"{name}\":{{\"type\":\"{kind}\"}}")).collect();
     let required: Vec<String> = required.iter().map(|name| format!("\"{name}\"")).collect();
     format!(
         "{{\"title\":\"{title}\",\"type\":\"object\",\"properties\":{{{}}},\"required\":[{}]}}",
@@ -129,8 +98,6 @@ mod tests {
                 assert!(schema["properties"].get(key.as_str().unwrap()).is_some());
             }
         }
-        assert!(
-            JOINT_STATE_TEXT.contains(&format!("\n{}\nMSG: std_msgs/Header\n", "=".repeat(80)))
-        );
+        assert!(JOINT_STATE_TEXT.contains(&format!("\n{}\nMSG: std_msgs/Header\n", "=".repeat(80))));
     }
 }

@@ -79,8 +79,7 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
             {
                 file.inner_records(chunk.data);
             }
-            file.losses
-                .push(format!("it ends in the middle of a record at byte {at}"));
+            file.losses.push(format!("it ends in the middle of a record at byte {at}"));
             break;
         };
         match opcode {
@@ -90,8 +89,7 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
             FOOTER => file.ended = true,
             _ => {
                 if file.record(opcode, content).is_none() {
-                    file.losses
-                        .push(format!("the record at byte {at} is damaged"));
+                    file.losses.push(format!("the record at byte {at} is damaged"));
                 }
             }
         }
@@ -103,13 +101,9 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
     }
     let known = &file.channels;
     let all = file.messages.len();
-    file.messages
-        .retain(|message| known.contains_key(&message.channel));
+    file.messages.retain(|message| known.contains_key(&message.channel));
     if file.messages.len() < all {
-        file.losses.push(format!(
-            "{} messages belong to no known channel",
-            all - file.messages.len()
-        ));
+        file.losses.push(format!("{} messages belong to no known channel", all - file.messages.len()));
     }
     Ok(file)
 }
@@ -117,13 +111,10 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
 impl RawFile {
     fn chunk(&mut self, content: &[u8], at: usize) -> Result<(), String> {
         let Some(chunk) = ChunkHead::parse(content) else {
-            self.losses
-                .push(format!("the chunk at byte {at} is damaged"));
+            self.losses.push(format!("the chunk at byte {at} is damaged"));
             return Ok(());
         };
-        let whole = usize::try_from(chunk.compressed_size)
-            .ok()
-            .and_then(|size| chunk.data.get(..size));
+        let whole = usize::try_from(chunk.compressed_size).ok().and_then(|size| chunk.data.get(..size));
         let unpacked = match (chunk.compression, whole) {
             ("", Some(data)) => Some(data.to_vec()),
             ("lz4", Some(data)) => unpack_lz4(data, chunk.uncompressed_size),
@@ -135,13 +126,10 @@ impl RawFile {
             }
         };
         // a checksum of 0 says that there is none
-        let sound =
-            unpacked.filter(|data| chunk.checksum == 0 || crc32fast::hash(data) == chunk.checksum);
+        let sound = unpacked.filter(|data| chunk.checksum == 0 || crc32fast::hash(data) == chunk.checksum);
         match sound {
             Some(data) => self.inner_records(&data),
-            None => self
-                .losses
-                .push(format!("the chunk at byte {at} is damaged and left out")),
+            None => self.losses.push(format!("the chunk at byte {at} is damaged and left out")),
         }
         Ok(())
     }
@@ -149,8 +137,7 @@ impl RawFile {
     fn inner_records(&mut self, mut data: &[u8]) {
         while let Some((opcode, content, after)) = split_record(data) {
             if self.record(opcode, content).is_none() {
-                self.losses
-                    .push("a record inside a chunk is damaged".to_owned());
+                self.losses.push("a record inside a chunk is damaged".to_owned());
             }
             data = after;
         }
@@ -165,26 +152,14 @@ impl RawFile {
                 let (name, encoding) = (from.string()?, from.string()?);
                 let size = from.u32()? as usize;
                 let data = from.bytes(size)?.to_vec();
-                self.schemas.insert(
-                    id,
-                    RawSchema {
-                        name,
-                        encoding,
-                        data,
-                    },
-                );
+                self.schemas.insert(id, RawSchema { name, encoding, data });
             }
             CHANNEL => {
                 let (id, schema) = (from.u16()?, from.u16()?);
                 let (topic, encoding) = (from.string()?, from.string()?);
                 let metadata = from.map()?;
                 let schema = self.schemas.get(&schema).cloned();
-                self.channels.entry(id).or_insert(RawChannel {
-                    topic,
-                    encoding,
-                    metadata,
-                    schema,
-                });
+                self.channels.entry(id).or_insert(RawChannel { topic, encoding, metadata, schema });
             }
             MESSAGE => {
                 let message = RawMessage {
@@ -206,11 +181,7 @@ impl RawFile {
                 if checksum != 0 && checksum != crc32fast::hash(summed) {
                     return None;
                 }
-                self.attachments.push(Attachment {
-                    name,
-                    media_type,
-                    data,
-                });
+                self.attachments.push(Attachment { name, media_type, data });
             }
             METADATA => {
                 let name = from.string()?;
@@ -248,23 +219,13 @@ impl<'a> ChunkHead<'a> {
         let length = from.u32()? as usize;
         let compression = std::str::from_utf8(from.bytes(length)?).ok()?;
         let compressed_size = from.u64()?;
-        Some(Self {
-            uncompressed_size,
-            checksum,
-            compression,
-            compressed_size,
-            data: from.0,
-        })
+        Some(Self { uncompressed_size, checksum, compression, compressed_size, data: from.0 })
     }
 }
 
 fn unpack_lz4(data: &[u8], size: u64) -> Option<Vec<u8>> {
     let mut out = Vec::new();
-    lz4::Decoder::new(data)
-        .ok()?
-        .take(size.min(LARGEST_CHUNK))
-        .read_to_end(&mut out)
-        .ok()?;
+    lz4::Decoder::new(data).ok()?.take(size.min(LARGEST_CHUNK)).read_to_end(&mut out).ok()?;
     (out.len() as u64 == size).then_some(out)
 }
 

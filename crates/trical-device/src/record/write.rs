@@ -40,9 +40,7 @@ impl RecordingWriter {
     /// The file exists or cannot be written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordError> {
         if path.exists() {
-            return Err(RecordError::Exists {
-                path: path.to_owned(),
-            });
+            return Err(RecordError::Exists { path: path.to_owned() });
         }
         Self::begin(path, header, None)
     }
@@ -54,25 +52,15 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// The file cannot be read or written, is no recording, or was made with another robot, cell or number of joints.
-    pub fn resume(
-        path: &Path,
-        header: &Header,
-    ) -> Result<(Self, Option<ReadRecording>), RecordError> {
+    pub fn resume(path: &Path, header: &Header) -> Result<(Self, Option<ReadRecording>), RecordError> {
         if !path.exists() {
             return Ok((Self::begin(path, header, None)?, None));
         }
         let raw = read_raw(path)?;
         let read = interpret(path, read_raw(path)?)?;
-        let different = |what: &str| RecordError::Different {
-            path: path.to_owned(),
-            what: what.to_owned(),
-        };
+        let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
         for ours in &header.attachments {
-            if read
-                .attachments
-                .iter()
-                .any(|theirs| theirs.name == ours.name && theirs.data != ours.data)
-            {
+            if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
                 return Err(different(&ours.name));
             }
         }
@@ -100,11 +88,7 @@ impl RecordingWriter {
         Ok(writer)
     }
 
-    fn begin_beside(
-        path: &Path,
-        header: &Header,
-        before: Option<&RawFile>,
-    ) -> Result<Self, RecordError> {
+    fn begin_beside(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
         let temporary = temporary_beside(path);
         let file = OpenOptions::new()
             .write(true)
@@ -115,12 +99,7 @@ impl RecordingWriter {
         Self::write_head(file, path, header, before)
     }
 
-    fn write_head(
-        file: File,
-        path: &Path,
-        header: &Header,
-        before: Option<&RawFile>,
-    ) -> Result<Self, RecordError> {
+    fn write_head(file: File, path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
         let failed = || RecordError::mcap(path);
         let second = file.try_clone().map_err(RecordError::io(path, "write"))?;
         // not compressed: a chunk that was cut still gives its messages, and the files are small
@@ -135,22 +114,16 @@ impl RecordingWriter {
         metadata.insert("start_ns".to_owned(), header.start_ns.to_string());
         let mut records = before.map(|raw| raw.metadata.clone()).unwrap_or_default();
         if before.is_some() {
-            let times = records
-                .iter()
-                .filter(|(name, _)| name.starts_with("trical.resumed"))
-                .count();
+            let times = records.iter().filter(|(name, _)| name.starts_with("trical.resumed")).count();
             records.push((format!("trical.resumed.{}", times + 1), metadata));
         } else {
             records.push(("trical".to_owned(), metadata));
         }
         for (name, metadata) in records {
-            mcap.write_metadata(&Metadata { name, metadata })
-                .map_err(failed())?;
+            mcap.write_metadata(&Metadata { name, metadata }).map_err(failed())?;
         }
 
-        let mut attachments = before
-            .map(|raw| raw.attachments.clone())
-            .unwrap_or_default();
+        let mut attachments = before.map(|raw| raw.attachments.clone()).unwrap_or_default();
         for ours in &header.attachments {
             if !attachments.iter().any(|theirs| theirs.name == ours.name) {
                 attachments.push(ours.clone());
@@ -167,11 +140,7 @@ impl RecordingWriter {
             .map_err(failed())?;
         }
 
-        let mut channel = |topic: &str,
-                           name: &str,
-                           encoding: [&str; 2],
-                           text: &str,
-                           metadata: &BTreeMap<_, _>| {
+        let mut channel = |topic: &str, name: &str, encoding: [&str; 2], text: &str, metadata: &BTreeMap<_, _>| {
             let [message, schema] = encoding;
             let id = mcap.add_schema(name, schema, text.as_bytes())?;
             mcap.add_channel(id, topic, message, metadata)
@@ -180,32 +149,19 @@ impl RecordingWriter {
         let json = ["json", "jsonschema"];
         let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
         let none = BTreeMap::new();
-        let joint_states = channel(
-            schema::JOINT_STATES,
-            schema::JOINT_STATE_NAME,
-            ros,
-            schema::JOINT_STATE_TEXT,
-            &quality,
-        )
-        .map_err(failed())?;
+        let joint_states =
+            channel(schema::JOINT_STATES, schema::JOINT_STATE_NAME, ros, schema::JOINT_STATE_TEXT, &quality)
+                .map_err(failed())?;
         let (name, text) = schema::indicators();
         let indicators = channel(schema::INDICATORS, name, json, &text, &none).map_err(failed())?;
         let (name, text) = schema::temperature();
-        let temperature =
-            channel(schema::TEMPERATURE, name, json, &text, &none).map_err(failed())?;
+        let temperature = channel(schema::TEMPERATURE, name, json, &text, &none).map_err(failed())?;
         let (name, text) = schema::measurement(header.joint_names.len());
-        let measurement =
-            channel(schema::MEASUREMENT, name, json, &text, &none).map_err(failed())?;
+        let measurement = channel(schema::MEASUREMENT, name, json, &text, &none).map_err(failed())?;
         let description = match (&header.robot_description, before) {
             (Some(text), None) => {
-                let id = channel(
-                    schema::ROBOT_DESCRIPTION,
-                    schema::STRING_NAME,
-                    ros,
-                    schema::STRING_TEXT,
-                    &quality,
-                )
-                .map_err(failed())?;
+                let id = channel(schema::ROBOT_DESCRIPTION, schema::STRING_NAME, ros, schema::STRING_TEXT, &quality)
+                    .map_err(failed())?;
                 Some((id, cdr::string_to_cdr(text)))
             }
             _ => None,
@@ -216,12 +172,7 @@ impl RecordingWriter {
             path: path.to_owned(),
             joint_names: header.joint_names.clone(),
             start_ns: header.start_ns,
-            channels: Channels {
-                joint_states,
-                indicators,
-                temperature,
-                measurement,
-            },
+            channels: Channels { joint_states, indicators, temperature, measurement },
             sequences: BTreeMap::new(),
             last_t: 0.0,
         };
@@ -258,14 +209,10 @@ impl RecordingWriter {
                 log_time: message.log_time,
                 publish_time: message.publish_time,
             };
-            self.mcap
-                .write_to_known_channel(&header, &message.data)
-                .map_err(RecordError::mcap(&self.path))?;
+            self.mcap.write_to_known_channel(&header, &message.data).map_err(RecordError::mcap(&self.path))?;
             let next = self.sequences.entry(channel_id).or_insert(0);
             *next = (*next).max(message.sequence.saturating_add(1));
-            self.last_t = self
-                .last_t
-                .max(message.log_time.saturating_sub(self.start_ns) as f64 * 1e-9);
+            self.last_t = self.last_t.max(message.log_time.saturating_sub(self.start_ns) as f64 * 1e-9);
         }
         Ok(())
     }
@@ -282,37 +229,25 @@ impl RecordingWriter {
     /// The file cannot be written.
     pub fn finish(mut self) -> Result<(), RecordError> {
         self.mcap.finish().map_err(RecordError::mcap(&self.path))?;
-        self.file
-            .sync_all()
-            .map_err(RecordError::io(&self.path, "write to the disk"))
+        self.file.sync_all().map_err(RecordError::io(&self.path, "write to the disk"))
     }
 
     fn message(&mut self, channel_id: u16, t: f64, data: &[u8]) -> Result<(), RecordError> {
         self.last_t = self.last_t.max(t);
         let log_time = self.log_time(t);
         let next = self.sequences.entry(channel_id).or_insert(0);
-        let header = MessageHeader {
-            channel_id,
-            sequence: *next,
-            log_time,
-            publish_time: log_time,
-        };
+        let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time: log_time };
         *next = next.wrapping_add(1);
-        self.mcap
-            .write_to_known_channel(&header, data)
-            .map_err(RecordError::mcap(&self.path))
+        self.mcap.write_to_known_channel(&header, data).map_err(RecordError::mcap(&self.path))
     }
 
     fn log_time(&self, t: f64) -> u64 {
-        self.start_ns
-            .saturating_add((t.max(0.0) * 1e9).round() as u64)
+        self.start_ns.saturating_add((t.max(0.0) * 1e9).round() as u64)
     }
 
     fn sync(&mut self) -> Result<(), RecordError> {
         self.mcap.flush().map_err(RecordError::mcap(&self.path))?;
-        self.file
-            .sync_data()
-            .map_err(RecordError::io(&self.path, "write to the disk"))
+        self.file.sync_data().map_err(RecordError::io(&self.path, "write to the disk"))
     }
 }
 
@@ -324,12 +259,7 @@ impl RunLog for RecordingWriter {
             nanoseconds: (stamp % 1_000_000_000) as u32,
             frame: "base_link".to_owned(),
             names: self.joint_names.clone(),
-            position: sample
-                .q
-                .iter()
-                .take(self.joint_names.len())
-                .copied()
-                .collect(),
+            position: sample.q.iter().take(self.joint_names.len()).copied().collect(),
             velocity: Vec::new(),
             effort: Vec::new(),
         };
@@ -348,11 +278,7 @@ impl RunLog for RecordingWriter {
 
     fn measurement(&mut self, row: &Row) -> Result<(), RecordError> {
         let text = json::row_to_json(row, self.joint_names.len());
-        self.message(
-            self.channels.measurement,
-            row.state.t.unwrap_or(self.last_t),
-            text.as_bytes(),
-        )?;
+        self.message(self.channels.measurement, row.state.t.unwrap_or(self.last_t), text.as_bytes())?;
         self.sync()
     }
 }
@@ -362,11 +288,7 @@ impl RunLog for RecordingWriter {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_recording(
-    path: &Path,
-    recording: &Recording,
-    header: &Header,
-) -> Result<(), RecordError> {
+pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> Result<(), RecordError> {
     let mut writer = RecordingWriter::begin_beside(path, header, None)?;
     for row in &recording.rows {
         let text = json::row_to_json(row, recording.joints);
@@ -379,8 +301,7 @@ pub fn write_recording(
 
 /// Gives the file beside its name.
 fn publish(path: &Path) -> Result<(), RecordError> {
-    std::fs::rename(temporary_beside(path), path)
-        .map_err(RecordError::io(path, "rename the new file to it"))?;
+    std::fs::rename(temporary_beside(path), path).map_err(RecordError::io(path, "rename the new file to it"))?;
     sync_directory(path)
 }
 

@@ -129,9 +129,7 @@ pub enum Fault {
 #[derive(Debug, Error)]
 pub enum CellError {
     /// The port is taken.
-    #[error(
-        "virtual controller: port {address} is in use by another program; choose another port, or 0 for any"
-    )]
+    #[error("virtual controller: port {address} is in use by another program; choose another port, or 0 for any")]
     PortInUse {
         /// Address that was tried.
         address: SocketAddr,
@@ -182,16 +180,11 @@ impl VirtualCell {
             .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
             .map_err(|error| match error.kind() {
                 std::io::ErrorKind::AddrInUse => CellError::PortInUse { address },
-                _ => CellError::Port {
-                    address,
-                    reason: error.to_string(),
-                },
+                _ => CellError::Port { address, reason: error.to_string() },
             })?;
         let address = listener.local_addr().unwrap_or(address);
         let (master, slave, terminal) =
-            raw_terminal().map_err(|error| CellError::PseudoTerminal {
-                reason: error.to_string(),
-            })?;
+            raw_terminal().map_err(|error| CellError::PseudoTerminal { reason: error.to_string() })?;
 
         let (channels, group) = (options.channels, options.group);
         let world = Arc::new(Mutex::new(world::World::new(plant, options)));
@@ -207,12 +200,8 @@ impl VirtualCell {
             _slave: slave,
         };
         let (shared, ends) = (Arc::clone(&world), Arc::clone(&stop));
-        cell.spawn("virtual receiver", move || {
-            receiver::serve(master, &shared, &ends)
-        })?;
-        cell.spawn("virtual controller", move || {
-            robot::serve(&listener, &world, &stop)
-        })?;
+        cell.spawn("virtual receiver", move || receiver::serve(master, &shared, &ends))?;
+        cell.spawn("virtual controller", move || robot::serve(&listener, &world, &stop))?;
         Ok(cell)
     }
 
@@ -220,9 +209,7 @@ impl VirtualCell {
         let thread = std::thread::Builder::new()
             .name(name.to_owned())
             .spawn(body)
-            .map_err(|error| CellError::Thread {
-                reason: error.to_string(),
-            })?;
+            .map_err(|error| CellError::Thread { reason: error.to_string() })?;
         self.threads.push(thread);
         Ok(())
     }
@@ -243,11 +230,7 @@ impl VirtualCell {
     #[must_use]
     pub fn gauge_url(&self) -> String {
         let [x, y, z] = self.channels;
-        format!(
-            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0",
-            self.terminal.display(),
-            self.group
-        )
+        format!("uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0", self.terminal.display(), self.group)
     }
 
     /// URL for [`crate::open_controller`].

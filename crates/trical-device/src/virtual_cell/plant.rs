@@ -28,12 +28,7 @@ pub trait Plant: Send {
     fn nominal_tcp(&self, q: &Joints) -> Frame;
 
     /// Joint values near `seed` with which the controller believes to be at this pose; `None` where it cannot get there.
-    fn nominal_inverse(
-        &self,
-        position: [f64; 3],
-        rotation: [[f64; 3]; 3],
-        seed: &Joints,
-    ) -> Option<Joints>;
+    fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], seed: &Joints) -> Option<Joints>;
 
     /// Temperature in degC at a time in s since the cell began, where the cell has a sensor.
     fn temperature(&mut self, _t: f64) -> Option<f64> {

@@ -25,20 +25,14 @@ pub(super) fn serve(mut master: File, world: &Arc<Mutex<World>>, stop: &AtomicBo
         }
         let mut bytes = [0_u8; 256];
         match master.read(&mut bytes) {
-            Ok(count) if count > 0 => {
-                pending.extend_from_slice(bytes.get(..count).unwrap_or_default())
-            }
+            Ok(count) if count > 0 => pending.extend_from_slice(bytes.get(..count).unwrap_or_default()),
             // nobody has the other side open
             _ => std::thread::sleep(std::time::Duration::from_millis(10)),
         }
         while let Some(end) = pending.iter().position(|byte| *byte == b'\r') {
             let line: Vec<u8> = pending.drain(..=end).take(end).collect();
             let reply = answer(&line, &mut lock(world));
-            if master
-                .write_all(&reply)
-                .and_then(|()| master.flush())
-                .is_err()
-            {
+            if master.write_all(&reply).and_then(|()| master.flush()).is_err() {
                 break;
             }
         }
@@ -59,34 +53,18 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
     let (group, channels) = (world.options.group, world.options.channels);
     let mut out = String::new();
     match protocol::parse_request(line) {
-        None => out.push_str(
-            &protocol::status_record(group, 0, Status::BadRequest).replace("ST10000", "ST1FFFF"),
-        ),
-        Some(Request::Data {
-            channel,
-            group: asked_group,
-            ..
-        }) => {
+        None => out.push_str(&protocol::status_record(group, 0, Status::BadRequest).replace("ST10000", "ST1FFFF")),
+        Some(Request::Data { channel, group: asked_group, .. }) => {
             let asked = |c: u8| channel.is_none_or(|channel| channel == c) && asked_group == group;
             let axes: Vec<usize> = (0..3).filter(|axis| asked(channels[*axis])).collect();
             if axes.is_empty() {
-                let status = protocol::status_record(
-                    asked_group,
-                    channel.unwrap_or(0),
-                    Status::Unregistered,
-                );
+                let status = protocol::status_record(asked_group, channel.unwrap_or(0), Status::Unregistered);
                 out.push_str(&status);
             }
             for axis in axes {
                 if world.has(&Fault::Unsolicited) {
                     let other = channels[(axis + 1) % 3];
-                    out.push_str(&protocol::data_record(
-                        group,
-                        other,
-                        9.999,
-                        3,
-                        Unit::Millimetre,
-                    ));
+                    out.push_str(&protocol::data_record(group, other, 9.999, 3, Unit::Millimetre));
                     out.push('\r');
                     out.push_str(&protocol::status_record(group, 77, Status::DataLost));
                     out.push('\r');
@@ -100,20 +78,11 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
             out.push_str(&format!("RI1{group:02}000000000100{}", "0".repeat(50)));
         }
         Some(Request::Transmitter { channel, group }) => {
-            match channels
-                .iter()
-                .enumerate()
-                .filter(|(_, c)| **c >= channel)
-                .min_by_key(|(_, c)| **c)
-            {
+            match channels.iter().enumerate().filter(|(_, c)| **c >= channel).min_by_key(|(_, c)| **c) {
                 Some((axis, found)) => {
                     out.push_str(&format!("TI10{found:02}{group:02}{:010}001", 1000 + axis));
                 }
-                None => out.push_str(&protocol::status_record(
-                    group,
-                    channel,
-                    Status::EndOfSearch,
-                )),
+                None => out.push_str(&protocol::status_record(group, channel, Status::EndOfSearch)),
             }
         }
     }
@@ -124,11 +93,7 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
 fn data_or_fault(world: &mut World, axis: usize) -> String {
     let (group, channel) = (world.options.group, world.options.channels[axis]);
     let status = world.faults.iter_mut().find_map(|fault| match fault {
-        Fault::Status {
-            axis: a,
-            status,
-            times,
-        } if *a == axis && *times > 0 => {
+        Fault::Status { axis: a, status, times } if *a == axis && *times > 0 => {
             *times -= 1;
             Some(*status)
         }
@@ -143,17 +108,7 @@ fn data_or_fault(world: &mut World, axis: usize) -> String {
         out.push('\r');
     }
     // a resolution of zero shows what the record can hold
-    let decimals = if world.options.resolution >= 1e-6 {
-        3
-    } else {
-        6
-    };
-    out.push_str(&protocol::data_record(
-        group,
-        channel,
-        world.indicator(axis) * 1e3,
-        decimals,
-        Unit::Millimetre,
-    ));
+    let decimals = if world.options.resolution >= 1e-6 { 3 } else { 6 };
+    out.push_str(&protocol::data_record(group, channel, world.indicator(axis) * 1e3, decimals, Unit::Millimetre));
     out
 }

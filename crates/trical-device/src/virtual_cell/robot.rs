@@ -24,11 +24,7 @@ pub(super) fn serve(listener: &TcpListener, world: &Arc<Mutex<World>>, stop: &At
     }
 }
 
-fn serve_client(
-    mut stream: TcpStream,
-    world: &Arc<Mutex<World>>,
-    stop: &AtomicBool,
-) -> io::Result<()> {
+fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicBool) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(Duration::from_millis(20)))?;
@@ -38,11 +34,7 @@ fn serve_client(
         match stream.read(&mut bytes) {
             Ok(0) => return Ok(()),
             Ok(count) => pending.extend_from_slice(bytes.get(..count).unwrap_or_default()),
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock
-                ) => {}
+            Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock) => {}
             Err(error) => return Err(error),
         }
         while let Some(end) = pending.iter().position(|byte| *byte == b'#') {
@@ -97,9 +89,9 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
             None => wrong_count(),
         },
         (code::JOINTS, _) => Ok(protocol::write_joints(&world.joints(), count)),
-        (code::SPEED, [linear, angular]) => world
-            .set_speed(linear * 1e-3, angular.to_radians())
-            .map(|()| String::new()),
+        (code::SPEED, [linear, angular]) => {
+            world.set_speed(linear * 1e-3, angular.to_radians()).map(|()| String::new())
+        }
         (code::ZONE, [fine]) if *fine == 1.0 => Ok(String::new()),
         (code::ZONE, _) => Err("only fine".to_owned()),
         (code::CORRECT, [x, y, z]) => moved(world.correct([x * 1e-3, y * 1e-3, z * 1e-3])),
@@ -108,15 +100,10 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
             world.stream_interval = interval * 1e-3;
             Ok(String::new())
         }
-        (code::TEMPERATURE, _) => Ok(world
-            .temperature()
-            .map(|t| format!("{t:.2}"))
-            .unwrap_or_default()),
-        (code::IDENTIFY, _) => Ok(format!(
-            "TriCal {} {count} {:.3}",
-            protocol::VERSION,
-            world.options.correction_limit * 1e3
-        )),
+        (code::TEMPERATURE, _) => Ok(world.temperature().map(|t| format!("{t:.2}")).unwrap_or_default()),
+        (code::IDENTIFY, _) => {
+            Ok(format!("TriCal {} {count} {:.3}", protocol::VERSION, world.options.correction_limit * 1e3))
+        }
         (code::CLOSE, _) => return None,
         (code::SPEED | code::CORRECT | code::STREAM, _) => wrong_count(),
         _ => Err("unknown code".to_owned()),
@@ -124,11 +111,7 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
     let mut reply: String = samples
         .iter()
         .map(|sample| {
-            let data = format!(
-                "{:.3} {}",
-                sample.t,
-                protocol::write_joints(&sample.q, count)
-            );
+            let data = format!("{:.3} {}", sample.t, protocol::write_joints(&sample.q, count));
             protocol::write_reply(code::SAMPLE, true, &data)
         })
         .collect();

@@ -128,10 +128,7 @@ impl World {
         }
         let (position, rotation) = self.plant.nominal_tcp(&self.q);
         let moved = std::array::from_fn(|row| {
-            position[row]
-                + (0..3)
-                    .map(|column| rotation[row][column] * displacement[column])
-                    .sum::<f64>()
+            position[row] + (0..3).map(|column| rotation[row][column] * displacement[column]).sum::<f64>()
         });
         let Some(target) = self.plant.nominal_inverse(moved, rotation, &self.q) else {
             return Err("position cannot be reached".to_owned());
@@ -143,17 +140,9 @@ impl World {
 
     /// What an indicator shows, m.
     pub(super) fn indicator(&self, axis: usize) -> f64 {
-        let source = if self.has(&Fault::SwappedAxes) {
-            [1, 0, 2][axis]
-        } else {
-            axis
-        };
+        let source = if self.has(&Fault::SwappedAxes) { [1, 0, 2][axis] } else { axis };
         let value = self.indicators[source];
-        if self.has(&Fault::FlippedAxis { axis }) {
-            -value
-        } else {
-            value
-        }
+        if self.has(&Fault::FlippedAxis { axis }) { -value } else { value }
     }
 
     pub(super) fn has(&self, fault: &Fault) -> bool {
@@ -163,11 +152,7 @@ impl World {
     fn check_limits(&self, target: &Joints) -> Result<(), String> {
         for (joint, (q, (low, high))) in target.iter().zip(&self.options.limits).enumerate() {
             if !(*low..=*high).contains(q) {
-                return Err(format!(
-                    "joint {} out of limits at {:.3} deg",
-                    joint + 1,
-                    q.to_degrees()
-                ));
+                return Err(format!("joint {} out of limits at {:.3} deg", joint + 1, q.to_degrees()));
             }
         }
         Ok(())
@@ -175,11 +160,7 @@ impl World {
 
     fn go(&mut self, target: &Joints) -> Vec<JointSample> {
         self.motions += 1;
-        let target = if self.has(&Fault::StuckArm) {
-            self.q
-        } else {
-            on_grid(target)
-        };
+        let target = if self.has(&Fault::StuckArm) { self.q } else { on_grid(target) };
         let start = self.q;
         let duration = self.duration(&start, &target);
         let mut samples = Vec::new();
@@ -187,13 +168,8 @@ impl World {
             let count = ((duration / self.stream_interval).floor() as usize).min(MOST_SAMPLES);
             for index in 1..=count {
                 let part = index as f64 / (count + 1) as f64;
-                let q = std::array::from_fn(|joint| {
-                    start[joint] + part * (target[joint] - start[joint])
-                });
-                samples.push(JointSample {
-                    t: self.clock + part * duration,
-                    q,
-                });
+                let q = std::array::from_fn(|joint| start[joint] + part * (target[joint] - start[joint]));
+                samples.push(JointSample { t: self.clock + part * duration, q });
             }
         }
         self.clock += duration + self.options.dwell;
@@ -207,17 +183,8 @@ impl World {
     fn duration(&self, start: &Joints, target: &Joints) -> f64 {
         let (from, _) = self.plant.nominal_tcp(start);
         let (to, _) = self.plant.nominal_tcp(target);
-        let length = from
-            .iter()
-            .zip(&to)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum::<f64>()
-            .sqrt();
-        let angle = start
-            .iter()
-            .zip(target)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max);
+        let length = from.iter().zip(&to).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let angle = start.iter().zip(target).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         (length / self.linear_speed).max(angle / self.angular_speed)
     }
 
@@ -243,11 +210,7 @@ impl World {
             None => [high; 3],
             Some(offset) => std::array::from_fn(|axis| {
                 let value = offset[axis] + noise[axis] + placement[axis];
-                if resolution > 0.0 {
-                    (value / resolution).round() * resolution
-                } else {
-                    value
-                }
+                if resolution > 0.0 { (value / resolution).round() * resolution } else { value }
             }),
         };
         for (axis, value) in shown.into_iter().enumerate() {

@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 
 use trical_device::virtual_cell::{Frame, Plant};
 use trical_device::{
-    CellOptions, Controller, Fault, Gauge, PlanEntry, ProcedureError, ProcedureOptions, Progress,
-    RunReport, VirtualCell, open_controller, open_gauge, run,
+    CellOptions, Controller, Fault, Gauge, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport,
+    VirtualCell, open_controller, open_gauge, run,
 };
 use trical_model::recording::{Joints, MAX_JOINTS, Row, State};
 
@@ -26,11 +26,7 @@ pub const BALLS: [[f64; 3]; 3] = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.15, 0.26,
 
 impl Default for Gantry {
     fn default() -> Self {
-        Self {
-            error: [0.8e-3, -0.5e-3, 0.3e-3],
-            backlash: 0.0,
-            drift: 0.0,
-        }
+        Self { error: [0.8e-3, -0.5e-3, 0.3e-3], backlash: 0.0, drift: 0.0 }
     }
 }
 
@@ -47,10 +43,7 @@ pub fn rotation(q: &Joints) -> [[f64; 3]; 3] {
 
 pub fn nominal(q: &Joints) -> Frame {
     let r = rotation(q);
-    (
-        std::array::from_fn(|i| q[i] + (0..3).map(|j| r[i][j] * TCP[j]).sum::<f64>()),
-        r,
-    )
+    (std::array::from_fn(|i| q[i] + (0..3).map(|j| r[i][j] * TCP[j]).sum::<f64>()), r)
 }
 
 pub fn inverse(position: [f64; 3], r: [[f64; 3]; 3]) -> Joints {
@@ -88,12 +81,7 @@ impl Plant for Gantry {
     fn nominal_tcp(&self, q: &Joints) -> Frame {
         nominal(q)
     }
-    fn nominal_inverse(
-        &self,
-        position: [f64; 3],
-        rotation: [[f64; 3]; 3],
-        _: &Joints,
-    ) -> Option<Joints> {
+    fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], _: &Joints) -> Option<Joints> {
         (position[2] > -0.5).then(|| inverse(position, rotation))
     }
     fn temperature(&mut self, t: f64) -> Option<f64> {
@@ -108,11 +96,7 @@ pub fn plan(count: u64) -> Vec<PlanEntry> {
             let ball = (index % 3) as usize;
             let turn = index as f64;
             let mut seed = [0.0; MAX_JOINTS];
-            (seed[3], seed[4], seed[5]) = (
-                0.3 * turn.sin(),
-                0.2 * (1.7 * turn).cos(),
-                0.25 * (2.3 * turn).sin(),
-            );
+            (seed[3], seed[4], seed[5]) = (0.3 * turn.sin(), 0.2 * (1.7 * turn).cos(), 0.25 * (2.3 * turn).sin());
             let r = rotation(&seed);
             let at = |short: f64, lift: f64| {
                 let mut p = BALLS[ball];
@@ -122,25 +106,14 @@ pub fn plan(count: u64) -> Vec<PlanEntry> {
                 p[2] += lift;
                 inverse(p, r)
             };
-            PlanEntry {
-                index,
-                ball,
-                joints: at(0.0, 0.0),
-                via: vec![at(0.03, 0.2), at(0.03, 0.0)],
-            }
+            PlanEntry { index, ball, joints: at(0.0, 0.0), via: vec![at(0.03, 0.2), at(0.03, 0.0)] }
         })
         .collect()
 }
 
 /// Settings for the virtual cell.
 pub fn options<'a>() -> ProcedureOptions<'a> {
-    ProcedureOptions {
-        go: true,
-        epsilon: 5e-6,
-        repeatability: 1e-6,
-        ..ProcedureOptions::default()
-    }
-    .at_once()
+    ProcedureOptions { go: true, epsilon: 5e-6, repeatability: 1e-6, ..ProcedureOptions::default() }.at_once()
 }
 
 /// A virtual cell with its drivers and what came out of it.
@@ -158,33 +131,15 @@ impl Bench {
         let cell = VirtualCell::start(Box::new(plant), CellOptions { start, ..cell }).unwrap();
         let gauge = open_gauge(&format!("{}&timeout_ms=300", cell.gauge_url())).unwrap();
         let controller = open_controller(&cell.controller_url()).unwrap();
-        Self {
-            cell,
-            gauge,
-            controller,
-            rows: Vec::new(),
-            events: Vec::new(),
-        }
+        Self { cell, gauge, controller, rows: Vec::new(), events: Vec::new() }
     }
 
-    pub fn run(
-        &mut self,
-        plan: &[PlanEntry],
-        options: &ProcedureOptions<'_>,
-    ) -> Result<RunReport, ProcedureError> {
+    pub fn run(&mut self, plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> Result<RunReport, ProcedureError> {
         let cancel = AtomicBool::new(false);
         let events = &mut self.events;
-        run(
-            plan,
-            self.gauge.as_mut(),
-            self.controller.as_mut(),
-            &mut self.rows,
-            options,
-            &cancel,
-            &mut |event| {
-                events.push(event);
-            },
-        )
+        run(plan, self.gauge.as_mut(), self.controller.as_mut(), &mut self.rows, options, &cancel, &mut |event| {
+            events.push(event);
+        })
     }
 
     pub fn fails(&mut self, fault: Fault) -> ProcedureError {

@@ -312,36 +312,38 @@ fn a_taken_port_is_one_clear_error() {
 }
 
 /// Fails like a full disk, from the given record on.
-struct FullDisk(usize);
+struct FullDisk {
+    /// Measurements that still fit.
+    left: usize,
+    full: bool,
+}
 
 impl FullDisk {
-    fn count(&mut self) -> Result<(), RecordError> {
-        match self.0.checked_sub(1) {
-            Some(left) => {
-                self.0 = left;
-                Ok(())
-            }
-            None => Err(RecordError::Io {
-                path: "run.mcap".into(),
-                action: "write to the disk",
-                source: std::io::ErrorKind::StorageFull.into(),
-            }),
-        }
+    fn check(&self) -> Result<(), RecordError> {
+        let source = std::io::ErrorKind::StorageFull.into();
+        let error = RecordError::Io {
+            path: "run.mcap".into(),
+            action: "write to the disk",
+            source,
+        };
+        if self.full { Err(error) } else { Ok(()) }
     }
 }
 
 impl RunLog for FullDisk {
     fn joint_state(&mut self, _: &JointSample) -> Result<(), RecordError> {
-        Ok(())
+        self.check()
     }
     fn indicators(&mut self, _: f64, _: &[f64; 3], _: bool) -> Result<(), RecordError> {
-        Ok(())
+        self.check()
     }
     fn temperature(&mut self, _: f64, _: f64) -> Result<(), RecordError> {
-        Ok(())
+        self.check()
     }
     fn measurement(&mut self, _: &Row) -> Result<(), RecordError> {
-        self.count()
+        self.full |= self.left == 0;
+        self.left = self.left.saturating_sub(1);
+        self.check()
     }
 }
 
@@ -354,7 +356,10 @@ fn a_full_disk_ends_the_run_with_the_arm_back_at_a_free_place() {
         ..
     } = bench();
     let cancel = AtomicBool::new(false);
-    let mut disk = FullDisk(1);
+    let mut disk = FullDisk {
+        left: 1,
+        full: false,
+    };
     let error = run(
         &plan(3),
         gauge.as_mut(),

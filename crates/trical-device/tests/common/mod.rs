@@ -140,7 +140,6 @@ pub fn options<'a>() -> ProcedureOptions<'a> {
         repeatability: 1e-6,
         ..ProcedureOptions::default()
     }
-    .at_once()
 }
 
 /// A virtual cell with its drivers and what came out of it.

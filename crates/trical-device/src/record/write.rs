@@ -62,7 +62,7 @@ impl RecordingWriter {
             return Ok((Self::begin(path, header, None)?, None));
         }
         let raw = read_raw(path)?;
-        let read = interpret(path, read_raw(path)?)?;
+        let read = interpret(path, &raw)?;
         let different = |what: &str| RecordError::Different {
             path: path.to_owned(),
             what: what.to_owned(),

@@ -159,36 +159,38 @@ fn a_taken_port_is_one_clear_error() {
 }
 
 /// Fails like a full disk, from the given record on.
-struct FullDisk(usize);
+struct FullDisk {
+    /// Measurements that still fit.
+    left: usize,
+    full: bool,
+}
 
 impl FullDisk {
-    fn count(&mut self) -> Result<(), RecordError> {
-        match self.0.checked_sub(1) {
-            Some(left) => {
-                self.0 = left;
-                Ok(())
-            }
-            None => Err(RecordError::Io {
-                path: "run.mcap".into(),
-                action: "write to the disk",
-                source: std::io::ErrorKind::StorageFull.into(),
-            }),
-        }
+    fn check(&self) -> Result<(), RecordError> {
+        let source = std::io::ErrorKind::StorageFull.into();
+        let error = RecordError::Io {
+            path: "run.mcap".into(),
+            action: "write to the disk",
+            source,
+        };
+        if self.full { Err(error) } else { Ok(()) }
     }
 }
 
 impl RunLog for FullDisk {
     fn joint_state(&mut self, _: &JointSample) -> Result<(), RecordError> {
-        Ok(())
+        self.check()
     }
     fn indicators(&mut self, _: f64, _: &[f64; 3], _: bool) -> Result<(), RecordError> {
-        Ok(())
+        self.check()
     }
     fn temperature(&mut self, _: f64, _: f64) -> Result<(), RecordError> {
-        Ok(())
+        self.check()
     }
     fn measurement(&mut self, _: &Row) -> Result<(), RecordError> {
-        self.count()
+        self.full |= self.left == 0;
+        self.left = self.left.saturating_sub(1);
+        self.check()
     }
 }
 
@@ -196,12 +198,36 @@ impl RunLog for FullDisk {
 fn a_full_disk_ends_the_run_with_the_arm_back_at_a_free_place() {
     let Bench { cell, mut gauge, mut controller, .. } = bench();
     let cancel = AtomicBool::new(false);
-    let mut disk = FullDisk(1);
-    let error =
-        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut disk, &options(), &cancel, &mut |_| ()).unwrap_err();
-    assert!(error.to_string().contains("run.mcap: cannot write to the disk"), "{error}");
-    assert!(error.to_string().contains("went back the way it came"), "{error}");
-    assert!(plan(3)[1].via[0].iter().zip(&cell.state().q).all(|(a, b)| (a - b).abs() < 1e-6));
+    let mut disk = FullDisk {
+        left: 1,
+        full: false,
+    };
+    let error = run(
+        &plan(3),
+        gauge.as_mut(),
+        controller.as_mut(),
+        &mut disk,
+        &options(),
+        &cancel,
+        &mut |_| (),
+    )
+    .unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("run.mcap: cannot write to the disk"),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("went back the way it came"),
+        "{error}"
+    );
+    assert!(
+        plan(3)[1].via[0]
+            .iter()
+            .zip(&cell.state().q)
+            .all(|(a, b)| (a - b).abs() < 1e-6)
+    );
 }
 
 #[test]

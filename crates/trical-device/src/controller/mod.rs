@@ -74,9 +74,35 @@ pub trait Controller: Send {
         Ok(None)
     }
 
+    /// When the joints of this arm are taken as standing still.
+    fn joint_settle(&self) -> JointSettle {
+        JointSettle::default()
+    }
+
     /// Where the joints have been since the last call, by the controller's clock, in the order of time.
     fn take_history(&mut self) -> Vec<JointSample> {
         Vec::new()
+    }
+}
+
+/// When the joints stand still.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointSettle {
+    /// Largest difference between two readings, rad. The noise of a standing IRC5 is not known \[I\].
+    pub tolerance: f64,
+    /// Pause between two readings.
+    pub interval: Duration,
+    /// How long to try.
+    pub timeout: Duration,
+}
+
+impl Default for JointSettle {
+    fn default() -> Self {
+        Self {
+            tolerance: 0.001_f64.to_radians(),
+            interval: Duration::from_millis(200),
+            timeout: Duration::from_secs(10),
+        }
     }
 }
 
@@ -156,7 +182,8 @@ pub enum ControllerError {
 /// Opens a controller by its URL.
 ///
 /// `rapid://host:port` is an ABB IRC5 that runs `rapid/TriCal.mod` (default port 5000). Options: `timeout_s` (of an
-/// answer), `move_timeout_s` (of a motion), `stream_ms` (joints while moving; 0 = off).
+/// answer), `move_timeout_s` (of a motion), `stream_ms` (joints while moving; 0 = off), `settle_ms` (pause between the two
+/// readings of the joints that must agree).
 ///
 /// # Errors
 /// A URL that cannot be used, no connection, or something else that answers there.
@@ -178,38 +205,50 @@ pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError
             defaults.stream.as_secs_f64() * 1e3,
             0.0..=60_000.0,
         )? as u64),
+        settle: JointSettle {
+            interval: Duration::from_micros(
+                (url.take_number(
+                    "settle_ms",
+                    defaults.settle.interval.as_secs_f64() * 1e3,
+                    0.0..=60_000.0,
+                )? * 1e3) as u64,
+            ),
+            ..defaults.settle
+        },
     };
-    url.finish("timeout_s, move_timeout_s, stream_ms")?;
-    let address = if url.place.contains(':') { url.place.clone() } else { format!("{}:5000", url.place) };
+    url.finish("timeout_s, move_timeout_s, stream_ms, settle_ms")?;
+    let address = if url.place.contains(':') {
+        url.place.clone()
+    } else {
+        format!("{}:5000", url.place)
+    };
     Ok(Box::new(RapidClient::connect(&address, settings)?))
 }
 
-/// Reads the joints until two readings agree within `tolerance` (rad), and gives the last.
+/// Reads the joints until two readings agree, and gives the last.
 ///
 /// # Errors
-/// What [`Controller::joints`] says, joints that do not come to rest within `timeout`, or cancellation.
+/// What [`Controller::joints`] says, joints that do not come to rest in time, or cancellation.
 pub fn wait_settled(
     controller: &mut dyn Controller,
-    tolerance: f64,
-    interval: Duration,
-    timeout: Duration,
+    settle: &JointSettle,
     cancel: &AtomicBool,
 ) -> Result<Joints, ControllerError> {
     let begin = Instant::now();
     let mut before = controller.joints()?;
     loop {
-        if !interval.is_zero() {
-            std::thread::sleep(interval);
+        if !settle.interval.is_zero() {
+            std::thread::sleep(settle.interval);
         }
         let now = controller.joints()?;
         let (joint, moves) = largest_difference(&before, &now);
-        if moves <= tolerance {
+        if moves <= settle.tolerance {
             return Ok(now);
         }
         if cancel.load(Ordering::Relaxed) {
             return Err(ControllerError::Cancelled);
         }
-        if begin.elapsed() >= timeout {
+        if begin.elapsed() >= settle.timeout {
             return Err(ControllerError::NotSettled {
                 controller: controller.name(),
                 joint: joint + 1,

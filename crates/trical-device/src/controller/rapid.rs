@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
-use super::{Controller, ControllerError};
+use super::{Controller, ControllerError, JointSettle};
 use crate::gauge::shorten;
 use crate::motion::JointSample;
 
 /// Settings of the connection.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RapidSettings {
     /// How long an answer may take.
     pub timeout: Duration,
@@ -23,6 +23,8 @@ pub struct RapidSettings {
     /// They come from a trap routine in the module; whether every controller lets a trap send while a motion waits is
     /// not known \[I\], so a controller that refuses is used without.
     pub stream: Duration,
+    /// When the joints stand still.
+    pub settle: JointSettle,
 }
 
 impl Default for RapidSettings {
@@ -31,6 +33,7 @@ impl Default for RapidSettings {
             timeout: Duration::from_secs(10),
             move_timeout: Duration::from_secs(120),
             stream: Duration::from_millis(100),
+            settle: JointSettle::default(),
         }
     }
 }
@@ -293,6 +296,10 @@ impl<S: Read + Write + Send> Controller for RapidClient<S> {
             Some([temperature]) => Ok(Some(*temperature)),
             _ => Err(self.garbage("23 #", answer.as_bytes(), "a temperature in degC")),
         }
+    }
+
+    fn joint_settle(&self) -> JointSettle {
+        self.settings.settle.clone()
     }
 
     fn take_history(&mut self) -> Vec<JointSample> {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::line_protocol::{LineReply, Pattern, parse_line};
 use super::port::{Lines, Port, SerialSettings};
 use super::uwave_protocol::Unit;
-use super::{AXES, Gauge, GaugeError, shorten};
+use super::{AXES, Gauge, GaugeError, Settle, shorten};
 
 /// Settings of a line gauge.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +24,8 @@ pub struct LineSettings {
     pub timeout: Duration,
     /// Attempts for each reading.
     pub attempts: u32,
+    /// When a reading stands still.
+    pub settle: Settle,
     /// Pause before a busy instrument is asked again.
     pub busy_pause: Duration,
     /// How often a busy instrument is asked again.
@@ -53,6 +55,7 @@ impl LineSettings {
             flip: [false; 3],
             timeout: Duration::from_secs(1),
             attempts: 3,
+            settle: Settle::default(),
             busy_pause: Duration::from_millis(50),
             busy_attempts: 5,
         })
@@ -177,5 +180,9 @@ impl<P: Port> Gauge for LineGauge<P> {
             }
         }
         Ok(reading)
+    }
+
+    fn settle(&self) -> Settle {
+        self.settings.settle.clone()
     }
 }

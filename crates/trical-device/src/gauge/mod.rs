@@ -33,6 +33,11 @@ pub trait Gauge: Send {
     /// The device does not answer, or answers that it has no value.
     fn read(&mut self) -> Result<[f64; 3], GaugeError>;
 
+    /// When a reading of this gauge is taken as standing still.
+    fn settle(&self) -> Settle {
+        Settle::default()
+    }
+
     /// Warnings since the last call (a low battery, say), each one sentence.
     fn take_warnings(&mut self) -> Vec<String> {
         Vec::new()
@@ -237,6 +242,10 @@ impl<G: Gauge> Gauge for Mastered<G> {
         Ok(std::array::from_fn(|axis| reading[axis] - self.zero[axis]))
     }
 
+    fn settle(&self) -> Settle {
+        self.gauge.settle()
+    }
+
     fn take_warnings(&mut self) -> Vec<String> {
         self.gauge.take_warnings()
     }
@@ -249,6 +258,10 @@ impl<G: Gauge + ?Sized> Gauge for Box<G> {
 
     fn read(&mut self) -> Result<[f64; 3], GaugeError> {
         (**self).read()
+    }
+
+    fn settle(&self) -> Settle {
+        (**self).settle()
     }
 
     fn take_warnings(&mut self) -> Vec<String> {

@@ -6,7 +6,7 @@ use super::line::{LineGauge, LineSettings};
 use super::line_protocol::Pattern;
 use super::port::open_serial;
 use super::uwave::{UWave, UWaveSettings};
-use super::{AXES, Gauge, GaugeError};
+use super::{AXES, Gauge, GaugeError, Settle};
 use crate::url::{DeviceUrl, UrlError};
 
 /// Opens a gauge by its URL.
@@ -18,6 +18,9 @@ use crate::url::{DeviceUrl, UrlError};
 ///   for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
 ///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
 ///   on it), `flip`, `timeout_ms`, `attempts`.
+///
+/// All take `settle_ms` (pause between the readings that must agree), `repeats` (how many of them) and `settle_um` (how
+/// much they may differ).
 ///
 /// # Errors
 /// A URL that cannot be used, or a port that cannot be opened.
@@ -79,7 +82,8 @@ pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlEr
         Some("mm") => true,
         Some(other) => return Err(url.error(format!("option unit={other:?}; expected mm"))),
     };
-    url.finish("x, y, z, group, flip, timeout_ms, interval_ms, attempts, unit")?;
+    settings.settle = settle(url, settings.settle)?;
+    url.finish("x, y, z, group, flip, timeout_ms, interval_ms, attempts, unit, settle_ms, repeats, settle_um")?;
     Ok(settings)
 }
 
@@ -114,8 +118,12 @@ pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> 
     settings.scale *= url.take_number("scale", 1.0, -1e6..=1e6)?;
     settings.flip = flip(url)?;
     settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
-    settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
-    url.finish("baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts")?;
+    settings.attempts =
+        url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
+    settings.settle = settle(url, settings.settle)?;
+    url.finish(
+        "baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts, settle_ms, repeats, settle_um",
+    )?;
     Ok(settings)
 }
 
@@ -136,6 +144,15 @@ fn flip(url: &mut DeviceUrl) -> Result<[bool; 3], UrlError> {
         return Err(url.error(format!("option flip={letters:?}; expected letters of xyz")));
     }
     Ok(AXES.map(|axis| letters.contains(axis)))
+}
+
+fn settle(url: &mut DeviceUrl, default: Settle) -> Result<Settle, UrlError> {
+    Ok(Settle {
+        interval: milliseconds(url, "settle_ms", default.interval)?,
+        repeats: url.take_number("repeats", default.repeats as f64, 2.0..=100.0)? as usize,
+        tolerance: url.take_number("settle_um", default.tolerance * 1e6, 0.0..=1000.0)? * 1e-6,
+        timeout: default.timeout,
+    })
 }
 
 fn milliseconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Duration, UrlError> {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::port::{Lines, Port, SerialSettings};
 use super::uwave_protocol::{self as protocol, Record, Status};
-use super::{AXES, Gauge, GaugeError, shorten};
+use super::{AXES, Gauge, GaugeError, Settle, shorten};
 
 /// Settings of a U-WAVE-R and its three transmitters.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +22,8 @@ pub struct UWaveSettings {
     pub attempts: u32,
     /// Pause between requests. In use elsewhere: 0.25 s.
     pub interval: Duration,
+    /// When a reading stands still.
+    pub settle: Settle,
     /// Take a value without a unit (`0`) as mm. Off: such a value is an error.
     pub assume_mm: bool,
 }
@@ -35,6 +37,7 @@ impl Default for UWaveSettings {
             timeout: Duration::from_millis(1500),
             attempts: 3,
             interval: Duration::from_millis(250),
+            settle: Settle::default(),
             assume_mm: false,
         }
     }
@@ -252,6 +255,10 @@ impl<P: Port> Gauge for UWave<P> {
             *to = if self.settings.flip[axis] { -value } else { value };
         }
         Ok(reading)
+    }
+
+    fn settle(&self) -> Settle {
+        self.settings.settle.clone()
     }
 
     fn take_warnings(&mut self) -> Vec<String> {

@@ -10,7 +10,7 @@ mod tcp;
 use trical_model::recording::{Joints, Row};
 
 pub use error::{ProcedureError, RetreatOutcome, Violation};
-pub use options::{JointSettle, MoveGuard, ProcedureLimits, ProcedureOptions, Retreat};
+pub use options::{MoveGuard, ProcedureLimits, ProcedureOptions, Retreat};
 pub use run::run;
 pub use steps::dry_run;
 pub use tcp::{FlangeTouch, TcpError, TcpFit, base_from_balls, tcp_from_touches};

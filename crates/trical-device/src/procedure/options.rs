@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 use std::fmt;
-use std::time::Duration;
 
 use trical_model::recording::Joints;
 
+use crate::controller::JointSettle;
 use crate::gauge::Settle;
 use crate::motion::MotionSense;
 
@@ -51,27 +51,6 @@ impl Default for ProcedureLimits {
     }
 }
 
-/// When the joints stand still.
-#[derive(Clone, Debug, PartialEq)]
-pub struct JointSettle {
-    /// Largest difference between two readings. The noise of a standing IRC5 is not known \[I\].
-    pub tolerance: f64,
-    /// Pause between two readings.
-    pub interval: Duration,
-    /// How long to try.
-    pub timeout: Duration,
-}
-
-impl Default for JointSettle {
-    fn default() -> Self {
-        Self {
-            tolerance: 0.001_f64.to_radians(),
-            interval: Duration::from_millis(200),
-            timeout: Duration::from_secs(10),
-        }
-    }
-}
-
 /// How far the arm goes back after a touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Retreat {
@@ -92,10 +71,10 @@ pub struct ProcedureOptions<'a> {
     pub epsilon: f64,
     /// Repeatability of the arm; an `epsilon` below it is warned about.
     pub repeatability: f64,
-    /// When a reading stands still.
-    pub settle: Settle,
-    /// When the joints stand still.
-    pub joint_settle: JointSettle,
+    /// When a reading stands still; `None` = what the gauge says of itself.
+    pub settle: Option<Settle>,
+    /// When the joints stand still; `None` = what the controller says of itself.
+    pub joint_settle: Option<JointSettle>,
     /// Speed of the TCP between touches, m/s.
     pub travel_speed: f64,
     /// Speed of the TCP from the approach point to the touch and back, and of corrections, m/s.
@@ -130,8 +109,8 @@ impl Default for ProcedureOptions<'_> {
             go: false,
             epsilon: 20e-6,
             repeatability: 10e-6,
-            settle: Settle::default(),
-            joint_settle: JointSettle::default(),
+            settle: None,
+            joint_settle: None,
             travel_speed: 0.1,
             touch_speed: 0.01,
             rotation_speed: 20.0_f64.to_radians(),
@@ -146,16 +125,6 @@ impl Default for ProcedureOptions<'_> {
             check_release: true,
             guard: None,
         }
-    }
-}
-
-impl ProcedureOptions<'_> {
-    /// Without pauses: for the virtual cell, whose values stand still between motions.
-    #[must_use]
-    pub fn at_once(mut self) -> Self {
-        self.settle = Settle::at_once();
-        self.joint_settle.interval = Duration::ZERO;
-        self
     }
 }
 

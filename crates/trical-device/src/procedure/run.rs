@@ -47,6 +47,7 @@ pub fn run(
         at: [0.0; trical_model::recording::MAX_JOINTS],
         trail: Vec::new(),
         report: RunReport::default(),
+        retreating: false,
     };
     runner.start().map_err(|violation| ProcedureError::Start { violation: Box::new(violation) })?;
     let total = plan.len();
@@ -89,6 +90,8 @@ struct Runner<'a, 'o> {
     /// Where the arm has been since the entry began, in order; the way back.
     trail: Vec<Joints>,
     report: RunReport,
+    /// After a failure nothing but the arm matters.
+    retreating: bool,
 }
 
 impl Runner<'_, '_> {
@@ -125,7 +128,7 @@ impl Runner<'_, '_> {
         self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
         self.go(&entry.joints)?;
         let mut reading = self.read(entry, 0)?;
-        if free == Some(reading) {
+        if free.is_some_and(|free| free.iter().zip(&reading).all(|(a, b)| is_same(*a, *b))) {
             return Err(Violation::StaleTouch);
         }
         let mut corrections = 0;
@@ -150,7 +153,12 @@ impl Runner<'_, '_> {
 
     fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
         self.check_cancelled()?;
-        let reading = settled_reading(self.gauge, &self.options.settle, self.cancel)?;
+        let settle = self
+            .options
+            .settle
+            .clone()
+            .unwrap_or_else(|| self.gauge.settle());
+        let reading = settled_reading(self.gauge, &settle, self.cancel)?;
         self.take_warnings();
         let t = self.time()?;
         self.log.indicators(t, &reading, true)?;
@@ -208,8 +216,12 @@ impl Runner<'_, '_> {
     fn check_change(&self, before: &[f64; 3], after: &[f64; 3]) -> Result<(), Violation> {
         let limits = &self.options.limits;
         for (axis, (before, after)) in AXES.into_iter().zip(before.iter().zip(after)) {
-            if before == after && before.abs() > limits.stale {
-                return Err(Violation::Stale { axis, reading_mm: after * 1e3, moved_mm: before.abs() * 1e3 });
+            if is_same(*before, *after) && before.abs() > limits.stale {
+                return Err(Violation::Stale {
+                    axis,
+                    reading_mm: after * 1e3,
+                    moved_mm: before.abs() * 1e3,
+                });
             }
         }
         let (length_before, length_after) = (norm(before), norm(after));
@@ -266,7 +278,10 @@ impl Runner<'_, '_> {
     fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
         self.controller.move_joints(target)?;
         self.at = self.settled_joints()?;
-        self.note_joints()?;
+        let noted = self.note_joints();
+        if !self.retreating {
+            noted?;
+        }
         let (joint, off) = largest_difference(target, &self.at);
         if off > self.options.limits.arrival || off.is_nan() {
             return Err(Violation::NotArrived {
@@ -279,10 +294,14 @@ impl Runner<'_, '_> {
     }
 
     fn settled_joints(&mut self) -> Result<Joints, Violation> {
-        let settle = &self.options.joint_settle;
+        let settle = self
+            .options
+            .joint_settle
+            .clone()
+            .unwrap_or_else(|| self.controller.joint_settle());
         // a stop by the user waits until the arm stands
         let never = AtomicBool::new(false);
-        Ok(wait_settled(self.controller, settle.tolerance, settle.interval, settle.timeout, &never)?)
+        Ok(wait_settled(self.controller, &settle, &never)?)
     }
 
     /// After a touch: back to the approach point or all the way, as the plan is made for.
@@ -305,6 +324,7 @@ impl Runner<'_, '_> {
             2 => 0,
             _ => 1,
         };
+        self.retreating = true;
         match self.back_to(keep) {
             Ok(()) => RetreatOutcome::Done,
             Err(violation) => RetreatOutcome::Failed(Box::new(violation)),
@@ -361,6 +381,11 @@ impl Runner<'_, '_> {
         self.report.warnings.push(warning.clone());
         (self.progress)(Progress::Warning(warning));
     }
+}
+
+/// Whether a channel shows the same: means of equal readings may differ in the last bits.
+fn is_same(a: f64, b: f64) -> bool {
+    (a - b).abs() < 1e-9
 }
 
 fn norm(v: &[f64; 3]) -> f64 {

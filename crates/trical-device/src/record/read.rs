@@ -7,7 +7,7 @@ use serde_json::Value;
 use trical_model::recording::{MAX_JOINTS, Recording, Row};
 
 use super::cdr::JointState;
-use super::walk::{MAGIC, RawFile, walk};
+use super::walk::{MAGIC, RawFile, RawMessage, walk};
 use super::{IndicatorSample, ReadRecording, RecordError, json, schema};
 use crate::motion::{JointSample, MotionSense};
 
@@ -18,7 +18,7 @@ use crate::motion::{JointSample, MotionSense};
 /// # Errors
 /// The file cannot be read, is no MCAP file, or has a message that makes no sense.
 pub fn read_recording(path: &Path) -> Result<ReadRecording, RecordError> {
-    interpret(path, read_raw(path)?)
+    interpret(path, &read_raw(path)?)
 }
 
 /// Takes all whole records out of a file.
@@ -45,9 +45,9 @@ fn lost(path: &Path, raw: &RawFile) -> Option<String> {
 }
 
 /// Makes sense of the messages.
-pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, RecordError> {
-    let lost = lost(path, &raw);
-    let metadata: BTreeMap<_, _> = raw.metadata.into_iter().collect();
+pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, RecordError> {
+    let lost = lost(path, raw);
+    let metadata: BTreeMap<_, _> = raw.metadata.iter().cloned().collect();
     let start_ns = metadata
         .get("trical")
         .and_then(|settings| settings.get("start_ns"))
@@ -55,7 +55,7 @@ pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, Reco
         .or_else(|| raw.messages.iter().map(|message| message.log_time).min())
         .unwrap_or(0);
 
-    let mut messages = raw.messages;
+    let mut messages: Vec<&RawMessage> = raw.messages.iter().collect();
     messages.sort_by_key(|message| message.log_time);
 
     let mut joints: Option<usize> = None;
@@ -64,7 +64,7 @@ pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, Reco
     let mut indicators = Vec::new();
     let mut motion = MotionSense::default();
     let mut numbers: BTreeMap<u16, usize> = BTreeMap::new();
-    for message in &messages {
+    for message in messages {
         let Some(channel) = raw.channels.get(&message.channel) else {
             continue;
         };
@@ -107,8 +107,20 @@ pub(super) fn interpret(path: &Path, raw: RawFile) -> Result<ReadRecording, Reco
             _ => {}
         }
     }
-    let recording = Recording { name: path.display().to_string(), joints: joints.unwrap_or(0), rows };
-    Ok(ReadRecording { recording, attachments: raw.attachments, metadata, joint_states, indicators, start_ns, lost })
+    let recording = Recording {
+        name: path.display().to_string(),
+        joints: joints.unwrap_or(0),
+        rows,
+    };
+    Ok(ReadRecording {
+        recording,
+        attachments: raw.attachments.clone(),
+        metadata,
+        joint_states,
+        indicators,
+        start_ns,
+        lost,
+    })
 }
 
 fn seconds_since(start_ns: u64, log_time: u64) -> f64 {

@@ -71,13 +71,24 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
     let mut rest = body;
     while !rest.is_empty() && !file.ended {
         let Some((opcode, content, after)) = split_record(rest) else {
-            // the last chunk of a file that was cut still holds whole messages
-            if rest.first() == Some(&CHUNK)
-                && let Some(cut) = rest.get(9..)
-                && let Some(chunk) = ChunkHead::parse(cut)
-                && chunk.compression.is_empty()
-            {
-                file.inner_records(chunk.data);
+            let chunk = rest
+                .strip_prefix(&[CHUNK])
+                .and_then(|rest| rest.get(8..))
+                .and_then(|content| Some((content, ChunkHead::parse(content)?)));
+            if let Some((content, chunk)) = chunk {
+                if let Some(after) = chunk.after() {
+                    // only the length of the record was wrong: the chunk knows its own
+                    file.losses
+                        .push(format!("the record at byte {at} has a wrong length"));
+                    file.chunk(content, at)?;
+                    at += rest.len() - after.len();
+                    rest = after;
+                    continue;
+                }
+                // the last chunk of a file that was cut still holds whole messages
+                if chunk.compression.is_empty() {
+                    file.inner_records(chunk.data);
+                }
             }
             file.losses.push(format!("it ends in the middle of a record at byte {at}"));
             break;
@@ -114,7 +125,7 @@ impl RawFile {
             self.losses.push(format!("the chunk at byte {at} is damaged"));
             return Ok(());
         };
-        let whole = usize::try_from(chunk.compressed_size).ok().and_then(|size| chunk.data.get(..size));
+        let whole = chunk.whole();
         let unpacked = match (chunk.compression, whole) {
             ("", Some(data)) => Some(data.to_vec()),
             ("lz4", Some(data)) => unpack_lz4(data, chunk.uncompressed_size),
@@ -220,6 +231,16 @@ impl<'a> ChunkHead<'a> {
         let compression = std::str::from_utf8(from.bytes(length)?).ok()?;
         let compressed_size = from.u64()?;
         Some(Self { uncompressed_size, checksum, compression, compressed_size, data: from.0 })
+    }
+
+    /// The packed records, where all of them are there.
+    fn whole(&self) -> Option<&'a [u8]> {
+        self.data.get(..usize::try_from(self.compressed_size).ok()?)
+    }
+
+    /// What follows the packed records, where all of them are there.
+    fn after(&self) -> Option<&'a [u8]> {
+        self.data.get(usize::try_from(self.compressed_size).ok()?..)
     }
 }
 

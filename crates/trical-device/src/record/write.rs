@@ -57,8 +57,11 @@ impl RecordingWriter {
             return Ok((Self::begin(path, header, None)?, None));
         }
         let raw = read_raw(path)?;
-        let read = interpret(path, read_raw(path)?)?;
-        let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
+        let read = interpret(path, &raw)?;
+        let different = |what: &str| RecordError::Different {
+            path: path.to_owned(),
+            what: what.to_owned(),
+        };
         for ours in &header.attachments {
             if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
                 return Err(different(&ours.name));

@@ -230,13 +230,17 @@ impl VirtualCell {
     #[must_use]
     pub fn gauge_url(&self) -> String {
         let [x, y, z] = self.channels;
-        format!("uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0", self.terminal.display(), self.group)
+        format!(
+            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms=0&repeats=2",
+            self.terminal.display(),
+            self.group
+        )
     }
 
-    /// URL for [`crate::open_controller`].
+    /// URL for [`crate::open_controller`]; without pauses too.
     #[must_use]
     pub fn controller_url(&self) -> String {
-        format!("rapid://{}", self.address)
+        format!("rapid://{}?settle_ms=0", self.address)
     }
 
     /// Lets something go wrong from now on.

@@ -168,11 +168,7 @@ struct FullDisk {
 impl FullDisk {
     fn check(&self) -> Result<(), RecordError> {
         let source = std::io::ErrorKind::StorageFull.into();
-        let error = RecordError::Io {
-            path: "run.mcap".into(),
-            action: "write to the disk",
-            source,
-        };
+        let error = RecordError::Io { path: "run.mcap".into(), action: "write to the disk", source };
         if self.full { Err(error) } else { Ok(()) }
     }
 }
@@ -198,36 +194,12 @@ impl RunLog for FullDisk {
 fn a_full_disk_ends_the_run_with_the_arm_back_at_a_free_place() {
     let Bench { cell, mut gauge, mut controller, .. } = bench();
     let cancel = AtomicBool::new(false);
-    let mut disk = FullDisk {
-        left: 1,
-        full: false,
-    };
-    let error = run(
-        &plan(3),
-        gauge.as_mut(),
-        controller.as_mut(),
-        &mut disk,
-        &options(),
-        &cancel,
-        &mut |_| (),
-    )
-    .unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .contains("run.mcap: cannot write to the disk"),
-        "{error}"
-    );
-    assert!(
-        error.to_string().contains("went back the way it came"),
-        "{error}"
-    );
-    assert!(
-        plan(3)[1].via[0]
-            .iter()
-            .zip(&cell.state().q)
-            .all(|(a, b)| (a - b).abs() < 1e-6)
-    );
+    let mut disk = FullDisk { left: 1, full: false };
+    let error =
+        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut disk, &options(), &cancel, &mut |_| ()).unwrap_err();
+    assert!(error.to_string().contains("run.mcap: cannot write to the disk"), "{error}");
+    assert!(error.to_string().contains("went back the way it came"), "{error}");
+    assert!(plan(3)[1].via[0].iter().zip(&cell.state().q).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
 #[test]

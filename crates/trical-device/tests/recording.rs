@@ -162,18 +162,12 @@ fn bytes_that_changed_are_an_error_or_a_shorter_recording_never_a_panic() {
         bytes[at] ^= 0xFF;
         std::fs::write(&broken, &bytes).unwrap();
         if let Ok(read) = read_recording(&broken) {
-            assert!(
-                read.recording.rows.iter().all(|row| rows.contains(row)),
-                "a wrong row, byte {at}"
-            );
+            assert!(read.recording.rows.iter().all(|row| rows.contains(row)), "a wrong row, byte {at}");
             recovered += read.recording.rows.len();
             tried += 1;
         }
     }
-    assert!(
-        recovered > tried,
-        "most rows survive: {recovered} in {tried} files"
-    );
+    assert!(recovered > tried, "most rows survive: {recovered} in {tried} files");
 }
 
 #[test]
@@ -280,12 +274,8 @@ fn recordings_of_other_programs_may_be_compressed_with_lz4_and_have_no_direction
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.mcap");
     let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4));
-    let mut writer = options
-        .create(std::fs::File::create(&path).unwrap())
-        .unwrap();
-    let channel = writer
-        .add_channel(0, "/measurement", "json", &Default::default())
-        .unwrap();
+    let mut writer = options.create(std::fs::File::create(&path).unwrap()).unwrap();
+    let channel = writer.add_channel(0, "/measurement", "json", &Default::default()).unwrap();
     for (number, text) in [
         r#"{"q1_deg": 1.5, "q2_deg": -2, "ball": 1, "ix_mm": 0.001, "iy_mm": 0, "iz_mm": 0}"#,
         r#"{"q1_deg": 2.5, "q2_deg": -2, "x_mm": 1, "y_mm": 2, "z_mm": 3}"#,
@@ -294,35 +284,19 @@ fn recordings_of_other_programs_may_be_compressed_with_lz4_and_have_no_direction
     .enumerate()
     {
         let time = number as u64;
-        let header = mcap::records::MessageHeader {
-            channel_id: channel,
-            sequence: 0,
-            log_time: time,
-            publish_time: time,
-        };
-        writer
-            .write_to_known_channel(&header, text.as_bytes())
-            .unwrap();
+        let header =
+            mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: time, publish_time: time };
+        writer.write_to_known_channel(&header, text.as_bytes()).unwrap();
     }
     writer.finish().unwrap();
     let read = read_recording(&path).unwrap();
-    assert_eq!(
-        (read.recording.rows.len(), read.recording.joints, read.lost),
-        (2, 2, None)
-    );
+    assert_eq!((read.recording.rows.len(), read.recording.joints, read.lost), (2, 2, None));
     assert_eq!(read.recording.rows[0].state.dir, None);
 
     let mut wrong = std::fs::read(&path).unwrap();
-    let at = wrong
-        .windows(4)
-        .position(|bytes| bytes == b"\x03\0\0\0")
-        .unwrap()
-        + 4;
+    let at = wrong.windows(4).position(|bytes| bytes == b"\x03\0\0\0").unwrap() + 4;
     wrong[at..at + 3].copy_from_slice(b"xyz");
     std::fs::write(&path, wrong).unwrap();
     let error = read_recording(&path).unwrap_err().to_string();
-    assert!(
-        error.contains("compressed with \"xyz\"; expected none or lz4"),
-        "{error}"
-    );
+    assert!(error.contains("compressed with \"xyz\"; expected none or lz4"), "{error}");
 }

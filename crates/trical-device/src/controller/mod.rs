@@ -207,21 +207,14 @@ pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError
         )? as u64),
         settle: JointSettle {
             interval: Duration::from_micros(
-                (url.take_number(
-                    "settle_ms",
-                    defaults.settle.interval.as_secs_f64() * 1e3,
-                    0.0..=60_000.0,
-                )? * 1e3) as u64,
+                (url.take_number("settle_ms", defaults.settle.interval.as_secs_f64() * 1e3, 0.0..=60_000.0)? * 1e3)
+                    as u64,
             ),
             ..defaults.settle
         },
     };
     url.finish("timeout_s, move_timeout_s, stream_ms, settle_ms")?;
-    let address = if url.place.contains(':') {
-        url.place.clone()
-    } else {
-        format!("{}:5000", url.place)
-    };
+    let address = if url.place.contains(':') { url.place.clone() } else { format!("{}:5000", url.place) };
     Ok(Box::new(RapidClient::connect(&address, settings)?))
 }
 

@@ -118,8 +118,7 @@ pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> 
     settings.scale *= url.take_number("scale", 1.0, -1e6..=1e6)?;
     settings.flip = flip(url)?;
     settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
-    settings.attempts =
-        url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
+    settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
     settings.settle = settle(url, settings.settle)?;
     url.finish(
         "baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts, settle_ms, repeats, settle_um",

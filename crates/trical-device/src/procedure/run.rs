@@ -153,11 +153,7 @@ impl Runner<'_, '_> {
 
     fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
         self.check_cancelled()?;
-        let settle = self
-            .options
-            .settle
-            .clone()
-            .unwrap_or_else(|| self.gauge.settle());
+        let settle = self.options.settle.clone().unwrap_or_else(|| self.gauge.settle());
         let reading = settled_reading(self.gauge, &settle, self.cancel)?;
         self.take_warnings();
         let t = self.time()?;
@@ -217,11 +213,7 @@ impl Runner<'_, '_> {
         let limits = &self.options.limits;
         for (axis, (before, after)) in AXES.into_iter().zip(before.iter().zip(after)) {
             if is_same(*before, *after) && before.abs() > limits.stale {
-                return Err(Violation::Stale {
-                    axis,
-                    reading_mm: after * 1e3,
-                    moved_mm: before.abs() * 1e3,
-                });
+                return Err(Violation::Stale { axis, reading_mm: after * 1e3, moved_mm: before.abs() * 1e3 });
             }
         }
         let (length_before, length_after) = (norm(before), norm(after));
@@ -294,11 +286,7 @@ impl Runner<'_, '_> {
     }
 
     fn settled_joints(&mut self) -> Result<Joints, Violation> {
-        let settle = self
-            .options
-            .joint_settle
-            .clone()
-            .unwrap_or_else(|| self.controller.joint_settle());
+        let settle = self.options.joint_settle.clone().unwrap_or_else(|| self.controller.joint_settle());
         // a stop by the user waits until the arm stands
         let never = AtomicBool::new(false);
         Ok(wait_settled(self.controller, &settle, &never)?)

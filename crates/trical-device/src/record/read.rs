@@ -107,11 +107,7 @@ pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, Rec
             _ => {}
         }
     }
-    let recording = Recording {
-        name: path.display().to_string(),
-        joints: joints.unwrap_or(0),
-        rows,
-    };
+    let recording = Recording { name: path.display().to_string(), joints: joints.unwrap_or(0), rows };
     Ok(ReadRecording {
         recording,
         attachments: raw.attachments.clone(),

@@ -78,8 +78,7 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
             if let Some((content, chunk)) = chunk {
                 if let Some(after) = chunk.after() {
                     // only the length of the record was wrong: the chunk knows its own
-                    file.losses
-                        .push(format!("the record at byte {at} has a wrong length"));
+                    file.losses.push(format!("the record at byte {at} has a wrong length"));
                     file.chunk(content, at)?;
                     at += rest.len() - after.len();
                     rest = after;

@@ -58,10 +58,7 @@ impl RecordingWriter {
         }
         let raw = read_raw(path)?;
         let read = interpret(path, &raw)?;
-        let different = |what: &str| RecordError::Different {
-            path: path.to_owned(),
-            what: what.to_owned(),
-        };
+        let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
         for ours in &header.attachments {
             if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
                 return Err(different(&ours.name));

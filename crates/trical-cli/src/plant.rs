@@ -6,7 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use trical_device::virtual_cell::Frame;
 use trical_device::{CellOptions, Plant};
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet};
-use trical_model::ik::nearest_solution;
+use trical_model::ik::{continue_from, nearest_solution};
 use trical_model::{Forward, Joints, Measured, Model, Motion, Parameter, Pose, Recording, Row, Site, State, Workspace};
 
 use crate::error::{CliError, Result};
@@ -69,7 +69,7 @@ impl Plant for ArmPlant {
 
     fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], seed: &Joints) -> Option<Joints> {
         let pose = Pose { rotation: nalgebra::Matrix3::from_fn(|i, j| rotation[i][j]), translation: position.into() };
-        self.with_nominal(|f, ws| nearest_solution(f, &pose, &State::at(seed), ws).ok())
+        self.with_nominal(|f, ws| continue_from(f, &pose, &State::at(seed), ws).ok())
     }
 
     fn temperature(&mut self, t: f64) -> Option<f64> {
@@ -109,13 +109,65 @@ pub fn draw_truth(nominal: &Model, seed: u64) -> Result<Model> {
     model.terms = trical_ident::identifiability::independent_terms(nominal, &data, &choice)?.0;
     for t in &mut model.terms {
         t.value = match t.site {
-            Site::Base(Motion::Along(_)) => draw(0.6e-3),
+            Site::Base(Motion::Along(_)) => draw(0.5e-3),
             Site::Base(Motion::About(_)) => draw(0.05_f64.to_radians()),
-            Site::Tool(_) => draw(0.4e-3),
+            Site::Tool(_) => draw(0.3e-3),
             Site::Link { parameter: Parameter::A | Parameter::D, .. } => draw(0.3e-3),
             Site::Link { .. } => draw(0.1_f64.to_radians()),
             _ => (0.002 + 0.018 * draw(0.5).abs().min(1.0)).to_radians(),
         };
     }
+    set_up(&mut model, || draw(0.1e-3))?;
     Ok(model)
+}
+
+/// The place of the base as the set-up of a cell leaves it: the three balls are touched once, in one orientation, before
+/// anything else (paper, procedure), so that `cell.toml` is right there to about 0.1 mm.
+fn set_up(model: &mut Model, mut rest: impl FnMut() -> f64) -> Result<()> {
+    let nominal = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new())?;
+    let truth = Forward::new(model.clone(), Vec::new())?;
+    let (mut ws, mut true_ws) = (nominal.workspace(), truth.workspace());
+    // the first orientation, from vertical to leaning, in which the device reaches all balls
+    let home = State::at(&[0.0; 9]);
+    let balls = model.cell.balls.clone();
+    let reached = (0..7).find_map(|lean| {
+        (0..24).find_map(|turn| {
+            let down = trical_model::pose::rotation_z(f64::from(turn) * 15.0_f64.to_radians())
+                * trical_model::pose::rotation_x((180.0 - 10.0 * f64::from(lean)).to_radians());
+            balls
+                .iter()
+                .map(|ball| {
+                    let at = Pose { rotation: down, translation: *ball };
+                    nearest_solution(&nominal, &at, &home, &mut ws).ok()
+                })
+                .collect::<Option<Vec<Joints>>>()
+        })
+    });
+    let Some(reached) = reached else {
+        return Err(CliError::Input("the device reaches the three balls in no common orientation".into()));
+    };
+    let pairs: Vec<_> = balls
+        .iter()
+        .zip(&reached)
+        .map(|(ball, q)| {
+            let seen = truth.world_from_tool(&State::at(q), &mut true_ws).translation;
+            (ball + nalgebra::Vector3::new(rest(), rest(), rest()), seen)
+        })
+        .collect();
+    let Some(shift) = trical_ident::rigid::rigid_from_points(&pairs) else { return Ok(()) };
+    // all links have moved from where they seemed to be: the base with them
+    let links = truth.world_from_links(&State::at(&[0.0; 9]), &mut true_ws);
+    let Some(base) = links.first() else { return Ok(()) };
+    let base = shift.compose(base);
+    let reference = &model.cell.world_from_base;
+    let move_by = base.translation - reference.translation;
+    let turn_by = trical_model::pose::angles_zyx(&(base.rotation * reference.rotation.transpose()));
+    for t in &mut model.terms {
+        match t.site {
+            Site::Base(Motion::Along(a)) => t.value = move_by[a.index()],
+            Site::Base(Motion::About(a)) => t.value = turn_by[2 - a.index()],
+            _ => {}
+        }
+    }
+    Ok(())
 }

@@ -127,8 +127,16 @@ impl Scene {
         }
         // parts of the arm that are three or more apart in the chain can meet
         for (i, (a, pa)) in parts.iter().enumerate() {
+            // the wrist's own solid lies around the end of the forearm: what turns about it is always near that end
+            let along = pa.segment.b - pa.segment.a;
+            let length = along.length();
+            let short = if length > 2.0 * WRIST_RADIUS + LINK_RADIUS {
+                Capsule::new(pa.segment.a, pa.segment.b - along * ((WRIST_RADIUS + LINK_RADIUS) / length), pa.radius)
+            } else {
+                *pa
+            };
             for (b, pb) in &parts[i + 1..] {
-                if b - a >= 3 && near(pa, pb, &identity) {
+                if b - a >= 3 && near(&short, pb, &identity) {
                     return Some(Contact { part: name(*b), with: name(*a) });
                 }
             }

@@ -25,13 +25,23 @@ pub struct PlanOptions {
     pub tilt: f64,
     /// How far the device is held short of the ball before the touch, m.
     pub approach: f64,
+    /// Along each axis, how far corrections may take the device from where it is planned, m.
+    pub correction: f64,
     /// What is kept from everything, m.
     pub clearance: f64,
 }
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { per_ball: 15, pool: 60, seed: 1, tilt: 65.0_f64.to_radians(), approach: 0.04, clearance: 0.008 }
+        Self {
+            per_ball: 15,
+            pool: 60,
+            seed: 1,
+            tilt: 65.0_f64.to_radians(),
+            approach: 0.04,
+            correction: 0.004,
+            clearance: 0.008,
+        }
     }
 }
 
@@ -92,6 +102,11 @@ fn random_orientation(rng: &mut Pcg64Mcg, tilt: f64) -> Matrix3<f64> {
         * rotation_z(rng.random_range(0.0..turn))
 }
 
+/// Largest change of a joint.
+fn farthest(a: &Joints, b: &Joints) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+}
+
 struct Planner<'a> {
     nominal: &'a Forward,
     scene: Scene,
@@ -139,6 +154,20 @@ impl Planner<'_> {
         if let Some(c) = self.scene.contact_at(self.nominal, &joints[..self.n], &mut ws, &mut links) {
             self.reject(format!("{} against {}", c.part, c.with));
             return None;
+        }
+        // wherever a correction may take it, the arm must follow smoothly: not at the end of its reach, not near a
+        // singular pose
+        let c = options.correction;
+        for corner in 0..8 {
+            let side = |bit: u8| if corner & (1 << bit) == 0 { -c } else { c };
+            let moved = Pose { rotation, translation: ball + Vector3::new(side(0), side(1), side(2)) };
+            match continue_from(self.nominal, &moved, &State::at(&joints), &mut ws) {
+                Ok(q) if farthest(&q, &joints) < 3.0_f64.to_radians() => {}
+                _ => {
+                    self.reject("no room for corrections");
+                    return None;
+                }
+            }
         }
         let back = Pose { rotation, translation: ball - rotation * Vector3::z() * options.approach };
         let Ok(approach) = continue_from(self.nominal, &back, &State::at(&joints), &mut ws) else {
@@ -229,9 +258,8 @@ fn order(planner: &mut Planner<'_>, pool: &[(usize, Joints, Joints)], chosen: &[
     let mut left: Vec<usize> = chosen.to_vec();
     let mut at: Joints = [0.0; 9];
     let mut touches = Vec::new();
-    let far = |a: &Joints, b: &Joints| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
     while !left.is_empty() {
-        left.sort_by(|a, b| far(&pool[*a].2, &at).total_cmp(&far(&pool[*b].2, &at)).then(a.cmp(b)));
+        left.sort_by(|a, b| farthest(&pool[*a].2, &at).total_cmp(&farthest(&pool[*b].2, &at)).then(a.cmp(b)));
         let k = left.remove(0);
         let (ball, joints, approach) = pool[k];
         let scene = &planner.scene;

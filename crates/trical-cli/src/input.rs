@@ -60,11 +60,12 @@ pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
         return Ok(load_csv(path, joints)?);
     }
     let read = read_recording(path).map_err(|e| CliError::Input(e.to_string()))?;
-    if let Some(lost) = &read.lost {
-        eprintln!("trical: note: {}: {lost}", path.display());
-    }
     if read.recording.rows.is_empty() {
-        return Err(CliError::Input(format!("{}: holds no complete measurement", path.display())));
+        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
+        return Err(CliError::Input(format!("{why}; there is no complete measurement in it")));
+    }
+    if let Some(lost) = &read.lost {
+        eprintln!("trical: note: {lost}");
     }
     if read.recording.joints != joints {
         return Err(CliError::Input(format!(

@@ -96,8 +96,7 @@ fn has(model: &Model, data: &Dataset, sigma: f64) -> Has {
     let any = |f: &dyn Fn(&crate::dataset::Observation) -> bool| data.observations.iter().any(f);
     Has {
         direction: all(&|o| o.state.dir.is_some()) && any(&|o| o.state.dir.is_some_and(|d| d.contains(&1))),
-        commanded: all(&|o| o.state.q_commanded.is_some())
-            && any(&|o| o.state.q_commanded.is_some_and(|c| c != o.state.q)),
+        commanded: any(&|o| o.state.q_commanded.is_some_and(|c| c != o.state.q)),
         time: all(&|o| o.state.t.is_some()),
         temperature: all(&|o| o.state.temp_c.is_some()),
         touches: any(&|o| matches!(o.measured, Measured::Touch { .. })),

@@ -97,6 +97,19 @@ pub fn name(variable: Variable) -> String {
     }
 }
 
+/// A mismatch without a name, as it is told.
+#[derive(Clone, Debug, Default)]
+pub struct Located {
+    /// On what it depends.
+    pub variable: String,
+    /// For which values.
+    pub region: String,
+    /// The fitted curve.
+    pub curve: Vec<(f64, f64)>,
+    /// Units of the curve's columns.
+    pub units: (String, String),
+}
+
 /// Variable, region, and the fitted curve with its units.
 #[must_use]
 pub fn describe<'a>(
@@ -104,9 +117,9 @@ pub fn describe<'a>(
     members: impl Iterator<Item = &'a Candidate>,
     model: &Model,
     data: &Dataset,
-) -> (String, String, Vec<(f64, f64)>, (String, String)) {
+) -> Located {
     let Some(variable) = first.terms.first().map(|t| t.basis.of) else {
-        return Default::default();
+        return Located::default();
     };
     let factor = if matches!(variable, Variable::Joint { .. }) { 1.0_f64.to_degrees() } else { 1.0 };
     let units = if matches!(variable, Variable::Joint { .. }) { "deg" } else { "s" };
@@ -152,5 +165,5 @@ pub fn describe<'a>(
             }
         }
     };
-    (n, region, curve, (units.to_owned(), "deg".to_owned()))
+    Located { variable: n, region, curve, units: (units.to_owned(), "deg".to_owned()) }
 }

@@ -17,7 +17,7 @@ pub mod search;
 
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
-use trical_model::{Cell, Forward, Model, Robot, State, Term};
+use trical_model::{Cell, Forward, Model, Robot, Term};
 
 use crate::dataset::{Dataset, Rejected};
 use crate::error::Result;
@@ -216,7 +216,7 @@ struct Group {
 /// As [`crate::identify::identify`].
 pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'_>) -> Result<Diagnosis> {
     progress(0.0, "hygiene");
-    let all = hygiene::without_stale(&settled(data));
+    let all = hygiene::without_stale(data);
     let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
     let choice = Choice::from(set);
     let all = crate::identify::reject_gross_errors_beyond(robot, cell, &all, 30.0)?;
@@ -393,17 +393,6 @@ fn touch_sigma(fitted: &Identified) -> f64 {
     let of = |o: &crate::dataset::Observation| fitted.noise.sigma(o.recording, &o.measured, 0);
     let touch = fitted.data.observations.iter().find(|o| matches!(o.measured, trical_model::Measured::Touch { .. }));
     touch.or_else(|| fitted.data.observations.first()).map_or(1e-5, of)
-}
-
-/// Where only some recordings tell what was commanded, the others are taken as settled.
-fn settled(data: &Dataset) -> Dataset {
-    let mut data = data.clone();
-    if data.observations.iter().any(|o| o.state.q_commanded.is_some()) {
-        for o in &mut data.observations {
-            o.state = State { q_commanded: Some(o.state.q_commanded.unwrap_or(o.state.q)), ..o.state };
-        }
-    }
-    data
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts")]
@@ -664,17 +653,16 @@ fn unexplained_from(
         let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
         (square * share / (1.0 - share).max(1e-6)).sqrt() * 1e3
     };
-    let (variable, region, curve, curve_units) =
-        locators::describe(first, group.members.iter().map(|m| &search.candidates[*m]), model, data);
+    let located = locators::describe(first, group.members.iter().map(|m| &search.candidates[*m]), model, data);
     Unexplained {
         site: first.site.clone(),
-        variable,
-        region,
+        variable: located.variable,
+        region: located.region,
         rms_mm,
         holdout_rms_before_mm: held_out.0,
         holdout_rms_after_mm: held_out.1,
-        curve,
-        curve_units,
+        curve: located.curve,
+        curve_units: located.units,
     }
 }
 

@@ -236,9 +236,9 @@ impl Robot {
     }
 }
 
-/// Removes the last digits that a change of units leaves behind (1e-12 relative), so that files read well.
+/// Removes the last digits that a change of units leaves behind (a few units in the last place), so that files read well.
 #[must_use]
 pub fn tidy(x: f64) -> f64 {
     let r = (x * 1e9).round() / 1e9;
-    if (r - x).abs() <= 1e-12 * x.abs().max(1.0) { r } else { x }
+    if (r - x).abs() <= 8.0 * f64::EPSILON * x.abs() { r } else { x }
 }

@@ -11,7 +11,6 @@ use parry3d_f64::glamx::{DMat3, DQuat, DVec3};
 use parry3d_f64::query;
 use parry3d_f64::shape::{ConvexPolyhedron, Cuboid, Cylinder, Segment, Shape};
 use trical_model::Pose;
-use trical_model::pose::rotation_from_quaternion;
 
 pub use segment_box::distance_segment_box;
 pub use segment_segment::distance_segment_segment;
@@ -183,14 +182,6 @@ fn with_shape<R>(body: &Pose, solid: &Solid, f: impl FnOnce(&parry3d_f64::math::
 #[must_use]
 pub(crate) fn pose_zyx(translation: V3, zyx: [f64; 3]) -> Pose {
     Pose { rotation: trical_model::pose::rotation_zyx(zyx[0], zyx[1], zyx[2]), translation }
-}
-
-/// A random rotation, uniform over all, from four normal numbers' worth of `u` in [0, 1) (Shoemake 1992).
-#[must_use]
-pub(crate) fn rotation_from_unit(u: [f64; 3]) -> Matrix3<f64> {
-    let (r1, r2) = ((1.0 - u[0]).sqrt(), u[0].sqrt());
-    let (t1, t2) = (std::f64::consts::TAU * u[1], std::f64::consts::TAU * u[2]);
-    rotation_from_quaternion([t2.cos() * r2, t1.sin() * r1, t1.cos() * r1, t2.sin() * r2])
 }
 
 #[cfg(test)]

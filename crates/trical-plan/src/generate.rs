@@ -135,7 +135,6 @@ pub fn generate(
     let most = wanted.saturating_mul(options.attempts_per_candidate);
     let mut pool = Vec::with_capacity(wanted);
     let mut rejected = Rejected::default();
-    #[expect(clippy::cast_possible_truncation, reason = "a ball's number")]
     let stream = TOUCH | ((ball as u64) << 8);
     while pool.len() < wanted && rejected.attempts < most {
         let first = rejected.attempts;
@@ -217,6 +216,7 @@ fn random_branch(
         .iter()
         .map(|s| rounded(robot, &s.joints))
         .filter(|q| robot.within_limits(q, -options.limit_margin_rad))
+        .filter(|q| options.whole_turns || within_a_turn(robot, q))
         .collect();
     if inside.is_empty() {
         return Err(Refusal::Limits);
@@ -226,6 +226,13 @@ fn random_branch(
         return Err(Refusal::Singular);
     }
     Ok(joints)
+}
+
+/// Whether every joint is within half a turn of the middle of its range.
+fn within_a_turn(robot: &Robot, q: &Joints) -> bool {
+    robot.joints.iter().zip(q).all(|(j, q)| {
+        j.kind == JointKind::Prismatic || (q - 0.5 * (j.limits[0] + j.limits[1])).abs() <= std::f64::consts::PI
+    })
 }
 
 /// Joint values as the plan's file gives them: to a millionth of a degree (10 nm at the tool) or of a millimetre.

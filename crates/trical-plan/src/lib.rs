@@ -1,4 +1,36 @@
-//! Planning.
+//! Which touches to measure, and how to get there: cell geometry, collision checks, generation of configurations that the arm
+//! can take without meeting anything, and the choice of the most informative ones.
+//!
+//! ```
+//! use trical_model::{Cell, Robot};
+//! use trical_plan::{PlanOptions, plan_touches, write_plan};
+//! # let robot_toml = include_str!("../../../cells/irb120/robot.toml");
+//! # let cell_toml = include_str!("../../../cells/irb120/cell.toml");
+//! let robot = Robot::parse(robot_toml, "robot.toml")?;
+//! let cell = Cell::parse(cell_toml, "cell.toml")?;
+//! let options = PlanOptions { per_ball: 12, pool_per_ball: 40, ..PlanOptions::default() };
+//! let plan = plan_touches(&robot, &cell, &options, &mut |_share| {})?;
+//! assert_eq!(plan.entries.len(), 36);
+//! assert_eq!(plan.expected.parameters.len(), 31);
+//! let text = write_plan(&robot, &plan.entries); // plan.csv
+//! # assert!(text.starts_with("order,ball,q1_deg"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`plan`] | [`plan_touches`]: everything in one function; the choice alone |
+//! | [`options`], [`parameters`] | what a user can choose; what a plan is to make visible |
+//! | [`geometry`], [`solid`] | the `[geometry]` of `cell.toml`; shapes and distances between them |
+//! | [`collision`] | checks of configurations and of whole motions |
+//! | [`generate`] | candidates at a ball, and why others were refused |
+//! | [`choose`] | D-optimal subsets of any Jacobian blocks |
+//! | [`route`] | lengths of ways in joint space |
+//! | [`plan_csv`] | plans as files |
+//! | [`validation`] | configurations at which a calibrated arm proves itself |
+//!
+//! All random choices come from the seed in the options: same input, same seed, same plan, for any number of threads.
+
 pub mod choose;
 pub mod collision;
 mod connect;
@@ -8,9 +40,16 @@ pub mod geometry;
 pub mod options;
 pub mod parameters;
 pub mod plan;
+pub mod plan_csv;
 mod random;
 pub mod route;
 pub mod solid;
+pub mod validation;
 
+pub use collision::{CollisionModel, Contact, MotionWorkspace};
 pub use error::{PlanError, Result};
-pub use plan::plan_touches;
+pub use generate::{Candidate, Rejected};
+pub use options::PlanOptions;
+pub use plan::{Expected, Plan, PlanEntry, choose_touches, plan_touches};
+pub use plan_csv::{PlanFileError, read_plan, write_plan};
+pub use validation::{Facing, ValidationOptions, poses_in_sphere, poses_in_workspace};

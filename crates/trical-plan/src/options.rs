@@ -21,6 +21,9 @@ pub struct PlanOptions {
     pub spin_rad: [f64; 2],
     /// Range of distances from the stand-off pose to the touch, m.
     pub standoff_m: [f64; 2],
+    /// Whether joints that can turn further than once are also used beyond half a turn from the middle of their range. That
+    /// tells little more, and makes ways long.
+    pub whole_turns: bool,
     /// How far joints stay inside their limits, rad (m for sliding joints), so that the procedure can correct a pose.
     pub limit_margin_rad: f64,
     /// Poses where correcting the tool by one metre would ask more than this of some joint are left out as singular,
@@ -44,6 +47,7 @@ impl Default for PlanOptions {
             max_tilt_rad: 50.0_f64.to_radians(),
             spin_rad: [-std::f64::consts::PI, std::f64::consts::PI],
             standoff_m: [0.03, 0.05],
+            whole_turns: false,
             limit_margin_rad: 1.0_f64.to_radians(),
             max_joint_per_metre: 40.0,
             parameters: None,

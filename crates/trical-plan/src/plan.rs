@@ -88,11 +88,25 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
         pool.extend(candidates);
         rejected.push(refused);
     }
-    let chosen = choose_touches(robot, cell, &pool, options)?;
-    progress(0.85);
-    let touches = balance_senses(&model, chosen.touches, options);
-    progress(0.9);
-    let entries = visit(&model, &touches, options)?;
+    let mut last_error = PlanError::NoBalls;
+    let mut planned = None;
+    for round in 0..ROUNDS {
+        let chosen = choose_touches(robot, cell, &pool, options)?;
+        progress(0.7 + 0.25 * share(2 * round + 1, 2 * ROUNDS));
+        let touches = balance_senses(&model, chosen.touches.clone(), options);
+        match visit(&model, &touches, options) {
+            Ok(entries) => {
+                planned = Some((chosen, entries));
+                break;
+            }
+            // there may be no way to one of them: do without it
+            Err((error, cut_off)) => {
+                pool.retain(|c| c.joints != touches[cut_off].joints);
+                last_error = error;
+            }
+        }
+    }
+    let Some((chosen, entries)) = planned else { return Err(last_error) };
     let n = robot.dof();
     let mut from = options.start;
     let mut length = 0.0;
@@ -280,13 +294,19 @@ fn balance_senses(model: &CollisionModel, mut touches: Vec<Candidate>, options: 
     touches
 }
 
+/// How often a touch that cannot be reached from the others is given up for another.
+const ROUNDS: usize = 8;
 /// Tours that are tried when a way between two neighbours cannot be found.
-const TOURS: usize = 12;
+const TOURS: usize = 5;
 /// Cost of a way that does not exist.
 const BLOCKED: f64 = 1e3;
 
-/// Orders the touches and finds the ways between them.
-fn visit(model: &CollisionModel, touches: &[Candidate], options: &PlanOptions) -> Result<Vec<PlanEntry>> {
+/// Orders the touches and finds the ways between them; or tells what went wrong, and the touch that is hardest to get to.
+fn visit(
+    model: &CollisionModel,
+    touches: &[Candidate],
+    options: &PlanOptions,
+) -> std::result::Result<Vec<PlanEntry>, (PlanError, usize)> {
     let n = touches.len();
     let robot = &model.forward().model().robot;
     let start = options.start.map(|q| rounded(robot, &q));
@@ -340,8 +360,11 @@ fn visit(model: &CollisionModel, touches: &[Candidate], options: &PlanOptions) -
             return Ok(entries);
         }
     }
-    Err(last_error.unwrap_or(PlanError::NoBalls))
+    let often = |k: usize| blocked.iter().filter(|(i, j)| *i == k || *j == k).count();
+    // the last of the most blocked ones: with all alike, that to which no way was found at the end
+    let cut_off = (0..n).max_by_key(|k| often(*k)).unwrap_or(0);
+    Err((last_error.unwrap_or(PlanError::NoBalls), cut_off))
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use toml::{Table, Value};
+use toml::Value;
 use trical_model::{Cell, Pose, Robot};
 
 use super::{Balls, Body, Place, Role, derived};
@@ -218,7 +218,7 @@ fn each<T: DeserializeOwned>(
 }
 
 pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
-    let table = cell.geometry.clone().unwrap_or_else(Table::new);
+    let table = cell.geometry.clone().unwrap_or_default();
     let raw: GeometryFile = take(Value::Table(table), "[geometry]")?;
     let n = robot.dof();
     let margin = number("[geometry]", "margin_mm", raw.margin_mm.unwrap_or(3.0), 0.2, 100.0)?;

@@ -144,10 +144,21 @@ pub fn inverse_kinematics(
     let n = robot.dof();
     let seeds = seeds(forward, world_from_tool, state, ws);
     let mut found = Found { roots: Vec::with_capacity(8), failure: None };
-    for seed in &seeds.list {
-        found.attempt(forward, world_from_tool, seed, state, ws);
-    }
     let exact = forward.model().terms.is_empty();
+    for seed in &seeds.list {
+        let new = found.attempt(forward, world_from_tool, seed, state, ws);
+        if new || exact || !seeds.closed {
+            continue;
+        }
+        // a branch that led nowhere, or to another's solution: near a fold its own may lie a little aside
+        for joint in 0..n {
+            for aside in [0.15, -0.15, 0.4, -0.4] {
+                let mut seed = *seed;
+                seed[joint] += aside;
+                found.attempt(forward, world_from_tool, &seed, state, ws);
+            }
+        }
+    }
     if seeds.closed && !exact {
         // the branch of `state.q`, in case the nominal arm folds where the calibrated one does not
         found.attempt(forward, world_from_tool, &state.q, state, ws);
@@ -252,17 +263,23 @@ struct Found {
 }
 
 impl Found {
-    fn attempt(&mut self, forward: &Forward, target: &Pose, seed: &Joints, state: &State, ws: &mut Workspace) {
+    /// Whether `seed` leads to a solution that was not known.
+    fn attempt(&mut self, forward: &Forward, target: &Pose, seed: &Joints, state: &State, ws: &mut Workspace) -> bool {
         let robot = &forward.model().robot;
         let mut at = State { q: *seed, ..*state };
         match newton::refine(forward, target, &mut at, ws) {
             Ended::Converged => {
                 let q = principal(robot, &at.q);
-                if !self.roots.iter().any(|r| same(robot, r, &q)) {
+                let new = !self.roots.iter().any(|r| same(robot, r, &q));
+                if new {
                     self.roots.push(q);
                 }
+                new
             }
-            ended => keep_better(&mut self.failure, ended.error()),
+            ended => {
+                keep_better(&mut self.failure, ended.error());
+                false
+            }
         }
     }
 }

@@ -147,9 +147,16 @@ impl CollisionModel {
     /// As [`CollisionModel::check`], where the device's stems may meet ball `touched` (0-based).
     #[must_use]
     pub fn check_touching(&self, links: &[Pose], touched: Option<usize>) -> Option<Contact> {
+        self.check_within(links, touched, self.margin)
+    }
+
+    /// As [`CollisionModel::check_touching`] with another clearance than the margin, m: a pose that was planned with the whole
+    /// margin and then corrected by a little needs less.
+    #[must_use]
+    pub fn check_within(&self, links: &[Pose], touched: Option<usize>, clearance: f64) -> Option<Contact> {
         self.pairs
             .iter()
-            .find(|p| !p.allowed(touched) && self.closer_than(p, links, self.margin))
+            .find(|p| !p.allowed(touched) && self.closer_than(p, links, clearance))
             .map(|p| self.contact(p))
     }
 

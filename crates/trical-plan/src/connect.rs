@@ -89,7 +89,8 @@ impl Tree {
             }
             next = rounded(&model.forward().model().robot, &next);
         }
-        if model.check_motion(&at, &next, None, scratch).is_some() {
+        let inside = model.forward().model().robot.within_limits(&next, 0.0);
+        if !inside || model.check_motion(&at, &next, None, scratch).is_some() {
             return None;
         }
         self.nodes.push((next, near));

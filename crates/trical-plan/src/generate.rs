@@ -31,7 +31,7 @@ pub struct Candidate {
 }
 
 /// Why attempts were refused, and how often.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Rejected {
     /// Attempts in all, successful ones included.
     pub attempts: usize,
@@ -47,8 +47,8 @@ pub struct Rejected {
     pub no_approach: usize,
     /// Bodies meet on the way from the stand-off pose to the touch.
     pub approach_in_collision: usize,
-    /// Which bodies met, by name, and how often.
-    pub contacts: BTreeMap<(String, String), usize>,
+    /// Which bodies met ("stem x and post 1"), and how often.
+    pub contacts: BTreeMap<String, usize>,
 }
 
 impl Rejected {
@@ -76,8 +76,8 @@ impl Rejected {
             (self.no_approach, "no stand-off pose is reachable".into()),
         ];
         let hits = self.touch_in_collision + self.approach_in_collision;
-        if let Some(((a, b), _)) = self.contacts.iter().max_by_key(|(_, n)| **n) {
-            reasons.push((hits, format!("bodies meet, most often '{a}' and '{b}'")));
+        if let Some((pair, _)) = self.contacts.iter().max_by_key(|(_, n)| **n) {
+            reasons.push((hits, format!("bodies meet, most often {pair}")));
         }
         reasons.into_iter().max_by_key(|r| r.0).map_or_else(String::new, |r| r.1)
     }
@@ -85,7 +85,7 @@ impl Rejected {
     fn count(&mut self, refusal: Refusal, model: &CollisionModel) {
         let mut met = |contact| {
             let (a, b) = model.names(contact);
-            *self.contacts.entry((a.to_owned(), b.to_owned())).or_default() += 1;
+            *self.contacts.entry(format!("{a} and {b}")).or_default() += 1;
         };
         match refusal {
             Refusal::Unreachable => self.unreachable += 1,

@@ -3,7 +3,8 @@
 //! ```toml
 //! [geometry]
 //! margin_mm = 3.0                       # clearance to keep; 3 if left out
-//! retreat = [-1.0, -1.0, -1.0]          # in the tool's axes: the way in which the device leaves a ball
+//! retreat = [-1.0, -1.0, -1.0]          # in the tool's axes: the way in which the device leaves a ball;
+//!                                       # if left out: away along all stems, or along -z
 //! ignore = [["link 4", "link 6"]]       # pairs of bodies that may meet
 //!
 //! [geometry.balls]
@@ -103,7 +104,8 @@ impl Geometry {
         bodies.extend(sections.obstacles.unwrap_or_else(|| derived::obstacles(cell, &balls)));
         bodies.extend(derived::balls_and_posts(cell, &balls));
         file::check_names(&bodies, &sections.ignore)?;
-        Ok(Self { bodies, ignore: sections.ignore, margin: sections.margin, retreat: sections.retreat })
+        let retreat = file::retreat(sections.retreat, &bodies)?;
+        Ok(Self { bodies, ignore: sections.ignore, margin: sections.margin, retreat })
     }
 }
 

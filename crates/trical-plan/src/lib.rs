@@ -50,6 +50,6 @@ pub use collision::{CollisionModel, Contact, MotionWorkspace};
 pub use error::{PlanError, Result};
 pub use generate::{Candidate, Rejected};
 pub use options::PlanOptions;
-pub use plan::{Expected, Plan, PlanEntry, choose_touches, plan_touches};
+pub use plan::{Expected, Plan, PlanEntry, choose_touches, nominal_forward, plan_touches};
 pub use plan_csv::{PlanFileError, read_plan, write_plan};
 pub use validation::{Facing, ValidationOptions, poses_in_sphere, poses_in_workspace};

@@ -32,7 +32,7 @@ pub struct PlanEntry {
 }
 
 /// What the plan is expected to tell.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Expected {
     /// Names of the parameters that can be told apart.
     pub parameters: Vec<String>,
@@ -88,12 +88,16 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
         pool.extend(candidates);
         rejected.push(refused);
     }
+    let forward = nominal_forward(robot, cell, options)?;
+    // a term that looks at the sense of a motion has been chosen for by these very approaches
+    let senses_matter = forward.model().terms.iter().any(|t| t.basis.sense.is_some());
     let mut last_error = PlanError::NoBalls;
     let mut planned = None;
     for round in 0..ROUNDS {
-        let chosen = choose_touches(robot, cell, &pool, options)?;
+        let chosen = choose_touches(&forward, &pool, options)?;
         progress(0.7 + 0.25 * share(2 * round + 1, 2 * ROUNDS));
-        let touches = balance_senses(&model, chosen.touches.clone(), options);
+        let touches = chosen.touches.clone();
+        let touches = if senses_matter { touches } else { balance_senses(&model, touches, options) };
         match visit(&model, &touches, options) {
             Ok(entries) => {
                 planned = Some((chosen, entries));
@@ -163,19 +167,30 @@ pub struct Chosen {
     pub gain: f64,
 }
 
-/// `options.per_ball` candidates of each ball that together tell most about the parameters, by the Jacobian of the nominal
-/// model ([`Forward::linearize`]) with `options.parameters` free.
+/// The nominal arm with the parameters of `options` free.
 ///
 /// # Errors
-/// Parameters at sites that the arm does not have, none that can be seen, or too few candidates.
-pub fn choose_touches(robot: &Robot, cell: &Cell, pool: &[Candidate], options: &PlanOptions) -> Result<Chosen> {
-    let terms = options.parameters.clone().unwrap_or_else(|| usual_parameters(robot));
-    let names: Vec<String> = terms.iter().map(|t| t.name.clone()).collect();
+/// Parameters at sites that the arm does not have.
+pub fn nominal_forward(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Result<Forward> {
     let mut model = Model::nominal(robot.clone(), cell.clone());
-    model.terms = terms;
+    model.terms = options.parameters.clone().unwrap_or_else(|| usual_parameters(robot));
+    let free = (0..model.terms.len()).collect();
+    Ok(Forward::new(model, free)?)
+}
+
+/// `options.per_ball` candidates of each ball that together tell most about the free terms of `forward`, by its Jacobian
+/// ([`Forward::linearize`]) at the present coefficients. It may be a calibrated model: then the choice is best for what is
+/// still free.
+///
+/// # Errors
+/// Free terms that look at what a plan does not know (time, temperature), none that can be seen, or too few candidates.
+pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptions) -> Result<Chosen> {
+    let model = forward.model();
+    let cell = &model.cell;
+    let names: Vec<String> =
+        forward.free().iter().filter_map(|k| model.terms.get(*k)).map(|t| t.name.clone()).collect();
     let p = names.len();
     let nothing = || PlanError::NothingObservable { parameters: p };
-    let forward = Forward::new(model, (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 3 * p * pool.len()];
     for (candidate, block) in pool.iter().zip(jacobian.chunks_exact_mut((3 * p).max(1))) {

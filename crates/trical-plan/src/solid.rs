@@ -8,7 +8,7 @@ mod segment_segment;
 
 use nalgebra::{Matrix3, Vector3};
 use parry3d_f64::glamx::{DMat3, DQuat, DVec3};
-use parry3d_f64::query;
+use parry3d_f64::query::{self, PointQuery};
 use parry3d_f64::shape::{ConvexPolyhedron, Cuboid, Cylinder, Segment, Shape};
 use trical_model::Pose;
 
@@ -93,6 +93,10 @@ impl Solid {
         }
         let list: Vec<DVec3> = points.iter().map(vec3).collect();
         let hull = ConvexPolyhedron::from_convex_hull(&list)?;
+        // a hull that has lost a corner would be a silent "free"
+        if list.iter().any(|p| hull.distance_to_local_point(*p, true) > 1e-7) {
+            return None;
+        }
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let centre = points.iter().sum::<V3>() / points.len() as f64;
         let bound = points.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max);

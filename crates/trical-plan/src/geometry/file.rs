@@ -15,7 +15,7 @@ type V3 = Vector3<f64>;
 /// What the file says; `None` where it says nothing.
 pub(super) struct Sections {
     pub margin: f64,
-    pub retreat: V3,
+    pub retreat: Option<V3>,
     pub ignore: Vec<(String, String)>,
     pub balls: Option<Balls>,
     pub links: Option<Vec<Body>>,
@@ -222,10 +222,11 @@ pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
     let raw: GeometryFile = take(Value::Table(table), "[geometry]")?;
     let n = robot.dof();
     let margin = number("[geometry]", "margin_mm", raw.margin_mm.unwrap_or(3.0), 0.2, 100.0)?;
-    let retreat = V3::from(raw.retreat.unwrap_or([-1.0; 3]));
-    if !(retreat.iter().all(|x| x.is_finite()) && retreat.norm() > 1e-6) {
-        return Err(bad("[geometry], retreat", format!("found {:?}, expected a direction", raw.retreat)));
-    }
+    let retreat = match raw.retreat {
+        None => None,
+        Some(v) if v.iter().all(|x| x.is_finite()) && V3::from(v).norm() > 1e-6 => Some(V3::from(v).normalize()),
+        Some(v) => return Err(bad("[geometry], retreat", format!("found {v:?}, expected a direction"))),
+    };
     let balls = raw
         .balls
         .map(|v| {
@@ -246,7 +247,7 @@ pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
     let flange_from_tool = Pose { rotation: tool.rotation, translation: tool.tcp };
     Ok(Sections {
         margin,
-        retreat: retreat.normalize(),
+        retreat,
         ignore: raw.ignore.into_iter().map(|[a, b]| (a, b)).collect(),
         balls,
         links: each(raw.link, "link", |l: LinkFile, place| {
@@ -287,6 +288,28 @@ pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
             Ok(Body { name: o.name, place: Place::World, role: Role::Plain, device: false, solids })
         })?,
     })
+}
+
+/// The direction in which the device leaves a ball, unit vector in the tool's axes: what the file says, or away from the ball
+/// along all stems, or backwards along the tool's z axis. Refuses a direction that would push a stem through the ball.
+pub(super) fn retreat(said: Option<V3>, bodies: &[Body]) -> Result<V3> {
+    let stems: Vec<(&str, V3)> = bodies
+        .iter()
+        .filter_map(|b| if let Role::Stem(side) = b.role { Some((b.name.as_str(), side)) } else { None })
+        .collect();
+    let usual = stems.iter().map(|s| s.1).sum::<V3>().try_normalize(1e-6).unwrap_or(-V3::z());
+    let direction = said.unwrap_or(usual);
+    match stems.iter().find(|s| s.1.dot(&direction) < 0.05) {
+        None => Ok(direction),
+        Some((name, side)) => Err(bad(
+            "[geometry], retreat",
+            format!(
+                "found [{:.3}, {:.3}, {:.3}], which pushes '{name}' into the ball, expected a direction that leads away from \
+                 it, towards [{:.3}, {:.3}, {:.3}]",
+                direction.x, direction.y, direction.z, side.x, side.y, side.z
+            ),
+        )),
+    }
 }
 
 /// Refuses two bodies of one name, and `ignore` of a body that does not exist.

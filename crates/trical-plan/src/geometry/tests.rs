@@ -85,4 +85,19 @@ fn errors_name_the_place_what_was_found_and_what_is_expected() {
         "[[geometry.device]]\nname = 'a'\nsolids = [{ shape = 'sphere', center_mm = [0, 0, 0], radius_mm = nan }]\n",
     );
     assert_eq!(e, "[[geometry.device]] 1, solid 1, radius_mm: found NaN, expected 0.1 to 100000 mm");
+    let e = problem("[geometry]\nretreat = [0.0, 1.0, -1.0]\n");
+    assert!(
+        e.starts_with("[geometry], retreat: found [0.000, 0.707, -0.707], which pushes 'stem x' into the ball"),
+        "{e}"
+    );
+    let e = problem("[geometry]\nretreat = [0.0, 0.0, 0.0]\n");
+    assert_eq!(e, "[geometry], retreat: found [0.0, 0.0, 0.0], expected a direction");
+}
+
+#[test]
+fn a_device_leaves_along_all_of_its_stems_unless_told_otherwise() {
+    let g = geometry(&bare("")).unwrap();
+    assert!((g.retreat - Vector3::new(-1.0, -1.0, -1.0).normalize()).norm() < 1e-12);
+    let g = geometry(&bare("[geometry]\ndevice = []\n")).unwrap();
+    assert!((g.retreat + Vector3::z()).norm() < 1e-12);
 }

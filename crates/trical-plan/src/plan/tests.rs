@@ -108,30 +108,13 @@ fn a_cell_without_geometry_can_be_planned() {
 
 #[test]
 fn an_arm_with_parallel_axes_and_compliance_of_every_joint_can_be_planned() {
-    let robot = Robot::parse(UR10, "robot.toml").unwrap();
-    let cell = Cell::parse(
-        "[base]\nxyz_mm = [150.0, -650.0, -250.0]\nzyx_deg = [90.0, 0.0, 0.0]\n\
-         [tool]\ntcp_mm = [18.0, -12.0, 130.0]\nmass_kg = 1.7\ncog_mm = [0.0, 0.0, 60.0]\n\
-         [balls]\ndistances_mm = { d12 = 300.0, d13 = 300.0, d23 = 300.0 }\n",
-        "cell.toml",
-    )
-    .unwrap();
+    let robot = Robot::parse(include_str!("../../../../cells/ur10/robot.toml"), "robot.toml").unwrap();
+    let cell = Cell::parse(include_str!("../../../../cells/ur10/cell.toml"), "cell.toml").unwrap();
     let options = PlanOptions { per_ball: 12, pool_per_ball: 40, ..PlanOptions::default() };
     let plan = quiet(&robot, &cell, &options);
     drive(&robot, &cell, &plan, &options);
     assert!(plan.expected.parameters.len() >= 30, "{:?}", plan.expected);
 }
-
-const UR10: &str = "name = 'UR10'
-joint = [
-  { alpha_deg = 0.0, a_mm = 0.0, d_mm = 127.3, theta_offset_deg = 0.0, limits_deg = [-360.0, 360.0], mass_kg = 7.1, cog_mm = [21.0, -27.0, 0.0] },
-  { alpha_deg = 90.0, a_mm = 0.0, d_mm = 0.0, theta_offset_deg = 0.0, limits_deg = [-360.0, 360.0], mass_kg = 12.7, cog_mm = [-232.0, 0.0, 158.0] },
-  { alpha_deg = 0.0, a_mm = -612.0, d_mm = 0.0, theta_offset_deg = 0.0, limits_deg = [-360.0, 360.0], mass_kg = 4.27, cog_mm = [-332.3, 0.0, 68.0] },
-  { alpha_deg = 0.0, a_mm = -572.3, d_mm = 163.941, theta_offset_deg = 0.0, limits_deg = [-360.0, 360.0], mass_kg = 2.0, cog_mm = [0.0, -18.0, 7.0] },
-  { alpha_deg = 90.0, a_mm = 0.0, d_mm = 115.7, theta_offset_deg = 0.0, limits_deg = [-360.0, 360.0], mass_kg = 2.0, cog_mm = [0.0, 18.0, -7.0] },
-  { alpha_deg = -90.0, a_mm = 0.0, d_mm = 92.2, theta_offset_deg = 0.0, limits_deg = [-360.0, 360.0], mass_kg = 0.365, cog_mm = [0.0, 0.0, -26.0] },
-]
-";
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
@@ -165,7 +148,8 @@ fn the_chosen_touches_beat_random_ones_in_o1() {
     for ball in 0..3 {
         pool.extend(generate(&model, ball, &options, &mut |_| {}).unwrap().0);
     }
-    let chosen = choose_touches(&robot, &cell, &pool, &options).unwrap();
+    let forward = nominal_forward(&robot, &cell, &options).unwrap();
+    let chosen = choose_touches(&forward, &pool, &options).unwrap();
     for seed in 0..40 {
         // the first 15 of each ball of another pool are a random set
         let other = PlanOptions { seed: 100 + seed, pool_per_ball: 15, ..PlanOptions::default() };
@@ -173,7 +157,7 @@ fn the_chosen_touches_beat_random_ones_in_o1() {
         for ball in 0..3 {
             random.extend(generate(&model, ball, &other, &mut |_| {}).unwrap().0);
         }
-        let o1 = choose_touches(&robot, &cell, &random, &other).unwrap().observability.o1;
+        let o1 = choose_touches(&forward, &random, &other).unwrap().observability.o1;
         assert!(o1 < chosen.observability.o1, "{o1} {}", chosen.observability.o1);
     }
 }
@@ -211,6 +195,34 @@ fn bad_options_are_named() {
     );
     cell.balls.clear();
     assert_eq!(plan_touches(&robot, &cell, &PlanOptions::default(), &mut |_| {}).unwrap_err(), PlanError::NoBalls);
+}
+
+#[test]
+fn lost_motion_can_be_a_parameter() {
+    use trical_model::{Basis, Site, Term};
+    let (robot, cell) = irb120();
+    let mut terms = usual_parameters(&robot);
+    for joint in 1..=6 {
+        terms.push(Term::new(format!("gap_{joint}"), "lost_motion", Site::Joint { joint }, Basis::direction(joint)));
+    }
+    let options = PlanOptions { parameters: Some(terms), ..PlanOptions::default() };
+    let plan = quiet(&robot, &cell, &options);
+    assert_eq!(plan.expected.parameters.len(), 37, "{:?}", plan.expected.dependent);
+    assert!(plan.expected.condition < 1000.0);
+}
+
+#[test]
+fn what_a_plan_cannot_know_is_no_parameter() {
+    use trical_model::{Basis, Shape, Site, Term, Variable};
+    let (robot, cell) = irb120();
+    let site = Site::Joint { joint: 2 };
+    let term = Term::new("drift", "drift", site, Basis::new(Variable::Time, Shape::Linear));
+    let options = PlanOptions { parameters: Some(vec![term]), ..PlanOptions::default() };
+    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    assert_eq!(e.to_string(), "term 'drift' needs time (t_s), which the recording does not contain");
+    let options = PlanOptions { parameters: Some(vec![]), ..PlanOptions::default() };
+    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    assert_eq!(e, PlanError::NothingObservable { parameters: 0 });
 }
 
 #[test]

@@ -89,6 +89,14 @@ impl CollisionModel {
         Ok(this)
     }
 
+    /// The same with another clearance to keep, m: a motion that was planned with a generous one is checked with less when the
+    /// arm has been corrected away from its nominal pose.
+    #[must_use]
+    pub fn with_margin(mut self, margin: f64) -> Self {
+        self.margin = margin.max(2e-4);
+        self
+    }
+
     /// The nominal forward model that the checks use.
     #[must_use]
     pub fn forward(&self) -> &Forward {
@@ -147,16 +155,9 @@ impl CollisionModel {
     /// As [`CollisionModel::check`], where the device's stems may meet ball `touched` (0-based).
     #[must_use]
     pub fn check_touching(&self, links: &[Pose], touched: Option<usize>) -> Option<Contact> {
-        self.check_within(links, touched, self.margin)
-    }
-
-    /// As [`CollisionModel::check_touching`] with another clearance than the margin, m: a pose that was planned with the whole
-    /// margin and then corrected by a little needs less.
-    #[must_use]
-    pub fn check_within(&self, links: &[Pose], touched: Option<usize>, clearance: f64) -> Option<Contact> {
         self.pairs
             .iter()
-            .find(|p| !p.allowed(touched) && self.closer_than(p, links, clearance))
+            .find(|p| !p.allowed(touched) && self.closer_than(p, links, self.margin))
             .map(|p| self.contact(p))
     }
 

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -16,6 +16,7 @@ use crate::collision::{CollisionModel, Contact, MotionWorkspace};
 use crate::error::{PlanError, Result};
 use crate::options::PlanOptions;
 use crate::random::{downward, generator, uniform};
+use crate::route::travel;
 
 type V3 = Vector3<f64>;
 
@@ -39,7 +40,7 @@ pub struct Rejected {
     pub unreachable: usize,
     /// Branches reach it, but beyond joint limits or too close to them.
     pub out_of_limits: usize,
-    /// The arm is too near to a singular configuration for corrections.
+    /// The arm is too near to a singular configuration, or to the end of its reach, for corrections.
     pub singular: usize,
     /// Bodies meet at the touch.
     pub touch_in_collision: usize,
@@ -72,7 +73,7 @@ impl Rejected {
         let mut reasons = vec![
             (self.unreachable, "the arm does not reach the pose".to_owned()),
             (self.out_of_limits, "a joint would be beyond its limits".into()),
-            (self.singular, "the arm is singular there".into()),
+            (self.singular, "the arm has no room for corrections".into()),
             (self.no_approach, "no stand-off pose is reachable".into()),
         ];
         let hits = self.touch_in_collision + self.approach_in_collision;
@@ -222,10 +223,11 @@ fn random_branch(
         return Err(Refusal::Limits);
     }
     let joints = inside.get(rng.random_range(0..inside.len())).copied().ok_or(Refusal::Limits)?;
-    if joint_per_metre(model, &joints, scratch) > options.max_joint_per_metre {
-        return Err(Refusal::Singular);
+    if can_be_corrected(model, world_from_tool, &joints, options, scratch) {
+        Ok(joints)
+    } else {
+        Err(Refusal::Singular)
     }
-    Ok(joints)
 }
 
 /// Whether every joint is within half a turn of the middle of its range.
@@ -248,13 +250,22 @@ pub fn rounded(robot: &Robot, q: &Joints) -> Joints {
     out
 }
 
-/// How far some joint must move to shift the tool by one metre without turning it, by the derivative at `q`, rad/m.
-fn joint_per_metre(model: &CollisionModel, q: &Joints, scratch: &mut MotionWorkspace) -> f64 {
-    let n = model.forward().model().robot.dof();
-    let mut flat = [0.0; 6 * trical_model::MAX_JOINTS];
-    model.forward().joint_jacobian(&State::at(q), scratch.forward(), &mut flat);
-    let j = DMatrix::from_row_slice(6, n, &flat[..6 * n]);
-    j.pseudo_inverse(1e-9).map_or(f64::INFINITY, |inverse| inverse.columns(0, 3).amax())
+/// Whether the arm can follow wherever a correction may take the tool, on the same branch and without large motions.
+fn can_be_corrected(
+    model: &CollisionModel,
+    pose: &Pose,
+    joints: &Joints,
+    options: &PlanOptions,
+    scratch: &mut MotionWorkspace,
+) -> bool {
+    let far = options.correction_m;
+    (0..8).all(|corner| {
+        let side = |bit: u32| if corner & bit == 0 { -far } else { far };
+        let moved =
+            Pose { translation: pose.translation + V3::new(side(1), side(2), side(4)), rotation: pose.rotation };
+        continue_from(model.forward(), &moved, &State::at(joints), scratch.forward())
+            .is_ok_and(|q| travel(&q, joints) < options.correction_joint_rad)
+    })
 }
 
 /// Largest angle between the retreat and the direction in which the device leaves, rad.

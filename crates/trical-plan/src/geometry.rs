@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! [geometry]
-//! margin_mm = 3.0                       # clearance to keep; 3 if left out
+//! margin_mm = 5.0                       # clearance to keep; 5 if left out: an arm that is not calibrated is off by 3
 //! retreat = [-1.0, -1.0, -1.0]          # in the tool's axes: the way in which the device leaves a ball;
 //!                                       # if left out: away along all stems, or along -z
 //! ignore = [["link 4", "link 6"]]       # pairs of bodies that may meet

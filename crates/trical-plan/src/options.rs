@@ -26,9 +26,12 @@ pub struct PlanOptions {
     pub whole_turns: bool,
     /// How far joints stay inside their limits, rad (m for sliding joints), so that the procedure can correct a pose.
     pub limit_margin_rad: f64,
-    /// Poses where correcting the tool by one metre would ask more than this of some joint are left out as singular,
-    /// rad/m: 40 is 2.3 deg for a millimetre.
-    pub max_joint_per_metre: f64,
+    /// How far corrections may take the tool along each axis of {w}, m: wherever they may, the arm must follow on the same
+    /// branch and within limits.
+    pub correction_m: f64,
+    /// How far a joint may move for such a correction, rad: more means that the arm is nearly singular or at the end of its
+    /// reach.
+    pub correction_joint_rad: f64,
     /// Parameters to identify; `None` for [`crate::parameters::usual_parameters`].
     pub parameters: Option<Vec<Term>>,
     /// Random starts of the search for the best set, besides a greedy one.
@@ -49,7 +52,8 @@ impl Default for PlanOptions {
             standoff_m: [0.03, 0.05],
             whole_turns: false,
             limit_margin_rad: 1.0_f64.to_radians(),
-            max_joint_per_metre: 40.0,
+            correction_m: 0.004,
+            correction_joint_rad: 3.0_f64.to_radians(),
             parameters: None,
             restarts: 3,
             start: None,
@@ -89,8 +93,11 @@ impl PlanOptions {
         if !(self.limit_margin_rad.is_finite() && self.limit_margin_rad >= 0.0) {
             return bad("limit_margin_rad", format!("found {}, expected 0 or more", self.limit_margin_rad));
         }
-        if self.max_joint_per_metre.is_nan() || self.max_joint_per_metre <= 0.0 {
-            return bad("max_joint_per_metre", format!("found {}, expected more than 0", self.max_joint_per_metre));
+        if !(self.correction_m.is_finite() && (0.0..=0.1).contains(&self.correction_m)) {
+            return bad("correction_m", format!("found {}, expected 0 to 0.1 m", self.correction_m));
+        }
+        if self.correction_joint_rad.is_nan() || self.correction_joint_rad <= 0.0 {
+            return bad("correction_joint_rad", format!("found {}, expected more than 0", self.correction_joint_rad));
         }
         Ok(())
     }

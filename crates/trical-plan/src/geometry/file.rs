@@ -221,7 +221,7 @@ pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
     let table = cell.geometry.clone().unwrap_or_default();
     let raw: GeometryFile = take(Value::Table(table), "[geometry]")?;
     let n = robot.dof();
-    let margin = number("[geometry]", "margin_mm", raw.margin_mm.unwrap_or(3.0), 0.2, 100.0)?;
+    let margin = number("[geometry]", "margin_mm", raw.margin_mm.unwrap_or(5.0), 0.2, 100.0)?;
     let retreat = match raw.retreat {
         None => None,
         Some(v) if v.iter().all(|x| x.is_finite()) && V3::from(v).norm() > 1e-6 => Some(V3::from(v).normalize()),

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use trical_device::read_recording;
 use trical_ident::{Dataset, JointSource, References, load_csv};
 use trical_model::{Cell, Recording, Robot};
 
@@ -42,9 +43,38 @@ pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
     paths.iter().map(|p| recording(p, joints)).collect()
 }
 
+/// Whether a file begins as MCAP files do.
+pub fn is_mcap(path: &Path) -> Result<bool> {
+    use std::io::Read;
+    let mut magic = [0; 8];
+    let read = std::fs::File::open(path)
+        .and_then(|mut f| f.read(&mut magic))
+        .map_err(|e| CliError::Input(format!("{}: cannot be read: {e}", path.display())))?;
+    Ok(magic[..read].starts_with(b"\x89MCAP"))
+}
+
 /// Reads one recording, CSV or MCAP.
 pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
-    Ok(load_csv(path, joints)?)
+    let named_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+    if !named_mcap && !is_mcap(path)? {
+        return Ok(load_csv(path, joints)?);
+    }
+    let read = read_recording(path).map_err(|e| CliError::Input(e.to_string()))?;
+    if read.recording.rows.is_empty() {
+        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
+        return Err(CliError::Input(format!("{why}; there is no complete measurement in it")));
+    }
+    if let Some(lost) = &read.lost {
+        eprintln!("trical: note: {lost}");
+    }
+    if read.recording.joints != joints {
+        return Err(CliError::Input(format!(
+            "{}: has {} joints, but the robot has {joints}",
+            path.display(),
+            read.recording.joints
+        )));
+    }
+    Ok(read.recording)
 }
 
 /// Recordings as observations, with the joints that were asked for.

@@ -3,6 +3,11 @@
 mod commands;
 mod error;
 mod input;
+mod plant;
+mod plots;
+mod progress;
+mod rapid;
+mod report;
 mod table;
 
 use std::process::ExitCode;
@@ -26,6 +31,20 @@ enum Command {
     Identify(commands::identify::Args),
     /// Score a model on recordings: position errors before and after, by region
     Validate(commands::validate::Args),
+    /// Say which physics the model lacks: locate the mismatch, name it, model it, prove it on held-out data
+    Diagnose(commands::diagnose::Args),
+    /// The whole story on a virtual cell: plan, measure, identify, validate, compensate, report
+    Demo(commands::demo::Args),
+    /// Plan collision-free, informative touches
+    Plan(commands::plan::Args),
+    /// Drive robot and indicators through a plan, and record
+    Measure(commands::measure::Args),
+    /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
+    VirtualCell(commands::virtual_cell::Args),
+    /// Rewrite a robot program so that the real arm goes where it says
+    Compensate(commands::compensate::Args),
+    /// Recordings from CSV to MCAP and back
+    Convert(commands::convert::Args),
 }
 
 fn main() -> ExitCode {
@@ -33,6 +52,13 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),
+        Command::Diagnose(args) => commands::diagnose::run(&args),
+        Command::Demo(args) => commands::demo::run(&args),
+        Command::Plan(args) => commands::plan::run(&args),
+        Command::Measure(args) => commands::measure::run(&args),
+        Command::VirtualCell(args) => commands::virtual_cell::run(&args),
+        Command::Compensate(args) => commands::compensate::run(&args),
+        Command::Convert(args) => commands::convert::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

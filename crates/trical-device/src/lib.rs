@@ -1,1 +1,48 @@
-//! placeholder
+//! Gauges, robot controllers, the measuring procedure and its recording; and a virtual cell that stands in for the
+//! hardware on a real pseudo-terminal and a real socket.
+//!
+//! Everything inside is SI (m, rad, s); mm and degrees appear on the wire and in files only, where names carry them.
+//!
+//! ```no_run
+//! use std::sync::atomic::AtomicBool;
+//! use trical_device::{
+//!     Header, PlanEntry, ProcedureOptions, RecordingWriter, open_controller, open_gauge, run,
+//! };
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut gauge = open_gauge("uwave:///dev/ttyUSB0?x=00&y=01&z=02")?;
+//! let mut controller = open_controller("rapid://192.168.125.1:5000")?;
+//! let mut log = RecordingWriter::create("run.mcap".as_ref(), &Header::default())?;
+//! let plan: Vec<PlanEntry> = Vec::new();
+//! let options = ProcedureOptions { go: true, ..ProcedureOptions::default() };
+//! let cancel = AtomicBool::new(false);
+//! run(&plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, &cancel, &mut |_| ())?;
+//! log.finish()?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`gauge`] | the [`Gauge`] trait, U-WAVE-R and line gauges, [`open_gauge`] |
+//! | [`controller`] | the [`Controller`] trait, the RAPID dialect, [`open_controller`] |
+//! | [`motion`] | joint samples and the sense of each joint's last motion |
+//! | [`record`] | MCAP recordings: writer with resume, reader that recovers what is whole |
+//! | [`procedure`] | the touches: plan entries, limits, the loop, tool centre point from one ball |
+//! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port |
+//! | [`url`] | the small URL grammar of `--gauge` and `--controller` |
+
+pub mod controller;
+pub mod gauge;
+pub mod motion;
+pub mod procedure;
+pub mod record;
+pub mod url;
+pub mod virtual_cell;
+
+pub use controller::{Controller, ControllerError, open_controller};
+pub use gauge::{Gauge, GaugeError, open_gauge};
+pub use motion::{JointSample, MotionSense};
+pub use procedure::{PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run};
+pub use record::{Header, ReadRecording, RecordError, RecordingWriter, RunLog, read_recording};
+pub use virtual_cell::{CellError, CellOptions, Fault, Plant, VirtualCell};

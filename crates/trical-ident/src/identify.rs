@@ -165,13 +165,21 @@ fn finish(
 /// # Errors
 /// As [`fit_model`].
 pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Dataset> {
+    reject_gross_errors_beyond(robot, cell, data, GROSS)
+}
+
+/// As [`reject_gross_errors`], with another limit (robust standard deviations).
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
     let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
     let mut kept = data.clone();
     for _ in 0..5 {
         let (forward, noise) = robust_fit(robot, cell, &kept, set)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
-        let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > GROSS).collect();
+        let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
         if bad.is_empty() {
             break;
         }

@@ -12,6 +12,7 @@
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod dataset;
+pub mod diagnose;
 pub mod error;
 pub mod fit;
 pub mod identifiability;
@@ -25,6 +26,7 @@ pub mod units;
 pub mod validate;
 
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
+pub use diagnose::{Diagnosis, diagnose};
 pub use error::{IdentError, Result};
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
 pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify, reject_gross_errors};

@@ -196,7 +196,7 @@ pub enum Variable {
         /// Which component.
         axis: Axis,
     },
-    /// Commanded minus reported value of a joint, rad or m.
+    /// Commanded minus reported value of a joint, rad or m; 0 where it was not recorded what was commanded.
     Lag {
         /// 1-based.
         joint: usize,
@@ -373,7 +373,6 @@ impl Basis {
             return Some("the sense of each joint's last motion (dir1 ...)");
         }
         match self.of {
-            Variable::Lag { .. } if state.q_commanded.is_none() => Some("commanded joints (qc1_deg ...)"),
             Variable::Time if state.t.is_none() => Some("time (t_s)"),
             Variable::Temperature { .. } if state.temp_c.is_none() => Some("temperature (temp_c)"),
             Variable::Reading { .. } if !matches!(measured, Measured::Touch { .. }) => Some("indicator readings"),

@@ -15,6 +15,8 @@ use trical_model::{
 type D = Dual64;
 type V = [D; 3];
 type M = [[D; 3]; 3];
+/// A pose, what was measured there, and the gravity moments.
+type At<'a> = (&'a State, &'a Measured, &'a dyn Fn(usize, Axis) -> D);
 
 fn c(x: f64) -> D {
     D::from_re(x)
@@ -101,6 +103,8 @@ fn shape(s: Shape, u: D) -> D {
     }
 }
 
+type JointFrames = (M, V, V, M);
+
 struct Naive<'a> {
     model: &'a Model,
     values: Vec<D>,
@@ -109,7 +113,7 @@ struct Naive<'a> {
 
 impl Naive<'_> {
     /// Sum over terms at `site(term) == wanted`, constant ones only or all.
-    fn sum(&self, wanted: Site, with: Option<(&State, &Measured, &dyn Fn(usize, Axis) -> D)>) -> D {
+    fn sum(&self, wanted: Site, with: Option<At<'_>>) -> D {
         let mut total = c(0.0);
         for (t, v) in self.model.terms.iter().zip(&self.values) {
             let direct = t.site == wanted;
@@ -173,8 +177,7 @@ impl Naive<'_> {
     }
 
     /// Bearing axes, tilted z, origin and axes of each joint.
-    #[allow(clippy::type_complexity)]
-    fn frames(&self, with: Option<(&State, &Measured, &dyn Fn(usize, Axis) -> D)>) -> (M, V, Vec<(M, V, V, M)>) {
+    fn frames(&self, with: Option<At<'_>>) -> (M, V, Vec<JointFrames>) {
         let robot = &self.model.robot;
         let base: [D; 6] = std::array::from_fn(|k| self.sum(Site::Base(Motion::ALL[k]), with));
         let mut r = mul(&zyx(&base), &mat(&self.model.cell.world_from_base.rotation));
@@ -235,7 +238,7 @@ impl Naive<'_> {
 
     fn residual(&self, state: &State, measured: &Measured) -> Vec<D> {
         let moment = |j: usize, a: Axis| self.moment(state, j, a);
-        let with: Option<(&State, &Measured, &dyn Fn(usize, Axis) -> D)> = Some((state, measured, &moment));
+        let with: Option<At<'_>> = Some((state, measured, &moment));
         let (_, _, frames) = self.frames(with);
         let (_, _, o, r) = frames.last().unwrap();
         let cell = &self.model.cell;
@@ -526,7 +529,7 @@ fn the_joint_jacobian_agrees_with_automatic_differentiation() {
             // the distance to three far anchors would do; the point of a touch with zero reading is simpler
             let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
             let moment = |j: usize, a: Axis| naive.moment(&state, j, a);
-            let with: Option<(&State, &Measured, &dyn Fn(usize, Axis) -> D)> = Some((&state, &touch, &moment));
+            let with: Option<At<'_>> = Some((&state, &touch, &moment));
             let (_, _, frames) = naive.frames(with);
             let (_, _, o, r) = frames.last().unwrap();
             let tool: [D; 6] = std::array::from_fn(|m| naive.sum(Site::Tool(Motion::ALL[m]), with));

@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use trical_model::{Cell, Joints, MAX_JOINTS, Pose, Robot, State, inverse_kinematics};
-use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, generate, plan_touches, poses_in_workspace};
+use trical_plan::options::PlanOptions;
+use trical_plan::plan::plan_touches;
+use trical_plan::{CollisionModel, MotionWorkspace, generate, poses_in_workspace};
 
 fn main() {
     divan::main();

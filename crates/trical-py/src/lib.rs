@@ -1,6 +1,6 @@
 //! Python bindings: the same library for NumPy users. No logic that Rust lacks.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2};
@@ -204,8 +204,8 @@ fn parameter_set(name: &str) -> PyResult<ParameterSet> {
 
 fn inputs(
     recordings: &[PathBuf],
-    robot: &PathBuf,
-    cell: &PathBuf,
+    robot: &Path,
+    cell: &Path,
     joints: JointSource,
     references: Option<&[trical_ident::References]>,
 ) -> Result<(Robot, Cell, Dataset), IdentError> {

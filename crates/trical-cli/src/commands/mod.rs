@@ -1,4 +1,11 @@
 //! One file a command.
 
+pub mod compensate;
+pub mod convert;
+pub mod demo;
+pub mod diagnose;
 pub mod identify;
+pub mod measure;
+pub mod plan;
 pub mod validate;
+pub mod virtual_cell;

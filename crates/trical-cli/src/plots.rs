@@ -1,0 +1,134 @@
+//! Plots as SVG, to be put inline into a report.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use crate::error::{CliError, Result};
+
+/// Before: grey-red. After: blue.
+pub const BEFORE: RGBColor = RGBColor(200, 92, 70);
+/// See [`BEFORE`].
+pub const AFTER: RGBColor = RGBColor(38, 102, 165);
+
+/// Points of one colour.
+pub struct Series {
+    /// In the legend.
+    pub name: &'static str,
+    /// Colour.
+    pub color: RGBColor,
+    /// Points.
+    pub points: Vec<(f64, f64)>,
+}
+
+fn failed(e: impl std::fmt::Display) -> CliError {
+    CliError::Failed(format!("a figure could not be drawn: {e}"))
+}
+
+fn range(values: impl Iterator<Item = f64> + Clone, from_zero: bool) -> std::ops::Range<f64> {
+    let low = values.clone().fold(f64::INFINITY, f64::min);
+    let high = values.fold(f64::NEG_INFINITY, f64::max);
+    if !low.is_finite() || !high.is_finite() {
+        return 0.0..1.0;
+    }
+    let pad = ((high - low) * 0.04).max(1e-9);
+    if from_zero { 0.0..(high + pad) } else { (low - pad)..(high + pad) }
+}
+
+fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<()>) -> Result<String> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        root.fill(&WHITE).map_err(failed)?;
+        with(&root)?;
+        root.present().map_err(failed)?;
+    }
+    // scale with the page
+    let (w, h) = size;
+    Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &format!("width=\"100%\" style=\"max-width:{w}px\""), 1))
+}
+
+/// A scatter plot. With `curves`, points are joined.
+pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
+    draw((620, 360), |root| {
+        let all = || series.iter().flat_map(|s| s.points.iter());
+        let mut chart = ChartBuilder::on(root)
+            .margin(10)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero))
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .light_line_style(WHITE)
+            .bold_line_style(RGBColor(225, 225, 225))
+            .x_desc(x_label)
+            .y_desc(y_label)
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 14))
+            .draw()
+            .map_err(failed)?;
+        for s in series {
+            let color = s.color;
+            if curves {
+                chart
+                    .draw_series(LineSeries::new(s.points.iter().copied(), color.stroke_width(2)))
+                    .map_err(failed)?
+                    .label(s.name)
+                    .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], color.stroke_width(2)));
+            } else {
+                chart
+                    .draw_series(s.points.iter().map(|p| Circle::new(*p, 2, color.mix(0.55).filled())))
+                    .map_err(failed)?
+                    .label(s.name)
+                    .legend(move |(x, y)| Circle::new((x + 7, y), 4, color.filled()));
+            }
+        }
+        if series.len() > 1 {
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperLeft)
+                .background_style(WHITE.mix(0.85))
+                .border_style(RGBColor(200, 200, 200))
+                .label_font(("sans-serif", 13))
+                .draw()
+                .map_err(failed)?;
+        }
+        Ok(())
+    })
+}
+
+/// A staircase: bars from left to right, each with its label below (numbered) and its value on top.
+pub fn staircase(y_label: &str, values: &[f64]) -> Result<String> {
+    draw((620, 320), |root| {
+        let high = values.iter().copied().fold(0.0, f64::max) * 1.15;
+        #[expect(clippy::cast_precision_loss, reason = "a small count")]
+        let n = values.len() as f64;
+        let mut chart = ChartBuilder::on(root)
+            .margin(10)
+            .x_label_area_size(40)
+            .y_label_area_size(64)
+            .build_cartesian_2d(-0.6..(n - 0.4), 0.0..high.max(1e-9))
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .light_line_style(WHITE)
+            .bold_line_style(RGBColor(225, 225, 225))
+            .x_labels(values.len().min(20) + 1)
+            .x_label_formatter(&|x| if (x - x.round()).abs() < 0.01 { format!("{x:.0}") } else { String::new() })
+            .x_desc("number of the last finding that is modelled (0: none)")
+            .y_desc(y_label)
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 14))
+            .draw()
+            .map_err(failed)?;
+        chart
+            .draw_series(values.iter().enumerate().map(|(k, v)| {
+                #[expect(clippy::cast_precision_loss, reason = "a small count")]
+                let x = k as f64;
+                Rectangle::new([(x - 0.38, 0.0), (x + 0.38, *v)], if k == 0 { BEFORE } else { AFTER }.filled())
+            }))
+            .map_err(failed)?;
+        Ok(())
+    })
+}

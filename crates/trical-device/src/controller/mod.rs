@@ -1,0 +1,282 @@
+//! Robot controllers: anything that moves the arm and says where its joints are.
+
+pub mod rapid;
+pub mod rapid_protocol;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use thiserror::Error;
+use trical_model::recording::Joints;
+
+use crate::motion::JointSample;
+use crate::url::{DeviceUrl, UrlError};
+
+pub use rapid::{RapidClient, RapidSettings};
+
+/// A robot controller.
+///
+/// Motions return when the arm stands still at the target, or with an error; none is queued.
+pub trait Controller: Send {
+    /// What it is and where, for messages.
+    fn name(&self) -> String;
+
+    /// Number of the arm's joints.
+    fn joint_count(&self) -> usize;
+
+    /// Asks for a sign of life.
+    ///
+    /// # Errors
+    /// No or a wrong answer.
+    fn ping(&mut self) -> Result<(), ControllerError>;
+
+    /// Joint values that the controller reports, rad.
+    ///
+    /// # Errors
+    /// No or a wrong answer.
+    fn joints(&mut self) -> Result<Joints, ControllerError>;
+
+    /// Moves all joints to `target` (rad) and stops there.
+    ///
+    /// # Errors
+    /// The controller refuses or does not answer in time.
+    fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError>;
+
+    /// Displaces the TCP by `displacement` (m, in the tool's axes) on a straight line, orientation kept, and stops.
+    ///
+    /// # Errors
+    /// The controller refuses (its own limits) or does not answer in time.
+    fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError>;
+
+    /// Speed of the motions that follow: of the TCP in m/s, of rotation in rad/s.
+    ///
+    /// # Errors
+    /// The controller refuses or does not answer in time.
+    fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError>;
+
+    /// Tells the controller where the TCP is, in the flange's frame and m; the tool's axes are those of the flange.
+    ///
+    /// # Errors
+    /// The controller refuses or does not answer in time.
+    fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError>;
+
+    /// The controller's clock in s; it is the time base of a recording.
+    ///
+    /// # Errors
+    /// No or a wrong answer.
+    fn clock(&mut self) -> Result<f64, ControllerError>;
+
+    /// Temperature in degC, where the controller has a sensor.
+    ///
+    /// # Errors
+    /// A wrong answer.
+    fn temperature(&mut self) -> Result<Option<f64>, ControllerError> {
+        Ok(None)
+    }
+
+    /// When the joints of this arm are taken as standing still.
+    fn joint_settle(&self) -> JointSettle {
+        JointSettle::default()
+    }
+
+    /// Where the joints have been since the last call, by the controller's clock, in the order of time.
+    fn take_history(&mut self) -> Vec<JointSample> {
+        Vec::new()
+    }
+}
+
+/// When the joints stand still.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointSettle {
+    /// Largest difference between two readings, rad. The noise of a standing IRC5 is not known \[I\].
+    pub tolerance: f64,
+    /// Pause between two readings.
+    pub interval: Duration,
+    /// How long to try.
+    pub timeout: Duration,
+}
+
+impl Default for JointSettle {
+    fn default() -> Self {
+        Self {
+            tolerance: 0.001_f64.to_radians(),
+            interval: Duration::from_millis(200),
+            timeout: Duration::from_secs(10),
+        }
+    }
+}
+
+/// Why a controller did not do as it was told.
+#[derive(Debug, Error)]
+pub enum ControllerError {
+    /// The URL cannot be used.
+    #[error(transparent)]
+    Url(#[from] UrlError),
+    /// No connection.
+    #[error("robot controller {address}: cannot connect ({reason}); is the module loaded and running?")]
+    Connect {
+        /// Address that was tried.
+        address: String,
+        /// What the operating system said.
+        reason: String,
+    },
+    /// The connection failed while in use.
+    #[error("robot controller {controller}: the connection is lost ({reason})")]
+    Lost {
+        /// Name of the controller.
+        controller: String,
+        /// Why.
+        reason: String,
+    },
+    /// No answer in time.
+    #[error("robot controller {controller}: no answer to {request:?} within {seconds} s")]
+    Silent {
+        /// Name of the controller.
+        controller: String,
+        /// The request.
+        request: String,
+        /// Time-out in s.
+        seconds: f64,
+    },
+    /// The controller refuses.
+    #[error("robot controller {controller}: refused {request:?} ({reason})")]
+    Refused {
+        /// Name of the controller.
+        controller: String,
+        /// The request.
+        request: String,
+        /// What the controller says.
+        reason: String,
+    },
+    /// An answer that is none.
+    #[error("robot controller {controller}: answered {found:?} to {request:?}, expected {expected}")]
+    Garbage {
+        /// Name of the controller.
+        controller: String,
+        /// The request.
+        request: String,
+        /// What came, shortened.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// The joints do not come to rest.
+    #[error(
+        "robot controller {controller}: joint {joint} still moves by {moves_deg:.5} deg between two readings after {seconds:.1} s"
+    )]
+    NotSettled {
+        /// Name of the controller.
+        controller: String,
+        /// The joint that moves most, 1-based.
+        joint: usize,
+        /// By how much, in deg.
+        moves_deg: f64,
+        /// How long it was given, in s.
+        seconds: f64,
+    },
+    /// The user asked to stop.
+    #[error("stopped by the user while waiting for the arm to stand still")]
+    Cancelled,
+}
+
+/// Opens a controller by its URL.
+///
+/// `rapid://host:port` is an ABB IRC5 that runs `rapid/TriCal.mod` (default port 5000). Options: `timeout_s` (of an
+/// answer), `move_timeout_s` (of a motion), `stream_ms` (joints while moving; 0 = off), `settle_ms` (pause between the two
+/// readings of the joints that must agree).
+///
+/// # Errors
+/// A URL that cannot be used, no connection, or something else that answers there.
+pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError> {
+    let mut url = DeviceUrl::parse(url)?;
+    if url.scheme != "rapid" {
+        return Err(url.error(format!("unknown controller {:?}; known is rapid", url.scheme)).into());
+    }
+    let defaults = RapidSettings::default();
+    let mut seconds = |key: &str, default: Duration| {
+        let number = url.take_number(key, default.as_secs_f64(), 0.01..=86_400.0)?;
+        Ok::<_, UrlError>(Duration::from_secs_f64(number))
+    };
+    let settings = RapidSettings {
+        timeout: seconds("timeout_s", defaults.timeout)?,
+        move_timeout: seconds("move_timeout_s", defaults.move_timeout)?,
+        stream: Duration::from_millis(url.take_number(
+            "stream_ms",
+            defaults.stream.as_secs_f64() * 1e3,
+            0.0..=60_000.0,
+        )? as u64),
+        settle: JointSettle {
+            interval: Duration::from_micros(
+                (url.take_number("settle_ms", defaults.settle.interval.as_secs_f64() * 1e3, 0.0..=60_000.0)? * 1e3)
+                    as u64,
+            ),
+            ..defaults.settle
+        },
+    };
+    url.finish("timeout_s, move_timeout_s, stream_ms, settle_ms")?;
+    let address = if url.place.contains(':') { url.place.clone() } else { format!("{}:5000", url.place) };
+    Ok(Box::new(RapidClient::connect(&address, settings)?))
+}
+
+/// Reads the joints until two readings agree, and gives the last.
+///
+/// # Errors
+/// What [`Controller::joints`] says, joints that do not come to rest in time, or cancellation.
+pub fn wait_settled(
+    controller: &mut dyn Controller,
+    settle: &JointSettle,
+    cancel: &AtomicBool,
+) -> Result<Joints, ControllerError> {
+    let begin = Instant::now();
+    let mut before = controller.joints()?;
+    loop {
+        if !settle.interval.is_zero() {
+            std::thread::sleep(settle.interval);
+        }
+        let now = controller.joints()?;
+        let (joint, moves) = largest_difference(&before, &now);
+        if moves <= settle.tolerance {
+            return Ok(now);
+        }
+        if cancel.load(Ordering::Relaxed) {
+            return Err(ControllerError::Cancelled);
+        }
+        if begin.elapsed() >= settle.timeout {
+            return Err(ControllerError::NotSettled {
+                controller: controller.name(),
+                joint: joint + 1,
+                moves_deg: moves.to_degrees(),
+                seconds: begin.elapsed().as_secs_f64(),
+            });
+        }
+        before = now;
+    }
+}
+
+/// The joint (0-based) where two sets of values differ most, and by how much.
+pub(crate) fn largest_difference(a: &Joints, b: &Joints) -> (usize, f64) {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).enumerate().fold((0, 0.0), |best, (joint, difference)| {
+        if difference > best.1 || difference.is_nan() { (joint, difference) } else { best }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn says(url: &str) -> String {
+        match open_controller(url) {
+            Ok(_) => "opened".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_bad_url_is_one_clear_sentence() {
+        assert!(says("rws://host").contains("unknown controller \"rws\""));
+        assert!(says("rapid://host?speed=1").contains("unknown option \"speed\""));
+        assert!(says("rapid://127.0.0.1:1").contains("cannot connect"));
+        assert!(says("rapid://").contains("nothing between"));
+    }
+}

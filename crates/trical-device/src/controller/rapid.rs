@@ -1,0 +1,308 @@
+//! Client of the RAPID dialect, over TCP or any other byte stream.
+
+use std::io::{self, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use trical_model::recording::{Joints, MAX_JOINTS};
+
+use super::rapid_protocol::{self as protocol, Reply, code};
+use super::{Controller, ControllerError, JointSettle};
+use crate::gauge::shorten;
+use crate::motion::JointSample;
+
+/// Settings of the connection.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RapidSettings {
+    /// How long an answer may take.
+    pub timeout: Duration,
+    /// How long a motion may take.
+    pub move_timeout: Duration,
+    /// Interval of joint samples while the arm moves; zero = none.
+    ///
+    /// They come from a trap routine in the module; whether every controller lets a trap send while a motion waits is
+    /// not known \[I\], so a controller that refuses is used without.
+    pub stream: Duration,
+    /// When the joints stand still.
+    pub settle: JointSettle,
+}
+
+impl Default for RapidSettings {
+    fn default() -> Self {
+        Self {
+            timeout: Duration::from_secs(10),
+            move_timeout: Duration::from_secs(120),
+            stream: Duration::from_millis(100),
+            settle: JointSettle::default(),
+        }
+    }
+}
+
+/// An ABB controller that runs `rapid/TriCal.mod`.
+pub struct RapidClient<S> {
+    stream: S,
+    name: String,
+    settings: RapidSettings,
+    buffer: Vec<u8>,
+    joints: usize,
+    correction_limit: f64,
+    history: Vec<JointSample>,
+    /// Why the connection can no longer be used: a late answer would be taken for the next one.
+    broken: Option<String>,
+}
+
+impl RapidClient<TcpStream> {
+    /// Connects to `host:port` and asks who is there.
+    ///
+    /// # Errors
+    /// No connection, or something else answers.
+    pub fn connect(address: &str, settings: RapidSettings) -> Result<Self, ControllerError> {
+        let failed = |reason: String| ControllerError::Connect { address: address.to_owned(), reason };
+        let targets: Vec<_> = address.to_socket_addrs().map_err(|error| failed(error.to_string()))?.collect();
+        let mut last = "the name has no address".to_owned();
+        for target in targets {
+            match TcpStream::connect_timeout(&target, settings.timeout) {
+                Ok(stream) => {
+                    let prepared = stream
+                        .set_nodelay(true)
+                        .and_then(|()| stream.set_read_timeout(Some(Duration::from_millis(50))));
+                    prepared.map_err(|error| failed(error.to_string()))?;
+                    return Self::new(stream, format!("rapid {address}"), settings);
+                }
+                Err(error) => last = error.to_string(),
+            }
+        }
+        Err(failed(last))
+    }
+}
+
+impl<S: Read + Write + Send> RapidClient<S> {
+    /// A client on an open stream whose reads time out after a few milliseconds; asks who is there.
+    ///
+    /// # Errors
+    /// Something else answers, or nothing.
+    pub fn new(stream: S, name: impl Into<String>, settings: RapidSettings) -> Result<Self, ControllerError> {
+        let mut client = Self {
+            stream,
+            name: name.into(),
+            settings,
+            buffer: Vec::new(),
+            joints: 0,
+            correction_limit: 0.0,
+            history: Vec::new(),
+            broken: None,
+        };
+        client.identify()?;
+        let fine = protocol::write_request(code::ZONE, &[1.0], 0);
+        client.request(code::ZONE, &fine, client.settings.timeout)?;
+        let interval = client.settings.stream.as_secs_f64() * 1e3;
+        let stream = protocol::write_request(code::STREAM, &[interval], 0);
+        match client.request(code::STREAM, &stream, client.settings.timeout) {
+            Ok(_) | Err(ControllerError::Refused { .. }) => Ok(client),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Largest correction that the controller takes, m.
+    pub fn correction_limit(&self) -> f64 {
+        self.correction_limit
+    }
+
+    fn identify(&mut self) -> Result<(), ControllerError> {
+        let request = protocol::write_request(code::IDENTIFY, &[], 0);
+        let wrong = |found: String, name: &str| ControllerError::Garbage {
+            controller: name.to_owned(),
+            request: "24 #".to_owned(),
+            found,
+            expected: format!(
+                "TriCal {} and its number of joints; load rapid/TriCal.mod into the controller",
+                protocol::VERSION
+            ),
+        };
+        let answer = match self.request(code::IDENTIFY, &request, self.settings.timeout) {
+            Err(ControllerError::Refused { reason, .. }) => return Err(wrong(reason, &self.name)),
+            other => other?,
+        };
+        let words: Vec<&str> = answer.split_ascii_whitespace().collect();
+        let parsed = match words.as_slice() {
+            ["TriCal", version, joints, limit] => {
+                let version: Option<u32> = version.parse().ok().filter(|version| *version == protocol::VERSION);
+                let joints: Option<usize> = joints.parse().ok().filter(|count| (1..=MAX_JOINTS).contains(count));
+                let limit: Option<f64> = limit.parse().ok().filter(|limit: &f64| limit.is_finite());
+                version.and(joints).zip(limit)
+            }
+            _ => None,
+        };
+        let (joints, limit) = parsed.ok_or_else(|| wrong(shorten(answer.as_bytes()), &self.name))?;
+        self.joints = joints;
+        self.correction_limit = limit * 1e-3;
+        Ok(())
+    }
+
+    fn lost(&mut self, reason: String) -> ControllerError {
+        self.broken = Some(reason.clone());
+        ControllerError::Lost { controller: self.name.clone(), reason }
+    }
+
+    /// Sends a request and waits for its reply; samples of the stream are kept on the way.
+    fn request(&mut self, wanted: u8, request: &str, timeout: Duration) -> Result<String, ControllerError> {
+        if let Some(reason) = &self.broken {
+            return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
+        }
+        if let Err(error) = self.stream.write_all(request.as_bytes()).and_then(|()| self.stream.flush()) {
+            return Err(self.lost(error.to_string()));
+        }
+        let deadline = Instant::now() + timeout;
+        loop {
+            let Some(message) = self.next_message(deadline)? else {
+                self.broken = Some(format!("no answer to {request:?} before"));
+                return Err(ControllerError::Silent {
+                    controller: self.name.clone(),
+                    request: request.to_owned(),
+                    seconds: timeout.as_secs_f64(),
+                });
+            };
+            match protocol::parse_reply(&message) {
+                Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
+                Some(reply) if reply.code == wanted && reply.ok => return Ok(reply.data),
+                Some(reply) if reply.code == wanted => {
+                    let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };
+                    return Err(ControllerError::Refused {
+                        controller: self.name.clone(),
+                        request: request.to_owned(),
+                        reason,
+                    });
+                }
+                _ => {
+                    self.broken = Some(format!("an answer before was {:?}", shorten(&message)));
+                    return Err(self.garbage(request, &message, format!("{wanted:02} 1 ... #")));
+                }
+            }
+        }
+    }
+
+    fn garbage(&self, request: &str, found: &[u8], expected: impl Into<String>) -> ControllerError {
+        ControllerError::Garbage {
+            controller: self.name.clone(),
+            request: request.to_owned(),
+            found: shorten(found),
+            expected: expected.into(),
+        }
+    }
+
+    fn next_message(&mut self, deadline: Instant) -> Result<Option<Vec<u8>>, ControllerError> {
+        loop {
+            if let Some(end) = self.buffer.iter().position(|byte| *byte == b'#') {
+                return Ok(Some(self.buffer.drain(..=end).take(end).collect()));
+            }
+            if self.buffer.len() > protocol::LONGEST {
+                let found = std::mem::take(&mut self.buffer);
+                return Err(self.lost(format!("it sends {:?} and no end of message", shorten(&found))));
+            }
+            if Instant::now() >= deadline {
+                return Ok(None);
+            }
+            let mut bytes = [0_u8; 256];
+            match self.stream.read(&mut bytes) {
+                Ok(0) => return Err(self.lost("closed at its other end".to_owned())),
+                Ok(count) => self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default()),
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+                    ) => {}
+                Err(error) => return Err(self.lost(error.to_string())),
+            }
+        }
+    }
+
+    fn keep_sample(&mut self, data: &str) -> bool {
+        let Some(numbers) = protocol::parse_numbers(data) else {
+            return false;
+        };
+        let Some((t, degrees)) = numbers.split_first() else {
+            return false;
+        };
+        let Some(q) = protocol::parse_joints(degrees, self.joints) else {
+            return false;
+        };
+        self.history.push(JointSample { t: *t, q });
+        true
+    }
+
+    fn simple(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<String, ControllerError> {
+        let request = protocol::write_request(wanted, parameters, decimals);
+        self.request(wanted, &request, self.settings.timeout)
+    }
+
+    fn motion(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<(), ControllerError> {
+        let request = protocol::write_request(wanted, parameters, decimals);
+        self.request(wanted, &request, self.settings.move_timeout).map(|_| ())
+    }
+}
+
+impl<S: Read + Write + Send> Controller for RapidClient<S> {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn joint_count(&self) -> usize {
+        self.joints
+    }
+
+    fn ping(&mut self) -> Result<(), ControllerError> {
+        self.simple(code::PING, &[], 0).map(|_| ())
+    }
+
+    fn joints(&mut self) -> Result<Joints, ControllerError> {
+        let answer = self.simple(code::JOINTS, &[], 0)?;
+        protocol::parse_numbers(&answer)
+            .and_then(|degrees| protocol::parse_joints(&degrees, self.joints))
+            .ok_or_else(|| self.garbage("04 #", answer.as_bytes(), format!("{} joint values in degrees", self.joints)))
+    }
+
+    fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
+        self.motion(code::MOVE_JOINTS, &protocol::joints_in_degrees(target, self.joints), 5)
+    }
+
+    fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
+        self.motion(code::CORRECT, &displacement.map(|d| d * 1e3), 5)
+    }
+
+    fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
+        self.simple(code::SPEED, &[linear * 1e3, angular.to_degrees()], 3).map(|_| ())
+    }
+
+    fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError> {
+        let [x, y, z] = tcp_in_flange.map(|p| p * 1e3);
+        self.simple(code::TOOL, &[x, y, z, 1.0, 0.0, 0.0, 0.0], 4).map(|_| ())
+    }
+
+    fn clock(&mut self) -> Result<f64, ControllerError> {
+        let answer = self.simple(code::CLOCK, &[], 0)?;
+        match protocol::parse_numbers(&answer).as_deref() {
+            Some([seconds]) => Ok(*seconds),
+            _ => Err(self.garbage("21 #", answer.as_bytes(), "seconds")),
+        }
+    }
+
+    fn temperature(&mut self) -> Result<Option<f64>, ControllerError> {
+        let answer = match self.simple(code::TEMPERATURE, &[], 0) {
+            Err(ControllerError::Refused { .. }) => return Ok(None),
+            other => other?,
+        };
+        match protocol::parse_numbers(&answer).as_deref() {
+            Some([]) => Ok(None),
+            Some([temperature]) => Ok(Some(*temperature)),
+            _ => Err(self.garbage("23 #", answer.as_bytes(), "a temperature in degC")),
+        }
+    }
+
+    fn joint_settle(&self) -> JointSettle {
+        self.settings.settle.clone()
+    }
+
+    fn take_history(&mut self) -> Vec<JointSample> {
+        std::mem::take(&mut self.history)
+    }
+}

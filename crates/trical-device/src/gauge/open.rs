@@ -1,0 +1,201 @@
+//! Gauges by URL.
+
+use std::time::Duration;
+
+use super::line::{LineGauge, LineSettings};
+use super::line_protocol::Pattern;
+use super::port::open_serial;
+use super::uwave::{UWave, UWaveSettings};
+use super::{AXES, Gauge, GaugeError, Settle};
+use crate::url::{DeviceUrl, UrlError};
+
+/// Opens a gauge by its URL.
+///
+/// - `uwave:///dev/ttyUSB0?x=00&y=01&z=02&group=00`: Mitutoyo U-WAVE-R. Further options: `flip` (axes that read with
+///   the opposite sign, e.g. `xz`), `timeout_ms`, `interval_ms` (pause between requests), `attempts`, `unit=mm` (take
+///   values without a unit as mm).
+/// - `itn://`, `opto://`, `tesa://`, `millimar://`, `pico://`, `line://` and a port, or three ports `/dev/a,/dev/b,/dev/c`
+///   for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
+///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
+///   on it), `flip`, `timeout_ms`, `attempts`.
+///
+/// All take `settle_ms` (pause between the readings that must agree), `repeats` (how many of them) and `settle_um` (how
+/// much they may differ).
+///
+/// # Errors
+/// A URL that cannot be used, or a port that cannot be opened.
+pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
+    let mut url = DeviceUrl::parse(url)?;
+    if url.scheme == "uwave" {
+        let settings = uwave_settings(&mut url)?;
+        let port = open_serial(&url.place, &UWaveSettings::serial())?;
+        return Ok(Box::new(UWave::new(port, format!("uwave {}", url.place), settings)));
+    }
+    let Some(preset) = LineSettings::preset(&url.scheme) else {
+        return Err(url
+            .error(format!("unknown gauge {:?}; known are uwave, itn, opto, tesa, millimar, pico, line", url.scheme))
+            .into());
+    };
+    let settings = line_settings(&mut url, preset)?;
+    let places: Vec<&str> = url.place.split(',').collect();
+    if !matches!(places.len(), 1 | 3) {
+        return Err(url.error(format!("{} ports; expected one, or three for x, y, z", places.len())).into());
+    }
+    if places.len() == 3 && settings.pattern.values() == 3 {
+        return Err(url.error("three ports and a pattern with three values; expected one of the two").into());
+    }
+    if places.len() == 1
+        && settings.pattern.values() == 1
+        && settings.requests[0] == settings.requests[1]
+        && settings.requests[1] == settings.requests[2]
+    {
+        return Err(url
+            .error(
+                "one port, one request and one value give one axis; expected three ports, x=, y=, z= requests, or a \
+                 pattern with three {v}",
+            )
+            .into());
+    }
+    let mut ports = Vec::with_capacity(places.len());
+    for place in places {
+        ports.push(open_serial(place, &settings.serial)?);
+    }
+    Ok(Box::new(LineGauge::new(ports, format!("{} {}", url.scheme, url.place), settings)?))
+}
+
+pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlError> {
+    let mut settings = UWaveSettings::default();
+    for (axis, channel) in AXES.iter().zip(&mut settings.channels) {
+        *channel = two_digits(url, &axis.to_string(), *channel)?;
+    }
+    let [x, y, z] = settings.channels;
+    if x == y || y == z || x == z {
+        return Err(url.error(format!("channels x={x:02}, y={y:02}, z={z:02}; expected three different ones")));
+    }
+    settings.group = two_digits(url, "group", settings.group)?;
+    settings.flip = flip(url)?;
+    settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
+    settings.interval = milliseconds(url, "interval_ms", settings.interval)?;
+    settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
+    settings.assume_mm = match url.take("unit").as_deref() {
+        None => false,
+        Some("mm") => true,
+        Some(other) => return Err(url.error(format!("option unit={other:?}; expected mm"))),
+    };
+    settings.settle = settle(url, settings.settle)?;
+    url.finish("x, y, z, group, flip, timeout_ms, interval_ms, attempts, unit, settle_ms, repeats, settle_um")?;
+    Ok(settings)
+}
+
+pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> Result<LineSettings, UrlError> {
+    settings.serial.baud = url.take_number("baud", f64::from(settings.serial.baud), 50.0..=4_000_000.0)? as u32;
+    if let Some(framing) = url.take("framing") {
+        settings.serial = settings
+            .serial
+            .with_framing(&framing)
+            .ok_or_else(|| url.error(format!("option framing={framing:?}; expected e.g. 8N1 or 7E2")))?;
+    }
+    if let Some(request) = url.take("request") {
+        settings.requests = std::array::from_fn(|_| request.clone());
+    }
+    for (axis, request) in AXES.iter().zip(&mut settings.requests) {
+        if let Some(own) = url.take(&axis.to_string()) {
+            *request = own;
+        }
+    }
+    if let Some(pattern) = url.take("pattern") {
+        settings.pattern = Pattern::parse(&pattern)
+            .ok_or_else(|| url.error(format!("option pattern={pattern:?}; expected one or three {{v}} in it")))?;
+    }
+    if let Some(unit) = url.take("unit") {
+        settings.scale = match unit.as_str() {
+            "mm" => 1e-3,
+            "um" => 1e-6,
+            "in" => 25.4e-3,
+            _ => return Err(url.error(format!("option unit={unit:?}; expected mm, um or in"))),
+        };
+    }
+    settings.scale *= url.take_number("scale", 1.0, -1e6..=1e6)?;
+    settings.flip = flip(url)?;
+    settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
+    settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
+    settings.settle = settle(url, settings.settle)?;
+    url.finish(
+        "baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts, settle_ms, repeats, settle_um",
+    )?;
+    Ok(settings)
+}
+
+fn two_digits(url: &mut DeviceUrl, key: &str, default: u8) -> Result<u8, UrlError> {
+    let Some(value) = url.take(key) else {
+        return Ok(default);
+    };
+    value
+        .parse::<u8>()
+        .ok()
+        .filter(|number| *number <= 99)
+        .ok_or_else(|| url.error(format!("option {key}={value:?}; expected a number from 00 to 99")))
+}
+
+fn flip(url: &mut DeviceUrl) -> Result<[bool; 3], UrlError> {
+    let letters = url.take("flip").unwrap_or_default();
+    if letters.chars().any(|letter| !AXES.contains(&letter)) {
+        return Err(url.error(format!("option flip={letters:?}; expected letters of xyz")));
+    }
+    Ok(AXES.map(|axis| letters.contains(axis)))
+}
+
+fn settle(url: &mut DeviceUrl, default: Settle) -> Result<Settle, UrlError> {
+    Ok(Settle {
+        interval: milliseconds(url, "settle_ms", default.interval)?,
+        repeats: url.take_number("repeats", default.repeats as f64, 2.0..=100.0)? as usize,
+        tolerance: url.take_number("settle_um", default.tolerance * 1e6, 0.0..=1000.0)? * 1e-6,
+        timeout: default.timeout,
+    })
+}
+
+fn milliseconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Duration, UrlError> {
+    let number = url.take_number(key, default.as_secs_f64() * 1e3, 0.0..=600_000.0)?;
+    Ok(Duration::from_micros((number * 1e3) as u64))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn says(url: &str) -> String {
+        match open_gauge(url) {
+            Ok(_) => "opened".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_bad_url_is_one_clear_sentence() {
+        assert!(says("uwave:///dev/ttyUSB0?chanel=1").contains("unknown option \"chanel\""));
+        assert!(says("uwave:///dev/ttyUSB0?x=100").contains("x=\"100\"; expected a number from 00 to 99"));
+        assert!(says("uwave:///dev/ttyUSB0?x=01").contains("three different"));
+        assert!(says("usb:///dev/ttyUSB0").contains("unknown gauge \"usb\""));
+        assert!(says("itn:///dev/a").contains("three ports"));
+        assert!(says("itn:///dev/a,/dev/b").contains("2 ports"));
+        assert!(says("opto:///dev/a,/dev/b,/dev/c?framing=8M1").contains("8N1"));
+        assert!(says("line:///dev/a?pattern=abc").contains("{v}"));
+        assert!(says("uwave:///dev/does-not-exist").contains("cannot be opened"));
+    }
+
+    #[test]
+    fn settings_come_from_the_url() {
+        let mut url =
+            DeviceUrl::parse("uwave:///dev/x?x=07&y=08&z=09&group=02&flip=xz&interval_ms=0&timeout_ms=50").unwrap();
+        let settings = uwave_settings(&mut url).unwrap();
+        assert_eq!((settings.channels, settings.group, settings.flip), ([7, 8, 9], 2, [true, false, true]));
+        assert_eq!((settings.interval, settings.timeout), (Duration::ZERO, Duration::from_millis(50)));
+        let mut url =
+            DeviceUrl::parse("line:///dev/x?baud=19200&framing=7E1&x=A%0D&y=B%0D&z=C%0D&unit=in&scale=2").unwrap();
+        let settings = line_settings(&mut url, LineSettings::preset("line").unwrap()).unwrap();
+        assert_eq!(settings.serial.baud, 19200);
+        assert_eq!(settings.requests, ["A\r", "B\r", "C\r"]);
+        assert!((settings.scale - 0.0508).abs() < 1e-12);
+    }
+}

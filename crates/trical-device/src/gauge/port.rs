@@ -1,0 +1,215 @@
+//! Byte ports under the gauges: serial ports, and whatever a test puts in their place.
+
+use std::io::{self, Read, Write};
+use std::time::{Duration, Instant};
+
+use super::GaugeError;
+
+/// A two-way byte port with a short read time-out of its own.
+///
+/// `read` returns what is there, or an error of kind `TimedOut` or `WouldBlock` after a few milliseconds.
+pub trait Port: Read + Write + Send {
+    /// Number of bytes that wait to be read, without blocking.
+    ///
+    /// # Errors
+    /// The port is gone.
+    fn waiting(&mut self) -> io::Result<usize>;
+}
+
+impl Port for Box<dyn serialport::SerialPort> {
+    fn waiting(&mut self) -> io::Result<usize> {
+        Ok(self.bytes_to_read()? as usize)
+    }
+}
+
+impl<P: Port + ?Sized> Port for Box<P> {
+    fn waiting(&mut self) -> io::Result<usize> {
+        (**self).waiting()
+    }
+}
+
+/// Baud rate and framing of a serial port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SerialSettings {
+    /// Bits per second.
+    pub baud: u32,
+    /// Data bits, 5 to 8.
+    pub data_bits: u8,
+    /// `N`, `E` or `O`.
+    pub parity: char,
+    /// Stop bits, 1 or 2.
+    pub stop_bits: u8,
+}
+
+impl SerialSettings {
+    /// 8 data bits, no parity, 1 stop bit.
+    #[must_use]
+    pub fn new(baud: u32) -> Self {
+        Self { baud, data_bits: 8, parity: 'N', stop_bits: 1 }
+    }
+
+    /// Takes a framing such as `8N1` or `7E2`.
+    #[must_use]
+    pub fn with_framing(self, framing: &str) -> Option<Self> {
+        let mut letters = framing.chars();
+        let data_bits = letters.next()?.to_digit(10).filter(|bits| (5..=8).contains(bits))?;
+        let parity = letters.next()?.to_ascii_uppercase();
+        let stop_bits = letters.next()?.to_digit(10).filter(|bits| (1..=2).contains(bits))?;
+        if letters.next().is_some() || !"NEO".contains(parity) {
+            return None;
+        }
+        Some(Self { data_bits: data_bits as u8, parity, stop_bits: stop_bits as u8, ..self })
+    }
+}
+
+/// Opens a serial port with DTR and RTS high and no handshake.
+///
+/// A real port is opened exclusively: there can be one reader only. A pseudo-terminal is not, since the lock of a
+/// reader that was killed would outlive it there.
+///
+/// # Errors
+/// The port is missing, in use, or not permitted.
+pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn serialport::SerialPort>, GaugeError> {
+    use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
+    let failed = |error: &dyn std::fmt::Display| GaugeError::Open { port: path.to_owned(), reason: error.to_string() };
+    let real_path = std::fs::canonicalize(path).map_err(|error| failed(&error))?;
+    let is_pseudo = real_path.starts_with("/dev/pts");
+    let builder = serialport::new(real_path.to_string_lossy(), settings.baud)
+        .data_bits(match settings.data_bits {
+            5 => DataBits::Five,
+            6 => DataBits::Six,
+            7 => DataBits::Seven,
+            _ => DataBits::Eight,
+        })
+        .parity(match settings.parity {
+            'E' => Parity::Even,
+            'O' => Parity::Odd,
+            _ => Parity::None,
+        })
+        .stop_bits(if settings.stop_bits == 2 { StopBits::Two } else { StopBits::One })
+        .flow_control(FlowControl::None)
+        .dtr_on_open(true)
+        .timeout(Duration::from_millis(20));
+    #[cfg(unix)]
+    let mut port = builder.exclusive(!is_pseudo).open_native().map_err(|error| failed(&error))?;
+    #[cfg(not(unix))]
+    let mut port = builder.open_native().map_err(|error| failed(&error))?;
+    // a pseudo-terminal has no such lines
+    if !is_pseudo {
+        port.write_request_to_send(true).map_err(|error| failed(&error))?;
+    }
+    Ok(Box::new(port))
+}
+
+/// Splits what a port sends into records that end with CR or LF.
+#[derive(Debug, Default)]
+pub(crate) struct Lines {
+    buffer: Vec<u8>,
+}
+
+impl Lines {
+    /// No device here sends longer records; more without an end is garbage.
+    const LONGEST: usize = 512;
+
+    /// The next whole record, without its end; empty records (the LF of CR LF) are skipped. Records without an end are
+    /// handed out when they grow too long.
+    pub(crate) fn next_line(&mut self) -> Option<Vec<u8>> {
+        loop {
+            let end = self.buffer.iter().position(|byte| matches!(byte, b'\r' | b'\n'));
+            let line: Vec<u8> = match end {
+                Some(end) => self.buffer.drain(..=end).take(end).collect(),
+                None if self.buffer.len() >= Self::LONGEST => self.buffer.drain(..).collect(),
+                None => return None,
+            };
+            if !line.is_empty() {
+                return Some(line);
+            }
+        }
+    }
+
+    /// What came since the last whole record.
+    pub(crate) fn rest(&self) -> &[u8] {
+        &self.buffer
+    }
+
+    /// Forgets what has come so far.
+    pub(crate) fn clear(&mut self) {
+        self.buffer.clear();
+    }
+
+    /// Reads once from the port; a time-out is no error. Gives whether something came.
+    pub(crate) fn fill(&mut self, port: &mut dyn Port) -> io::Result<bool> {
+        let mut bytes = [0_u8; 256];
+        match port.read(&mut bytes) {
+            Ok(0) => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the port was closed at its other end")),
+            Ok(count) => {
+                self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default());
+                Ok(true)
+            }
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+                ) =>
+            {
+                Ok(false)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Takes in all that waits already, without blocking.
+    pub(crate) fn drain(&mut self, port: &mut dyn Port) -> io::Result<()> {
+        while port.waiting()? > 0 {
+            if !self.fill(port)? {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for a whole record until the deadline.
+    pub(crate) fn wait(&mut self, port: &mut dyn Port, deadline: Instant) -> io::Result<Option<Vec<u8>>> {
+        loop {
+            if let Some(line) = self.next_line() {
+                return Ok(Some(line));
+            }
+            if Instant::now() >= deadline {
+                return Ok(None);
+            }
+            self.fill(port)?;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn framings() {
+        let opto = SerialSettings::new(4800).with_framing("7E2");
+        assert_eq!(opto, Some(SerialSettings { baud: 4800, data_bits: 7, parity: 'E', stop_bits: 2 }));
+        for bad in ["", "8N", "9N1", "8X1", "8N3", "8N11"] {
+            assert_eq!(SerialSettings::new(9600).with_framing(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn records_end_with_cr_or_lf_or_both() {
+        let mut lines = Lines { buffer: b"a\r\nb\rc\n\r\nd".to_vec() };
+        let mut seen = Vec::new();
+        while let Some(line) = lines.next_line() {
+            seen.push(line);
+        }
+        assert_eq!(seen, [b"a", b"b", b"c"]);
+        assert_eq!(lines.rest(), b"d");
+    }
+
+    #[test]
+    fn endless_garbage_does_not_grow_without_limit() {
+        let mut lines = Lines { buffer: vec![b'x'; 600] };
+        assert_eq!(lines.next_line().map(|line| line.len()), Some(600));
+        assert!(lines.rest().is_empty());
+    }
+}

@@ -1,0 +1,240 @@
+//! Why a run ended before its plan did.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use crate::controller::ControllerError;
+use crate::gauge::GaugeError;
+use crate::record::RecordError;
+
+/// Why a run ended before its plan did.
+#[derive(Debug, Error)]
+pub enum ProcedureError {
+    /// A setting makes no sense; nothing has moved.
+    #[error("{0}")]
+    Options(String),
+    /// The plan has an entry that may not be driven to; nothing has moved.
+    #[error("plan entry {index} (ball {}): {violation}; nothing has moved", ball + 1)]
+    Plan {
+        /// Number of the entry.
+        index: u64,
+        /// Which ball, counted from 0.
+        ball: usize,
+        /// What is wrong.
+        violation: Box<Violation>,
+    },
+    /// The robot or the gauge failed before the first touch; nothing has moved.
+    #[error("{violation}; nothing has moved")]
+    Start {
+        /// What is wrong.
+        violation: Box<Violation>,
+    },
+    /// A touch failed.
+    #[error("touch {index} (ball {}): {violation}; {retreat}", ball + 1)]
+    Touch {
+        /// Number of the entry.
+        index: u64,
+        /// Which ball, counted from 0.
+        ball: usize,
+        /// What went wrong.
+        violation: Box<Violation>,
+        /// Where the arm is now.
+        retreat: RetreatOutcome,
+    },
+}
+
+impl ProcedureError {
+    /// What went wrong, where it was more than a setting.
+    #[must_use]
+    pub fn violation(&self) -> Option<&Violation> {
+        match self {
+            Self::Options(_) => None,
+            Self::Plan { violation, .. } | Self::Start { violation } | Self::Touch { violation, .. } => Some(violation),
+        }
+    }
+
+    /// Whether the user asked for the end.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        matches!(self.violation(), Some(Violation::Cancelled))
+    }
+}
+
+/// What ended a touch.
+#[derive(Debug, Error)]
+pub enum Violation {
+    /// The gauge failed.
+    #[error(transparent)]
+    Gauge(GaugeError),
+    /// The controller failed.
+    #[error(transparent)]
+    Controller(ControllerError),
+    /// The recording failed.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The user asked to stop.
+    #[error("stopped by the user")]
+    Cancelled,
+    /// One correction is too long.
+    #[error("the correction would be {length_mm:.3} mm, the limit is {limit_mm:.3} mm")]
+    Correction {
+        /// Its length in mm.
+        length_mm: f64,
+        /// The limit in mm.
+        limit_mm: f64,
+    },
+    /// All corrections together are too long.
+    #[error("the corrections would add up to {length_mm:.3} mm, the limit is {limit_mm:.3} mm")]
+    TotalCorrection {
+        /// Their sum in mm.
+        length_mm: f64,
+        /// The limit in mm.
+        limit_mm: f64,
+    },
+    /// It does not converge.
+    #[error(
+        "after {iterations} corrections the reading is still {left_mm:.4} mm, expected less than {epsilon_mm:.4} mm"
+    )]
+    Iterations {
+        /// Corrections made.
+        iterations: usize,
+        /// Length of the last reading in mm.
+        left_mm: f64,
+        /// What would have been accepted in mm.
+        epsilon_mm: f64,
+    },
+    /// It moves away.
+    #[error(
+        "a correction made the reading grow from {before_mm:.3} mm to {after_mm:.3} mm: check the channels and signs of the gauge's axes (x=, y=, z=, flip=)"
+    )]
+    Diverging {
+        /// Length of the reading before in mm.
+        before_mm: f64,
+        /// Length of the reading after in mm.
+        after_mm: f64,
+    },
+    /// A stem does not touch, or is at the end of its stroke.
+    #[error(
+        "indicator {axis} reads {reading_mm:.3} mm, outside {low_mm:.3} to {high_mm:.3} mm where it touches the ball"
+    )]
+    NoContact {
+        /// Which axis.
+        axis: char,
+        /// What it reads in mm.
+        reading_mm: f64,
+        /// Lower end in mm.
+        low_mm: f64,
+        /// Upper end in mm.
+        high_mm: f64,
+    },
+    /// A channel shows the same after a motion along it.
+    #[error(
+        "indicator {axis} still reads {reading_mm:.4} mm after a motion of {moved_mm:.3} mm along it: its transmitter may be dead"
+    )]
+    Stale {
+        /// Which axis.
+        axis: char,
+        /// What it reads in mm.
+        reading_mm: f64,
+        /// How far it should have changed in mm.
+        moved_mm: f64,
+    },
+    /// No channel has changed between the approach point and the touch.
+    #[error(
+        "no indicator has changed between the approach point and the touch: the gauge repeats old values, or touches at both"
+    )]
+    StaleTouch,
+    /// A joint is or would be outside its limits.
+    #[error("joint {joint} at {value_deg:.3} deg is outside its limits {low_deg:.3} to {high_deg:.3} deg")]
+    JointLimit {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// Its value in deg.
+        value_deg: f64,
+        /// Lower limit in deg.
+        low_deg: f64,
+        /// Upper limit in deg.
+        high_deg: f64,
+    },
+    /// The arm is not where it was sent.
+    #[error("joint {joint} was sent to {sent_deg:.4} deg and reports {found_deg:.4} deg")]
+    NotArrived {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// Where it was sent in deg.
+        sent_deg: f64,
+        /// What it reports in deg.
+        found_deg: f64,
+    },
+    /// A correction moved a joint too far: near a singular pose.
+    #[error(
+        "a correction of {length_mm:.3} mm moved joint {joint} by {moved_deg:.3} deg, the limit is {limit_deg:.3} deg: the pose is near a singular one"
+    )]
+    JointChange {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// Length of the correction in mm.
+        length_mm: f64,
+        /// How far the joint moved in deg.
+        moved_deg: f64,
+        /// The limit in deg.
+        limit_deg: f64,
+    },
+    /// A correction moved nothing.
+    #[error("the arm did not move by a correction of {length_mm:.3} mm")]
+    NotMoved {
+        /// Length of the correction in mm.
+        length_mm: f64,
+    },
+    /// The collision model refuses a motion.
+    #[error("the motion is refused: {0}")]
+    Guard(String),
+}
+
+impl From<GaugeError> for Violation {
+    fn from(error: GaugeError) -> Self {
+        match error {
+            GaugeError::Cancelled => Self::Cancelled,
+            other => Self::Gauge(other),
+        }
+    }
+}
+
+impl From<ControllerError> for Violation {
+    fn from(error: ControllerError) -> Self {
+        match error {
+            ControllerError::Cancelled => Self::Cancelled,
+            other => Self::Controller(other),
+        }
+    }
+}
+
+/// Where the arm is after a touch that failed.
+#[derive(Debug)]
+pub enum RetreatOutcome {
+    /// It went back the way it came.
+    Done,
+    /// It had not left the place where it was.
+    NotNeeded,
+    /// The touch was recorded, and the failure came on the way back.
+    Interrupted,
+    /// It could not go back.
+    Failed(Box<Violation>),
+}
+
+impl fmt::Display for RetreatOutcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Done => write!(f, "the arm went back the way it came"),
+            Self::NotNeeded => write!(f, "the arm had not left its place"),
+            Self::Interrupted => {
+                write!(f, "the touch is recorded, but the arm stopped on its way back: look where it stands")
+            }
+            Self::Failed(why) => write!(
+                f,
+                "the arm could NOT go back ({why}): look where it stands, and jog it away from the ball by hand"
+            ),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Settings and limits of the procedure. Lengths in m, angles in rad, times in s.
+
+use std::collections::BTreeSet;
+use std::fmt;
+
+use trical_model::recording::Joints;
+
+use crate::controller::JointSettle;
+use crate::gauge::Settle;
+use crate::motion::MotionSense;
+
+/// Says whether the arm may move from the first joint values to the second, in joint interpolation; one sentence why not.
+pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints) -> Result<(), String> + 'a);
+
+/// Limits of the procedure; whatever is beyond ends the run and makes the arm retreat.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProcedureLimits {
+    /// Length of each correction.
+    pub correction: f64,
+    /// Sum of the lengths of a touch's corrections.
+    pub total_correction: f64,
+    /// Number of corrections of a touch.
+    pub iterations: usize,
+    /// Readings between which all stems touch, lower and upper; at the ends of the stroke they do not.
+    pub stroke: [f64; 2],
+    /// Joint limits, joint 1 first; joints without an entry have none here.
+    pub joints: Vec<(f64, f64)>,
+    /// How far a joint may stand from where it was sent.
+    pub arrival: f64,
+    /// How far a joint may move by one correction.
+    pub joint_change: f64,
+    /// A reading that is longer than the one before the correction by this factor diverges.
+    pub growth: f64,
+    /// A channel that shows the very same value after a correction of more than this along it is stale.
+    pub stale: f64,
+}
+
+impl Default for ProcedureLimits {
+    fn default() -> Self {
+        Self {
+            correction: 4e-3,
+            total_correction: 8e-3,
+            iterations: 10,
+            stroke: [-5.9e-3, 5.9e-3],
+            joints: Vec::new(),
+            arrival: 0.02_f64.to_radians(),
+            joint_change: 5.0_f64.to_radians(),
+            growth: 1.2,
+            stale: 20e-6,
+        }
+    }
+}
+
+/// How far the arm goes back after a touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Retreat {
+    /// All the way to the first point of the entry: right for plans whose entries begin at one free place, and for
+    /// taking up a run in the middle.
+    Whole,
+    /// To the point where the device is held short of the ball: right for plans whose next entry begins there. After an
+    /// error or when stopped, the arm goes all the way all the same.
+    Approach,
+}
+
+/// Settings of the procedure.
+#[derive(Clone)]
+pub struct ProcedureOptions<'a> {
+    /// Nothing moves without this; the steps are listed instead.
+    pub go: bool,
+    /// A touch is accepted when the reading is shorter than this.
+    pub epsilon: f64,
+    /// Repeatability of the arm; an `epsilon` below it is warned about.
+    pub repeatability: f64,
+    /// When a reading stands still; `None` = what the gauge says of itself.
+    pub settle: Option<Settle>,
+    /// When the joints stand still; `None` = what the controller says of itself.
+    pub joint_settle: Option<JointSettle>,
+    /// Speed of the TCP between touches, m/s.
+    pub travel_speed: f64,
+    /// Speed of the TCP from the approach point to the touch and back, and of corrections, m/s.
+    pub touch_speed: f64,
+    /// Speed of rotation, rad/s.
+    pub rotation_speed: f64,
+    /// Limits.
+    pub limits: ProcedureLimits,
+    /// How far the arm goes back after a touch.
+    pub retreat: Retreat,
+    /// TCP in the flange's frame, told to the controller before anything moves.
+    pub tcp_in_flange: Option<[f64; 3]>,
+    /// Touches that are done already.
+    pub skip: BTreeSet<u64>,
+    /// Temperature in degC, recorded with each measurement where the controller has no sensor.
+    pub temp_c: Option<f64>,
+    /// Mass added on the flange, kg, recorded with each measurement.
+    pub payload_kg: Option<f64>,
+    /// Time of the recording when this run begins, s.
+    pub begin_t: f64,
+    /// Motions smaller than this do not change the recorded sense of a joint's last motion.
+    pub dead_band: f64,
+    /// Read the gauge at the approach point, and take a gauge that shows the same at the touch as stale.
+    pub check_release: bool,
+    /// Asked before every joint motion towards a touch (the collision model). The way back is the way that was allowed.
+    pub guard: Option<MoveGuard<'a>>,
+}
+
+impl Default for ProcedureOptions<'_> {
+    fn default() -> Self {
+        Self {
+            go: false,
+            epsilon: 20e-6,
+            repeatability: 10e-6,
+            settle: None,
+            joint_settle: None,
+            travel_speed: 0.1,
+            touch_speed: 0.01,
+            rotation_speed: 20.0_f64.to_radians(),
+            limits: ProcedureLimits::default(),
+            retreat: Retreat::Whole,
+            tcp_in_flange: None,
+            skip: BTreeSet::new(),
+            temp_c: None,
+            payload_kg: None,
+            begin_t: 0.0,
+            dead_band: MotionSense::DEAD_BAND,
+            check_release: true,
+            guard: None,
+        }
+    }
+}
+
+impl fmt::Debug for ProcedureOptions<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ProcedureOptions")
+            .field("go", &self.go)
+            .field("epsilon", &self.epsilon)
+            .field("limits", &self.limits)
+            .field("retreat", &self.retreat)
+            .field("skip", &self.skip)
+            .field("guard", &self.guard.is_some())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,381 @@
+//! The loop that drives gauge and robot.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use trical_model::recording::{Joints, Measured, Row, State};
+
+use super::steps::{check_guard, check_joints, check_plan};
+use super::{
+    PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
+};
+use crate::controller::{Controller, largest_difference, wait_settled};
+use crate::gauge::{AXES, Gauge, settled_reading};
+use crate::motion::{JointSample, MotionSense};
+use crate::record::RunLog;
+
+/// Drives through a plan; every accepted touch is in the log before the arm leaves it.
+///
+/// Without [`ProcedureOptions::go`] nothing moves, and the report lists the steps. `cancel` is looked at between steps;
+/// it ends the run like an error does: the arm stops, goes back the way it came, and the error says so.
+///
+/// # Errors
+/// A plan or settings that make no sense, before anything moves; or the first violation of a limit, or failure of a
+/// device.
+pub fn run(
+    plan: &[PlanEntry],
+    gauge: &mut dyn Gauge,
+    controller: &mut dyn Controller,
+    log: &mut dyn RunLog,
+    options: &ProcedureOptions<'_>,
+    cancel: &AtomicBool,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<RunReport, ProcedureError> {
+    check_plan(plan, options)?;
+    if !options.go {
+        let steps = dry_run(plan, options, controller.joint_count());
+        return Ok(RunReport { steps, ..RunReport::default() });
+    }
+    let mut runner = Runner {
+        gauge,
+        controller,
+        log,
+        options,
+        cancel,
+        progress,
+        motion: MotionSense::new(options.dead_band),
+        clock_begin: 0.0,
+        at: [0.0; trical_model::recording::MAX_JOINTS],
+        trail: Vec::new(),
+        report: RunReport::default(),
+        retreating: false,
+    };
+    runner.start().map_err(|violation| ProcedureError::Start { violation: Box::new(violation) })?;
+    let total = plan.len();
+    for entry in plan {
+        let done = runner.report.measured + runner.report.skipped;
+        if options.skip.contains(&entry.index) {
+            runner.report.skipped += 1;
+            continue;
+        }
+        (runner.progress)(Progress::Begin { index: entry.index, ball: entry.ball, done, total });
+        runner.trail = vec![runner.at];
+        let result = match runner.touch(entry, total) {
+            Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+            Err(violation) => Err((violation, runner.retreat())),
+        };
+        if let Err((violation, retreat)) = result {
+            return Err(ProcedureError::Touch {
+                index: entry.index,
+                ball: entry.ball,
+                violation: Box::new(violation),
+                retreat,
+            });
+        }
+    }
+    Ok(runner.report)
+}
+
+struct Runner<'a, 'o> {
+    gauge: &'a mut dyn Gauge,
+    controller: &'a mut dyn Controller,
+    log: &'a mut dyn RunLog,
+    options: &'a ProcedureOptions<'o>,
+    cancel: &'a AtomicBool,
+    progress: &'a mut dyn FnMut(Progress),
+    motion: MotionSense,
+    /// The controller's clock when the run began.
+    clock_begin: f64,
+    /// Where the arm stands.
+    at: Joints,
+    /// Where the arm has been since the entry began, in order; the way back.
+    trail: Vec<Joints>,
+    report: RunReport,
+    /// After a failure nothing but the arm matters.
+    retreating: bool,
+}
+
+impl Runner<'_, '_> {
+    fn start(&mut self) -> Result<(), Violation> {
+        let options = self.options;
+        if options.epsilon < options.repeatability {
+            self.warn(format!(
+                "the tolerance of a touch, {:.4} mm, is below the arm's repeatability, {:.4} mm: touches may not converge",
+                options.epsilon * 1e3,
+                options.repeatability * 1e3
+            ));
+        }
+        self.controller.ping()?;
+        self.clock_begin = self.controller.clock()?;
+        if let Some(tcp) = options.tcp_in_flange {
+            self.controller.set_tool(tcp)?;
+        }
+        self.at = self.controller.joints()?;
+        self.gauge.read()?;
+        self.take_warnings();
+        self.note_joints()
+    }
+
+    /// Steps (a) to (g): to the ball, read and correct, record.
+    fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
+        let options = self.options;
+        self.controller.set_speed(options.travel_speed, options.rotation_speed)?;
+        for q in &entry.via {
+            self.go(q)?;
+        }
+        self.check_cancelled()?;
+        let free = if options.check_release && !entry.via.is_empty() { Some(self.gauge.read()?) } else { None };
+
+        self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
+        self.go(&entry.joints)?;
+        let mut reading = self.read(entry, 0)?;
+        if free.is_some_and(|free| free.iter().zip(&reading).all(|(a, b)| is_same(*a, *b))) {
+            return Err(Violation::StaleTouch);
+        }
+        let mut corrections = 0;
+        let mut total_length = 0.0;
+        while norm(&reading) >= options.epsilon {
+            if corrections >= options.limits.iterations {
+                return Err(Violation::Iterations {
+                    iterations: corrections,
+                    left_mm: norm(&reading) * 1e3,
+                    epsilon_mm: options.epsilon * 1e3,
+                });
+            }
+            total_length += norm(&reading);
+            self.correct(reading, total_length)?;
+            corrections += 1;
+            let after = self.read(entry, corrections)?;
+            self.check_change(&reading, &after)?;
+            reading = after;
+        }
+        self.record(entry, reading, corrections, total)
+    }
+
+    fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
+        self.check_cancelled()?;
+        let settle = self.options.settle.clone().unwrap_or_else(|| self.gauge.settle());
+        let reading = settled_reading(self.gauge, &settle, self.cancel)?;
+        self.take_warnings();
+        let t = self.time()?;
+        self.log.indicators(t, &reading, true)?;
+        (self.progress)(Progress::Reading { index: entry.index, corrections, reading });
+        let [low, high] = self.options.limits.stroke;
+        for (axis, value) in AXES.into_iter().zip(reading) {
+            if !(low..=high).contains(&value) {
+                return Err(Violation::NoContact {
+                    axis,
+                    reading_mm: value * 1e3,
+                    low_mm: low * 1e3,
+                    high_mm: high * 1e3,
+                });
+            }
+        }
+        Ok(reading)
+    }
+
+    /// Steps (d), (e): displaces the TCP by the reading, in the tool's axes.
+    fn correct(&mut self, reading: [f64; 3], total_length: f64) -> Result<(), Violation> {
+        let limits = &self.options.limits;
+        let length = norm(&reading);
+        if length > limits.correction {
+            return Err(Violation::Correction { length_mm: length * 1e3, limit_mm: limits.correction * 1e3 });
+        }
+        if total_length > limits.total_correction {
+            return Err(Violation::TotalCorrection {
+                length_mm: total_length * 1e3,
+                limit_mm: limits.total_correction * 1e3,
+            });
+        }
+        self.check_cancelled()?;
+        let before = self.at;
+        self.controller.correct(reading)?;
+        self.at = self.settled_joints()?;
+        self.note_joints()?;
+        check_joints(&self.at, self.options)?;
+        let (joint, moved) = largest_difference(&before, &self.at);
+        if moved == 0.0 && length > limits.stale {
+            return Err(Violation::NotMoved { length_mm: length * 1e3 });
+        }
+        if moved > limits.joint_change {
+            return Err(Violation::JointChange {
+                joint: joint + 1,
+                length_mm: length * 1e3,
+                moved_deg: moved.to_degrees(),
+                limit_deg: limits.joint_change.to_degrees(),
+            });
+        }
+        self.report.corrections += 1;
+        Ok(())
+    }
+
+    /// Compares the readings before and after a correction by the first.
+    fn check_change(&self, before: &[f64; 3], after: &[f64; 3]) -> Result<(), Violation> {
+        let limits = &self.options.limits;
+        for (axis, (before, after)) in AXES.into_iter().zip(before.iter().zip(after)) {
+            if is_same(*before, *after) && before.abs() > limits.stale {
+                return Err(Violation::Stale { axis, reading_mm: after * 1e3, moved_mm: before.abs() * 1e3 });
+            }
+        }
+        let (length_before, length_after) = (norm(before), norm(after));
+        if length_after > limits.growth * length_before && length_after > 2.0 * self.options.epsilon {
+            return Err(Violation::Diverging { before_mm: length_before * 1e3, after_mm: length_after * 1e3 });
+        }
+        Ok(())
+    }
+
+    /// Step (g): stores the joints that the controller reports.
+    fn record(
+        &mut self,
+        entry: &PlanEntry,
+        reading: [f64; 3],
+        corrections: usize,
+        total: usize,
+    ) -> Result<(), Violation> {
+        self.at = self.settled_joints()?;
+        self.note_joints()?;
+        let t = self.time()?;
+        let temp_c = self.controller.temperature()?.or(self.options.temp_c);
+        if let Some(temp_c) = temp_c {
+            self.log.temperature(t, temp_c)?;
+        }
+        let state = State {
+            q: self.at,
+            // what the controller made of the corrections is not known here
+            q_commanded: None,
+            dir: Some(self.motion.sense()),
+            t: Some(t),
+            temp_c,
+            payload_kg: self.options.payload_kg,
+        };
+        let measured = Measured::Touch { ball: entry.ball, reading };
+        let row = Row { state, measured, seq: Some(entry.index), line: 0 };
+        self.log.measurement(&row)?;
+        self.report.measured += 1;
+        let done = self.report.measured + self.report.skipped;
+        (self.progress)(Progress::Measured { row: Box::new(row), corrections, done, total });
+        Ok(())
+    }
+
+    /// A joint motion towards the touch, with all checks.
+    fn go(&mut self, target: &Joints) -> Result<(), Violation> {
+        self.check_cancelled()?;
+        check_joints(target, self.options)?;
+        check_guard(&self.at, target, self.options)?;
+        // from here on the arm may be on its way, so the way back begins at the point before
+        self.trail.push(*target);
+        self.drive(target)
+    }
+
+    /// A joint motion, and whether it arrived.
+    fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
+        self.controller.move_joints(target)?;
+        self.at = self.settled_joints()?;
+        let noted = self.note_joints();
+        if !self.retreating {
+            noted?;
+        }
+        let (joint, off) = largest_difference(target, &self.at);
+        if off > self.options.limits.arrival || off.is_nan() {
+            return Err(Violation::NotArrived {
+                joint: joint + 1,
+                sent_deg: target.get(joint).map_or(f64::NAN, |q| q.to_degrees()),
+                found_deg: self.at.get(joint).map_or(f64::NAN, |q| q.to_degrees()),
+            });
+        }
+        Ok(())
+    }
+
+    fn settled_joints(&mut self) -> Result<Joints, Violation> {
+        let settle = self.options.joint_settle.clone().unwrap_or_else(|| self.controller.joint_settle());
+        // a stop by the user waits until the arm stands
+        let never = AtomicBool::new(false);
+        Ok(wait_settled(self.controller, &settle, &never)?)
+    }
+
+    /// After a touch: back to the approach point or all the way, as the plan is made for.
+    fn leave(&mut self) -> Result<(), Violation> {
+        // the first point of the trail is where the arm stood before the entry, the last is the touch
+        let keep = match (self.options.retreat, self.trail.len()) {
+            // there was no point on the way: back to where it came from
+            (_, 0..=2) => 0,
+            (Retreat::Whole, _) => 1,
+            (Retreat::Approach, points) => points - 2,
+        };
+        self.back_to(keep)
+    }
+
+    /// After a failure: all the way back, with whatever still works.
+    fn retreat(&mut self) -> RetreatOutcome {
+        let keep = match self.trail.len() {
+            0 | 1 => return RetreatOutcome::NotNeeded,
+            // it failed on the way to the first point
+            2 => 0,
+            _ => 1,
+        };
+        self.retreating = true;
+        match self.back_to(keep) {
+            Ok(()) => RetreatOutcome::Done,
+            Err(violation) => RetreatOutcome::Failed(Box::new(violation)),
+        }
+    }
+
+    /// Goes back along the trail until only so many of its points are left behind the arm.
+    fn back_to(&mut self, keep: usize) -> Result<(), Violation> {
+        self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
+        while self.trail.len() > keep + 1 {
+            self.trail.pop();
+            let Some(target) = self.trail.last().copied() else {
+                break;
+            };
+            self.drive(&target)?;
+            self.controller.set_speed(self.options.travel_speed, self.options.rotation_speed)?;
+        }
+        Ok(())
+    }
+
+    fn check_cancelled(&self) -> Result<(), Violation> {
+        if self.cancel.load(Ordering::Relaxed) { Err(Violation::Cancelled) } else { Ok(()) }
+    }
+
+    /// Time of the recording, s.
+    fn time(&mut self) -> Result<f64, Violation> {
+        let clock = self.controller.clock()?;
+        Ok(self.on_recording(clock))
+    }
+
+    fn on_recording(&self, clock: f64) -> f64 {
+        self.options.begin_t + (clock - self.clock_begin)
+    }
+
+    /// Logs where the joints have been, and where they are.
+    fn note_joints(&mut self) -> Result<(), Violation> {
+        for sample in self.controller.take_history() {
+            self.motion.push(&sample.q);
+            let t = self.on_recording(sample.t);
+            self.log.joint_state(&JointSample { t, q: sample.q })?;
+        }
+        self.motion.push(&self.at);
+        let t = self.time()?;
+        Ok(self.log.joint_state(&JointSample { t, q: self.at })?)
+    }
+
+    fn take_warnings(&mut self) {
+        for warning in self.gauge.take_warnings() {
+            self.warn(warning);
+        }
+    }
+
+    fn warn(&mut self, warning: String) {
+        self.report.warnings.push(warning.clone());
+        (self.progress)(Progress::Warning(warning));
+    }
+}
+
+/// Whether a channel shows the same: means of equal readings may differ in the last bits.
+fn is_same(a: f64, b: f64) -> bool {
+    (a - b).abs() < 1e-9
+}
+
+fn norm(v: &[f64; 3]) -> f64 {
+    v.iter().map(|v| v * v).sum::<f64>().sqrt()
+}

@@ -1,0 +1,108 @@
+//! What a run would do, in words; and the checks of a plan before anything moves.
+
+use trical_model::recording::Joints;
+
+use super::{PlanEntry, ProcedureError, ProcedureOptions, Retreat, Violation};
+
+/// The steps of a plan, one sentence each; nothing moves.
+///
+/// Entries that were done before are left out. A step that a limit or the guard refuses says so. `joints` of each joint
+/// vector are shown.
+#[must_use]
+pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize) -> Vec<String> {
+    let mut steps = Vec::new();
+    if let Some([x, y, z]) = options.tcp_in_flange {
+        steps.push(format!("tell the controller the TCP: {:.4} {:.4} {:.4} mm", x * 1e3, y * 1e3, z * 1e3));
+    }
+    for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
+        let head = format!("touch {} (ball {})", entry.index, entry.ball + 1);
+        let mut from: Option<&Joints> = None;
+        let count = entry.via.len();
+        let stops = entry.via.iter().enumerate().map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
+        for (name, q) in stops.chain(std::iter::once(("the touch".to_owned(), &entry.joints))) {
+            let speed = if name == "the touch" { options.touch_speed } else { options.travel_speed };
+            let refused = check_joints(q, options)
+                .and_then(|()| from.map_or(Ok(()), |from| check_guard(from, q, options)))
+                .map_or_else(|violation| format!("; REFUSED: {violation}"), |()| String::new());
+            steps.push(format!(
+                "{head}: move to {name} at {:.0} mm/s: {} deg{refused}",
+                speed * 1e3,
+                degrees(q, joints)
+            ));
+            from = Some(q);
+        }
+        steps.push(format!(
+            "{head}: read and correct in the tool's axes until the reading is below {:.4} mm (each correction {:.1} mm \
+             at most, {:.1} mm in all, {} at most), then record the joints",
+            options.epsilon * 1e3,
+            options.limits.correction * 1e3,
+            options.limits.total_correction * 1e3,
+            options.limits.iterations
+        ));
+        steps.push(match options.retreat {
+            Retreat::Whole => format!("{head}: go back the way it came, to via point 1"),
+            Retreat::Approach => format!("{head}: go back to via point {count}"),
+        });
+    }
+    steps
+}
+
+fn degrees(q: &Joints, joints: usize) -> String {
+    q.iter().take(joints).map(|q| format!("{:.3}", q.to_degrees())).collect::<Vec<_>>().join(" ")
+}
+
+/// Whether joint values are finite and within the limits.
+pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
+    let limits = options.limits.joints.iter().copied().chain(std::iter::repeat((f64::MIN, f64::MAX)));
+    for (joint, (q, (low, high))) in q.iter().zip(limits).enumerate() {
+        if !(low..=high).contains(q) {
+            return Err(Violation::JointLimit {
+                joint: joint + 1,
+                value_deg: q.to_degrees(),
+                low_deg: low.to_degrees(),
+                high_deg: high.to_degrees(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Whether the collision model allows a motion.
+pub(super) fn check_guard(from: &Joints, to: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
+    options.guard.map_or(Ok(()), |guard| guard(from, to)).map_err(Violation::Guard)
+}
+
+/// Checks a plan and settings before anything moves.
+pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> Result<(), ProcedureError> {
+    let positive = [
+        ("epsilon", options.epsilon),
+        ("travel speed", options.travel_speed),
+        ("touch speed", options.touch_speed),
+        ("rotation speed", options.rotation_speed),
+        ("correction limit", options.limits.correction),
+        ("limit of all corrections", options.limits.total_correction),
+        ("arrival tolerance", options.limits.arrival),
+    ];
+    for (name, value) in positive {
+        if !(value > 0.0 && value.is_finite()) {
+            return Err(ProcedureError::Options(format!("{name} is {value}; expected a positive number")));
+        }
+    }
+    for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
+        let wrong =
+            |violation| ProcedureError::Plan { index: entry.index, ball: entry.ball, violation: Box::new(violation) };
+        let mut from: Option<&Joints> = None;
+        for q in entry.via.iter().chain(std::iter::once(&entry.joints)) {
+            check_joints(q, options).map_err(wrong)?;
+            if let Some(from) = from {
+                check_guard(from, q, options).map_err(wrong)?;
+            }
+            from = Some(q);
+        }
+    }
+    let mut seen = std::collections::BTreeSet::new();
+    match plan.iter().find(|entry| !seen.insert(entry.index)) {
+        Some(twice) => Err(ProcedureError::Options(format!("the plan has two entries with number {}", twice.index))),
+        None => Ok(()),
+    }
+}

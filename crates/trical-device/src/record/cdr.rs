@@ -1,0 +1,191 @@
+//! `sensor_msgs/msg/JointState` in CDR, by hand: the one message type here needs no ROS.
+//!
+//! Little-endian; four bytes of header, alignment counted after them; a string is its length with NUL, the bytes, NUL; a
+//! sequence is its count and its elements; `f64` is aligned to 8.
+
+/// A joint state message.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JointState {
+    /// Seconds of the stamp.
+    pub seconds: i32,
+    /// Nanoseconds of the stamp.
+    pub nanoseconds: u32,
+    /// Frame of the header.
+    pub frame: String,
+    /// Names of the joints.
+    pub names: Vec<String>,
+    /// Positions, rad or m.
+    pub position: Vec<f64>,
+    /// Velocities, rad/s or m/s; may be empty.
+    pub velocity: Vec<f64>,
+    /// Efforts, N m or N; may be empty.
+    pub effort: Vec<f64>,
+}
+
+/// Header of little-endian CDR.
+const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
+
+impl JointState {
+    /// The message as bytes.
+    #[must_use]
+    pub fn to_cdr(&self) -> Vec<u8> {
+        let mut out = Encoder(LITTLE_ENDIAN.to_vec());
+        out.u32(self.seconds.cast_unsigned());
+        out.u32(self.nanoseconds);
+        out.string(&self.frame);
+        out.u32(self.names.len() as u32);
+        for name in &self.names {
+            out.string(name);
+        }
+        for values in [&self.position, &self.velocity, &self.effort] {
+            out.u32(values.len() as u32);
+            for value in values {
+                out.f64(*value);
+            }
+        }
+        out.0
+    }
+
+    /// Reads the bytes of a message; `None` where they are too short or not little-endian CDR.
+    #[must_use]
+    pub fn from_cdr(bytes: &[u8]) -> Option<Self> {
+        let (header, body) = bytes.split_at_checked(4)?;
+        if header.get(..2)? != LITTLE_ENDIAN.get(..2)? {
+            return None;
+        }
+        let mut from = Decoder { body, at: 0 };
+        let seconds = from.u32()?.cast_signed();
+        let nanoseconds = from.u32()?;
+        let frame = from.string()?;
+        let count = from.count(5)?;
+        let names = (0..count).map(|_| from.string()).collect::<Option<Vec<_>>>()?;
+        let position = from.sequence()?;
+        let velocity = from.sequence()?;
+        let effort = from.sequence()?;
+        Some(Self { seconds, nanoseconds, frame, names, position, velocity, effort })
+    }
+}
+
+struct Encoder(Vec<u8>);
+
+impl Encoder {
+    fn align(&mut self, to: usize) {
+        while !(self.0.len() - LITTLE_ENDIAN.len()).is_multiple_of(to) {
+            self.0.push(0);
+        }
+    }
+
+    fn u32(&mut self, value: u32) {
+        self.align(4);
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn f64(&mut self, value: f64) {
+        self.align(8);
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn string(&mut self, text: &str) {
+        self.u32(text.len() as u32 + 1);
+        self.0.extend_from_slice(text.as_bytes());
+        self.0.push(0);
+    }
+}
+
+struct Decoder<'a> {
+    body: &'a [u8],
+    at: usize,
+}
+
+impl Decoder<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.at = self.at.checked_next_multiple_of(N)?;
+        let bytes = self.body.get(self.at..self.at.checked_add(N)?)?;
+        self.at += N;
+        bytes.try_into().ok()
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    /// A count of elements that take so many bytes at least; more than there can be is refused before memory is taken.
+    fn count(&mut self, least: usize) -> Option<usize> {
+        let count = self.u32()? as usize;
+        (count.checked_mul(least)? <= self.body.len().saturating_sub(self.at)).then_some(count)
+    }
+
+    fn string(&mut self) -> Option<String> {
+        let length = self.u32()? as usize;
+        let bytes = self.body.get(self.at..self.at.checked_add(length)?)?;
+        self.at += length;
+        let (nul, text) = bytes.split_last()?;
+        if *nul != 0 {
+            return None;
+        }
+        String::from_utf8(text.to_vec()).ok()
+    }
+
+    fn sequence(&mut self) -> Option<Vec<f64>> {
+        let count = self.count(8)?;
+        (0..count).map(|_| self.take().map(f64::from_le_bytes)).collect()
+    }
+}
+
+/// `std_msgs/msg/String` in CDR.
+#[must_use]
+pub fn string_to_cdr(text: &str) -> Vec<u8> {
+    let mut out = Encoder(LITTLE_ENDIAN.to_vec());
+    out.string(text);
+    out.0
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Bytes that a ROS 2 middleware writes for this message.
+    const REFERENCE: &str = "00010000 00f15365 15cd5b07 0a000000 62617365 5f6c696e 6b000000 02000000 08000000 \
+                             6a6f696e 745f3100 08000000 6a6f696e 745f3200 02000000 00000000 0000e03f 00000000 \
+                             0000f4bf 00000000 00000000";
+
+    fn reference() -> JointState {
+        JointState {
+            seconds: 1_700_000_000,
+            nanoseconds: 123_456_789,
+            frame: "base_link".to_owned(),
+            names: vec!["joint_1".to_owned(), "joint_2".to_owned()],
+            position: vec![0.5, -1.25],
+            velocity: vec![],
+            effort: vec![],
+        }
+    }
+
+    #[test]
+    fn the_84_bytes_of_the_reference() {
+        let digits: String = REFERENCE.split_whitespace().collect();
+        let bytes: Vec<u8> =
+            (0..digits.len() / 2).map(|i| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).unwrap()).collect();
+        assert_eq!(bytes.len(), 84);
+        assert_eq!(reference().to_cdr(), bytes);
+        assert_eq!(JointState::from_cdr(&bytes), Some(reference()));
+    }
+
+    proptest! {
+        #[test]
+        fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = JointState::from_cdr(&bytes);
+            let mut headed = vec![0, 1, 0, 0];
+            headed.extend(bytes);
+            let _ = JointState::from_cdr(&headed);
+        }
+
+        #[test]
+        fn messages_come_back(names in proptest::collection::vec("[a-z0-9_]{0,9}", 0..9), position in proptest::collection::vec(-10.0_f64..10.0, 0..9)) {
+            let message = JointState { names, velocity: position.clone(), position, ..reference() };
+            prop_assert_eq!(JointState::from_cdr(&message.to_cdr()), Some(message));
+        }
+    }
+}

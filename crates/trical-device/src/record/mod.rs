@@ -1,0 +1,246 @@
+//! Recordings in MCAP: joints while the arm moves, every reading, every accepted measurement, and the files that they
+//! belong to.
+//!
+//! Each accepted measurement ends its chunk and is on disk before the writer returns, so a crash loses nothing that was
+//! accepted; the reader takes what is whole out of a file that was cut anywhere.
+
+pub mod cdr;
+pub mod json;
+mod read;
+pub mod schema;
+mod walk;
+mod write;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+use trical_model::recording::{Recording, Row};
+
+use crate::motion::JointSample;
+
+pub use read::read_recording;
+pub use write::{RecordingWriter, write_recording};
+
+/// A file inside a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// Name, e.g. `robot.toml`.
+    pub name: String,
+    /// Media type, e.g. `application/toml`.
+    pub media_type: String,
+    /// The bytes.
+    pub data: Vec<u8>,
+}
+
+impl Attachment {
+    /// A TOML file.
+    #[must_use]
+    pub fn toml(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { name: name.into(), media_type: "application/toml".to_owned(), data: text.into().into_bytes() }
+    }
+}
+
+/// What a recording says before its first measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Header {
+    /// Names of the arm's joints, joint 1 first.
+    pub joint_names: Vec<String>,
+    /// When the recording began, in ns since 1970; times in the recording count from it.
+    pub start_ns: u64,
+    /// The robot and cell files.
+    pub attachments: Vec<Attachment>,
+    /// Settings; the program's version is added.
+    pub settings: BTreeMap<String, String>,
+    /// The robot as URDF, for viewers.
+    pub robot_description: Option<String>,
+}
+
+impl Header {
+    /// A header for an arm with so many joints, named `joint_1` and so on.
+    #[must_use]
+    pub fn for_joints(joints: usize) -> Self {
+        Self {
+            joint_names: (1..=joints).map(|joint| format!("joint_{joint}")).collect(),
+            start_ns: 0,
+            attachments: Vec::new(),
+            settings: BTreeMap::new(),
+            robot_description: None,
+        }
+    }
+}
+
+impl Default for Header {
+    fn default() -> Self {
+        Self::for_joints(6)
+    }
+}
+
+/// Where the procedure leaves what happens.
+pub trait RunLog {
+    /// Where the joints were.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    fn joint_state(&mut self, sample: &JointSample) -> Result<(), RecordError>;
+
+    /// A reading of the gauge, m; `settled` once it was accepted as standing still.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    fn indicators(&mut self, t: f64, reading: &[f64; 3], settled: bool) -> Result<(), RecordError>;
+
+    /// A temperature in degC.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    fn temperature(&mut self, t: f64, temp_c: f64) -> Result<(), RecordError>;
+
+    /// An accepted measurement; it is safe when this returns.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    fn measurement(&mut self, row: &Row) -> Result<(), RecordError>;
+}
+
+/// Keeps the accepted measurements only.
+impl RunLog for Vec<Row> {
+    fn joint_state(&mut self, _: &JointSample) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    fn indicators(&mut self, _: f64, _: &[f64; 3], _: bool) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    fn temperature(&mut self, _: f64, _: f64) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    fn measurement(&mut self, row: &Row) -> Result<(), RecordError> {
+        self.push(*row);
+        Ok(())
+    }
+}
+
+/// A reading of the gauge in a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IndicatorSample {
+    /// Time in s since the recording began.
+    pub t: f64,
+    /// The three indicators, m.
+    pub reading: [f64; 3],
+    /// Whether it was accepted as standing still.
+    pub settled: bool,
+}
+
+/// What a recording holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadRecording {
+    /// The measurements.
+    pub recording: Recording,
+    /// Files inside the recording.
+    pub attachments: Vec<Attachment>,
+    /// Metadata records by name.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Joints while the arm moved, in the order of time; times in s since the recording began.
+    pub joint_states: Vec<JointSample>,
+    /// Readings of the gauge.
+    pub indicators: Vec<IndicatorSample>,
+    /// When the recording began, in ns since 1970.
+    pub start_ns: u64,
+    /// Where the file does not end as it should: one sentence on what was lost.
+    pub lost: Option<String>,
+}
+
+impl ReadRecording {
+    /// Numbers (`seq`) of the measurements that are there.
+    #[must_use]
+    pub fn done(&self) -> BTreeSet<u64> {
+        self.recording.rows.iter().filter_map(|row| row.seq).collect()
+    }
+
+    /// The text of an attachment.
+    #[must_use]
+    pub fn attachment(&self, name: &str) -> Option<&str> {
+        let found = self.attachments.iter().find(|attachment| attachment.name == name)?;
+        std::str::from_utf8(&found.data).ok()
+    }
+}
+
+/// Why a recording could not be read or written.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    /// The operating system refuses.
+    #[error("{}: cannot {action} ({source})", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The file is something else.
+    #[error("{}: not an MCAP recording (begins with {found}, expected the MCAP magic bytes)", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes.
+        found: String,
+    },
+    /// The file is a recording that this program cannot read.
+    #[error("{}: {problem}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// The file is there already.
+    #[error("{}: exists already; resume it or choose another name", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The MCAP library refuses.
+    #[error("{}: cannot write ({source})", path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// What the library said.
+        source: mcap::McapError,
+    },
+    /// A message makes no sense.
+    #[error("{}: message {number} on {topic}: {problem}", path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// Its topic.
+        topic: String,
+        /// Its number on the topic, from 1.
+        number: usize,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// A recording to be resumed belongs to another robot, cell or arm.
+    #[error("{}: was recorded with another {what}; resume with the same one, or begin a new recording", path.display())]
+    Different {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: String,
+    },
+}
+
+impl RecordError {
+    pub(crate) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { path, action, source }
+    }
+
+    pub(crate) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Mcap { path, source }
+    }
+}

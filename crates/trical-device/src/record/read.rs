@@ -1,0 +1,135 @@
+//! Reading of recordings, whole or cut.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde_json::Value;
+use trical_model::recording::{MAX_JOINTS, Recording, Row};
+
+use super::cdr::JointState;
+use super::walk::{MAGIC, RawFile, RawMessage, walk};
+use super::{IndicatorSample, ReadRecording, RecordError, json, schema};
+use crate::motion::{JointSample, MotionSense};
+
+/// Reads a recording, whole or cut anywhere.
+///
+/// The sense of each joint's last motion is derived from `/joint_states` where a measurement does not say it.
+///
+/// # Errors
+/// The file cannot be read, is no MCAP file, or has a message that makes no sense.
+pub fn read_recording(path: &Path) -> Result<ReadRecording, RecordError> {
+    interpret(path, &read_raw(path)?)
+}
+
+/// Takes all whole records out of a file.
+pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
+    let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
+    let Some(body) = bytes.strip_prefix(&MAGIC) else {
+        let begin = bytes.get(..MAGIC.len()).unwrap_or(&bytes);
+        let found = if begin.is_empty() { "nothing".to_owned() } else { format!("\"{}\"", begin.escape_ascii()) };
+        return Err(RecordError::NotMcap { path: path.to_owned(), found });
+    };
+    walk(body).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
+}
+
+/// What was lost of a file, as one sentence.
+fn lost(path: &Path, raw: &RawFile) -> Option<String> {
+    (!raw.losses.is_empty()).then(|| {
+        format!(
+            "{}: the recording is not whole ({}); {} messages were recovered",
+            path.display(),
+            raw.losses.join("; "),
+            raw.messages.len()
+        )
+    })
+}
+
+/// Makes sense of the messages.
+pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, RecordError> {
+    let lost = lost(path, raw);
+    let metadata: BTreeMap<_, _> = raw.metadata.iter().cloned().collect();
+    let start_ns = metadata
+        .get("trical")
+        .and_then(|settings| settings.get("start_ns"))
+        .and_then(|text| text.parse().ok())
+        .or_else(|| raw.messages.iter().map(|message| message.log_time).min())
+        .unwrap_or(0);
+
+    let mut messages: Vec<&RawMessage> = raw.messages.iter().collect();
+    messages.sort_by_key(|message| message.log_time);
+
+    let mut joints: Option<usize> = None;
+    let mut rows: Vec<Row> = Vec::new();
+    let mut joint_states = Vec::new();
+    let mut indicators = Vec::new();
+    let mut motion = MotionSense::default();
+    let mut numbers: BTreeMap<u16, usize> = BTreeMap::new();
+    for message in messages {
+        let Some(channel) = raw.channels.get(&message.channel) else {
+            continue;
+        };
+        let number = numbers.entry(message.channel).or_insert(0);
+        *number += 1;
+        let wrong = |problem: String| RecordError::Message {
+            path: path.to_owned(),
+            topic: channel.topic.clone(),
+            number: *number,
+            problem,
+        };
+        match channel.topic.as_str() {
+            schema::JOINT_STATES => {
+                if channel.encoding != "cdr" {
+                    return Err(wrong(format!("encoding {:?}; expected \"cdr\"", channel.encoding)));
+                }
+                let state = JointState::from_cdr(&message.data)
+                    .ok_or_else(|| wrong("no sensor_msgs/msg/JointState in little-endian CDR".to_owned()))?;
+                let mut q = [0.0; MAX_JOINTS];
+                for (to, from) in q.iter_mut().zip(&state.position) {
+                    *to = *from;
+                }
+                motion.push(&q);
+                joint_states.push(JointSample { t: seconds_since(start_ns, message.log_time), q });
+            }
+            schema::MEASUREMENT => {
+                let (mut row, count) = json::row_from_json(&message.data).map_err(wrong)?;
+                match joints {
+                    Some(before) if before != count => {
+                        return Err(wrong(format!("{count} joints; expected {before} as before")));
+                    }
+                    _ => joints = Some(count),
+                }
+                if row.state.dir.is_none() && !joint_states.is_empty() {
+                    row.state.dir = Some(motion.sense());
+                }
+                rows.push(row);
+            }
+            schema::INDICATORS => indicators.push(read_indicators(&message.data).map_err(wrong)?),
+            _ => {}
+        }
+    }
+    let recording = Recording { name: path.display().to_string(), joints: joints.unwrap_or(0), rows };
+    Ok(ReadRecording {
+        recording,
+        attachments: raw.attachments.clone(),
+        metadata,
+        joint_states,
+        indicators,
+        start_ns,
+        lost,
+    })
+}
+
+fn seconds_since(start_ns: u64, log_time: u64) -> f64 {
+    if log_time >= start_ns { (log_time - start_ns) as f64 * 1e-9 } else { -((start_ns - log_time) as f64) * 1e-9 }
+}
+
+fn read_indicators(data: &[u8]) -> Result<IndicatorSample, String> {
+    let value: Value = serde_json::from_slice(data).map_err(|error| format!("no JSON ({error})"))?;
+    let number =
+        |key: &str| value.get(key).and_then(Value::as_f64).ok_or_else(|| format!("key {key:?}; expected a number"));
+    Ok(IndicatorSample {
+        t: number("t_s")?,
+        reading: [number("ix_mm")? * 1e-3, number("iy_mm")? * 1e-3, number("iz_mm")? * 1e-3],
+        settled: value.get("settled").and_then(Value::as_bool).unwrap_or(false),
+    })
+}

@@ -1,0 +1,323 @@
+//! Writing of recordings, and taking up one that was broken off.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader, Metadata};
+use trical_model::recording::{Recording, Row};
+
+use super::cdr::{self, JointState};
+use super::read::{interpret, read_raw};
+use super::walk::RawFile;
+use super::{Header, ReadRecording, RecordError, RunLog, json, schema};
+use crate::motion::JointSample;
+
+/// Writes a recording; every accepted measurement is on disk before [`RunLog::measurement`] returns.
+pub struct RecordingWriter {
+    mcap: mcap::Writer<BufWriter<File>>,
+    file: File,
+    path: PathBuf,
+    joint_names: Vec<String>,
+    start_ns: u64,
+    channels: Channels,
+    sequences: BTreeMap<u16, u32>,
+    last_t: f64,
+}
+
+struct Channels {
+    joint_states: u16,
+    indicators: u16,
+    temperature: u16,
+    measurement: u16,
+}
+
+impl RecordingWriter {
+    /// Begins a recording in a new file.
+    ///
+    /// # Errors
+    /// The file exists or cannot be written.
+    pub fn create(path: &Path, header: &Header) -> Result<Self, RecordError> {
+        if path.exists() {
+            return Err(RecordError::Exists { path: path.to_owned() });
+        }
+        Self::begin(path, header, None)
+    }
+
+    /// Takes up a recording: everything whole in it is kept, in a new file that then takes its name.
+    ///
+    /// Gives the writer and what the recording held; `None` where there was no file yet. Times of the recording go on
+    /// counting from its own beginning ([`ReadRecording::start_ns`]).
+    ///
+    /// # Errors
+    /// The file cannot be read or written, is no recording, or was made with another robot, cell or number of joints.
+    pub fn resume(path: &Path, header: &Header) -> Result<(Self, Option<ReadRecording>), RecordError> {
+        if !path.exists() {
+            return Ok((Self::begin(path, header, None)?, None));
+        }
+        let raw = read_raw(path)?;
+        let read = interpret(path, &raw)?;
+        let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
+        for ours in &header.attachments {
+            if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
+                return Err(different(&ours.name));
+            }
+        }
+        if !read.recording.rows.is_empty() && read.recording.joints != header.joint_names.len() {
+            return Err(different("number of joints"));
+        }
+        // a file that was cut before its first message says nothing of when it began either
+        if raw.messages.is_empty() {
+            return Ok((Self::begin(path, header, None)?, Some(read)));
+        }
+        let mut header = header.clone();
+        header.start_ns = read.start_ns;
+        let writer = Self::begin(path, &header, Some(&raw))?;
+        Ok((writer, Some(read)))
+    }
+
+    /// Begins in a file beside, which takes the name once its head is whole.
+    fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+        let mut writer = Self::begin_beside(path, header, before)?;
+        if let Some(raw) = before {
+            writer.copy(raw)?;
+        }
+        writer.sync()?;
+        publish(path)?;
+        Ok(writer)
+    }
+
+    fn begin_beside(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+        let temporary = temporary_beside(path);
+        let file = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .open(&temporary)
+            .map_err(RecordError::io(&temporary, "create"))?;
+        Self::write_head(file, path, header, before)
+    }
+
+    fn write_head(file: File, path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+        let failed = || RecordError::mcap(path);
+        let second = file.try_clone().map_err(RecordError::io(path, "write"))?;
+        // not compressed: a chunk that was cut still gives its messages, and the files are small
+        let mut mcap = mcap::WriteOptions::new()
+            .compression(None)
+            .library(format!("trical {}", env!("CARGO_PKG_VERSION")))
+            .create(BufWriter::new(file))
+            .map_err(failed())?;
+
+        let mut metadata = header.settings.clone();
+        metadata.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+        metadata.insert("start_ns".to_owned(), header.start_ns.to_string());
+        let mut records = before.map(|raw| raw.metadata.clone()).unwrap_or_default();
+        if before.is_some() {
+            let times = records.iter().filter(|(name, _)| name.starts_with("trical.resumed")).count();
+            records.push((format!("trical.resumed.{}", times + 1), metadata));
+        } else {
+            records.push(("trical".to_owned(), metadata));
+        }
+        for (name, metadata) in records {
+            mcap.write_metadata(&Metadata { name, metadata }).map_err(failed())?;
+        }
+
+        let mut attachments = before.map(|raw| raw.attachments.clone()).unwrap_or_default();
+        for ours in &header.attachments {
+            if !attachments.iter().any(|theirs| theirs.name == ours.name) {
+                attachments.push(ours.clone());
+            }
+        }
+        for attachment in attachments {
+            mcap.attach(&mcap::Attachment {
+                log_time: header.start_ns,
+                create_time: header.start_ns,
+                name: attachment.name,
+                media_type: attachment.media_type,
+                data: attachment.data.into(),
+            })
+            .map_err(failed())?;
+        }
+
+        let mut channel = |topic: &str, name: &str, encoding: [&str; 2], text: &str, metadata: &BTreeMap<_, _>| {
+            let [message, schema] = encoding;
+            let id = mcap.add_schema(name, schema, text.as_bytes())?;
+            mcap.add_channel(id, topic, message, metadata)
+        };
+        let ros = ["cdr", "ros2msg"];
+        let json = ["json", "jsonschema"];
+        let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
+        let none = BTreeMap::new();
+        let joint_states =
+            channel(schema::JOINT_STATES, schema::JOINT_STATE_NAME, ros, schema::JOINT_STATE_TEXT, &quality)
+                .map_err(failed())?;
+        let (name, text) = schema::indicators();
+        let indicators = channel(schema::INDICATORS, name, json, &text, &none).map_err(failed())?;
+        let (name, text) = schema::temperature();
+        let temperature = channel(schema::TEMPERATURE, name, json, &text, &none).map_err(failed())?;
+        let (name, text) = schema::measurement(header.joint_names.len());
+        let measurement = channel(schema::MEASUREMENT, name, json, &text, &none).map_err(failed())?;
+        let description = match (&header.robot_description, before) {
+            (Some(text), None) => {
+                let id = channel(schema::ROBOT_DESCRIPTION, schema::STRING_NAME, ros, schema::STRING_TEXT, &quality)
+                    .map_err(failed())?;
+                Some((id, cdr::string_to_cdr(text)))
+            }
+            _ => None,
+        };
+        let mut writer = Self {
+            mcap,
+            file: second,
+            path: path.to_owned(),
+            joint_names: header.joint_names.clone(),
+            start_ns: header.start_ns,
+            channels: Channels { joint_states, indicators, temperature, measurement },
+            sequences: BTreeMap::new(),
+            last_t: 0.0,
+        };
+        if let Some((id, data)) = description {
+            writer.message(id, 0.0, &data)?;
+        }
+        Ok(writer)
+    }
+
+    /// Copies all messages of an older file, with their times and numbers.
+    fn copy(&mut self, raw: &RawFile) -> Result<(), RecordError> {
+        let mut ids: BTreeMap<u16, u16> = BTreeMap::new();
+        for (old, channel) in &raw.channels {
+            let schema = match &channel.schema {
+                Some(schema) => self
+                    .mcap
+                    .add_schema(&schema.name, &schema.encoding, &schema.data)
+                    .map_err(RecordError::mcap(&self.path))?,
+                None => 0,
+            };
+            let id = self
+                .mcap
+                .add_channel(schema, &channel.topic, &channel.encoding, &channel.metadata)
+                .map_err(RecordError::mcap(&self.path))?;
+            ids.insert(*old, id);
+        }
+        for message in &raw.messages {
+            let Some(channel_id) = ids.get(&message.channel).copied() else {
+                continue;
+            };
+            let header = MessageHeader {
+                channel_id,
+                sequence: message.sequence,
+                log_time: message.log_time,
+                publish_time: message.publish_time,
+            };
+            self.mcap.write_to_known_channel(&header, &message.data).map_err(RecordError::mcap(&self.path))?;
+            let next = self.sequences.entry(channel_id).or_insert(0);
+            *next = (*next).max(message.sequence.saturating_add(1));
+            self.last_t = self.last_t.max(message.log_time.saturating_sub(self.start_ns) as f64 * 1e-9);
+        }
+        Ok(())
+    }
+
+    /// Time of the last message, in s since the recording began.
+    #[must_use]
+    pub fn last_t(&self) -> f64 {
+        self.last_t
+    }
+
+    /// Writes the index and ends the file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn finish(mut self) -> Result<(), RecordError> {
+        self.mcap.finish().map_err(RecordError::mcap(&self.path))?;
+        self.file.sync_all().map_err(RecordError::io(&self.path, "write to the disk"))
+    }
+
+    fn message(&mut self, channel_id: u16, t: f64, data: &[u8]) -> Result<(), RecordError> {
+        self.last_t = self.last_t.max(t);
+        let log_time = self.log_time(t);
+        let next = self.sequences.entry(channel_id).or_insert(0);
+        let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time: log_time };
+        *next = next.wrapping_add(1);
+        self.mcap.write_to_known_channel(&header, data).map_err(RecordError::mcap(&self.path))
+    }
+
+    fn log_time(&self, t: f64) -> u64 {
+        self.start_ns.saturating_add((t.max(0.0) * 1e9).round() as u64)
+    }
+
+    fn sync(&mut self) -> Result<(), RecordError> {
+        self.mcap.flush().map_err(RecordError::mcap(&self.path))?;
+        self.file.sync_data().map_err(RecordError::io(&self.path, "write to the disk"))
+    }
+}
+
+impl RunLog for RecordingWriter {
+    fn joint_state(&mut self, sample: &JointSample) -> Result<(), RecordError> {
+        let stamp = self.log_time(sample.t);
+        let message = JointState {
+            seconds: (stamp / 1_000_000_000) as i32,
+            nanoseconds: (stamp % 1_000_000_000) as u32,
+            frame: "base_link".to_owned(),
+            names: self.joint_names.clone(),
+            position: sample.q.iter().take(self.joint_names.len()).copied().collect(),
+            velocity: Vec::new(),
+            effort: Vec::new(),
+        };
+        self.message(self.channels.joint_states, sample.t, &message.to_cdr())
+    }
+
+    fn indicators(&mut self, t: f64, reading: &[f64; 3], settled: bool) -> Result<(), RecordError> {
+        let text = json::indicators_to_json(t, reading, settled);
+        self.message(self.channels.indicators, t, text.as_bytes())
+    }
+
+    fn temperature(&mut self, t: f64, temp_c: f64) -> Result<(), RecordError> {
+        let text = json::temperature_to_json(t, temp_c);
+        self.message(self.channels.temperature, t, text.as_bytes())
+    }
+
+    fn measurement(&mut self, row: &Row) -> Result<(), RecordError> {
+        let text = json::row_to_json(row, self.joint_names.len());
+        self.message(self.channels.measurement, row.state.t.unwrap_or(self.last_t), text.as_bytes())?;
+        self.sync()
+    }
+}
+
+/// Writes a recording that is whole already, e.g. one that was read from CSV. A file of that name is replaced, once the
+/// new one is whole.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> Result<(), RecordError> {
+    let mut writer = RecordingWriter::begin_beside(path, header, None)?;
+    for row in &recording.rows {
+        let text = json::row_to_json(row, recording.joints);
+        let t = row.state.t.unwrap_or(writer.last_t);
+        writer.message(writer.channels.measurement, t, text.as_bytes())?;
+    }
+    writer.finish()?;
+    publish(path)
+}
+
+/// Gives the file beside its name.
+fn publish(path: &Path) -> Result<(), RecordError> {
+    std::fs::rename(temporary_beside(path), path).map_err(RecordError::io(path, "rename the new file to it"))?;
+    sync_directory(path)
+}
+
+fn temporary_beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".part");
+    path.with_file_name(name)
+}
+
+/// Makes a rename last.
+fn sync_directory(path: &Path) -> Result<(), RecordError> {
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    File::open(directory)
+        .and_then(|directory| directory.sync_all())
+        .map_err(RecordError::io(directory, "write to the disk"))
+}

@@ -1,0 +1,162 @@
+//! The small URL grammar of `--gauge` and `--controller`: `scheme://place?key=value&key=value`.
+
+use thiserror::Error;
+
+/// A URL that cannot be used, as one sentence.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{url:?}: {problem}")]
+pub struct UrlError {
+    /// The URL as it was given.
+    pub url: String,
+    /// What was found and what was expected.
+    pub problem: String,
+}
+
+/// A device URL in its parts; values are percent-decoded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceUrl {
+    /// The URL as it was given, for messages.
+    pub text: String,
+    /// What stands before `://`, in lower case.
+    pub scheme: String,
+    /// What stands between `://` and `?`: a path or `host:port`.
+    pub place: String,
+    query: Vec<(String, String)>,
+}
+
+impl DeviceUrl {
+    /// Splits a URL.
+    ///
+    /// # Errors
+    /// No `://`, an empty place, a key without `=`, a key given twice, a broken percent escape.
+    pub fn parse(text: &str) -> Result<Self, UrlError> {
+        let fail = |problem: String| UrlError { url: text.to_owned(), problem };
+        let (scheme, rest) = text
+            .split_once("://")
+            .ok_or_else(|| fail("no \"://\" in it; expected scheme://place, e.g. uwave:///dev/ttyUSB0".to_owned()))?;
+        let (place, query) = match rest.split_once('?') {
+            Some((place, query)) => (place, query),
+            None => (rest, ""),
+        };
+        if place.is_empty() {
+            return Err(fail("nothing between \"://\" and the options; expected a port or an address".to_owned()));
+        }
+        let mut pairs: Vec<(String, String)> = Vec::new();
+        for part in query.split('&').filter(|part| !part.is_empty()) {
+            let (key, value) = part
+                .split_once('=')
+                .ok_or_else(|| fail(format!("option {part:?} has no \"=\"; expected key=value")))?;
+            if pairs.iter().any(|(known, _)| known == key) {
+                return Err(fail(format!("option {key:?} is given twice")));
+            }
+            let value = percent_decode(value)
+                .ok_or_else(|| fail(format!("option {key:?} has a broken percent escape in {value:?}")))?;
+            pairs.push((key.to_owned(), value));
+        }
+        let place = percent_decode(place).ok_or_else(|| fail("broken percent escape in the place".to_owned()))?;
+        Ok(Self { text: text.to_owned(), scheme: scheme.to_ascii_lowercase(), place, query: pairs })
+    }
+
+    /// An error about this URL.
+    #[must_use]
+    pub fn error(&self, problem: impl Into<String>) -> UrlError {
+        UrlError { url: self.text.clone(), problem: problem.into() }
+    }
+
+    /// Takes the text value of a key out of the URL; what is left at the end is unknown (see [`Self::finish`]).
+    pub fn take(&mut self, key: &str) -> Option<String> {
+        let at = self.query.iter().position(|(known, _)| known == key)?;
+        Some(self.query.remove(at).1)
+    }
+
+    /// Takes a number out of the URL, or `default`.
+    ///
+    /// # Errors
+    /// The value is not a number within `range`.
+    pub fn take_number(
+        &mut self,
+        key: &str,
+        default: f64,
+        range: std::ops::RangeInclusive<f64>,
+    ) -> Result<f64, UrlError> {
+        let Some(value) = self.take(key) else {
+            return Ok(default);
+        };
+        match value.parse::<f64>() {
+            Ok(number) if range.contains(&number) => Ok(number),
+            _ => Err(self.error(format!(
+                "option {key}={value:?}; expected a number from {} to {}",
+                range.start(),
+                range.end()
+            ))),
+        }
+    }
+
+    /// All keys must have been taken.
+    ///
+    /// # Errors
+    /// Names the first key that nobody took, and the keys that are known.
+    pub fn finish(&self, known: &str) -> Result<(), UrlError> {
+        match self.query.first() {
+            None => Ok(()),
+            Some((key, _)) => Err(self.error(format!("unknown option {key:?}; known are {known}"))),
+        }
+    }
+}
+
+fn percent_decode(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        if first == b'%' {
+            let digits = tail.get(..2)?;
+            let digits = std::str::from_utf8(digits).ok()?;
+            if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+                return None;
+            }
+            bytes.push(u8::from_str_radix(digits, 16).ok()?);
+            rest = tail.get(2..)?;
+        } else {
+            bytes.push(first);
+            rest = tail;
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn parts_and_escapes() {
+        let mut url = DeviceUrl::parse("line:///dev/ttyS0?request=%3F%0D&baud=4800").unwrap();
+        assert_eq!((url.scheme.as_str(), url.place.as_str()), ("line", "/dev/ttyS0"));
+        assert_eq!(url.take("request").unwrap(), "?\r");
+        assert_eq!(url.take_number("baud", 9600.0, 50.0..=1e6).unwrap(), 4800.0);
+        url.finish("baud, request").unwrap();
+    }
+
+    #[test]
+    fn errors_name_what_is_wrong() {
+        let says = |text: &str| DeviceUrl::parse(text).unwrap_err().to_string();
+        assert!(says("ttyUSB0").contains("://"));
+        assert!(says("line://?x=1").contains("nothing between"));
+        assert!(says("line:///dev/a?x").contains("no \"=\""));
+        assert!(says("line:///dev/a?x=1&x=2").contains("twice"));
+        assert!(says("line:///dev/a?x=%2").contains("percent"));
+        let url = DeviceUrl::parse("line:///dev/a?speling=1").unwrap();
+        assert_eq!(
+            url.finish("baud").unwrap_err().to_string(),
+            "\"line:///dev/a?speling=1\": unknown option \"speling\"; known are baud"
+        );
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_refused_or_taken_without_a_panic(text in ".*") {
+            let _ = DeviceUrl::parse(&text);
+        }
+    }
+}

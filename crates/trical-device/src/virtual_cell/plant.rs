@@ -1,0 +1,37 @@
+//! What the virtual cell asks of the arm behind it.
+
+use trical_model::recording::{Joints, State};
+
+/// Position in m and the rows of a rotation matrix.
+pub type Frame = ([f64; 3], [[f64; 3]; 3]);
+
+/// The physical arm and the balls behind a virtual cell.
+///
+/// The controller knows the nominal arm only; what the arm really does, it does in [`Plant::offset_to_ball`].
+pub trait Plant: Send {
+    /// Number of joints.
+    fn joints(&self) -> usize;
+
+    /// Number of balls.
+    fn balls(&self) -> usize;
+
+    /// Centre of a ball (0-based) relative to the true TCP, in the device's true axes, m.
+    ///
+    /// The state has the joint values that the controller reports, the sense of each joint's last motion, the time in s
+    /// since the cell began, the temperature and the payload.
+    fn offset_to_ball(&mut self, state: &State, ball: usize) -> [f64; 3];
+
+    /// True TCP in the world frame, m, and rows of the rotation matrix.
+    fn tcp(&mut self, state: &State) -> Frame;
+
+    /// TCP in the world frame where the controller believes it to be, m, and rows of the rotation matrix.
+    fn nominal_tcp(&self, q: &Joints) -> Frame;
+
+    /// Joint values near `seed` with which the controller believes to be at this pose; `None` where it cannot get there.
+    fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], seed: &Joints) -> Option<Joints>;
+
+    /// Temperature in degC at a time in s since the cell began, where the cell has a sensor.
+    fn temperature(&mut self, _t: f64) -> Option<f64> {
+        None
+    }
+}

@@ -1,0 +1,123 @@
+//! The virtual controller: speaks the RAPID dialect on a TCP port, one client at a time.
+
+use std::io::{self, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use super::world::World;
+use super::{Fault, lock};
+use crate::controller::rapid_protocol::{self as protocol, code};
+use crate::motion::JointSample;
+
+/// Serves clients until `stop`.
+pub(super) fn serve(listener: &TcpListener, world: &Arc<Mutex<World>>, stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                // an error ends this client; the next one may come
+                let _ = serve_client(stream, world, stop);
+            }
+            Err(_) => std::thread::sleep(Duration::from_millis(5)),
+        }
+    }
+}
+
+fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicBool) -> io::Result<()> {
+    stream.set_nonblocking(false)?;
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(Duration::from_millis(20)))?;
+    let mut pending: Vec<u8> = Vec::new();
+    while !stop.load(Ordering::Relaxed) {
+        let mut bytes = [0_u8; 256];
+        match stream.read(&mut bytes) {
+            Ok(0) => return Ok(()),
+            Ok(count) => pending.extend_from_slice(bytes.get(..count).unwrap_or_default()),
+            Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock) => {}
+            Err(error) => return Err(error),
+        }
+        while let Some(end) = pending.iter().position(|byte| *byte == b'#') {
+            let message: Vec<u8> = pending.drain(..=end).take(end).collect();
+            let (reply, takes) = {
+                let mut world = lock(world);
+                let begin = world.clock();
+                let Some(reply) = answer(&message, &mut world) else {
+                    return Ok(());
+                };
+                (reply, (world.clock() - begin) * world.options.pace)
+            };
+            wait(takes, stop);
+            stream.write_all(reply.as_bytes())?;
+        }
+        if pending.len() > protocol::LONGEST {
+            return Ok(());
+        }
+    }
+    Ok(())
+}
+
+/// Lets real time pass, in s.
+fn wait(seconds: f64, stop: &AtomicBool) {
+    let begin = Instant::now();
+    while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// What the controller sends on a request; `None` closes the connection.
+fn answer(message: &[u8], world: &mut World) -> Option<String> {
+    if world.has(&Fault::DropConnection) {
+        return None;
+    }
+    let Some(request) = protocol::parse_request(message) else {
+        return Some(protocol::write_reply(0, false, "not understood"));
+    };
+    let count = world.joint_count();
+    let wrong_count = || Err("wrong number of parameters".to_owned());
+    let mut samples = Vec::new();
+    let mut moved = |result: Result<Vec<JointSample>, String>| {
+        result.map(|taken| {
+            samples = taken;
+            String::new()
+        })
+    };
+    let result: Result<String, String> = match (request.code, request.parameters.as_slice()) {
+        (code::PING | code::TOOL, _) => Ok(String::new()),
+        (code::MOVE_JOINTS, degrees) => match protocol::parse_joints(degrees, count) {
+            Some(target) => moved(world.move_joints(&target)),
+            None => wrong_count(),
+        },
+        (code::JOINTS, _) => Ok(protocol::write_joints(&world.joints(), count)),
+        (code::SPEED, [linear, angular]) => {
+            world.set_speed(linear * 1e-3, angular.to_radians()).map(|()| String::new())
+        }
+        (code::ZONE, [fine]) if *fine == 1.0 => Ok(String::new()),
+        (code::ZONE, _) => Err("only fine".to_owned()),
+        (code::CORRECT, [x, y, z]) => moved(world.correct([x * 1e-3, y * 1e-3, z * 1e-3])),
+        (code::CLOCK, _) => Ok(format!("{:.3}", world.clock())),
+        (code::STREAM, [interval]) if *interval >= 0.0 => {
+            world.stream_interval = interval * 1e-3;
+            Ok(String::new())
+        }
+        (code::TEMPERATURE, _) => Ok(world.temperature().map(|t| format!("{t:.2}")).unwrap_or_default()),
+        (code::IDENTIFY, _) => {
+            Ok(format!("TriCal {} {count} {:.3}", protocol::VERSION, world.options.correction_limit * 1e3))
+        }
+        (code::CLOSE, _) => return None,
+        (code::SPEED | code::CORRECT | code::STREAM, _) => wrong_count(),
+        _ => Err("unknown code".to_owned()),
+    };
+    let mut reply: String = samples
+        .iter()
+        .map(|sample| {
+            let data = format!("{:.3} {}", sample.t, protocol::write_joints(&sample.q, count));
+            protocol::write_reply(code::SAMPLE, true, &data)
+        })
+        .collect();
+    reply.push_str(&match result {
+        Ok(data) => protocol::write_reply(request.code, true, &data),
+        Err(reason) => protocol::write_reply(request.code, false, &reason),
+    });
+    Some(reply)
+}

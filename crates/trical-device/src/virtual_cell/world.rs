@@ -1,0 +1,238 @@
+//! The state of a virtual cell: where the arm stands, what the indicators show, what time it is.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64Mcg;
+use trical_model::recording::{Joints, State};
+
+use super::{CellOptions, Fault, Frame, Plant};
+use crate::motion::{JointSample, MotionSense};
+
+/// Never more joint samples in one motion.
+const MOST_SAMPLES: usize = 200;
+
+pub(super) struct World {
+    plant: Box<dyn Plant>,
+    pub(super) options: CellOptions,
+    pub(super) faults: Vec<Fault>,
+    q: Joints,
+    commanded: Joints,
+    motion: MotionSense,
+    clock: f64,
+    random: Pcg64Mcg,
+    indicators: [f64; 3],
+    linear_speed: f64,
+    angular_speed: f64,
+    pub(super) stream_interval: f64,
+    pub(super) motions: u64,
+    /// Sum of the corrections since the last joint motion, m.
+    corrected: f64,
+}
+
+impl World {
+    pub(super) fn new(plant: Box<dyn Plant>, options: CellOptions) -> Self {
+        let random = Pcg64Mcg::seed_from_u64(options.seed);
+        let q = on_grid(&options.start);
+        let mut world = Self {
+            plant,
+            faults: Vec::new(),
+            q,
+            commanded: q,
+            motion: MotionSense::default(),
+            clock: 0.0,
+            random,
+            indicators: [0.0; 3],
+            linear_speed: 0.1,
+            angular_speed: 0.5,
+            stream_interval: 0.0,
+            motions: 0,
+            corrected: 0.0,
+            options,
+        };
+        world.motion.push(&q);
+        world.settle();
+        world
+    }
+
+    pub(super) fn joint_count(&self) -> usize {
+        self.plant.joints()
+    }
+
+    pub(super) fn joints(&self) -> Joints {
+        self.q
+    }
+
+    pub(super) fn clock(&self) -> f64 {
+        self.clock
+    }
+
+    pub(super) fn temperature(&mut self) -> Option<f64> {
+        self.plant.temperature(self.clock)
+    }
+
+    pub(super) fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), String> {
+        if !(linear > 0.0 && angular > 0.0) {
+            return Err("speed must be positive".to_owned());
+        }
+        // as the module does: a wish for more is no error
+        self.linear_speed = linear.min(0.25);
+        self.angular_speed = angular.min(1.0);
+        Ok(())
+    }
+
+    /// What the controller tells the plant and the plant may depend on.
+    pub(super) fn state(&mut self) -> State {
+        State {
+            q: self.q,
+            q_commanded: Some(self.commanded),
+            dir: Some(self.motion.sense()),
+            t: Some(self.clock),
+            temp_c: self.plant.temperature(self.clock),
+            payload_kg: self.options.payload_kg,
+        }
+    }
+
+    pub(super) fn true_tcp(&mut self) -> Frame {
+        let state = self.state();
+        self.plant.tcp(&state)
+    }
+
+    /// MoveAbsJ of the virtual controller; gives samples on the way.
+    pub(super) fn move_joints(&mut self, target: &Joints) -> Result<Vec<JointSample>, String> {
+        if self.has(&Fault::RefuseMoves) {
+            return Err("emergency stop".to_owned());
+        }
+        self.check_limits(target)?;
+        self.corrected = 0.0;
+        Ok(self.go(target))
+    }
+
+    /// The correction of the virtual controller, by its nominal kinematics.
+    pub(super) fn correct(&mut self, displacement: [f64; 3]) -> Result<Vec<JointSample>, String> {
+        if self.has(&Fault::RefuseMoves) {
+            return Err("emergency stop".to_owned());
+        }
+        let length = displacement.iter().map(|d| d * d).sum::<f64>().sqrt();
+        if length > self.options.correction_limit {
+            return Err(format!(
+                "correction {:.3} mm is over the limit of {:.3} mm",
+                length * 1e3,
+                self.options.correction_limit * 1e3
+            ));
+        }
+        if self.corrected + length > self.options.correction_sum_limit {
+            return Err(format!(
+                "corrections since the last MoveAbsJ are over {:.3} mm",
+                self.options.correction_sum_limit * 1e3
+            ));
+        }
+        let (position, rotation) = self.plant.nominal_tcp(&self.q);
+        let moved = std::array::from_fn(|row| {
+            position[row] + (0..3).map(|column| rotation[row][column] * displacement[column]).sum::<f64>()
+        });
+        let Some(target) = self.plant.nominal_inverse(moved, rotation, &self.q) else {
+            return Err("position cannot be reached".to_owned());
+        };
+        self.check_limits(&target)?;
+        self.corrected += length;
+        Ok(self.go(&target))
+    }
+
+    /// What an indicator shows, m.
+    pub(super) fn indicator(&self, axis: usize) -> f64 {
+        let source = if self.has(&Fault::SwappedAxes) { [1, 0, 2][axis] } else { axis };
+        let value = self.indicators[source];
+        if self.has(&Fault::FlippedAxis { axis }) { -value } else { value }
+    }
+
+    pub(super) fn has(&self, fault: &Fault) -> bool {
+        self.faults.contains(fault)
+    }
+
+    fn check_limits(&self, target: &Joints) -> Result<(), String> {
+        for (joint, (q, (low, high))) in target.iter().zip(&self.options.limits).enumerate() {
+            if !(*low..=*high).contains(q) {
+                return Err(format!("joint {} out of limits at {:.3} deg", joint + 1, q.to_degrees()));
+            }
+        }
+        Ok(())
+    }
+
+    fn go(&mut self, target: &Joints) -> Vec<JointSample> {
+        self.motions += 1;
+        let target = if self.has(&Fault::StuckArm) { self.q } else { on_grid(target) };
+        let start = self.q;
+        let duration = self.duration(&start, &target);
+        let mut samples = Vec::new();
+        if self.stream_interval > 0.0 {
+            let count = ((duration / self.stream_interval).floor() as usize).min(MOST_SAMPLES);
+            for index in 1..=count {
+                let part = index as f64 / (count + 1) as f64;
+                let q = std::array::from_fn(|joint| start[joint] + part * (target[joint] - start[joint]));
+                samples.push(JointSample { t: self.clock + part * duration, q });
+            }
+        }
+        self.clock += duration + self.options.dwell;
+        self.commanded = target;
+        self.q = target;
+        self.motion.push(&target);
+        self.settle();
+        samples
+    }
+
+    fn duration(&self, start: &Joints, target: &Joints) -> f64 {
+        let (from, _) = self.plant.nominal_tcp(start);
+        let (to, _) = self.plant.nominal_tcp(target);
+        let length = from.iter().zip(&to).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let angle = start.iter().zip(target).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        (length / self.linear_speed).max(angle / self.angular_speed)
+    }
+
+    /// The indicators take their values at the pose that was reached.
+    fn settle(&mut self) {
+        let state = self.state();
+        let [low, high] = self.options.stroke;
+        let mut touched: Option<[f64; 3]> = None;
+        if !self.has(&Fault::BallsRemoved) {
+            for ball in 0..self.plant.balls() {
+                let offset = self.plant.offset_to_ball(&state, ball);
+                let within = offset.iter().all(|d| (low..=high).contains(d));
+                if within && touched.is_none_or(|best| norm(&offset) < norm(&best)) {
+                    touched = Some(offset);
+                }
+            }
+        }
+        // drawn whether touched or not, so that the same motions give the same noise
+        let noise = self.draw(self.options.noise);
+        let placement = self.draw(self.options.placement);
+        let resolution = self.options.resolution;
+        let shown: [f64; 3] = match touched {
+            None => [high; 3],
+            Some(offset) => std::array::from_fn(|axis| {
+                let value = offset[axis] + noise[axis] + placement[axis];
+                if resolution > 0.0 { (value / resolution).round() * resolution } else { value }
+            }),
+        };
+        for (axis, value) in shown.into_iter().enumerate() {
+            if !self.has(&Fault::Stale { axis }) {
+                self.indicators[axis] = value;
+            }
+        }
+    }
+
+    fn draw(&mut self, sd: f64) -> [f64; 3] {
+        match Normal::new(0.0, sd) {
+            Ok(normal) if sd > 0.0 => std::array::from_fn(|_| normal.sample(&mut self.random)),
+            _ => [0.0; 3],
+        }
+    }
+}
+
+fn norm(d: &[f64; 3]) -> f64 {
+    d.iter().map(|d| d * d).sum::<f64>().sqrt()
+}
+
+/// Joint values on the grid of the wire, five decimals of a degree: the arm is where the controller says it is.
+fn on_grid(q: &Joints) -> Joints {
+    q.map(|q| ((q.to_degrees() * 1e5).round() / 1e5).to_radians())
+}

@@ -1,0 +1,196 @@
+//! The client of the RAPID dialect against servers that do not do as they should.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::io::{Read, Write};
+use std::net::TcpListener;
+use std::time::Duration;
+
+use trical_device::controller::{RapidClient, RapidSettings};
+use trical_device::{Controller, ControllerError, open_controller};
+
+/// A server that answers each whole request by a script, for one client.
+fn server(mut script: impl FnMut(&str) -> Option<String> + Send + 'static) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut request = String::new();
+        let mut byte = [0];
+        while stream.read(&mut byte).is_ok_and(|count| count == 1) {
+            request.push(char::from(byte[0]));
+            if byte[0] == b'#' {
+                match script(&request) {
+                    Some(reply) => stream.write_all(reply.as_bytes()).unwrap(),
+                    None => return,
+                }
+                request.clear();
+            }
+        }
+    });
+    address
+}
+
+/// What a sound server says, so that a script has to name its faults only.
+fn sound(request: &str) -> Option<String> {
+    let code = &request[..2];
+    let data = match code {
+        "24" => "TriCal 1 6 5.000",
+        "04" => "1.00000 -2.00000 3.00000 0.00000 45.00000 -180.00000",
+        "21" => "12.500",
+        _ => "",
+    };
+    Some(format!("{code} 1 {data}#"))
+}
+
+fn settings() -> RapidSettings {
+    RapidSettings {
+        timeout: Duration::from_millis(200),
+        move_timeout: Duration::from_millis(300),
+        ..Default::default()
+    }
+}
+
+fn connect(
+    script: impl FnMut(&str) -> Option<String> + Send + 'static,
+) -> Result<RapidClient<std::net::TcpStream>, ControllerError> {
+    RapidClient::connect(&server(script), settings())
+}
+
+#[test]
+fn a_sound_server_is_understood() {
+    let mut client = connect(sound).unwrap();
+    assert_eq!(client.joint_count(), 6);
+    assert!((client.correction_limit() - 5e-3).abs() < 1e-12);
+    let q = client.joints().unwrap();
+    assert!((q[4].to_degrees() - 45.0).abs() < 1e-9 && (q[5].to_degrees() + 180.0).abs() < 1e-9);
+    assert_eq!(client.clock().unwrap(), 12.5);
+    assert_eq!(client.temperature().unwrap(), None);
+    client.set_tool([0.018, -0.012, 0.118]).unwrap();
+}
+
+#[test]
+fn requests_are_written_as_the_module_reads_them() {
+    let (send, seen) = std::sync::mpsc::channel();
+    let mut client = connect(move |request| {
+        send.send(request.to_owned()).unwrap();
+        sound(request)
+    })
+    .unwrap();
+    let mut q = [0.0; 9];
+    (q[0], q[5]) = (30_f64.to_radians(), -200.5_f64.to_radians());
+    client.move_joints(&q).unwrap();
+    client.correct([0.25e-3, -1e-3, 0.0]).unwrap();
+    client.set_speed(0.05, 10_f64.to_radians()).unwrap();
+    client.set_tool([0.018, -0.012, 0.118]).unwrap();
+    let seen: Vec<String> = seen.try_iter().collect();
+    assert_eq!(
+        seen,
+        [
+            "24 #",
+            "09 1 #",
+            "22 100 #",
+            "02 30.00000 0.00000 0.00000 0.00000 0.00000 -200.50000 #",
+            "20 0.25000 -1.00000 0.00000 #",
+            "08 50.000 10.000 #",
+            "06 18.0000 -12.0000 118.0000 1.0000 0.0000 0.0000 0.0000 #",
+        ]
+    );
+    assert!(seen.iter().all(|request| request.len() <= 80));
+}
+
+#[test]
+fn plain_open_abb_is_told_from_the_module() {
+    let error = connect(|request| Some(format!("{} 0 #", &request[..2]))).err().unwrap();
+    assert!(error.to_string().contains("load rapid/TriCal.mod"), "{error}");
+    let error = connect(|_| Some("HTTP/1.1 400 Bad Request\r\n\r\n#".to_owned())).err().unwrap();
+    assert!(matches!(error, ControllerError::Garbage { .. }), "{error}");
+    let error = connect(|_| Some("x".repeat(3000))).err().unwrap();
+    assert!(matches!(error, ControllerError::Lost { .. }), "{error}");
+    let error = connect(|_| Some(String::new())).err().unwrap();
+    assert!(error.to_string().contains("no answer to \"24 #\" within 0.2 s"), "{error}");
+    let error = connect(|_| None).err().unwrap();
+    assert!(matches!(error, ControllerError::Lost { .. }), "{error}");
+}
+
+#[test]
+fn samples_come_before_the_reply_and_are_kept() {
+    let mut client = connect(|request| {
+        let reply = sound(request)?;
+        Some(if request.starts_with("02") {
+            format!("30 1 1.5 1 2 3 4 5 6#30 1 1.6 2 2 3 4 5 6#{reply}")
+        } else {
+            reply
+        })
+    })
+    .unwrap();
+    client.move_joints(&[0.0; 9]).unwrap();
+    let history = client.take_history();
+    assert_eq!(history.len(), 2);
+    assert_eq!(history[1].t, 1.6);
+    assert!((history[1].q[0].to_degrees() - 2.0).abs() < 1e-12);
+    assert!(client.take_history().is_empty());
+}
+
+#[test]
+fn a_server_that_refuses_the_samples_is_used_without() {
+    let client =
+        connect(
+            |request| {
+                if request.starts_with("22") { Some("22 0 unknown code#".to_owned()) } else { sound(request) }
+            },
+        );
+    assert!(client.is_ok());
+}
+
+#[test]
+fn after_a_late_answer_the_connection_is_not_used_again() {
+    let mut client =
+        connect(|request| if request.starts_with("02") { Some(String::new()) } else { sound(request) }).unwrap();
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    let error = client.joints().unwrap_err();
+    assert!(error.to_string().contains("no answer to \"02"), "a late answer could be taken for this one: {error}");
+}
+
+#[test]
+fn answers_to_another_request_are_an_error() {
+    let mut client =
+        connect(|request| if request.starts_with("04") { Some("21 1 3#".to_owned()) } else { sound(request) }).unwrap();
+    let error = client.joints().unwrap_err();
+    assert!(error.to_string().contains("answered \"21 1 3\" to \"04 #\", expected 04 1 ... #"), "{error}");
+    assert!(client.ping().is_err());
+}
+
+#[test]
+fn a_refusal_carries_the_reason_and_the_connection_lives_on() {
+    let mut client = connect(|request| {
+        if request.starts_with("20") {
+            Some("20 0 correction 6.000 mm is over the limit of 5.000 mm#".to_owned())
+        } else {
+            sound(request)
+        }
+    })
+    .unwrap();
+    let error = client.correct([6e-3, 0.0, 0.0]).unwrap_err();
+    assert!(
+        error.to_string().contains("refused \"20 6.00000 0.00000 0.00000 #\" (correction 6.000 mm is over"),
+        "{error}"
+    );
+    client.ping().unwrap();
+}
+
+#[test]
+fn wrong_numbers_of_joints_are_noticed() {
+    let mut client =
+        connect(|request| if request.starts_with("04") { Some("04 1 1 2 3#".to_owned()) } else { sound(request) })
+            .unwrap();
+    assert!(client.joints().unwrap_err().to_string().contains("expected 6 joint values"));
+}
+
+#[test]
+fn the_url_opens_the_client() {
+    let address = server(sound);
+    let mut controller = open_controller(&format!("rapid://{address}?timeout_s=1&stream_ms=0")).unwrap();
+    controller.ping().unwrap();
+}

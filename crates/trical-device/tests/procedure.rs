@@ -1,0 +1,186 @@
+//! The whole procedure against a virtual cell, through the real drivers.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
+use trical_device::procedure::{Retreat, Violation};
+use trical_device::{
+    CellOptions, PlanEntry, ProcedureError, ProcedureOptions, Progress, open_controller, open_gauge, run,
+};
+use trical_model::recording::Measured;
+
+#[test]
+fn forty_five_touches_close_on_the_balls_in_seconds() {
+    let begin = Instant::now();
+    let mut bench = bench();
+    let report = bench.run(&plan(45), &options()).unwrap();
+    assert_eq!((report.measured, report.skipped, report.warnings.len()), (45, 0, 0));
+    assert!(begin.elapsed() < Duration::from_secs(8), "{:?}", begin.elapsed());
+    for row in &bench.rows {
+        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
+        let (p, r) = nominal(&row.state.q);
+        for i in 0..3 {
+            let centre = p[i] + Gantry::default().error[i] + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>();
+            assert!((centre - BALLS[ball][i]).abs() < 1e-6, "indicators resolve 0.001 mm");
+        }
+        assert!(row.state.temp_c.is_some() && row.state.t.is_some());
+    }
+    assert!(bench.rows.windows(2).all(|pair| pair[0].state.t < pair[1].state.t));
+}
+
+#[test]
+fn the_recorded_sense_of_motion_is_the_arms_own() {
+    let plant = Gantry { backlash: 50e-6, ..Gantry::default() };
+    let mut bench = Bench::new(plant, CellOptions::default());
+    bench.run(&plan(9), &options()).unwrap();
+    for row in &bench.rows {
+        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
+        let (p, r) = nominal(&row.state.q);
+        let sense = f64::from(row.state.dir.unwrap()[1]);
+        let x = p[0] + Gantry::default().error[0] + 50e-6 * sense + (0..3).map(|j| r[0][j] * reading[j]).sum::<f64>();
+        assert!((x - BALLS[ball][0]).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_rows() {
+    let once = || {
+        let cell = CellOptions { noise: 1e-6, placement: 3e-6, seed: 7, ..CellOptions::default() };
+        let mut bench = Bench::new(Gantry { drift: 1e-9, ..Gantry::default() }, cell);
+        bench.run(&plan(6), &ProcedureOptions { epsilon: 20e-6, ..options() }).unwrap();
+        bench.rows
+    };
+    assert_eq!(once(), once());
+}
+
+#[test]
+fn nothing_moves_without_go() {
+    let mut bench = bench();
+    let motions = bench.cell.motions();
+    let report = bench.run(&plan(2), &ProcedureOptions { go: false, ..options() }).unwrap();
+    assert_eq!(bench.cell.motions(), motions);
+    assert_eq!(report.measured, 0);
+    assert_eq!(report.steps.len(), 2 * 5);
+    assert!(
+        report.steps[0].starts_with("touch 0 (ball 1): move to via point 1 of 2 at 100 mm/s: "),
+        "{}",
+        report.steps[0]
+    );
+}
+
+#[test]
+fn a_plan_beyond_the_limits_is_refused_before_anything_moves() {
+    let mut bench = bench();
+    let mut options = options();
+    options.limits.joints = vec![(-10.0, 10.0), (-10.0, 10.0), (-10.0, 0.0)];
+    let error = bench.run(&plan(2), &options).unwrap_err();
+    assert!(matches!(error, ProcedureError::Plan { index: 0, .. }));
+    assert!(matches!(error.violation(), Some(Violation::JointLimit { joint: 3, .. })));
+    assert!(error.to_string().contains("nothing has moved"));
+    assert_eq!(bench.cell.motions(), 0);
+
+    let refuse = |_: &_, to: &[f64; 9]| {
+        if to[2] < 0.0 { Err("link 4 would touch the floor".to_owned()) } else { Ok(()) }
+    };
+    let error = bench.run(&plan(2), &ProcedureOptions { guard: Some(&refuse), ..self::options() }).unwrap_err();
+    assert!(error.to_string().contains("link 4 would touch the floor"), "{error}");
+    assert_eq!(bench.cell.motions(), 0);
+}
+
+#[test]
+fn touches_that_are_done_are_skipped() {
+    let mut bench = bench();
+    let report = bench.run(&plan(4), &ProcedureOptions { skip: [0, 2].into(), begin_t: 100.0, ..options() }).unwrap();
+    assert_eq!((report.measured, report.skipped), (2, 2));
+    assert_eq!(bench.rows.iter().map(|row| row.seq.unwrap()).collect::<Vec<_>>(), [1, 3]);
+    assert!(bench.rows[0].state.t.unwrap() > 100.0);
+}
+
+#[test]
+fn a_stop_ends_at_a_free_place() {
+    for stop_at in 1..12 {
+        let mut bench = bench();
+        let cancel = AtomicBool::new(false);
+        let mut readings = 0;
+        let result = run(
+            &plan(3),
+            bench.gauge.as_mut(),
+            bench.controller.as_mut(),
+            &mut bench.rows,
+            &options(),
+            &cancel,
+            &mut |event| {
+                readings += usize::from(matches!(event, Progress::Reading { .. } | Progress::Begin { .. }));
+                cancel.store(readings >= stop_at, Ordering::Relaxed);
+            },
+        );
+        match result {
+            Ok(report) => assert_eq!(report.measured, 3),
+            Err(error) => {
+                assert!(error.is_cancelled(), "{error}");
+                let state = bench.cell.state();
+                let free =
+                    plan(3).iter().any(|entry| entry.via[0].iter().zip(&state.q).all(|(a, b)| (a - b).abs() < 1e-6));
+                assert!(free, "stopped at {stop_at}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn entries_may_begin_where_the_last_one_was_held_short() {
+    let mut bench = bench();
+    bench.run(&plan(2), &ProcedureOptions { retreat: Retreat::Approach, ..options() }).unwrap();
+    let stands = bench.cell.state().q;
+    assert!(plan(2)[1].via[1].iter().zip(&stands).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+#[test]
+fn a_second_client_finds_the_cell_as_the_first_left_it() {
+    let mut bench = bench();
+    bench.run(&plan(1), &options()).unwrap();
+    drop((bench.gauge, bench.controller));
+    bench.gauge = open_gauge(&bench.cell.gauge_url()).unwrap();
+    bench.controller = open_controller(&bench.cell.controller_url()).unwrap();
+    let q = bench.controller.joints().unwrap();
+    assert!(q.iter().zip(&bench.cell.state().q).all(|(a, b)| (a - b).abs() < 1e-9));
+}
+
+#[test]
+fn the_same_plan_may_touch_again_with_a_payload_and_a_temperature_by_hand() {
+    let mut bench = bench();
+    let options = ProcedureOptions { payload_kg: Some(1.5), temp_c: Some(30.0), ..options() };
+    bench.run(&plan(1), &options).unwrap();
+    assert_eq!(bench.rows[0].state.payload_kg, Some(1.5));
+    assert!(bench.rows[0].state.temp_c.unwrap() < 25.0, "the controller's own sensor goes before");
+}
+
+#[test]
+fn without_points_on_the_way_the_arm_goes_back_to_where_it_came_from() {
+    let mut bench = bench();
+    let entry = PlanEntry { via: vec![], ..plan(1).remove(0) };
+    let start = bench.cell.state().q;
+    bench.run(&[entry], &options()).unwrap();
+    assert!(start.iter().zip(&bench.cell.state().q).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+#[test]
+fn at_a_touch_the_true_tcp_is_the_reading_away_from_the_ball() {
+    let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
+    let cancel = AtomicBool::new(false);
+    let mut truth = Vec::new();
+    let mut watch = |event| {
+        if matches!(event, Progress::Measured { .. }) {
+            truth.push(cell.true_tcp().0);
+        }
+    };
+    run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap();
+    for (tcp, ball) in truth.iter().zip(&BALLS) {
+        assert!(tcp.iter().zip(ball).all(|(a, b)| (a - b).abs() < 6e-6));
+    }
+}

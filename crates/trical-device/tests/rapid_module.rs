@@ -1,0 +1,106 @@
+//! The RAPID module and the protocol module must not drift apart; no RAPID compiler is at hand, so what can be checked
+//! of its form is checked here.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use trical_device::controller::rapid_protocol::{self as protocol, code};
+
+fn module() -> String {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../rapid/TriCal.mod");
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// Lines without comments and the inside of strings.
+fn statements() -> Vec<String> {
+    module()
+        .lines()
+        .map(|line| {
+            let mut inside = false;
+            let mut kept = String::new();
+            for letter in line.chars() {
+                match letter {
+                    '"' => inside = !inside,
+                    '!' if !inside => break,
+                    _ if inside => {}
+                    _ => kept.push(letter),
+                }
+            }
+            assert!(!inside, "string without end: {line}");
+            kept.trim().to_owned()
+        })
+        .collect()
+}
+
+#[test]
+fn every_code_of_the_protocol_is_served() {
+    let statements = statements();
+    for code in [
+        code::PING,
+        code::MOVE_JOINTS,
+        code::JOINTS,
+        code::TOOL,
+        code::SPEED,
+        code::ZONE,
+        code::CORRECT,
+        code::CLOCK,
+        code::STREAM,
+        code::TEMPERATURE,
+        code::IDENTIFY,
+        code::CLOSE,
+    ] {
+        assert!(statements.contains(&format!("CASE {code}:")), "code {code}");
+    }
+    let module = module();
+    assert!(module.contains(&format!("LOCAL CONST num VERSION:={};", protocol::VERSION)));
+    assert!(module.contains(&format!("\"{:02} 1 \"", code::SAMPLE)));
+}
+
+#[test]
+fn blocks_are_closed_and_lines_are_plain_ascii() {
+    let mut open: Vec<&str> = Vec::new();
+    for statement in statements() {
+        let mut words = statement.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').filter(|w| !w.is_empty());
+        let mut first = words.next().unwrap_or_default();
+        if first == "LOCAL" {
+            first = words.next().unwrap_or_default();
+        }
+        match first {
+            "MODULE" | "PROC" | "FUNC" | "TRAP" | "WHILE" | "FOR" | "TEST" => open.push(match first {
+                "MODULE" => "ENDMODULE",
+                "PROC" => "ENDPROC",
+                "FUNC" => "ENDFUNC",
+                "TRAP" => "ENDTRAP",
+                "WHILE" => "ENDWHILE",
+                "FOR" => "ENDFOR",
+                _ => "ENDTEST",
+            }),
+            "IF" if statement.ends_with("THEN") => open.push("ENDIF"),
+            word if word.starts_with("END") => assert_eq!(open.pop(), Some(word), "{statement}"),
+            _ => {}
+        }
+    }
+    assert!(open.is_empty(), "{open:?}");
+    for line in module().lines() {
+        assert!(line.is_ascii() && line.len() <= 90, "{line}");
+    }
+}
+
+#[test]
+fn names_are_short_enough_for_rapid() {
+    for statement in statements() {
+        for word in statement.split(|c: char| !c.is_ascii_alphanumeric() && c != '_') {
+            assert!(word.len() <= 16, "{word}: 16 characters are safe in every version");
+        }
+    }
+}
+
+#[test]
+fn joints_are_read_after_the_arm_has_settled() {
+    let module = module();
+    for motion in ["MoveAbsJ jTo", "MoveL pTo"] {
+        let after = &module[module.find(motion).unwrap()..];
+        let next: Vec<&str> = after.lines().map(str::trim).take(2).collect();
+        assert!(next[0].contains(",fine,"), "{next:?}");
+        assert_eq!(next[1], "WaitRob\\ZeroSpeed;");
+    }
+}

@@ -1,0 +1,354 @@
+//! The linear picture of a fit: what every candidate would do to the measurements, and what the fitted parameters leave of it.
+//!
+//! With `Q` an orthonormal basis of the columns of the weighted Jacobian (and of the effects already chosen), `r` the weighted
+//! residual and `X` a candidate's columns, the sum of squares that the candidate would remove is `b' G^-1 b`, where `b = X'r`
+//! and `G = X'X - (Q'X)'(Q'X)`. `G` also gives lambda: the length of a signature after projection, in units of the noise.
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::solvers::Solve;
+use faer::{Accum, Mat, MatRef, Par, Side};
+use trical_model::{Forward, Model, residual_rows};
+
+use super::catalogue::Candidate;
+use crate::dataset::Dataset;
+use crate::error::Result;
+use crate::noise::Noise;
+
+/// Columns whose length after projection is below this fraction of their length are absorbed by the fit.
+const ABSORBED: f64 = 1e-3;
+
+/// A linearized fit with candidates.
+pub struct Design {
+    /// Rows (scalars).
+    pub rows: usize,
+    /// Fitted parameters.
+    pub parameters: usize,
+    /// Weighted candidate columns, row-major, `rows x columns`.
+    columns: Vec<f64>,
+    width: usize,
+    /// First column of each candidate, and one past the last.
+    spans: Vec<(usize, usize)>,
+    /// Squared lengths of the columns before projection.
+    squares: Vec<f64>,
+    /// `X'X - (Q'X)'(Q'X)` of all columns, `width x width`.
+    gram: Mat<f64>,
+    /// `X'r` of all columns, and `r'r`, after projection.
+    b: Vec<f64>,
+    ss: f64,
+    /// Pose of each row.
+    pub pose_of_row: Vec<usize>,
+    /// Weighted Jacobian of the fitted parameters, and residual before projection.
+    jacobian: Mat<f64>,
+    raw: Vec<f64>,
+    /// Standard deviation and observation of each row.
+    sigma_of_row: Vec<(f64, usize)>,
+}
+
+/// A state of the search: the fit with some candidates added. All that is needed are inner products, so a stage costs as
+/// much as there are columns, however many rows there were.
+#[derive(Clone)]
+pub struct Stage {
+    /// Inner products of every column with each basis vector that was added.
+    w: Vec<Vec<f64>>,
+    /// Squared length of every column after projection.
+    left: Vec<f64>,
+    /// `X'r` of every column.
+    b: Vec<f64>,
+    /// Weighted sum of squares left.
+    pub ss: f64,
+    /// Parameters in the basis.
+    pub parameters: usize,
+}
+
+/// What one candidate would do.
+#[derive(Clone, Copy, Debug)]
+pub struct Gain {
+    /// Sum of squares that it would remove.
+    pub dss: f64,
+    /// How many of its columns the fit does not absorb.
+    pub rank: usize,
+}
+
+impl Design {
+    /// Linearizes `model` (fitted, all terms free) with the candidates at zero.
+    ///
+    /// # Errors
+    /// A candidate at a site that the arm does not have.
+    pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
+        let p = model.terms.len();
+        let mut wide = model.clone();
+        let mut spans = Vec::with_capacity(candidates.len());
+        let mut at = 0;
+        for c in candidates {
+            spans.push((at, at + c.terms.len()));
+            at += c.terms.len();
+            wide.terms.extend(c.terms.iter().cloned());
+        }
+        let width = at;
+        let total = p + width;
+        let forward = Forward::new(wide, (0..total).collect())?;
+        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let mut jacobian = Mat::<f64>::zeros(rows, p);
+        let mut columns = vec![0.0; rows * width];
+        let mut residual = vec![0.0; rows];
+        let mut pose_of_row = vec![0; rows];
+        let mut sigma_of_row = Vec::with_capacity(rows);
+        let mut ws = forward.workspace();
+        let mut block = vec![0.0; 6 * total];
+        let mut row = 0;
+        for (index, o) in data.observations.iter().enumerate() {
+            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
+            for k in 0..n {
+                let sigma = noise.sigma(o.recording, &o.measured, k);
+                let s = 1.0 / sigma;
+                // rotations of a pose are fitted, but a position error has no part in them
+                sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
+                residual[row] = ws.residual()[k] * s;
+                pose_of_row[row] = o.pose;
+                for j in 0..p {
+                    jacobian[(row, j)] = block[k * total + j] * s;
+                }
+                let from = &block[k * total + p..(k + 1) * total];
+                for (to, v) in columns[row * width..(row + 1) * width].iter_mut().zip(from) {
+                    *to = v * s;
+                }
+                row += 1;
+            }
+        }
+        let qr = jacobian.qr();
+        let q = qr.compute_thin_Q();
+        // residual after projection, twice for the last digits
+        let mut r = residual.clone();
+        for _ in 0..2 {
+            for j in 0..p {
+                let column = q.col(j);
+                let d: f64 = (0..rows).map(|i| column[i] * r[i]).sum();
+                for (i, v) in r.iter_mut().enumerate() {
+                    *v -= d * column[i];
+                }
+            }
+        }
+        let mut squares = vec![0.0; width];
+        for i in 0..rows {
+            for (s, v) in squares.iter_mut().zip(&columns[i * width..(i + 1) * width]) {
+                *s += v * v;
+            }
+        }
+        let view = MatRef::from_row_major_slice(&columns, rows, width);
+        let mut w = Mat::<f64>::zeros(p, width);
+        matmul(w.as_mut(), Accum::Replace, q.transpose(), view, 1.0, Par::Seq);
+        let mut gram = Mat::<f64>::zeros(width, width);
+        matmul(gram.as_mut(), Accum::Replace, view.transpose(), view, 1.0, Par::Seq);
+        matmul(gram.as_mut(), Accum::Add, w.transpose(), w.as_ref(), -1.0, Par::Seq);
+        let mut b = vec![0.0; width];
+        for (i, x) in r.iter().enumerate() {
+            for (o, c) in b.iter_mut().zip(&columns[i * width..(i + 1) * width]) {
+                *o += x * c;
+            }
+        }
+        let ss = r.iter().map(|v| v * v).sum();
+        Ok(Self {
+            rows,
+            parameters: p,
+            columns,
+            width,
+            spans,
+            squares,
+            gram,
+            b,
+            ss,
+            pose_of_row,
+            jacobian,
+            raw: residual,
+            sigma_of_row,
+        })
+    }
+
+    /// The state with nothing added.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        let left = (0..self.width).map(|a| self.gram[(a, a)]).collect();
+        Stage { w: Vec::new(), left, b: self.b.clone(), ss: self.ss, parameters: self.parameters }
+    }
+
+    /// Whether the fit has not absorbed a column.
+    fn is_left(&self, stage: &Stage, column: usize) -> bool {
+        self.squares[column] > 0.0 && stage.left[column] > ABSORBED * ABSORBED * self.squares[column]
+    }
+
+    /// `G` of a candidate (k x k, row by row) and the columns that the fit does not absorb.
+    fn gram(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>) {
+        let (from, to) = self.spans[candidate];
+        let kept: Vec<usize> = (from..to).filter(|a| self.is_left(stage, *a)).collect();
+        let k = kept.len();
+        let mut g = vec![0.0; k * k];
+        for i in 0..k {
+            for j in 0..=i {
+                let (a, b) = (kept[i], kept[j]);
+                let v = if a == b {
+                    stage.left[a]
+                } else {
+                    self.gram[(a, b)] - stage.w.iter().map(|w| w[a] * w[b]).sum::<f64>()
+                };
+                g[i * k + j] = v;
+                g[j * k + i] = v;
+            }
+        }
+        (kept, g)
+    }
+
+    /// What a candidate would remove from the sum of squares.
+    #[must_use]
+    pub fn gain(&self, stage: &Stage, candidate: usize) -> Gain {
+        let (kept, g) = self.gram(stage, candidate);
+        match cholesky(&g, kept.len()) {
+            None => Gain { dss: 0.0, rank: 0 },
+            Some((l, independent)) => {
+                let b: Vec<f64> = kept.iter().map(|a| stage.b[*a]).collect();
+                let y = forward_substitution(&l, &b, &independent);
+                Gain { dss: y.iter().map(|v| v * v).sum(), rank: independent.iter().filter(|i| **i).count() }
+            }
+        }
+    }
+
+    /// Coefficients (SI, zero for absorbed columns) and lambda of a candidate, were it added now.
+    #[must_use]
+    pub fn coefficients(&self, stage: &Stage, candidate: usize) -> (Vec<f64>, f64) {
+        let (from, to) = self.spans[candidate];
+        let (kept, g) = self.gram(stage, candidate);
+        let mut out = vec![0.0; to - from];
+        let Some((l, independent)) = cholesky(&g, kept.len()) else { return (out, 0.0) };
+        let b: Vec<f64> = kept.iter().map(|a| stage.b[*a]).collect();
+        let y = forward_substitution(&l, &b, &independent);
+        let k = kept.len();
+        let mut x = vec![0.0; k];
+        for i in (0..k).rev() {
+            if independent[i] {
+                let sum: f64 = (i + 1..k).map(|j| l[j * k + i] * x[j]).sum();
+                x[i] = (y[i] - sum) / l[i * k + i];
+            }
+        }
+        // the residual is predicted minus measured: what is added must cancel it
+        for (a, v) in kept.iter().zip(&x) {
+            out[a - from] = -v;
+        }
+        (out, y.iter().map(|v| v * v).sum::<f64>().sqrt())
+    }
+
+    /// lambda of a candidate of coefficients `size` each (root mean square over its columns' directions).
+    #[must_use]
+    pub fn lambda_of_size(&self, stage: &Stage, candidate: usize, size: f64) -> f64 {
+        let (from, to) = self.spans[candidate];
+        let (kept, g) = self.gram(stage, candidate);
+        let k = kept.len();
+        let trace: f64 = (0..k).map(|i| g[i * k + i]).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let n = (to - from).max(1) as f64;
+        size * (trace / n).max(0.0).sqrt()
+    }
+
+    /// Position errors (m) of observations whose pose is in `test`, by a linear fit of the parameters and the candidates of
+    /// `set` to the rows whose pose is in `train`.
+    #[must_use]
+    pub fn held_out(&self, set: &[usize], train: &dyn Fn(usize) -> bool, test: &dyn Fn(usize) -> bool) -> Vec<f64> {
+        let extra: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
+        let p = self.parameters + extra.len();
+        let entry = |i: usize, j: usize| {
+            if j < self.parameters {
+                self.jacobian[(i, j)]
+            } else {
+                self.columns[i * self.width + extra[j - self.parameters]]
+            }
+        };
+        let rows: Vec<usize> = (0..self.rows).filter(|i| train(self.pose_of_row[*i])).collect();
+        // normal equations with scaled columns and a trace of damping, so that absorbed columns do no harm
+        let mut scale = vec![0.0; p];
+        for i in &rows {
+            for (j, s) in scale.iter_mut().enumerate() {
+                *s += entry(*i, j).powi(2);
+            }
+        }
+        for s in &mut scale {
+            *s = if *s > 0.0 { 1.0 / s.sqrt() } else { 0.0 };
+        }
+        let a = Mat::from_fn(rows.len(), p, |i, j| entry(rows[i], j) * scale[j]);
+        let mut h = Mat::<f64>::zeros(p, p);
+        matmul(h.as_mut(), Accum::Replace, a.transpose(), a.as_ref(), 1.0, Par::Seq);
+        for j in 0..p {
+            h[(j, j)] += 1e-10;
+        }
+        let g = Mat::from_fn(p, 1, |j, _| -(0..rows.len()).map(|i| a[(i, j)] * self.raw[rows[i]]).sum::<f64>());
+        let Ok(llt) = h.llt(Side::Lower) else { return Vec::new() };
+        let x = llt.solve(&g);
+        let mut squares: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
+        for i in (0..self.rows).filter(|i| test(self.pose_of_row[*i])) {
+            let (sigma, observation) = self.sigma_of_row[i];
+            let r = self.raw[i] + (0..p).map(|j| entry(i, j) * scale[j] * x[(j, 0)]).sum::<f64>();
+            *squares.entry(observation).or_insert(0.0) += (r * sigma).powi(2);
+        }
+        squares.into_values().map(f64::sqrt).collect()
+    }
+
+    /// Adds a candidate to the basis.
+    pub fn add(&self, stage: &mut Stage, candidate: usize) {
+        let (from, to) = self.spans[candidate];
+        for a in from..to {
+            if !self.is_left(stage, a) {
+                continue;
+            }
+            let norm = stage.left[a].sqrt();
+            let mut w: Vec<f64> = self.gram.col_as_slice(a).to_vec();
+            for old in &stage.w {
+                let factor = old[a];
+                for (x, y) in w.iter_mut().zip(old) {
+                    *x -= factor * y;
+                }
+            }
+            for x in &mut w {
+                *x /= norm;
+            }
+            let d = stage.b[a] / norm;
+            for ((b, l), x) in stage.b.iter_mut().zip(&mut stage.left).zip(&w) {
+                *b -= d * x;
+                *l -= x * x;
+            }
+            stage.ss -= d * d;
+            stage.parameters += 1;
+            stage.w.push(w);
+        }
+    }
+}
+
+/// Cholesky factor (k x k, lower, row by row) of a Gram matrix; columns that depend on earlier ones are skipped and marked.
+fn cholesky(g: &[f64], k: usize) -> Option<(Vec<f64>, Vec<bool>)> {
+    if k == 0 {
+        return None;
+    }
+    let mut l = vec![0.0; k * k];
+    let mut independent = vec![false; k];
+    for j in 0..k {
+        let d = g[j * k + j] - (0..j).map(|m| l[j * k + m] * l[j * k + m]).sum::<f64>();
+        if d <= 1e-6 * g[j * k + j] || d <= 0.0 {
+            continue;
+        }
+        independent[j] = true;
+        l[j * k + j] = d.sqrt();
+        for i in j + 1..k {
+            let s = g[i * k + j] - (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum::<f64>();
+            l[i * k + j] = s / l[j * k + j];
+        }
+    }
+    Some((l, independent))
+}
+
+fn forward_substitution(l: &[f64], b: &[f64], independent: &[bool]) -> Vec<f64> {
+    let k = b.len();
+    let mut y = vec![0.0; k];
+    for i in 0..k {
+        if independent[i] {
+            let s: f64 = (0..i).map(|j| l[i * k + j] * y[j]).sum();
+            y[i] = (b[i] - s) / l[i * k + i];
+        }
+    }
+    y
+}

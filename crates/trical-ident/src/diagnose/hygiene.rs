@@ -1,0 +1,90 @@
+//! Rows that must not be believed: repeated readings, and measurements far from what any model of the arm says.
+
+use trical_model::{Forward, Measured};
+
+use crate::dataset::{Dataset, Rejected};
+use crate::error::Result;
+use crate::fit::{position_errors, weighted_residuals};
+use crate::identify::Identified;
+
+/// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
+const OUTLIER: f64 = 6.0;
+
+/// More than this share of a data set are not outliers but something that the model lacks.
+const MOST: f64 = 0.03;
+
+/// Leaves out readings that repeat the one before to the last digit although the arm moved: the gauge kept its old value.
+#[must_use]
+pub fn without_stale(data: &Dataset) -> Dataset {
+    let mut out = data.clone();
+    let mut stale: Vec<usize> = Vec::new();
+    for pair in data.observations.windows(2) {
+        let (a, b) = (&pair[0], &pair[1]);
+        if a.recording != b.recording || a.state.q == b.state.q {
+            continue;
+        }
+        let same = match (&a.measured, &b.measured) {
+            (Measured::Touch { reading: x, .. }, Measured::Touch { reading: y, .. }) => {
+                // small readings repeat by chance: a gauge of 0.001 mm has few values near zero
+                x == y && x.iter().any(|v| v.abs() > 3e-5)
+            }
+            (Measured::Point { position: x, target: s }, Measured::Point { position: y, target: t }) => {
+                x == y && s == t
+            }
+            (Measured::Pose { position: x, .. }, Measured::Pose { position: y, .. }) => x == y,
+            (Measured::Distance { length: x, .. }, Measured::Distance { length: y, .. }) => x == y,
+            _ => false,
+        };
+        if same {
+            stale.push(b.row);
+            out.rejected.push(Rejected {
+                recording: data.names[b.recording].clone(),
+                line: b.line,
+                row: b.row,
+                reason: "repeats the reading before it to the last digit although the arm moved: a stale value".into(),
+            });
+        }
+    }
+    out.observations.retain(|o| !stale.contains(&o.row));
+    out.rejected.sort_by_key(|r| r.row);
+    out
+}
+
+/// Leaves out what is far off the fitted model: at most a small share, the farthest first.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
+    let forward = Forward::new(fitted.model.clone(), Vec::new())?;
+    let mut noise = fitted.noise.clone();
+    noise.update_robustly(all, &weighted_residuals(&forward, all, &noise));
+    let residuals = weighted_residuals(&forward, all, &noise);
+    let mut far: Vec<(usize, f64)> = residuals
+        .iter()
+        .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>().sqrt())
+        .enumerate()
+        .filter(|(_, length)| *length > OUTLIER)
+        .collect();
+    far.sort_by(|a, b| b.1.total_cmp(&a.1));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a count")]
+    let most = (all.observations.len() as f64 * MOST).ceil() as usize;
+    far.truncate(most);
+    let errors = position_errors(&forward, all);
+    let mut out = all.clone();
+    for (k, length) in &far {
+        let o = &all.observations[*k];
+        out.rejected.push(Rejected {
+            recording: all.names[o.recording].clone(),
+            line: o.line,
+            row: o.row,
+            reason: format!(
+                "is {:.3} mm off, {length:.0} times the scatter of the others: an outlier",
+                errors[*k] * 1e3
+            ),
+        });
+    }
+    let rows: Vec<usize> = far.iter().map(|(k, _)| all.observations[*k].row).collect();
+    out.observations.retain(|o| !rows.contains(&o.row));
+    out.rejected.sort_by_key(|r| r.row);
+    Ok(out)
+}

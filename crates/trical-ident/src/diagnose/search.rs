@@ -1,0 +1,265 @@
+//! Which candidates the residual asks for: ranking by an extended Bayesian criterion (Chen & Chen 2008), forward selection,
+//! pair and swap check, backward elimination.
+
+use super::catalogue::Candidate;
+use super::design::{Design, Stage};
+
+/// A candidate must better the criterion by this many nats. With the prior spread over all candidates, an effect-free data
+/// set passes it about once in a hundred.
+pub const THRESHOLD: f64 = 3.0;
+
+/// Most effects that are looked for.
+const MOST: usize = 40;
+
+/// Candidates looked at as second members of a pair.
+const PAIR_SHORTLIST: usize = 24;
+
+/// The search on one design.
+pub struct Search<'a> {
+    /// The linear picture.
+    pub design: &'a Design,
+    /// The candidates, as the design has them.
+    pub candidates: &'a [Candidate],
+    /// Which of them may be chosen.
+    pub allowed: Vec<bool>,
+    /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
+    pub temper: f64,
+}
+
+/// A candidate with its evidence.
+#[derive(Clone, Copy, Debug)]
+pub struct Ranked {
+    /// Index.
+    pub candidate: usize,
+    /// Evidence over not adding it, nats.
+    pub evidence: f64,
+    /// Sum of squares that it removes.
+    pub dss: f64,
+    /// Columns.
+    pub rank: usize,
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+impl Search<'_> {
+    /// Independent scalars left at a stage.
+    #[must_use]
+    pub fn freedom(&self, stage: &Stage) -> f64 {
+        (self.design.rows as f64 * self.temper - stage.parameters as f64).max(1.0)
+    }
+
+    /// Evidence of a candidate at a stage, nats; signs that physics forbids have none.
+    #[must_use]
+    pub fn evidence(&self, stage: &Stage, candidate: usize) -> Option<Ranked> {
+        if !self.allowed[candidate] {
+            return None;
+        }
+        let gain = self.design.gain(stage, candidate);
+        if gain.rank == 0 {
+            return None;
+        }
+        let n = self.freedom(stage);
+        let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
+        let evidence =
+            -0.5 * n * (1.0 - share).ln() - 0.5 * gain.rank as f64 * n.ln() + self.candidates[candidate].log_prior;
+        Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
+    }
+
+    fn plausible(&self, stage: &Stage, candidate: usize) -> bool {
+        let signs = &self.candidates[candidate].signs;
+        if signs.iter().all(|s| *s == 0) {
+            return true;
+        }
+        let (c, _) = self.design.coefficients(stage, candidate);
+        let largest = c.iter().map(|v| v.abs()).fold(0.0, f64::max);
+        // a coefficient of the wrong sign counts only if it is not a small part of the whole
+        signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest)
+    }
+
+    /// All candidates at a stage, best first; those with forbidden signs left out.
+    #[must_use]
+    pub fn rank(&self, stage: &Stage) -> Vec<Ranked> {
+        let mut all: Vec<Ranked> = (0..self.candidates.len()).filter_map(|c| self.evidence(stage, c)).collect();
+        all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence).then(a.candidate.cmp(&b.candidate)));
+        // plausibility costs a solve: only where it matters
+        let mut kept = Vec::with_capacity(all.len());
+        for (k, r) in all.into_iter().enumerate() {
+            if k > 200 || self.plausible(stage, r.candidate) {
+                kept.push(r);
+            }
+        }
+        kept
+    }
+
+    /// The stage with a set of candidates added.
+    #[must_use]
+    pub fn with(&self, start: &Stage, set: &[usize]) -> Stage {
+        let mut stage = start.clone();
+        for c in set {
+            self.design.add(&mut stage, *c);
+        }
+        stage
+    }
+
+    /// Whether two candidates are one effect at one site, differing in a scan point only.
+    #[must_use]
+    pub fn same_place(&self, a: usize, b: usize) -> bool {
+        self.candidates[a].effect == self.candidates[b].effect && self.candidates[a].site == self.candidates[b].site
+    }
+
+    /// Evidence of a whole set over the start, nats.
+    #[must_use]
+    pub fn total(&self, start: &Stage, set: &[usize]) -> f64 {
+        let mut stage = start.clone();
+        let mut sum = 0.0;
+        for c in set {
+            match self.evidence(&stage, *c) {
+                Some(r) => sum += r.evidence,
+                None => return f64::NEG_INFINITY,
+            }
+            self.design.add(&mut stage, *c);
+        }
+        sum
+    }
+
+    /// Chooses a set, in the order of selection.
+    #[must_use]
+    pub fn choose(&self, start: &Stage, initial: &[usize]) -> Vec<usize> {
+        let mut chosen: Vec<usize> = initial.to_vec();
+        for _ in 0..3 {
+            let before = chosen.clone();
+            self.forward(start, &mut chosen);
+            if chosen.len() <= 1 {
+                self.try_pairs(start, &mut chosen);
+                self.forward(start, &mut chosen);
+            }
+            self.swap(start, &mut chosen);
+            self.backward(start, &mut chosen);
+            if chosen == before {
+                break;
+            }
+        }
+        chosen
+    }
+
+    fn forward(&self, start: &Stage, chosen: &mut Vec<usize>) {
+        let mut stage = self.with(start, chosen);
+        while chosen.len() < MOST {
+            let Some(best) = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate)) else { break };
+            if best.evidence < THRESHOLD {
+                break;
+            }
+            self.design.add(&mut stage, best.candidate);
+            chosen.push(best.candidate);
+        }
+    }
+
+    /// Two effects can hide each other: the best pairs of a shortlist, against what was chosen.
+    fn try_pairs(&self, start: &Stage, chosen: &mut Vec<usize>) {
+        let first: Vec<usize> = {
+            let mut seen: Vec<usize> = Vec::new();
+            for r in self.rank(start) {
+                if !seen.iter().any(|s| self.same_place(*s, r.candidate)) {
+                    seen.push(r.candidate);
+                }
+                if seen.len() == PAIR_SHORTLIST {
+                    break;
+                }
+            }
+            seen
+        };
+        let mut best = (self.total(start, chosen).max(0.0) + THRESHOLD, chosen.clone());
+        for a in &first {
+            let Some(one) = self.evidence(start, *a) else { continue };
+            let stage = self.with(start, &[*a]);
+            if let Some(two) = self.rank(&stage).into_iter().find(|r| r.candidate != *a)
+                && one.evidence + two.evidence > best.0
+                && two.evidence > THRESHOLD
+            {
+                best = (one.evidence + two.evidence, vec![*a, two.candidate]);
+            }
+        }
+        *chosen = best.1;
+    }
+
+    /// For every member of a set, the stage with all the others added: by halves, so that members share their company's
+    /// work (n log n additions instead of n^2).
+    fn without_each(&self, stage: &Stage, set: &[usize], visit: &mut dyn FnMut(usize, &Stage)) {
+        match set {
+            [] => {}
+            [one] => visit(*one, stage),
+            _ => {
+                let (a, b) = set.split_at(set.len() / 2);
+                self.without_each(&self.with(stage, b), a, visit);
+                self.without_each(&self.with(stage, a), b, visit);
+            }
+        }
+    }
+
+    /// Replaces chosen candidates by better ones: one by one, or a rich one by two leaner ones that together say more (a
+    /// twist hides in a wobble, but is one number instead of four).
+    fn swap(&self, start: &Stage, chosen: &mut Vec<usize>) {
+        for _ in 0..2 {
+            let mut wishes: Vec<(f64, usize, Vec<usize>)> = Vec::new();
+            let set = chosen.clone();
+            self.without_each(start, &set, &mut |own, stage| {
+                let Some(now) = self.evidence(stage, own) else { return };
+                let ranked = self.rank(stage);
+                let free = |r: &&Ranked| r.candidate == own || !set.contains(&r.candidate);
+                if let Some(best) = ranked.iter().find(free)
+                    && best.candidate != own
+                    && best.evidence > now.evidence + 1e-6
+                {
+                    wishes.push((best.evidence - now.evidence, own, vec![best.candidate]));
+                }
+                if now.rank > 1 {
+                    let lean = |r: &&Ranked| r.rank < now.rank && !set.contains(&r.candidate);
+                    for first in ranked.iter().filter(lean).take(3) {
+                        let after = self.with(stage, &[first.candidate]);
+                        let second = self.rank(&after).into_iter().find(|r| !set.contains(&r.candidate));
+                        if let Some(second) = second
+                            && second.evidence > THRESHOLD
+                            && first.evidence + second.evidence > now.evidence + 1e-6
+                        {
+                            let gain = first.evidence + second.evidence - now.evidence;
+                            wishes.push((gain, own, vec![first.candidate, second.candidate]));
+                        }
+                    }
+                }
+            });
+            // the best wish first; wishes that were made beside each other are checked together
+            wishes.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            let mut changed = false;
+            for (_, own, new) in wishes.into_iter().take(6) {
+                if !chosen.contains(&own) || new.iter().any(|n| chosen.contains(n)) {
+                    continue;
+                }
+                let mut proposal: Vec<usize> = chosen.iter().filter(|c| **c != own).copied().collect();
+                proposal.extend(new);
+                if self.total(start, &proposal) > self.total(start, chosen) + 1e-6 {
+                    *chosen = proposal;
+                    changed = true;
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+    }
+
+    /// Drops what no longer earns its place.
+    fn backward(&self, start: &Stage, chosen: &mut Vec<usize>) {
+        loop {
+            let mut worst: Option<(usize, f64)> = None;
+            self.without_each(start, chosen, &mut |own, stage| {
+                let evidence = self.evidence(stage, own).map_or(f64::NEG_INFINITY, |r| r.evidence);
+                if worst.is_none_or(|(_, e)| evidence < e) {
+                    worst = Some((own, evidence));
+                }
+            });
+            match worst {
+                Some((own, evidence)) if evidence < THRESHOLD => chosen.retain(|c| *c != own),
+                _ => break,
+            }
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! The program as its users meet it: what it prints, what it leaves, how it refuses.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
+const CELL: &str = include_str!("../cells/irb120/cell.toml");
+
+struct Place {
+    dir: tempfile::TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let p = Self { dir: tempfile::tempdir().unwrap() };
+        p.write("robot.toml", ROBOT);
+        p.write("cell.toml", CELL);
+        p
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_trical")).args(args).current_dir(self.dir.path()).output().unwrap()
+    }
+
+    /// Refused as bad input: one sentence that has `words`, exit code 2, nothing written.
+    fn refuses(&self, args: &[&str], words: &[&str]) {
+        let o = self.run(args);
+        let err = String::from_utf8_lossy(&o.stderr);
+        assert_eq!(o.status.code(), Some(2), "{args:?}: {err}");
+        assert!(!err.contains("panicked"), "{err}");
+        assert_eq!(err.trim().lines().count(), 1, "{err}");
+        for w in words {
+            assert!(err.contains(w), "'{w}' is missing in: {err}");
+        }
+        assert!(!self.path("out.toml").exists());
+    }
+}
+
+const CELL_ARGS: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
+
+fn identify(recording: &str) -> Vec<&str> {
+    [&["identify", recording][..], &CELL_ARGS, &["--out", "out.toml"]].concat()
+}
+
+const HEADER: &str = "ball,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ix_mm,iy_mm,iz_mm\n";
+
+#[test]
+fn the_demo_tells_its_story_and_leaves_what_it_says() {
+    let place = Place::new();
+    let o = place.run(&["demo", "--out", "demo"]);
+    let text = String::from_utf8_lossy(&o.stdout);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    assert!(text.lines().count() < 40, "{text}");
+    for name in
+        ["run.mcap", "calibrated.toml", "report.html", "plan.csv", "truth.sealed.toml", "sample.compensated.mod"]
+    {
+        assert!(place.path("demo").join(name).exists(), "{name}");
+    }
+    // what the recording says is what identification from the command line says
+    let o =
+        place.run(&["identify", "demo/run.mcap", "--robot", "demo/robot.toml", "--cell", "demo/cell.toml", "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    assert_eq!(json["observations"], 45);
+    assert_eq!(json["parameters"].as_array().unwrap().len(), 31);
+    assert!(json["rms_mm"].as_f64().unwrap() < 0.02 && json["rms_nominal_mm"].as_f64().unwrap() > 0.2);
+    // to CSV and back, nothing is lost
+    assert!(place.run(&["convert", "demo/run.mcap", "run.csv"]).status.success());
+    assert!(place.run(&["convert", "run.csv", "again.mcap"]).status.success());
+    assert!(place.run(&["convert", "again.mcap", "again.csv"]).status.success());
+    let read = |n: &str| std::fs::read_to_string(place.path(n)).unwrap();
+    assert_eq!(read("run.csv"), read("again.csv"));
+    // a cut recording is read up to where it was cut, with a note
+    let bytes = std::fs::read(place.path("demo/run.mcap")).unwrap();
+    std::fs::write(place.path("cut.mcap"), &bytes[..bytes.len() * 9 / 10]).unwrap();
+    let o = place.run(&["identify", "cut.mcap", "--robot", "robot.toml", "--cell", "cell.toml", "--json"]);
+    assert!(String::from_utf8_lossy(&o.stderr).contains("cut.mcap"), "{}", String::from_utf8_lossy(&o.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    assert!((30..45).contains(&json["observations"].as_u64().unwrap()));
+    // compensating twice is refused
+    place.refuses(
+        &[
+            &["compensate", "demo/sample.compensated.mod"][..],
+            &CELL_ARGS,
+            &["--model", "demo/calibrated.toml", "--out", "out.toml"],
+        ]
+        .concat(),
+        &["compensated already"],
+    );
+}
+
+#[test]
+fn measuring_a_virtual_cell_from_another_process() {
+    let place = Place::new();
+    assert!(
+        place.run(&[&["plan"][..], &CELL_ARGS, &["--per-ball", "3", "--out", "plan.csv"]].concat()).status.success()
+    );
+    let mut cell = Command::new(env!("CARGO_BIN_EXE_trical"))
+        .args([&["virtual-cell"][..], &CELL_ARGS, &["--port", "0"]].concat())
+        .current_dir(place.dir.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(cell.stdout.take().unwrap()), &mut line).unwrap();
+    let urls: Vec<&str> = line.split('\'').collect();
+    let measure = |more: &[&str]| {
+        let links = ["--plan", "plan.csv", "--gauge", urls[1], "--controller", urls[3], "--out", "run.mcap"];
+        place.run(&[&["measure"][..], &CELL_ARGS, &links, more].concat())
+    };
+    let dry = measure(&[]);
+    assert!(dry.status.success() && !place.path("run.mcap").exists());
+    assert!(String::from_utf8_lossy(&dry.stdout).contains("Nothing has moved"));
+    let o = measure(&["--go", "--json"]);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    assert_eq!(json["measured"], 9);
+    // going on with a finished run measures nothing twice
+    let o = measure(&["--go", "--resume", "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    assert_eq!((&json["measured"], &json["skipped"]), (&serde_json::json!(0), &serde_json::json!(9)));
+    cell.kill().unwrap();
+    cell.wait().unwrap();
+}
+
+#[test]
+fn bad_recordings_are_refused_with_file_line_and_column() {
+    let place = Place::new();
+    let row = "1,10,20,30,40,50,60,0.001,0.002,0.003\n";
+    let cases: [(&str, &str, &[&str]); 9] = [
+        ("ragged", &format!("{HEADER}{row}1,10,20\n"), &["line 3", "3 fields", "expected 10"]),
+        ("nan", &format!("{HEADER}{row}1,10,nan,30,40,50,60,0,0,0\n"), &["line 3", "q2_deg", "nan"]),
+        ("text", &format!("{HEADER}1,10,twenty,30,40,50,60,0,0,0\n"), &["line 2", "q2_deg", "twenty"]),
+        ("unknown", &format!("speed,{HEADER}5,{row}"), &["header", "speed"]),
+        ("unit", &HEADER.replace("q3_deg", "q3_rad"), &["q3_rad"]),
+        ("missing", &HEADER.replace("q3_deg,", ""), &["q3_deg"]),
+        ("ball", &format!("{HEADER}7,10,20,30,40,50,60,0,0,0\n"), &["line 2", "ball 7"]),
+        ("few", &format!("{HEADER}{row}{row}{row}{row}"), &["few.csv"]),
+        ("empty", "", &["empty"]),
+    ];
+    for (name, text, words) in cases {
+        let file = format!("{name}.csv");
+        place.write(&file, text);
+        let mut all = vec![file.as_str()];
+        all.extend(words);
+        place.refuses(&identify(&file), &all);
+    }
+    std::fs::write(place.path("bytes.csv"), [0xff, 0xfe, 0, 1]).unwrap();
+    place.refuses(&identify("bytes.csv"), &["bytes.csv", "not a text file"]);
+    std::fs::write(place.path("bad.mcap"), b"\x89MCAP0\r\n\x00\x01nonsense").unwrap();
+    place.refuses(&identify("bad.mcap"), &["bad.mcap"]);
+    place.refuses(&identify("nowhere.csv"), &["nowhere.csv", "cannot be read"]);
+}
+
+#[test]
+fn bad_robots_and_cells_are_refused_with_file_and_field() {
+    let place = Place::new();
+    place.write("r.csv", &format!("{HEADER}1,10,20,30,40,50,60,0.001,0.002,0.003\n"));
+    let robot = |from: &str, to: &str, words: &[&str]| {
+        place.write("robot.toml", &ROBOT.replacen(from, to, 1));
+        place.refuses(&identify("r.csv"), words);
+        place.write("robot.toml", ROBOT);
+    };
+    robot("mass_kg = 3.067", "masse_kg = 3.067", &["robot.toml", "line", "masse_kg"]);
+    robot("d_mm = 290.0", "", &["robot.toml", "line", "d_mm"]);
+    robot("d_mm = 290.0", "d_mm = nan", &["robot.toml", "joint 1", "d_mm"]);
+    robot("d_mm = 290.0", "d_m = 0.29", &["robot.toml", "d_m"]);
+    robot("mass_kg = 3.067\n", "", &["joint 1", "mass_kg", "compliance"]);
+    robot("name =", "format_version = 99\nname =", &["robot.toml", "newer"]);
+    robot("limits_deg = [-165.0, 165.0]", "limits_deg = [165.0, -165.0]", &["joint 1", "limits_deg"]);
+    let cell = |from: &str, to: &str, words: &[&str]| {
+        place.write("cell.toml", &CELL.replacen(from, to, 1));
+        place.refuses(&identify("r.csv"), words);
+        place.write("cell.toml", CELL);
+    };
+    cell("d23 = 300.0", "d23 = 700.0", &["cell.toml", "triangle"]);
+    cell("tcp_mm", "tcp_m", &["cell.toml", "line", "tcp_m"]);
+    cell("mass_kg = 1.7", "mass_kg = -1.7", &["cell.toml", "mass_kg", "-1.7"]);
+}
+
+#[test]
+fn an_occupied_port_is_refused() {
+    let place = Place::new();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    place.refuses(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", &port]].concat(), &[&port, "in use"]);
+}
+
+#[test]
+fn help_is_there_for_every_command() {
+    let place = Place::new();
+    let o = place.run(&["--help"]);
+    let text = String::from_utf8_lossy(&o.stdout).into_owned();
+    for command in
+        ["demo", "plan", "measure", "virtual-cell", "identify", "validate", "diagnose", "compensate", "convert"]
+    {
+        assert!(text.contains(command));
+        assert!(place.run(&[command, "--help"]).status.success());
+    }
+    assert_eq!(place.run(&["frobnicate"]).status.code(), Some(2));
+}
+
+#[test]
+fn diagnosis_is_the_same_to_the_byte_and_its_model_validates() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/blind");
+    if !data.is_dir() {
+        println!("skipped: {} is missing", data.display());
+        return;
+    }
+    let place = Place::new();
+    let file = |n: &str| data.join(n).display().to_string();
+    let (probe, tracker, robot, cell) =
+        (file("B03.probe.csv"), file("B03.tracker.csv"), file("robot.toml"), file("cell.toml"));
+    let once = || {
+        let o = place.run(&[
+            "diagnose",
+            &probe,
+            &tracker,
+            "--robot",
+            &robot,
+            "--cell",
+            &cell,
+            "--json",
+            "--out",
+            "improved.toml",
+            "--report",
+            "report.html",
+        ]);
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        (o.stdout, std::fs::read(place.path("improved.toml")).unwrap())
+    };
+    assert!(once() == once());
+    let v = |model: &str| {
+        let o =
+            place.run(&["validate", &probe, &tracker, "--robot", &robot, "--cell", &cell, "--model", model, "--json"]);
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+        json["after"]["rms_mm"].as_f64().unwrap()
+    };
+    let o = place.run(&["identify", &probe, &tracker, "--robot", &robot, "--cell", &cell, "--out", "calibrated.toml"]);
+    assert!(o.status.success());
+    assert!(v("improved.toml") < 0.5 * v("calibrated.toml"));
+    let html = std::fs::read_to_string(place.path("report.html")).unwrap();
+    // the name of the SVG language is the only address in it: nothing is loaded
+    let html = html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    assert!(html.contains("<svg") && !html.contains("http://") && !html.contains("https://"));
+}

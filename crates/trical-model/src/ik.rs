@@ -1,7 +1,7 @@
 //! Inverse kinematics on the full model: every way the arm can take a pose, to rounding.
 //!
-//! Two steps. The nominal arm gives the branches: in closed form where the last three axes meet in a point ([`spherical`]) or
-//! where axes 2, 3 and 4 are parallel ([`parallel`]), by many starts otherwise. Newton's method on the model with all of its
+//! Two steps. The nominal arm gives the branches: in closed form where the last three axes meet in a point (`spherical.rs`) or
+//! where axes 2, 3 and 4 are parallel (`parallel.rs`), by many starts otherwise. Newton's method on the model with all of its
 //! terms then takes each branch to the pose itself, so a calibrated arm has as many solutions as its nominal one.
 //!
 //! ```
@@ -18,6 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod limits;
 mod newton;
 mod parallel;
 mod search;
@@ -33,13 +34,8 @@ use crate::pose::Pose;
 use crate::recording::{Joints, MAX_JOINTS, State};
 use crate::robot::{JointKind, Robot};
 use crate::term::{Shape, Variable};
+use limits::{all_wraps, excess, farthest, principal, put_within, same};
 use newton::Ended;
-
-/// Solutions that differ by less than this in every joint are one, rad or m.
-const SAME: f64 = 1e-6;
-
-/// A joint may pass its limit by this much, rad or m; it is then put on the limit.
-const LIMIT_SLACK: f64 = 1e-12;
 
 /// No pose has more solutions than this listed: an arm of six joints that turn twice has 8 branches x 64 wraps.
 const MOST: usize = 4096;
@@ -144,10 +140,21 @@ pub fn inverse_kinematics(
     let n = robot.dof();
     let seeds = seeds(forward, world_from_tool, state, ws);
     let mut found = Found { roots: Vec::with_capacity(8), failure: None };
-    for seed in &seeds.list {
-        found.attempt(forward, world_from_tool, seed, state, ws);
-    }
     let exact = forward.model().terms.is_empty();
+    for seed in &seeds.list {
+        let new = found.attempt(forward, world_from_tool, seed, state, ws);
+        if new || exact || !seeds.closed {
+            continue;
+        }
+        // a branch that led nowhere, or to another's solution: near a fold its own may lie a little aside
+        for joint in 0..n {
+            for aside in [0.15, -0.15, 0.4, -0.4] {
+                let mut seed = *seed;
+                seed[joint] += aside;
+                found.attempt(forward, world_from_tool, &seed, state, ws);
+            }
+        }
+    }
     if seeds.closed && !exact {
         // the branch of `state.q`, in case the nominal arm folds where the calibrated one does not
         found.attempt(forward, world_from_tool, &state.q, state, ws);
@@ -252,17 +259,23 @@ struct Found {
 }
 
 impl Found {
-    fn attempt(&mut self, forward: &Forward, target: &Pose, seed: &Joints, state: &State, ws: &mut Workspace) {
+    /// Whether `seed` leads to a solution that was not known.
+    fn attempt(&mut self, forward: &Forward, target: &Pose, seed: &Joints, state: &State, ws: &mut Workspace) -> bool {
         let robot = &forward.model().robot;
         let mut at = State { q: *seed, ..*state };
         match newton::refine(forward, target, &mut at, ws) {
             Ended::Converged => {
                 let q = principal(robot, &at.q);
-                if !self.roots.iter().any(|r| same(robot, r, &q)) {
+                let new = !self.roots.iter().any(|r| same(robot, r, &q));
+                if new {
                     self.roots.push(q);
                 }
+                new
             }
-            ended => keep_better(&mut self.failure, ended.error()),
+            ended => {
+                keep_better(&mut self.failure, ended.error());
+                false
+            }
         }
     }
 }
@@ -362,112 +375,6 @@ impl Arm {
         }
         q
     }
-}
-
-/// `q` with every revolute joint turned into the turn about the middle of its limits.
-fn principal(robot: &Robot, q: &Joints) -> Joints {
-    let mut out = *q;
-    for (x, j) in out.iter_mut().zip(&robot.joints) {
-        if j.kind == JointKind::Revolute {
-            let middle = 0.5 * (j.limits[0] + j.limits[1]);
-            *x -= TAU * ((*x - middle) / TAU).round();
-        }
-    }
-    out
-}
-
-fn same(robot: &Robot, a: &Joints, b: &Joints) -> bool {
-    robot.joints.iter().zip(a.iter().zip(b)).all(|(j, (x, y))| {
-        let mut d = x - y;
-        if j.kind == JointKind::Revolute {
-            d -= TAU * (d / TAU).round();
-        }
-        d.abs() < SAME
-    })
-}
-
-fn farthest(n: usize, a: &Joints, b: &Joints) -> f64 {
-    a.iter().zip(b).take(n).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
-}
-
-fn beyond(robot: &Robot, joint: usize, value: f64) -> IkError {
-    let j = &robot.joints[joint];
-    let [lower, upper] = j.limits;
-    match j.kind {
-        JointKind::Revolute => {
-            IkError::OutOfLimits { joint: joint + 1, value_rad: value, lower_rad: lower, upper_rad: upper }
-        }
-        JointKind::Prismatic => {
-            IkError::OutOfTravel { joint: joint + 1, value_m: value, lower_m: lower, upper_m: upper }
-        }
-    }
-}
-
-/// How far beyond limits an error says the arm would be.
-fn excess(e: &IkError) -> f64 {
-    match *e {
-        IkError::OutOfLimits { value_rad: v, lower_rad: l, upper_rad: u, .. }
-        | IkError::OutOfTravel { value_m: v, lower_m: l, upper_m: u, .. } => (l - v).max(v - u),
-        _ => 0.0,
-    }
-}
-
-/// Checks limits, and puts joints that pass one by rounding onto it.
-fn put_within(robot: &Robot, q: &mut Joints) -> Result<(), IkError> {
-    let mut worst: Option<IkError> = None;
-    for (i, j) in robot.joints.iter().enumerate() {
-        let over = (j.limits[0] - q[i]).max(q[i] - j.limits[1]);
-        if over > LIMIT_SLACK {
-            let e = beyond(robot, i, q[i]);
-            if worst.as_ref().is_none_or(|w| excess(w) < excess(&e)) {
-                worst = Some(e);
-            }
-        } else {
-            q[i] = q[i].clamp(j.limits[0], j.limits[1]);
-        }
-    }
-    worst.map_or(Ok(()), Err)
-}
-
-/// All whole turns of `q` within limits.
-fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Result<(), IkError> {
-    // turns[i] = the values joint i can have
-    let mut worst: Option<IkError> = None;
-    out.push(*q);
-    for (i, j) in robot.joints.iter().enumerate() {
-        let [lower, upper] = j.limits;
-        let mut values = Vec::with_capacity(3);
-        if j.kind == JointKind::Revolute {
-            let first = ((lower - LIMIT_SLACK - q[i]) / TAU).ceil();
-            let mut v = q[i] + TAU * first;
-            while v <= upper + LIMIT_SLACK {
-                values.push(v.clamp(lower, upper));
-                v += TAU;
-            }
-        } else if q[i] >= lower - LIMIT_SLACK && q[i] <= upper + LIMIT_SLACK {
-            values.push(q[i].clamp(lower, upper));
-        }
-        if values.is_empty() {
-            let e = beyond(robot, i, q[i]);
-            if worst.as_ref().is_none_or(|w| excess(w) < excess(&e)) {
-                worst = Some(e);
-            }
-            continue;
-        }
-        let before = std::mem::take(out);
-        for w in before.iter().take(MOST / values.len().max(1)) {
-            for v in &values {
-                let mut next = *w;
-                next[i] = *v;
-                out.push(next);
-            }
-        }
-    }
-    if let Some(e) = worst {
-        out.clear();
-        return Err(e);
-    }
-    Ok(())
 }
 
 /// Keeps the failure that is closest to success.

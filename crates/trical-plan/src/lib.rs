@@ -1,14 +1,61 @@
-//! Planning: reachable, collision-free touches, and the informative ones among them.
+//! Which touches to measure, and how to get there: cell geometry, collision checks, generation of configurations that the arm
+//! can take without meeting anything, and the choice of the most informative ones.
+//!
+//! ```
+//! use trical_model::{Cell, Robot};
+//! use trical_plan::options::PlanOptions;
+//! use trical_plan::plan::plan_touches;
+//! use trical_plan::plan_csv::write_plan;
+//! # let robot_toml = include_str!("../../../cells/irb120/robot.toml");
+//! # let cell_toml = include_str!("../../../cells/irb120/cell.toml");
+//! let robot = Robot::parse(robot_toml, "robot.toml")?;
+//! let cell = Cell::parse(cell_toml, "cell.toml")?;
+//! let options = PlanOptions { per_ball: 12, pool_per_ball: 40, ..PlanOptions::default() };
+//! let plan = plan_touches(&robot, &cell, &options, &mut |_share| {})?;
+//! assert_eq!(plan.entries.len(), 36);
+//! assert_eq!(plan.expected.parameters.len(), 31);
+//! let text = write_plan(&robot, &plan.entries); // plan.csv
+//! # assert!(text.starts_with("order,ball,q1_deg"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`scene`] | the cell as simple solids, checked by parry |
-//! | [`touches`] | candidates, choice and order of the touches |
-//! | [`choice`] | the subset that tells most about the parameters |
+//! | [`plan`] | [`plan::plan_touches`]: everything in one function; the choice alone |
+//! | [`options`], [`parameters`] | what a user can choose; what a plan is to make visible |
+//! | [`geometry`], [`solid`] | the `[geometry]` of `cell.toml`; shapes and distances between them |
+//! | [`collision`] | checks of configurations and of whole motions |
+//! | [`generate`] | candidates at a ball, and why others were refused |
+//! | [`choose`] | D-optimal subsets of any Jacobian blocks |
+//! | [`route`] | lengths of ways in joint space |
+//! | [`plan_csv`] | plans as files |
+//! | [`validation`] | configurations at which a calibrated arm proves itself |
+//! | [`touches`], [`scene`], [`choice`] | the first, thin planner, which the commands still use: `[geometry]` is not read, motions are sampled |
+//!
+//! All random choices come from the seed in the options: same input, same seed, same plan, for any number of threads.
 
 pub mod choice;
+pub mod choose;
+pub mod collision;
+mod connect;
+pub mod error;
+pub mod generate;
+pub mod geometry;
+pub mod options;
+pub mod parameters;
+pub mod plan;
+pub mod plan_csv;
+mod random;
+pub mod route;
 pub mod scene;
+pub mod solid;
 pub mod touches;
+pub mod validation;
 
+pub use collision::{CollisionModel, MotionWorkspace};
+pub use generate::{Candidate, Rejected};
+pub use plan::PlanEntry;
+pub use plan_csv::{PlanFileError, read_plan, write_plan};
 pub use scene::Scene;
 pub use touches::{Plan, PlanError, PlanOptions, Touch, free_poses, plan_touches};
+pub use validation::{Facing, ValidationOptions, poses_in_sphere, poses_in_workspace};

@@ -52,6 +52,16 @@ const SKEW: [Row; 6] = [
     (-90.0, 0.0, 115.0, 0.0, -350.0, 350.0, 1.0),
 ];
 
+/// A hollow wrist, whose axes stand at 60 degrees to each other, as on painting arms.
+const HOLLOW: [Row; 6] = [
+    (0.0, 0.0, 500.0, 0.0, -170.0, 170.0, 1.0),
+    (-90.0, 200.0, 0.0, -90.0, -120.0, 150.0, 1.0),
+    (0.0, 700.0, 0.0, 0.0, -170.0, 170.0, 1.0),
+    (-90.0, 0.0, 800.0, 0.0, -185.0, 185.0, 1.0),
+    (60.0, 0.0, 0.0, 0.0, -180.0, 180.0, 1.0),
+    (-60.0, 0.0, 115.0, 0.0, -350.0, 350.0, 1.0),
+];
+
 fn robot(rows: &[Row]) -> Robot {
     let joints = rows
         .iter()
@@ -149,6 +159,43 @@ fn finds_the_joints_that_it_started_from_on_a_ur10() {
 fn finds_the_joints_that_it_started_from_with_a_shoulder_offset_and_with_skew_axes() {
     assert_eq!(recovers(&OFFSET, 2000, 3), 0);
     assert_eq!(recovers(&SKEW, 2000, 4), 0);
+    assert_eq!(recovers(&HOLLOW, 2000, 10), 0);
+}
+
+/// Three slides and a wrist: no closed form is used, each pose is well within reach of the search.
+fn gantry() -> Forward {
+    let mut robot = robot(&[
+        (0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 1.0),
+        (90.0, 0.0, 0.0, 90.0, 0.0, 0.0, 1.0),
+        (90.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+        (90.0, 0.0, 200.0, 0.0, -170.0, 170.0, 1.0),
+        (90.0, 0.0, 0.0, 0.0, -120.0, 120.0, 1.0),
+        (-90.0, 0.0, 80.0, 0.0, -175.0, 175.0, 1.0),
+    ]);
+    for j in &mut robot.joints[..3] {
+        j.kind = JointKind::Prismatic;
+        j.limits = [-0.4, 0.4];
+    }
+    Forward::new(Model::nominal(robot, cell()), vec![]).unwrap()
+}
+
+#[test]
+fn slides_are_solved_and_their_travel_is_respected() {
+    let forward = gantry();
+    let mut ws = forward.workspace();
+    let mut rng = StdRng::seed_from_u64(11);
+    for _ in 0..50 {
+        let q = random_joints(&forward.model().robot, &mut rng, 0.9);
+        let target = forward.world_from_tool(&State::at(&q), &mut ws);
+        let state = State::at(&[0.0; 6]);
+        let solutions = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap();
+        assert_reached(&forward, &target, &state, &solutions);
+        assert!(solutions.iter().any(|s| farthest(6, &s.joints, &q) < 1e-6));
+    }
+    let far = forward.world_from_tool(&State::at(&[0.1, 0.1, 0.5, 0.2, 0.3, 0.4]), &mut ws);
+    let e = inverse_kinematics(&forward, &far, &State::at(&[0.0; 6]), &mut ws).unwrap_err();
+    assert!(matches!(e, IkError::OutOfTravel { joint: 3, value_m, .. } if (value_m - 0.5).abs() < 1e-9), "{e:?}");
+    assert_eq!(e.to_string(), "joint 3 would have to be at 500.000 mm, and its limits are -400.000 to 400.000 mm");
 }
 
 /// Widens limits to one turn so that limits hide no branch.
@@ -213,8 +260,8 @@ fn joint_6_of_the_irb_120_comes_in_all_turns_within_its_limits() {
     }
 }
 
-fn calibrated(rng: &mut StdRng) -> Forward {
-    let mut model = Model::nominal(robot(&IRB_120), cell());
+fn calibrated(rows: &[Row], rng: &mut StdRng) -> Forward {
+    let mut model = Model::nominal(robot(rows), cell());
     let mut add = |site, basis, value| {
         let name = format!("t{}", model.terms.len());
         let mut term = Term::new(name, "test", site, basis);
@@ -239,26 +286,73 @@ fn calibrated(rng: &mut StdRng) -> Forward {
 #[test]
 fn a_calibrated_arm_is_solved_to_rounding_on_every_branch() {
     let mut rng = StdRng::seed_from_u64(7);
-    let mut lost = 0;
-    for _ in 0..10 {
-        let forward = calibrated(&mut rng);
-        let mut ws = forward.workspace();
-        for _ in 0..100 {
-            let q = random_joints(&forward.model().robot, &mut rng, 0.98);
-            let state = State { dir: Some([1; MAX_JOINTS]), ..State::at(&q) };
-            let target = forward.world_from_tool(&state, &mut ws);
-            let solutions = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap();
-            assert_reached(&forward, &target, &state, &solutions);
-            lost += usize::from(farthest(6, &solutions[0].joints, &q) > 1e-5);
+    for rows in [&IRB_120, &OFFSET, &UR10] {
+        for _ in 0..6 {
+            let forward = calibrated(rows, &mut rng);
+            let mut ws = forward.workspace();
+            for _ in 0..60 {
+                let q = random_joints(&forward.model().robot, &mut rng, 0.98);
+                let state = State { dir: Some([1; MAX_JOINTS]), ..State::at(&q) };
+                let target = forward.world_from_tool(&state, &mut ws);
+                let solutions = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap();
+                assert_reached(&forward, &target, &state, &solutions);
+                assert!(farthest(6, &solutions[0].joints, &q) < 1e-5);
+            }
         }
     }
-    assert_eq!(lost, 0);
+}
+
+#[test]
+fn many_starts_find_no_branch_that_the_nominal_arms_branches_do_not_lead_to() {
+    let mut rng = StdRng::seed_from_u64(12);
+    let (mut known, mut missed) = (0, 0);
+    for k in 0..120 {
+        let forward = calibrated(&unlimited(if k % 2 == 0 { &IRB_120 } else { &OFFSET }), &mut rng);
+        let robot = &forward.model().robot;
+        let mut ws = forward.workspace();
+        let state = State::at(&random_joints(robot, &mut rng, 1.0));
+        let target = forward.world_from_tool(&state, &mut ws);
+        let solutions = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap();
+        known += solutions.len();
+        let mut more: Vec<Joints> = Vec::new();
+        for seed in search::starts(robot, &state.q, 200) {
+            let mut at = State { q: seed, ..state };
+            if newton::refine(&forward, &target, &mut at, &mut ws) == Ended::Converged
+                && !solutions.iter().any(|s| same(robot, &s.joints, &at.q))
+                && !more.iter().any(|m| same(robot, m, &at.q))
+            {
+                more.push(at.q);
+            }
+        }
+        missed += more.len();
+    }
+    assert!(known > 700, "{known}");
+    assert_eq!(missed, 0, "of {known}");
+}
+
+#[test]
+fn a_stretched_arm_is_solved_and_a_hair_further_is_called_singular() {
+    let forward = nominal(&IRB_120);
+    let mut ws = forward.workspace();
+    // the wrist in line with the upper arm: atan2(302, 70)
+    let state = State::at(&[0.3, 0.6, -302.0_f64.atan2(70.0), 0.5, 0.6, 0.7]);
+    let mut target = forward.world_from_tool(&state, &mut ws);
+    let solutions = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap();
+    assert_reached(&forward, &target, &state, &solutions);
+    let links = forward.world_from_links(&state, &mut ws);
+    let out = (links[5].translation - links[2].translation).normalize();
+    target.translation += out * 5e-7;
+    let e = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap_err();
+    assert!(matches!(e, IkError::Singular { miss_m, .. } if (miss_m - 5e-7).abs() < 2e-7), "{e:?}");
+    target.translation += out * 1e-3;
+    let e = inverse_kinematics(&forward, &target, &state, &mut ws).unwrap_err();
+    assert!(matches!(e, IkError::Unreachable { miss_m, .. } if (miss_m - 1e-3).abs() < 5e-4), "{e:?}");
 }
 
 #[test]
 fn a_correction_stays_on_its_branch() {
     let mut rng = StdRng::seed_from_u64(8);
-    let (nominal, real) = (nominal(&IRB_120), calibrated(&mut rng));
+    let (nominal, real) = (nominal(&IRB_120), calibrated(&IRB_120, &mut rng));
     let (mut ws, mut real_ws) = (nominal.workspace(), real.workspace());
     let mut solved = 0;
     for _ in 0..300 {

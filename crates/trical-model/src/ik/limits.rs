@@ -1,0 +1,119 @@
+//! Joint limits, whole turns, and when two solutions are one.
+
+use std::f64::consts::TAU;
+
+use super::{IkError, MOST};
+use crate::recording::Joints;
+use crate::robot::{JointKind, Robot};
+
+/// Solutions that differ by less than this in every joint are one, rad or m.
+const SAME: f64 = 1e-6;
+
+/// A joint may pass its limit by this much, rad or m; it is then put on the limit.
+const LIMIT_SLACK: f64 = 1e-12;
+
+/// `q` with every revolute joint turned into the turn about the middle of its limits.
+pub(super) fn principal(robot: &Robot, q: &Joints) -> Joints {
+    let mut out = *q;
+    for (x, j) in out.iter_mut().zip(&robot.joints) {
+        if j.kind == JointKind::Revolute {
+            let middle = 0.5 * (j.limits[0] + j.limits[1]);
+            *x -= TAU * ((*x - middle) / TAU).round();
+        }
+    }
+    out
+}
+
+pub(super) fn same(robot: &Robot, a: &Joints, b: &Joints) -> bool {
+    robot.joints.iter().zip(a.iter().zip(b)).all(|(j, (x, y))| {
+        let mut d = x - y;
+        if j.kind == JointKind::Revolute {
+            d -= TAU * (d / TAU).round();
+        }
+        d.abs() < SAME
+    })
+}
+
+pub(super) fn farthest(n: usize, a: &Joints, b: &Joints) -> f64 {
+    a.iter().zip(b).take(n).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+}
+
+fn beyond(robot: &Robot, joint: usize, value: f64) -> IkError {
+    let j = &robot.joints[joint];
+    let [lower, upper] = j.limits;
+    match j.kind {
+        JointKind::Revolute => {
+            IkError::OutOfLimits { joint: joint + 1, value_rad: value, lower_rad: lower, upper_rad: upper }
+        }
+        JointKind::Prismatic => {
+            IkError::OutOfTravel { joint: joint + 1, value_m: value, lower_m: lower, upper_m: upper }
+        }
+    }
+}
+
+/// How far beyond limits an error says the arm would be.
+pub(super) fn excess(e: &IkError) -> f64 {
+    match *e {
+        IkError::OutOfLimits { value_rad: v, lower_rad: l, upper_rad: u, .. }
+        | IkError::OutOfTravel { value_m: v, lower_m: l, upper_m: u, .. } => (l - v).max(v - u),
+        _ => 0.0,
+    }
+}
+
+/// Checks limits, and puts joints that pass one by rounding onto it.
+pub(super) fn put_within(robot: &Robot, q: &mut Joints) -> Result<(), IkError> {
+    let mut worst: Option<IkError> = None;
+    for (i, j) in robot.joints.iter().enumerate() {
+        let over = (j.limits[0] - q[i]).max(q[i] - j.limits[1]);
+        if over > LIMIT_SLACK {
+            let e = beyond(robot, i, q[i]);
+            if worst.as_ref().is_none_or(|w| excess(w) < excess(&e)) {
+                worst = Some(e);
+            }
+        } else {
+            q[i] = q[i].clamp(j.limits[0], j.limits[1]);
+        }
+    }
+    worst.map_or(Ok(()), Err)
+}
+
+/// All whole turns of `q` within limits.
+pub(super) fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Result<(), IkError> {
+    // turns[i] = the values joint i can have
+    let mut worst: Option<IkError> = None;
+    out.push(*q);
+    for (i, j) in robot.joints.iter().enumerate() {
+        let [lower, upper] = j.limits;
+        let mut values = Vec::with_capacity(3);
+        if j.kind == JointKind::Revolute {
+            let first = ((lower - LIMIT_SLACK - q[i]) / TAU).ceil();
+            let mut v = q[i] + TAU * first;
+            while v <= upper + LIMIT_SLACK {
+                values.push(v.clamp(lower, upper));
+                v += TAU;
+            }
+        } else if q[i] >= lower - LIMIT_SLACK && q[i] <= upper + LIMIT_SLACK {
+            values.push(q[i].clamp(lower, upper));
+        }
+        if values.is_empty() {
+            let e = beyond(robot, i, q[i]);
+            if worst.as_ref().is_none_or(|w| excess(w) < excess(&e)) {
+                worst = Some(e);
+            }
+            continue;
+        }
+        let before = std::mem::take(out);
+        for w in before.iter().take(MOST / values.len().max(1)) {
+            for v in &values {
+                let mut next = *w;
+                next[i] = *v;
+                out.push(next);
+            }
+        }
+    }
+    if let Some(e) = worst {
+        out.clear();
+        return Err(e);
+    }
+    Ok(())
+}

@@ -1,0 +1,319 @@
+//! Which of many candidates to measure: the set whose Jacobian has the largest determinant (D-optimality, which is the
+//! observability index O1 for a fixed number of measurements), by exchange (Fedorov 1972; Mitchell's DETMAX 1974).
+//!
+//! Nothing here knows of robots: a candidate is a block of three rows of a Jacobian.
+
+use nalgebra::{DMatrix, Matrix3};
+use rand::seq::SliceRandom;
+use rayon::prelude::*;
+
+use crate::random::generator;
+
+/// Blocks of three rows, one for each candidate, and to which group (ball) each belongs.
+#[derive(Clone, Debug)]
+pub struct Candidates {
+    /// Number of columns.
+    columns: usize,
+    /// 3 x columns numbers for each candidate, row by row, one candidate after the other.
+    jacobian: Vec<f64>,
+    /// Group of each candidate.
+    groups: Vec<usize>,
+}
+
+/// The chosen set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Indices of the chosen candidates, rising.
+    pub indices: Vec<usize>,
+    /// Logarithm of det(J'J) of the chosen set over that of the whole pool scaled to the same number of measurements:
+    /// 0 where it tells as much per measurement as the pool does on average.
+    pub log_det: f64,
+    /// The same of the median random set.
+    pub random_log_det: f64,
+}
+
+/// Observability of a set of parameters by a set of measurements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observability {
+    /// O1 (Borm & Menq): (product of singular values)^(1/p) / sqrt(rows), of the Jacobian with columns of unit length.
+    pub o1: f64,
+    /// Largest over smallest singular value of the same.
+    pub condition: f64,
+}
+
+/// Columns that add less than this part of their length to the columns before them are taken to depend on them.
+const DEPENDENT: f64 = 1e-6;
+
+impl Candidates {
+    /// `jacobian`: 3 rows of `columns` numbers for each candidate; `groups`: one entry for each candidate. `None` where the
+    /// sizes do not fit, a number is not finite or there is no column.
+    #[must_use]
+    pub fn new(columns: usize, jacobian: Vec<f64>, groups: Vec<usize>) -> Option<Self> {
+        (columns > 0 && jacobian.len() == 3 * columns * groups.len() && jacobian.iter().all(|x| x.is_finite()))
+            .then_some(Self { columns, jacobian, groups })
+    }
+
+    /// Number of candidates.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    fn matrix(&self) -> DMatrix<f64> {
+        DMatrix::from_row_slice(3 * self.len(), self.columns, &self.jacobian)
+    }
+
+    /// Columns that do not depend on columns before them, over all candidates, and of the others how much of each does not
+    /// (0 for a column of zeros).
+    #[must_use]
+    pub fn independent_columns(&self) -> Vec<usize> {
+        let j = self.matrix();
+        let mut basis: Vec<nalgebra::DVector<f64>> = Vec::new();
+        let mut kept = Vec::new();
+        for c in 0..self.columns {
+            let mut v = j.column(c).clone_owned();
+            let length = v.norm();
+            if length < 1e-300 {
+                continue;
+            }
+            v /= length;
+            // twice is enough (Parlett)
+            for _ in 0..2 {
+                for b in &basis {
+                    let along = b.dot(&v);
+                    v.axpy(-along, b, 1.0);
+                }
+            }
+            let left = v.norm();
+            if left > DEPENDENT {
+                basis.push(v / left);
+                kept.push(c);
+            }
+        }
+        kept
+    }
+
+    /// The same candidates with these columns only.
+    #[must_use]
+    pub fn with_columns(&self, columns: &[usize]) -> Self {
+        let jacobian = self
+            .jacobian
+            .chunks_exact(self.columns)
+            .flat_map(|row| columns.iter().map(|c| row.get(*c).copied().unwrap_or(0.0)))
+            .collect();
+        Self { columns: columns.len(), jacobian, groups: self.groups.clone() }
+    }
+
+    /// Observability of all columns by the candidates `indices`.
+    #[must_use]
+    pub fn observability(&self, indices: &[usize]) -> Observability {
+        let p = self.columns;
+        let mut rows = Vec::with_capacity(indices.len() * 3 * p);
+        for i in indices {
+            rows.extend_from_slice(self.jacobian.get(i * 3 * p..(i + 1) * 3 * p).unwrap_or(&[]));
+        }
+        let m = rows.len() / p;
+        if m < p {
+            return Observability { o1: 0.0, condition: f64::INFINITY };
+        }
+        let mut j = DMatrix::from_row_slice(m, p, &rows);
+        for mut column in j.column_iter_mut() {
+            let length = column.norm();
+            if length > 0.0 {
+                column /= length;
+            }
+        }
+        let s = j.singular_values();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let (pf, mf) = (p as f64, m as f64);
+        let o1 = (s.iter().map(|x| x.max(1e-300).ln()).sum::<f64>() / pf).exp() / mf.sqrt();
+        Observability { o1, condition: s.max() / s.min() }
+    }
+}
+
+/// The candidates in coordinates in which the whole pool's J'J is the identity: well conditioned, and log determinants are
+/// relative to the pool's.
+struct White {
+    /// Rows of Q times sqrt(number of candidates) as columns, so that each candidate's three lie together: p x 3 N.
+    z: DMatrix<f64>,
+    p: usize,
+}
+
+impl White {
+    fn of(candidates: &Candidates) -> Self {
+        let mut j = candidates.matrix();
+        for mut column in j.column_iter_mut() {
+            let length = column.norm();
+            if length > 0.0 {
+                column /= length;
+            }
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let scale = (candidates.len() as f64).sqrt();
+        let p = candidates.columns;
+        Self { z: (j.qr().q() * scale).transpose(), p }
+    }
+
+    fn information(&self, chosen: &[usize]) -> DMatrix<f64> {
+        let mut m = DMatrix::zeros(self.p, self.p);
+        for i in chosen {
+            let block = self.z.columns(3 * i, 3);
+            m.gemm(1.0, &block, &block.transpose(), 1.0);
+        }
+        m
+    }
+
+    /// log det of the information per candidate.
+    fn log_det(&self, chosen: &[usize]) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let (n, p) = (chosen.len().max(1) as f64, self.p as f64);
+        match self.information(chosen).cholesky() {
+            Some(c) => 2.0 * c.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>() - p * n.ln(),
+            None => f64::NEG_INFINITY,
+        }
+    }
+}
+
+/// For each group g, `wanted[g]` of its candidates, so that det(J'J) of all of them together is as large as exchanges can make
+/// it. From a greedy start and `restarts` random ones, the best end wins; same seed, same choice.
+///
+/// `None` where a group has too few candidates, or all of them together do not determine the columns.
+#[must_use]
+pub fn choose(candidates: &Candidates, wanted: &[usize], seed: u64, restarts: usize) -> Option<Choice> {
+    let members: Vec<Vec<usize>> =
+        (0..wanted.len()).map(|g| (0..candidates.len()).filter(|i| candidates.groups[*i] == g).collect()).collect();
+    if members.iter().zip(wanted).any(|(m, w)| m.len() < *w) || 3 * candidates.len() < candidates.columns {
+        return None;
+    }
+    let white = White::of(candidates);
+    if !white.z.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let ends: Vec<(f64, Vec<usize>)> = (0..=restarts)
+        .into_par_iter()
+        .map(|k| {
+            let mut chosen =
+                if k == 0 { greedy(&white, &members, wanted) } else { random_set(&members, wanted, seed, k as u64) };
+            exchange(&white, candidates, &members, &mut chosen);
+            chosen.sort_unstable();
+            (white.log_det(&chosen), chosen)
+        })
+        .collect();
+    let best = ends.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;
+    let mut random: Vec<f64> = (0..25).map(|k| white.log_det(&random_set(&members, wanted, seed, 1000 + k))).collect();
+    random.sort_by(f64::total_cmp);
+    Some(Choice { indices: best.1, log_det: best.0, random_log_det: random.get(12).copied().unwrap_or(f64::NAN) })
+}
+
+fn random_set(members: &[Vec<usize>], wanted: &[usize], seed: u64, k: u64) -> Vec<usize> {
+    let mut rng = generator(seed, 2, k);
+    let mut chosen = Vec::new();
+    for (group, w) in members.iter().zip(wanted) {
+        let mut group = group.clone();
+        group.shuffle(&mut rng);
+        chosen.extend_from_slice(&group[..*w]);
+    }
+    chosen
+}
+
+/// Adds the candidate that gains most, group by group in turn, starting from a little of everything.
+fn greedy(white: &White, members: &[Vec<usize>], wanted: &[usize]) -> Vec<usize> {
+    let mut information = DMatrix::identity(white.p, white.p) * 1e-3;
+    let mut chosen: Vec<usize> = Vec::new();
+    for round in 0..wanted.iter().copied().max().unwrap_or(0) {
+        for (group, _) in members.iter().zip(wanted).filter(|(_, w)| round < **w) {
+            let Some(inverse) = inverse(&information) else { return chosen };
+            let w = inverse * &white.z;
+            let best = group
+                .iter()
+                .filter(|i| !chosen.contains(i))
+                .map(|i| (with(&dot(&w, &white.z, *i, *i)).determinant(), *i))
+                .reduce(|a, b| if b.0 > a.0 { b } else { a });
+            if let Some((_, i)) = best {
+                chosen.push(i);
+                let block = white.z.columns(3 * i, 3);
+                information.gemm(1.0, &block, &block.transpose(), 1.0);
+            }
+        }
+    }
+    chosen
+}
+
+fn inverse(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    m.clone().cholesky().map(|c| c.inverse())
+}
+
+/// I + D.
+fn with(d: &Matrix3<f64>) -> Matrix3<f64> {
+    Matrix3::identity() + d
+}
+
+/// `Z_i M^-1 Z_j'`, from `w = M^-1 Z'` and `z = Z'`.
+#[inline]
+fn dot(w: &DMatrix<f64>, z: &DMatrix<f64>, i: usize, j: usize) -> Matrix3<f64> {
+    let p = z.nrows();
+    let block = |k: usize| 3 * k * p..3 * (k + 1) * p;
+    let (x, y) = (&w.as_slice()[block(i)], &z.as_slice()[block(j)]);
+    let mut d = Matrix3::zeros();
+    for (r, x) in x.chunks_exact(p).enumerate() {
+        for (c, y) in y.chunks_exact(p).enumerate() {
+            d[(r, c)] = x.iter().zip(y).map(|(a, b)| a * b).sum();
+        }
+    }
+    d
+}
+
+/// A swap must multiply the determinant by more than this, or rounding could make the search run in circles.
+const GAIN: f64 = 1.0 + 1e-9;
+
+/// Swaps a chosen for a free candidate of its group, the best swap of each group in turn, until no swap gains.
+///
+/// Removing i and adding j multiplies det M by `det(I + D_jj) det(I - D_ii + D_ij (I + D_jj)^-1 D_ji)`,
+/// `D_ij = Z_i M^-1 Z_j'`.
+fn exchange(white: &White, candidates: &Candidates, members: &[Vec<usize>], chosen: &mut [usize]) {
+    let z = &white.z;
+    for _ in 0..200 {
+        let mut swapped = false;
+        for (g, group) in members.iter().enumerate() {
+            let mut m = white.information(chosen);
+            // a set that does not determine everything has no inverse: a little of everything lets it climb out
+            m += DMatrix::identity(white.p, white.p) * 1e-9;
+            let Some(inverse) = inverse(&m) else { return };
+            let w = inverse * z;
+            let mut best = (GAIN, None);
+            let free: Vec<usize> = group.iter().copied().filter(|j| !chosen.contains(j)).collect();
+            for j in free {
+                let plus = with(&dot(&w, z, j, j));
+                let (Some(back), gain) = (plus.try_inverse(), plus.determinant()) else { continue };
+                // removing can only lose: no i can make up for too small a gain
+                if gain <= best.0 {
+                    continue;
+                }
+                for (slot, i) in chosen.iter().enumerate().filter(|(_, i)| candidates.groups[**i] == g) {
+                    let dij = dot(&w, z, *i, j);
+                    let ratio =
+                        gain * (Matrix3::identity() - dot(&w, z, *i, *i) + dij * back * dij.transpose()).determinant();
+                    if ratio > best.0 {
+                        best = (ratio, Some((slot, j)));
+                    }
+                }
+            }
+            if let (_, Some((slot, j))) = best {
+                chosen[slot] = j;
+                swapped = true;
+            }
+        }
+        if !swapped {
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,358 @@
+//! Configurations at a ball that the arm can take without meeting anything: random orientation, all branches of the inverse
+//! kinematics, one of them at random, checked where it touches and on its way there and back.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+use trical_model::ik::continue_from;
+use trical_model::pose::rotation_zyx;
+use trical_model::robot::tidy;
+use trical_model::{IkError, JointKind, Joints, Pose, Robot, State, inverse_kinematics};
+
+use crate::collision::{CollisionModel, Contact, MotionWorkspace};
+use crate::error::{PlanError, Result};
+use crate::options::PlanOptions;
+use crate::random::{downward, generator, uniform};
+use crate::route::travel;
+
+type V3 = Vector3<f64>;
+
+/// A touch that the arm can do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Which ball, 0-based.
+    pub ball: usize,
+    /// Joints at the touch: TCP in the ball's centre.
+    pub joints: Joints,
+    /// Joints at the stand-off pose, from which a straight line in joint space leads to the touch and back.
+    pub approach: Joints,
+}
+
+/// Why attempts were refused, and how often.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Rejected {
+    /// Attempts in all, successful ones included.
+    pub attempts: usize,
+    /// No branch reaches the pose.
+    pub unreachable: usize,
+    /// Branches reach it, but beyond joint limits or too close to them.
+    pub out_of_limits: usize,
+    /// The arm is too near to a singular configuration, or to the end of its reach, for corrections.
+    pub singular: usize,
+    /// Bodies meet at the touch.
+    pub touch_in_collision: usize,
+    /// No stand-off pose is reachable on the same branch, or the ball would meet a stem from its side.
+    pub no_approach: usize,
+    /// Bodies meet on the way from the stand-off pose to the touch.
+    pub approach_in_collision: usize,
+    /// Which bodies met ("stem x and post 1"), and how often.
+    pub contacts: BTreeMap<String, usize>,
+}
+
+impl Rejected {
+    /// Adds the counts of another.
+    pub fn add(&mut self, other: &Self) {
+        self.attempts += other.attempts;
+        self.unreachable += other.unreachable;
+        self.out_of_limits += other.out_of_limits;
+        self.singular += other.singular;
+        self.touch_in_collision += other.touch_in_collision;
+        self.no_approach += other.no_approach;
+        self.approach_in_collision += other.approach_in_collision;
+        for (k, v) in &other.contacts {
+            *self.contacts.entry(k.clone()).or_default() += v;
+        }
+    }
+
+    /// The commonest reason, in words: completes "most were refused because".
+    #[must_use]
+    pub fn main_reason(&self) -> String {
+        let mut reasons = vec![
+            (self.unreachable, "the arm does not reach the pose".to_owned()),
+            (self.out_of_limits, "a joint would be beyond its limits".into()),
+            (self.singular, "the arm has no room for corrections".into()),
+            (self.no_approach, "no stand-off pose is reachable".into()),
+        ];
+        let hits = self.touch_in_collision + self.approach_in_collision;
+        if let Some((pair, _)) = self.contacts.iter().max_by_key(|(_, n)| **n) {
+            reasons.push((hits, format!("bodies meet, most often {pair}")));
+        }
+        reasons.into_iter().max_by_key(|r| r.0).map_or_else(String::new, |r| r.1)
+    }
+
+    fn count(&mut self, refusal: Refusal, model: &CollisionModel) {
+        let mut met = |contact| {
+            let (a, b) = model.names(contact);
+            *self.contacts.entry(format!("{a} and {b}")).or_default() += 1;
+        };
+        match refusal {
+            Refusal::Unreachable => self.unreachable += 1,
+            Refusal::Limits => self.out_of_limits += 1,
+            Refusal::Singular => self.singular += 1,
+            Refusal::NoApproach => self.no_approach += 1,
+            Refusal::Touch(c) => {
+                met(c);
+                self.touch_in_collision += 1;
+            }
+            Refusal::Approach(c) => {
+                met(c);
+                self.approach_in_collision += 1;
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Refusal {
+    Unreachable,
+    Limits,
+    Singular,
+    Touch(Contact),
+    NoApproach,
+    Approach(Contact),
+}
+
+/// Streams of random numbers.
+const TOUCH: u64 = 1;
+
+/// Attempts that are made before anyone looks whether there are enough.
+const CHUNK: usize = 128;
+
+/// `options.pool_per_ball` candidates at `ball` (0-based), in the order in which they were found. Same options, same result, for
+/// any number of threads. `progress` hears how many there are.
+///
+/// # Errors
+/// [`PlanError::TooFew`] where the attempts are used up.
+pub fn generate(
+    model: &CollisionModel,
+    ball: usize,
+    options: &PlanOptions,
+    progress: &mut dyn FnMut(usize),
+) -> Result<(Vec<Candidate>, Rejected)> {
+    let wanted = options.pool_per_ball;
+    let most = wanted.saturating_mul(options.attempts_per_candidate);
+    let mut pool = Vec::with_capacity(wanted);
+    let mut rejected = Rejected::default();
+    let stream = TOUCH | ((ball as u64) << 8);
+    while pool.len() < wanted && rejected.attempts < most {
+        let first = rejected.attempts;
+        let results: Vec<std::result::Result<Candidate, Refusal>> = (first..(first + CHUNK).min(most))
+            .into_par_iter()
+            .map_init(
+                || MotionWorkspace::new(model),
+                |scratch, k| attempt(model, ball, options, &mut generator(options.seed, stream, k as u64), scratch),
+            )
+            .collect();
+        for result in results {
+            if pool.len() == wanted {
+                break;
+            }
+            rejected.attempts += 1;
+            match result {
+                Ok(candidate) => pool.push(candidate),
+                Err(refusal) => rejected.count(refusal, model),
+            }
+        }
+        progress(pool.len());
+    }
+    if pool.len() < options.per_ball {
+        return Err(PlanError::TooFew {
+            ball: ball + 1,
+            found: pool.len(),
+            wanted: options.per_ball,
+            attempts: rejected.attempts,
+            reason: rejected.main_reason(),
+        });
+    }
+    Ok((pool, rejected))
+}
+
+fn attempt(
+    model: &CollisionModel,
+    ball: usize,
+    options: &PlanOptions,
+    rng: &mut Pcg64Mcg,
+    scratch: &mut MotionWorkspace,
+) -> std::result::Result<Candidate, Refusal> {
+    let forward = model.forward();
+    let cell = &forward.model().cell;
+    let world_from_tool = Pose {
+        rotation: downward(rng, options.max_tilt_rad, options.spin_rad),
+        translation: cell.balls.get(ball).copied().unwrap_or_else(V3::zeros),
+    };
+    let joints = random_branch(model, &world_from_tool, options, rng, scratch)?;
+    if let Some(hit) = model.check_joints(&joints, Some(ball), scratch) {
+        return Err(Refusal::Touch(hit));
+    }
+    let mut refusal = Refusal::NoApproach;
+    for _ in 0..4 {
+        match approach(model, ball, &joints, options, rng, scratch) {
+            Ok(approach) => return Ok(Candidate { ball, joints, approach }),
+            Err(r) => refusal = r,
+        }
+    }
+    Err(refusal)
+}
+
+/// One of the ways to take a pose that keep off limits and singularities, at random.
+fn random_branch(
+    model: &CollisionModel,
+    world_from_tool: &Pose,
+    options: &PlanOptions,
+    rng: &mut Pcg64Mcg,
+    scratch: &mut MotionWorkspace,
+) -> std::result::Result<Joints, Refusal> {
+    let forward = model.forward();
+    let robot = &forward.model().robot;
+    let all =
+        inverse_kinematics(forward, world_from_tool, &State::at(&[]), scratch.forward()).map_err(|e| match e {
+            IkError::OutOfLimits { .. } | IkError::OutOfTravel { .. } => Refusal::Limits,
+            IkError::Singular { .. } => Refusal::Singular,
+            _ => Refusal::Unreachable,
+        })?;
+    let inside: Vec<Joints> = all
+        .iter()
+        .map(|s| rounded(robot, &s.joints))
+        .filter(|q| robot.within_limits(q, -options.limit_margin_rad))
+        .filter(|q| options.whole_turns || within_a_turn(robot, q))
+        .collect();
+    if inside.is_empty() {
+        return Err(Refusal::Limits);
+    }
+    let joints = inside.get(rng.random_range(0..inside.len())).copied().ok_or(Refusal::Limits)?;
+    if can_be_corrected(model, world_from_tool, &joints, options, scratch) {
+        Ok(joints)
+    } else {
+        Err(Refusal::Singular)
+    }
+}
+
+/// Whether every joint is within half a turn of the middle of its range.
+fn within_a_turn(robot: &Robot, q: &Joints) -> bool {
+    robot.joints.iter().zip(q).all(|(j, q)| {
+        j.kind == JointKind::Prismatic || (q - 0.5 * (j.limits[0] + j.limits[1])).abs() <= std::f64::consts::PI
+    })
+}
+
+/// Joint values as the plan's file gives them: to a millionth of a degree (10 nm at the tool) or of a millimetre.
+#[must_use]
+pub fn rounded(robot: &Robot, q: &Joints) -> Joints {
+    let mut out = *q;
+    for (x, joint) in out.iter_mut().zip(&robot.joints) {
+        *x = match joint.kind {
+            JointKind::Revolute => ((x.to_degrees() * 1e6).round() / 1e6).to_radians(),
+            JointKind::Prismatic => tidy((*x * 1e9).round() / 1e6) * 1e-3,
+        };
+    }
+    out
+}
+
+/// Whether the arm can follow wherever a correction may take the tool, on the same branch and without large motions.
+fn can_be_corrected(
+    model: &CollisionModel,
+    pose: &Pose,
+    joints: &Joints,
+    options: &PlanOptions,
+    scratch: &mut MotionWorkspace,
+) -> bool {
+    let far = options.correction_m;
+    (0..8).all(|corner| {
+        let side = |bit: u32| if corner & bit == 0 { -far } else { far };
+        let moved =
+            Pose { translation: pose.translation + V3::new(side(1), side(2), side(4)), rotation: pose.rotation };
+        continue_from(model.forward(), &moved, &State::at(joints), scratch.forward())
+            .is_ok_and(|q| travel(&q, joints) < options.correction_joint_rad)
+    })
+}
+
+/// Largest angle between the retreat and the direction in which the device leaves, rad.
+const CONE: f64 = 0.35;
+/// Largest turn of the device about each of its axes between stand-off and touch, rad.
+const TURN: f64 = 0.07;
+/// How far a ball may come towards a stem's side on the way, m: less than a stem's travel.
+const INTO_STEM: f64 = 3e-4;
+
+/// A random stand-off pose for a touch, and its way checked. Random directions and turns make each joint arrive in either
+/// sense.
+fn approach(
+    model: &CollisionModel,
+    ball: usize,
+    joints: &Joints,
+    options: &PlanOptions,
+    rng: &mut Pcg64Mcg,
+    scratch: &mut MotionWorkspace,
+) -> std::result::Result<Joints, Refusal> {
+    let forward = model.forward();
+    let robot = &forward.model().robot;
+    let touch = forward.world_from_tool(&State::at(joints), scratch.forward());
+    let retreat = *model.retreat();
+    let sideways = retreat.cross(&if retreat.x.abs() < 0.6 { V3::x() } else { V3::y() }).normalize();
+    let around = uniform(rng, -std::f64::consts::PI, std::f64::consts::PI);
+    let lean = uniform(rng, CONE.cos(), 1.0).acos();
+    let side = sideways * around.cos() + retreat.cross(&sideways) * around.sin();
+    let direction = retreat * lean.cos() + side * lean.sin();
+    let distance = uniform(rng, options.standoff_m[0], options.standoff_m[1]);
+    let [z, y, x] = std::array::from_fn(|_| uniform(rng, -TURN, TURN));
+    let standoff = Pose {
+        rotation: touch.rotation * rotation_zyx(z, y, x),
+        translation: touch.translation + touch.rotation * direction * distance,
+    };
+    let from =
+        continue_from(forward, &standoff, &State::at(joints), scratch.forward()).map_err(|_| Refusal::NoApproach)?;
+    let from = rounded(robot, &from);
+    if !robot.within_limits(&from, -options.limit_margin_rad) || !enters_openly(model, ball, &from, joints, scratch) {
+        return Err(Refusal::NoApproach);
+    }
+    model.check_motion(&from, joints, Some(ball), scratch).map_or(Ok(from), |hit| Err(Refusal::Approach(hit)))
+}
+
+/// Whether the ball comes in on the open side of every stem: the collision check lets stem and ball pass each other, so this
+/// is what keeps a stem from being hit from its side.
+fn enters_openly(
+    model: &CollisionModel,
+    ball: usize,
+    from: &Joints,
+    to: &Joints,
+    scratch: &mut MotionWorkspace,
+) -> bool {
+    let forward = model.forward();
+    let Some(centre) = forward.model().cell.balls.get(ball) else { return false };
+    const STEPS: u32 = 12;
+    (0..STEPS).all(|k| {
+        let t = f64::from(k) / f64::from(STEPS);
+        let mut q = *from;
+        for (x, y) in q.iter_mut().zip(to) {
+            *x += t * (y - *x);
+        }
+        let tool = forward.world_from_tool(&State::at(&q), scratch.forward());
+        let ball_in_tool = tool.rotation.transpose() * (centre - tool.translation);
+        model.stems().all(|side| side.dot(&ball_in_tool) < INTO_STEM)
+    })
+}
+
+/// Up to `count` different stand-off poses for a touch that have passed all checks, the candidate's own first.
+pub(crate) fn more_approaches(
+    model: &CollisionModel,
+    candidate: &Candidate,
+    options: &PlanOptions,
+    count: usize,
+    rng: &mut Pcg64Mcg,
+    scratch: &mut MotionWorkspace,
+) -> Vec<Joints> {
+    let mut found = vec![candidate.approach];
+    for _ in 0..3 * count {
+        if found.len() >= count {
+            break;
+        }
+        if let Ok(q) = approach(model, candidate.ball, &candidate.joints, options, rng, scratch) {
+            found.push(q);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests;

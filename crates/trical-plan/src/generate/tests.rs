@@ -1,0 +1,66 @@
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use super::*;
+use crate::plan::tests::irb120;
+
+fn pool(options: &PlanOptions) -> (CollisionModel, Vec<Candidate>, Rejected) {
+    let (robot, cell) = irb120();
+    let model = CollisionModel::new(&robot, &cell).unwrap();
+    let (pool, rejected) = generate(&model, 1, options, &mut |_| {}).unwrap();
+    (model, pool, rejected)
+}
+
+#[test]
+fn every_attempt_is_a_candidate_or_has_a_reason() {
+    let (_, pool, r) = pool(&PlanOptions::default());
+    let refused =
+        r.unreachable + r.out_of_limits + r.singular + r.touch_in_collision + r.no_approach + r.approach_in_collision;
+    assert_eq!(pool.len(), 100);
+    assert_eq!(r.attempts, pool.len() + refused);
+    assert_eq!(r.contacts.values().sum::<usize>(), r.touch_in_collision + r.approach_in_collision);
+}
+
+#[test]
+fn joints_stay_as_far_from_limits_and_the_device_as_upright_as_asked() {
+    let options =
+        PlanOptions { limit_margin_rad: 0.3, max_tilt_rad: 0.2, spin_rad: [0.5, 0.9], ..PlanOptions::default() };
+    let (model, pool, _) = pool(&options);
+    let forward = model.forward();
+    let mut ws = forward.workspace();
+    for c in &pool {
+        for q in [&c.joints, &c.approach] {
+            assert!(forward.model().robot.within_limits(q, -0.3));
+        }
+        let r = forward.world_from_tool(&State::at(&c.joints), &mut ws).rotation;
+        assert!(-r[(2, 2)] > 0.2_f64.cos() - 1e-9);
+        // with little tilt the device's x axis stays near where the spin puts it: Rx(180) Rz(turn) has x = (cos, -sin, 0)
+        let turn = (-r[(1, 0)]).atan2(r[(0, 0)]);
+        assert!((0.45..0.95).contains(&turn), "{turn}");
+    }
+}
+
+#[test]
+fn the_pool_is_spread_over_all_branches() {
+    let (_, pool, _) = pool(&PlanOptions::default());
+    // the wrist turned either way
+    let flipped = pool.iter().filter(|c| c.joints[4] < 0.0).count();
+    assert!((20..=80).contains(&flipped), "{flipped}");
+}
+
+#[test]
+fn a_longer_pool_begins_with_the_shorter_one() {
+    let (_, short, _) = pool(&PlanOptions { pool_per_ball: 20, per_ball: 5, ..PlanOptions::default() });
+    let (_, long, _) = pool(&PlanOptions { pool_per_ball: 50, per_ball: 5, ..PlanOptions::default() });
+    assert_eq!(short[..], long[..20]);
+}
+
+#[test]
+fn the_commonest_reason_is_told() {
+    let mut r = Rejected { unreachable: 3, touch_in_collision: 5, ..Rejected::default() };
+    r.contacts.insert("stem x and post 1".into(), 4);
+    r.contacts.insert("flange and table".into(), 1);
+    assert_eq!(r.main_reason(), "bodies meet, most often stem x and post 1");
+    let mut sum = r.clone();
+    sum.add(&Rejected { unreachable: 30, ..Rejected::default() });
+    assert_eq!(sum.main_reason(), "the arm does not reach the pose");
+}

@@ -1,0 +1,104 @@
+//! What a user can choose about a plan.
+
+use trical_model::{Joints, Term};
+
+use crate::error::{PlanError, Result};
+
+/// Settings of [`crate::plan_touches`]; `..PlanOptions::default()` for the rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanOptions {
+    /// Seed of all random choices: same seed, same plan.
+    pub seed: u64,
+    /// Touches at each ball.
+    pub per_ball: usize,
+    /// Candidates to choose from at each ball.
+    pub pool_per_ball: usize,
+    /// Attempts for each candidate before giving up.
+    pub attempts_per_candidate: usize,
+    /// Largest angle between the tool's z axis and straight down (-z of {w}), rad.
+    pub max_tilt_rad: f64,
+    /// Range of the tool's rotation about its own z axis, rad.
+    pub spin_rad: [f64; 2],
+    /// Range of distances from the stand-off pose to the touch, m.
+    pub standoff_m: [f64; 2],
+    /// Whether joints that can turn further than once are also used beyond half a turn from the middle of their range. That
+    /// tells little more, and makes ways long.
+    pub whole_turns: bool,
+    /// How far joints stay inside their limits, rad (m for sliding joints), so that the procedure can correct a pose.
+    pub limit_margin_rad: f64,
+    /// How far corrections may take the tool along each axis of {w}, m: wherever they may, the arm must follow on the same
+    /// branch and within limits.
+    pub correction_m: f64,
+    /// How far a joint may move for such a correction, rad: more means that the arm is nearly singular or at the end of its
+    /// reach.
+    pub correction_joint_rad: f64,
+    /// Parameters to identify; `None` for [`crate::parameters::usual_parameters`].
+    pub parameters: Option<Vec<Term>>,
+    /// Random starts of the search for the best set, besides a greedy one.
+    pub restarts: usize,
+    /// Where the arm stands before the first touch: then the way from there is checked and its via points are planned too.
+    pub start: Option<Joints>,
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            per_ball: 15,
+            pool_per_ball: 100,
+            attempts_per_candidate: 200,
+            max_tilt_rad: 50.0_f64.to_radians(),
+            spin_rad: [-std::f64::consts::PI, std::f64::consts::PI],
+            standoff_m: [0.03, 0.05],
+            whole_turns: false,
+            limit_margin_rad: 1.0_f64.to_radians(),
+            correction_m: 0.004,
+            correction_joint_rad: 3.0_f64.to_radians(),
+            parameters: None,
+            restarts: 3,
+            start: None,
+        }
+    }
+}
+
+impl PlanOptions {
+    /// Refuses what makes no sense.
+    pub(crate) fn check(&self) -> Result<()> {
+        let bad = |option: &'static str, problem: String| Err(PlanError::Option { option, problem });
+        if self.per_ball == 0 {
+            return bad("per_ball", "found 0, expected one touch or more at each ball".into());
+        }
+        if self.pool_per_ball < self.per_ball {
+            return bad(
+                "pool_per_ball",
+                format!("found {}, expected at least per_ball, {}", self.pool_per_ball, self.per_ball),
+            );
+        }
+        if self.attempts_per_candidate == 0 {
+            return bad("attempts_per_candidate", "found 0, expected one or more".into());
+        }
+        if !(self.max_tilt_rad.is_finite() && (0.0..=std::f64::consts::PI).contains(&self.max_tilt_rad)) {
+            return bad("max_tilt_rad", format!("found {}, expected 0 to pi", self.max_tilt_rad));
+        }
+        if !(self.spin_rad.iter().all(|s| s.is_finite()) && self.spin_rad[0] <= self.spin_rad[1]) {
+            return bad("spin_rad", format!("found {:?}, expected a lower and a higher angle", self.spin_rad));
+        }
+        let [near, far] = self.standoff_m;
+        if !(near.is_finite() && far.is_finite() && 0.002 <= near && near <= far && far <= 0.5) {
+            return bad(
+                "standoff_m",
+                format!("found {near} to {far}, expected a shorter and a longer distance between 0.002 and 0.5 m"),
+            );
+        }
+        if !(self.limit_margin_rad.is_finite() && self.limit_margin_rad >= 0.0) {
+            return bad("limit_margin_rad", format!("found {}, expected 0 or more", self.limit_margin_rad));
+        }
+        if !(self.correction_m.is_finite() && (0.0..=0.1).contains(&self.correction_m)) {
+            return bad("correction_m", format!("found {}, expected 0 to 0.1 m", self.correction_m));
+        }
+        if self.correction_joint_rad.is_nan() || self.correction_joint_rad <= 0.0 {
+            return bad("correction_joint_rad", format!("found {}, expected more than 0", self.correction_joint_rad));
+        }
+        Ok(())
+    }
+}

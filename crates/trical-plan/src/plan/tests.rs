@@ -1,0 +1,236 @@
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use trical_model::Pose;
+
+use super::*;
+use crate::plan_csv::{read_plan, write_plan};
+
+pub(crate) fn irb120() -> (Robot, Cell) {
+    let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+    let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+    (robot, cell)
+}
+
+/// The layout of the blind recordings, without any `[geometry]`.
+fn bare_cell() -> Cell {
+    Cell::parse(
+        "[base]\nxyz_mm = [150.0, -330.0, -150.0]\nzyx_deg = [90.0, 0.0, 0.0]\n\
+         [tool]\ntcp_mm = [18.0, -12.0, 118.0]\nmass_kg = 1.7\ncog_mm = [5.0, -4.0, 55.0]\n\
+         [balls]\ndistances_mm = { d12 = 300.0, d13 = 300.0, d23 = 300.0 }\n",
+        "cell.toml",
+    )
+    .unwrap()
+}
+
+fn quiet(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Plan {
+    plan_touches(robot, cell, options, &mut |_| {}).unwrap()
+}
+
+/// Follows a plan as the arm would, looking everywhere, by `clearance` (not by the proof that the plan was made with).
+fn drive(robot: &Robot, cell: &Cell, plan: &Plan, options: &PlanOptions) {
+    let model = CollisionModel::new(robot, cell).unwrap();
+    let mut ws = model.forward().workspace();
+    let mut links = vec![Pose::identity(); robot.dof() + 1];
+    let mut follow = |from: &Joints, to: &Joints, ball: Option<usize>| {
+        for k in 0..=200 {
+            let mut q = *from;
+            for (x, y) in q.iter_mut().zip(to) {
+                *x += f64::from(k) / 200.0 * (y - *x);
+            }
+            assert!(robot.within_limits(&q, 1e-12));
+            model.forward().world_from_links_into(&State::at(&q), &mut ws, &mut links);
+            let (clearance, hit) = model.clearance(&links, ball).unwrap();
+            assert!(clearance >= 0.5 * model.margin(), "{clearance} {:?}", model.names(hit));
+        }
+    };
+    let mut at = options.start;
+    for e in &plan.entries {
+        for q in e.via.iter().chain([&e.approach]) {
+            if let Some(from) = &at {
+                follow(from, q, None);
+            }
+            at = Some(*q);
+        }
+        follow(&e.approach, &e.joints, Some(e.ball));
+    }
+    let mut ws = model.forward().workspace();
+    for e in &plan.entries {
+        let tool = model.forward().world_from_tool(&State::at(&e.joints), &mut ws);
+        // six decimals of a degree
+        assert!((tool.translation - cell.balls[e.ball]).norm() < 1e-7);
+        let back = model.forward().world_from_tool(&State::at(&e.approach), &mut ws).translation - tool.translation;
+        let [near, far] = options.standoff_m;
+        assert!(back.norm() > near - 1e-6 && back.norm() < far + 1e-6);
+        let down = -tool.rotation[(2, 2)];
+        assert!(down > options.max_tilt_rad.cos() - 1e-6);
+    }
+}
+
+#[test]
+fn the_shipped_cell_gets_45_touches_that_can_be_driven() {
+    let (robot, cell) = irb120();
+    let options = PlanOptions { start: Some([0.0; MAX_JOINTS]), ..PlanOptions::default() };
+    let plan = quiet(&robot, &cell, &options);
+    assert_eq!(plan.entries.len(), 45);
+    for ball in 0..3 {
+        assert_eq!(plan.entries.iter().filter(|e| e.ball == ball).count(), 15);
+    }
+    assert!(plan.entries.iter().enumerate().all(|(k, e)| e.index == k));
+    drive(&robot, &cell, &plan, &options);
+}
+
+#[test]
+fn the_papers_31_parameters_are_those_that_can_be_told_apart() {
+    let (robot, cell) = irb120();
+    let plan = quiet(&robot, &cell, &PlanOptions::default());
+    assert_eq!(plan.expected.parameters.len(), 31);
+    // d_2 moves the arm as d_3 does; axis 1 carries no torque
+    assert_eq!(plan.expected.dependent, vec!["d_2".to_owned(), "c_1".to_owned()]);
+    assert!(plan.expected.condition < 1000.0, "{}", plan.expected.condition);
+    assert!(plan.expected.gain_over_random > 1.1, "{}", plan.expected.gain_over_random);
+}
+
+#[test]
+fn every_joint_arrives_in_both_senses() {
+    let (robot, cell) = irb120();
+    let plan = quiet(&robot, &cell, &PlanOptions::default());
+    for (k, [down, up]) in plan.expected.senses.iter().enumerate() {
+        assert!(*down.min(up) >= 14 && down + up >= 42, "joint {}: {down} down, {up} up", k + 1);
+    }
+}
+
+#[test]
+fn a_cell_without_geometry_can_be_planned() {
+    let (robot, _) = irb120();
+    let (cell, options) = (bare_cell(), PlanOptions::default());
+    drive(&robot, &cell, &quiet(&robot, &cell, &options), &options);
+}
+
+#[test]
+fn an_arm_with_parallel_axes_and_compliance_of_every_joint_can_be_planned() {
+    let robot = Robot::parse(include_str!("../../../../cells/ur10/robot.toml"), "robot.toml").unwrap();
+    let cell = Cell::parse(include_str!("../../../../cells/ur10/cell.toml"), "cell.toml").unwrap();
+    let options = PlanOptions { per_ball: 12, pool_per_ball: 40, ..PlanOptions::default() };
+    let plan = quiet(&robot, &cell, &options);
+    drive(&robot, &cell, &plan, &options);
+    assert!(plan.expected.parameters.len() >= 30, "{:?}", plan.expected);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+    let (robot, cell) = irb120();
+    let options = PlanOptions { per_ball: 8, pool_per_ball: 30, ..PlanOptions::default() };
+    let bytes = |threads: usize, seed: u64| {
+        let options = PlanOptions { seed, ..options.clone() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| write_plan(&robot, &quiet(&robot, &cell, &options).entries))
+    };
+    let one = bytes(1, 7);
+    assert_eq!(one, bytes(3, 7));
+    assert_ne!(one, bytes(1, 8));
+}
+
+#[test]
+fn a_plan_survives_its_file() {
+    let (robot, cell) = irb120();
+    let options = PlanOptions { per_ball: 10, pool_per_ball: 30, ..PlanOptions::default() };
+    let plan = quiet(&robot, &cell, &options);
+    let text = write_plan(&robot, &plan.entries);
+    assert_eq!(read_plan(&text, "plan.csv", &robot, 3).unwrap(), plan.entries);
+}
+
+#[test]
+fn the_chosen_touches_beat_random_ones_in_o1() {
+    let (robot, cell) = irb120();
+    let options = PlanOptions::default();
+    let model = CollisionModel::new(&robot, &cell).unwrap();
+    let mut pool = Vec::new();
+    for ball in 0..3 {
+        pool.extend(generate(&model, ball, &options, &mut |_| {}).unwrap().0);
+    }
+    let forward = nominal_forward(&robot, &cell, &options).unwrap();
+    let chosen = choose_touches(&forward, &pool, &options).unwrap();
+    for seed in 0..40 {
+        // the first 15 of each ball of another pool are a random set
+        let other = PlanOptions { seed: 100 + seed, pool_per_ball: 15, ..PlanOptions::default() };
+        let mut random = Vec::new();
+        for ball in 0..3 {
+            random.extend(generate(&model, ball, &other, &mut |_| {}).unwrap().0);
+        }
+        let o1 = choose_touches(&forward, &random, &other).unwrap().observability.o1;
+        assert!(o1 < chosen.observability.o1, "{o1} {}", chosen.observability.o1);
+    }
+}
+
+#[test]
+fn a_ball_out_of_reach_says_which_and_why() {
+    let (robot, mut cell) = irb120();
+    cell.balls[1].x = 3.0;
+    let options = PlanOptions { attempts_per_candidate: 3, ..PlanOptions::default() };
+    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    assert_eq!(
+        e.to_string(),
+        "ball 2: 0 collision-free configurations found in 300 attempts, expected 15; most were refused because the arm \
+         does not reach the pose"
+    );
+}
+
+#[test]
+fn bad_options_are_named() {
+    let (robot, mut cell) = irb120();
+    let with = |options: PlanOptions| {
+        let (robot, cell) = irb120();
+        plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err().to_string()
+    };
+    assert_eq!(
+        with(PlanOptions { pool_per_ball: 3, ..PlanOptions::default() }),
+        "option pool_per_ball: found 3, expected at least per_ball, 15"
+    );
+    assert!(with(PlanOptions { max_tilt_rad: f64::NAN, ..PlanOptions::default() }).starts_with("option max_tilt_rad"));
+    let mut q = [0.0; MAX_JOINTS];
+    q[0] = 3.1;
+    assert_eq!(
+        with(PlanOptions { start: Some(q), ..PlanOptions::default() }),
+        "the start configuration is not usable: it is beyond joint limits"
+    );
+    cell.balls.clear();
+    assert_eq!(plan_touches(&robot, &cell, &PlanOptions::default(), &mut |_| {}).unwrap_err(), PlanError::NoBalls);
+}
+
+#[test]
+fn lost_motion_can_be_a_parameter() {
+    use trical_model::{Basis, Site, Term};
+    let (robot, cell) = irb120();
+    let mut terms = usual_parameters(&robot);
+    for joint in 1..=6 {
+        terms.push(Term::new(format!("gap_{joint}"), "lost_motion", Site::Joint { joint }, Basis::direction(joint)));
+    }
+    let options = PlanOptions { parameters: Some(terms), ..PlanOptions::default() };
+    let plan = quiet(&robot, &cell, &options);
+    assert_eq!(plan.expected.parameters.len(), 37, "{:?}", plan.expected.dependent);
+    assert!(plan.expected.condition < 1000.0);
+}
+
+#[test]
+fn what_a_plan_cannot_know_is_no_parameter() {
+    use trical_model::{Basis, Shape, Site, Term, Variable};
+    let (robot, cell) = irb120();
+    let site = Site::Joint { joint: 2 };
+    let term = Term::new("drift", "drift", site, Basis::new(Variable::Time, Shape::Linear));
+    let options = PlanOptions { parameters: Some(vec![term]), ..PlanOptions::default() };
+    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    assert_eq!(e.to_string(), "term 'drift' needs time (t_s), which the recording does not contain");
+    let options = PlanOptions { parameters: Some(vec![]), ..PlanOptions::default() };
+    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    assert_eq!(e, PlanError::NothingObservable { parameters: 0 });
+}
+
+#[test]
+fn progress_rises_to_one() {
+    let (robot, cell) = irb120();
+    let options = PlanOptions { per_ball: 8, pool_per_ball: 20, ..PlanOptions::default() };
+    let mut heard = vec![];
+    plan_touches(&robot, &cell, &options, &mut |x| heard.push(x)).unwrap();
+    assert!(heard.windows(2).all(|w| w[0] <= w[1]));
+    assert_eq!((heard[0], *heard.last().unwrap()), (0.0, 1.0));
+}

@@ -1,0 +1,303 @@
+//! `plan.csv`: a plan as a table, to be read by people, spreadsheets and `trical measure`.
+//!
+//! A header line, then one line for each touch in the order of measurement, columns known by name and in any order:
+//!
+//! | column | meaning |
+//! |---|---|
+//! | `order` | 1, 2, 3 ... |
+//! | `ball` | which ball, from 1 |
+//! | `q1_deg` ... `qn_deg` | joints at the touch (`q3_mm` for a joint that slides) |
+//! | `a1_deg` ... `an_deg` | joints at the stand-off pose, from which the touch is approached and to which the arm goes back |
+//! | `via` | configurations to go through on the way from the touch before: joints separated by blanks, configurations by `;`; empty where the way is straight |
+//!
+//! Values have six decimals, and plans are made of such values: what is read is exactly what was written.
+
+use std::fmt::Write;
+
+use thiserror::Error;
+use trical_model::{JointKind, Joints, MAX_JOINTS, Robot};
+
+use crate::plan::PlanEntry;
+
+/// What is wrong with a plan's file.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{file}, line {line}, column {column}: found {found}, expected {expected}")]
+pub struct PlanFileError {
+    /// The file's name.
+    pub file: String,
+    /// 1-based; the header is line 1.
+    pub line: usize,
+    /// The column's name.
+    pub column: String,
+    /// What is there.
+    pub found: String,
+    /// What should be.
+    pub expected: String,
+}
+
+/// The unit in which a joint stands in the file.
+#[derive(Clone, Copy)]
+enum Unit {
+    Degree,
+    Millimetre,
+}
+
+impl Unit {
+    fn of(robot: &Robot, joint: usize) -> Self {
+        match robot.joints.get(joint).map(|j| j.kind) {
+            Some(JointKind::Prismatic) => Self::Millimetre,
+            _ => Self::Degree,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Degree => "deg",
+            Self::Millimetre => "mm",
+        }
+    }
+
+    fn shown(self, si: f64) -> f64 {
+        match self {
+            Self::Degree => si.to_degrees(),
+            Self::Millimetre => si * 1e3,
+        }
+    }
+
+    fn si(self, shown: f64) -> f64 {
+        match self {
+            Self::Degree => shown.to_radians(),
+            Self::Millimetre => shown * 1e-3,
+        }
+    }
+}
+
+fn joint_names(robot: &Robot, letter: char) -> impl Iterator<Item = String> + '_ {
+    (0..robot.dof()).map(move |k| format!("{letter}{}_{}", k + 1, Unit::of(robot, k).name()))
+}
+
+/// The text of a `plan.csv`.
+#[must_use]
+pub fn write_plan(robot: &Robot, entries: &[PlanEntry]) -> String {
+    let mut out = String::from("order,ball");
+    for name in joint_names(robot, 'q').chain(joint_names(robot, 'a')) {
+        out.push(',');
+        out.push_str(&name);
+    }
+    out.push_str(",via\n");
+    let number = |q: &Joints, k: usize| {
+        let text = format!("{:.6}", Unit::of(robot, k).shown(q[k]));
+        // -0.000000 is 0
+        if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+            text.trim_start_matches('-').to_owned()
+        } else {
+            text
+        }
+    };
+    let n = robot.dof();
+    for e in entries {
+        // writing to a String cannot fail
+        let _ = write!(out, "{},{}", e.index + 1, e.ball + 1);
+        for q in [&e.joints, &e.approach] {
+            for k in 0..n {
+                let _ = write!(out, ",{}", number(q, k));
+            }
+        }
+        let via: Vec<String> =
+            e.via.iter().map(|q| (0..n).map(|k| number(q, k)).collect::<Vec<_>>().join(" ")).collect();
+        let _ = writeln!(out, ",{}", via.join(";"));
+    }
+    out
+}
+
+/// Reads the text of a `plan.csv` for an arm with `balls` balls; `file` is its name for messages. Joints are checked against
+/// the arm's limits: what is read may be driven.
+///
+/// # Errors
+/// The first thing that is wrong: line, column, what was found and what is expected.
+pub fn read_plan(text: &str, file: &str, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>, PlanFileError> {
+    let error = |line: usize, column: &str, found: String, expected: &str| PlanFileError {
+        file: file.to_owned(),
+        line,
+        column: column.to_owned(),
+        found,
+        expected: expected.to_owned(),
+    };
+    let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();
+    let header: Vec<&str> = lines.next().map(|(_, l)| l.split(',').map(str::trim).collect()).unwrap_or_default();
+    let known: Vec<String> = ["order", "ball"]
+        .map(String::from)
+        .into_iter()
+        .chain(joint_names(robot, 'q'))
+        .chain(joint_names(robot, 'a'))
+        .chain(["via".to_owned()])
+        .collect();
+    for (k, name) in header.iter().enumerate() {
+        if !known.iter().any(|n| n == name) {
+            let expected = format!("one of the columns {}", known.join(", "));
+            return Err(error(1, name, format!("the unknown column '{name}'"), &expected));
+        }
+        if header.iter().take(k).any(|n| n == name) {
+            return Err(error(1, name, "it twice".into(), "each column once"));
+        }
+    }
+    // place[c]: where column known[c] stands
+    let mut place = Vec::with_capacity(known.len());
+    for name in &known {
+        match header.iter().position(|n| n == name) {
+            Some(at) => place.push(at),
+            None => return Err(error(1, name, "no such column".into(), "it in the header line")),
+        }
+    }
+    let n = robot.dof();
+    let mut entries: Vec<PlanEntry> = Vec::new();
+    for (at, text) in lines {
+        let line = at + 1;
+        if text.trim().is_empty() {
+            continue;
+        }
+        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        if cells.len() != header.len() {
+            let found = format!("{} columns", cells.len());
+            let last = header.get(cells.len().min(header.len()).saturating_sub(1)).copied().unwrap_or("order");
+            return Err(error(line, last, found, &format!("{} as in the header line", header.len())));
+        }
+        let cell = |c: usize| place.get(c).and_then(|p| cells.get(*p)).copied().unwrap_or("");
+        let name = |c: usize| known.get(c).map_or("", String::as_str);
+        let quoted = |text: &str| if text.is_empty() { "nothing".to_owned() } else { format!("'{text}'") };
+        let joint = |text: &str, column: &str, k: usize| {
+            let j = &robot.joints[k];
+            let unit = Unit::of(robot, k);
+            let [low, high] = j.limits.map(|l| unit.shown(l));
+            let expected = format!("a number of {low:.3} to {high:.3} {}, the joint's limits", unit.name());
+            let value = text.parse::<f64>().ok().filter(|x| x.is_finite());
+            // the limits themselves may have been rounded on their way here
+            match value {
+                Some(x) if x >= low - 1e-6 && x <= high + 1e-6 => Ok(unit.si(x).clamp(j.limits[0], j.limits[1])),
+                _ => Err(error(line, column, quoted(text), &expected)),
+            }
+        };
+        let order = entries.len() + 1;
+        if cell(0).parse::<usize>() != Ok(order) {
+            return Err(error(line, "order", quoted(cell(0)), &format!("{order}")));
+        }
+        let ball = match cell(1).parse::<usize>() {
+            Ok(b) if (1..=balls).contains(&b) => b - 1,
+            _ => return Err(error(line, "ball", quoted(cell(1)), &format!("a ball, 1 to {balls}"))),
+        };
+        let read = |first: usize| {
+            let mut q = [0.0; MAX_JOINTS];
+            for (k, q) in q.iter_mut().enumerate().take(n) {
+                *q = joint(cell(first + k), name(first + k), k)?;
+            }
+            Ok(q)
+        };
+        let (joints, approach) = (read(2)?, read(2 + n)?);
+        let mut via = Vec::new();
+        for group in cell(2 + 2 * n).split(';').filter(|g| !g.trim().is_empty()) {
+            let values: Vec<&str> = group.split_whitespace().collect();
+            if values.len() != n {
+                let found = format!("{} numbers in '{}'", values.len(), group.trim());
+                return Err(error(line, "via", found, &format!("{n}, one for each joint")));
+            }
+            let mut q = [0.0; MAX_JOINTS];
+            for (k, text) in values.iter().enumerate() {
+                q[k] = joint(text, "via", k)?;
+            }
+            via.push(q);
+        }
+        entries.push(PlanEntry { index: order - 1, ball, joints, approach, via });
+    }
+    if entries.is_empty() {
+        return Err(error(2, "order", "no line".into(), "one touch or more"));
+    }
+    Ok(entries)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::generate::rounded;
+
+    fn robot() -> Robot {
+        Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap()
+    }
+
+    fn message(text: &str) -> String {
+        read_plan(text, "plan.csv", &robot(), 3).unwrap_err().to_string()
+    }
+
+    const HEADER: &str =
+        "order,ball,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,a1_deg,a2_deg,a3_deg,a4_deg,a5_deg,a6_deg,via";
+
+    #[test]
+    fn errors_name_line_column_found_and_expected() {
+        let good = "1,2,1,2,3,4,5,6,1,2,3,4,5,6,";
+        assert_eq!(read_plan(&format!("{HEADER}\n{good}\n"), "plan.csv", &robot(), 3).unwrap().len(), 1);
+        assert_eq!(
+            message(&format!("{HEADER}\n1,4,1,2,3,4,5,6,1,2,3,4,5,6,\n")),
+            "plan.csv, line 2, column ball: found '4', expected a ball, 1 to 3"
+        );
+        assert_eq!(
+            message(&format!("{HEADER}\n{good}\n2,1,1,2,x,4,5,6,1,2,3,4,5,6,\n")),
+            "plan.csv, line 3, column q3_deg: found 'x', expected a number of -110.000 to 70.000 deg, the joint's limits"
+        );
+        assert_eq!(
+            message(&format!("{HEADER}\n1,1,1,2,71,4,5,6,1,2,3,4,5,6,\n")),
+            "plan.csv, line 2, column q3_deg: found '71', expected a number of -110.000 to 70.000 deg, the joint's limits"
+        );
+        assert_eq!(
+            message(&format!("{HEADER}\n1,1,1,2,3,4,5,6,1,2,3,4,5,6\n")),
+            "plan.csv, line 2, column a6_deg: found 14 columns, expected 15 as in the header line"
+        );
+        assert_eq!(
+            message(&format!("{HEADER}\n1,1,1,2,3,4,5,6,1,2,3,4,5,6,1 2 3\n")),
+            "plan.csv, line 2, column via: found 3 numbers in '1 2 3', expected 6, one for each joint"
+        );
+        assert_eq!(
+            message(&format!("{HEADER}\n{good}\n{good}\n")),
+            "plan.csv, line 3, column order: found '1', expected 2"
+        );
+        assert_eq!(message(HEADER), "plan.csv, line 2, column order: found no line, expected one touch or more");
+        assert!(message("order,ball\n").starts_with("plan.csv, line 1, column q1_deg: found no such column"));
+        assert!(message(&format!("{HEADER},colour\n")).contains("found the unknown column 'colour', expected one of"));
+        assert!(message("").starts_with("plan.csv, line 1, column "));
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_back_bit_by_bit(
+            u in prop::collection::vec(prop::array::uniform6(0.0..=1.0_f64), 3..6), ball in 0..3_usize,
+        ) {
+            let robot = robot();
+            let q = |u: &[f64; 6]| {
+                let mut q = [0.0; MAX_JOINTS];
+                for (k, j) in robot.joints.iter().enumerate() {
+                    q[k] = j.limits[0] + u[k] * (j.limits[1] - j.limits[0]);
+                }
+                let mut q = rounded(&robot, &q);
+                for (k, j) in robot.joints.iter().enumerate() {
+                    q[k] = q[k].clamp(j.limits[0], j.limits[1]);
+                }
+                q
+            };
+            let entry = PlanEntry {
+                index: 0, ball, joints: q(&u[0]), approach: q(&u[1]), via: u[2..].iter().map(q).collect(),
+            };
+            let text = write_plan(&robot, std::slice::from_ref(&entry));
+            let read = read_plan(&text, "plan.csv", &robot, 3).unwrap();
+            prop_assert_eq!(&read, &vec![entry]);
+            prop_assert_eq!(write_plan(&robot, &read), text);
+        }
+
+        #[test]
+        fn no_text_panics(text in "[a-z0-9_,;. \\n-]{0,200}", tail in "[0-9,;. -]{0,80}") {
+            let _ = read_plan(&text, "plan.csv", &robot(), 3);
+            let _ = read_plan(&format!("{HEADER}\n{tail}"), "plan.csv", &robot(), 3);
+        }
+    }
+}

@@ -53,28 +53,37 @@ pub fn is_mcap(path: &Path) -> Result<bool> {
     Ok(magic[..read].starts_with(b"\x89MCAP"))
 }
 
-/// Reads one recording, CSV or MCAP.
+/// Reads one recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it.
 pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
     let named_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     if !named_mcap && !is_mcap(path)? {
         return Ok(load_csv(path, joints)?);
     }
+    let (recording, lost) = recovered(path)?;
+    if let Some(lost) = lost {
+        return Err(CliError::Input(format!(
+            "{lost}; trical convert saves its {} complete measurements",
+            recording.rows.len()
+        )));
+    }
+    if recording.joints != joints {
+        return Err(CliError::Input(format!(
+            "{}: has {} joints, but the robot has {joints}",
+            path.display(),
+            recording.joints
+        )));
+    }
+    Ok(recording)
+}
+
+/// What an MCAP recording holds, and one sentence on what was lost where it is damaged.
+pub fn recovered(path: &Path) -> Result<(Recording, Option<String>)> {
     let read = read_recording(path).map_err(|e| CliError::Input(e.to_string()))?;
     if read.recording.rows.is_empty() {
         let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
         return Err(CliError::Input(format!("{why}; there is no complete measurement in it")));
     }
-    if let Some(lost) = &read.lost {
-        eprintln!("trical: note: {lost}");
-    }
-    if read.recording.joints != joints {
-        return Err(CliError::Input(format!(
-            "{}: has {} joints, but the robot has {joints}",
-            path.display(),
-            read.recording.joints
-        )));
-    }
-    Ok(read.recording)
+    Ok((read.recording, read.lost))
 }
 
 /// Recordings as observations, with the joints that were asked for.

@@ -27,7 +27,11 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     input::check_output(&args.output)?;
     let recording = if input::is_mcap(&args.input)? {
-        input::recording(&args.input, args.joints)?
+        let (recording, lost) = input::recovered(&args.input)?;
+        if let Some(lost) = lost {
+            eprintln!("trical: note: {lost}");
+        }
+        recording
     } else {
         load_csv(&args.input, args.joints)?
     };

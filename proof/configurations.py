@@ -1,0 +1,120 @@
+"""Where the arm is sent: touches of the balls and tracker poses, by an inverse kinematics of our own.
+
+Newton (Levenberg-Marquardt) from random seeds on many targets at once; what does not converge, breaks a limit or comes near
+the table or the column is thrown away. Rough on purpose: the proof needs believable configurations, not a planner.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant import DEG, MM, Arm, frames, point_jacobian, rot
+
+
+def flange(arm: Arm, q: np.ndarray):
+    """Frames and tool point (N, 3) of a rigid arm without errors."""
+    rs, os = frames(arm, q + arm.offset)
+    return rs, os, os[:, 5] + rs[:, 5] @ arm.tcp
+
+
+def rotation_error(r: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """World-frame rotation vector that is zero at the goal; good to first order near it, monotonic far off."""
+    d = goal @ np.swapaxes(r, 1, 2)
+    return 0.5 * np.stack([d[:, 2, 1] - d[:, 1, 2], d[:, 0, 2] - d[:, 2, 0], d[:, 1, 0] - d[:, 0, 1]], -1)
+
+
+def solve(arm: Arm, seeds: np.ndarray, points: np.ndarray, orientations: np.ndarray, steps: int = 40):
+    """Joint angles (N, 6) and whether each reached its pose."""
+    q = seeds.copy()
+    scale = 0.15  # m per rad: weighs orientation against position
+    for _ in range(steps):
+        rs, os, p = flange(arm, q)
+        e = np.concatenate([points - p, scale * rotation_error(rs[:, 5], orientations)], 1)
+        jac = np.concatenate([point_jacobian(rs, os, p), scale * np.swapaxes(rs[..., 2], 1, 2)], 1)
+        jt = np.swapaxes(jac, 1, 2)
+        damp = 1e-6 + 0.01 * np.sum(e**2, 1)
+        dq = np.linalg.solve(jt @ jac + damp[:, None, None] * np.eye(6), (jt @ e[..., None]))[..., 0]
+        big = np.abs(dq).max(1, keepdims=True)
+        q = q + dq * np.minimum(1.0, 0.5 / np.maximum(big, 1e-12))
+    q = (q + np.pi) % (2 * np.pi) - np.pi
+    rs, os, p = flange(arm, q)
+    ok = (np.linalg.norm(points - p, axis=1) < 1e-6) & (
+        np.linalg.norm(goal_gap(rs[:, 5], orientations), axis=(1, 2)) < 1e-5
+    )
+    return q, ok
+
+
+def goal_gap(r, goal):
+    return r - goal
+
+
+def free(arm: Arm, q: np.ndarray, table_z: float) -> np.ndarray:
+    """Within limits with two degrees to spare, joints away from the column, above the table (world z, m)."""
+    low, high = arm.limits[:, 0] + 2 * DEG, arm.limits[:, 1] - 2 * DEG
+    ok = ((q > low) & (q < high)).all(1)
+    rs, os, p = flange(arm, q)
+    elbow = os[:, 2]
+    wrist, end = os[:, 4], os[:, 5]
+    for point, clearance in ((elbow, 60 * MM), (0.5 * (elbow + wrist), 60 * MM), (wrist, 70 * MM), (end, 40 * MM)):
+        ok &= point[:, 2] > table_z + clearance
+    axis = arm.base_xyz[:2]
+    for point in (wrist, end, 0.5 * (end + p)):
+        ok &= (np.linalg.norm(point[:, :2] - axis, axis=1) > 110 * MM) | (point[:, 2] > arm.base_xyz[2] + 560 * MM)
+    return ok
+
+
+def device_orientations(rng: np.random.Generator, n: int, tilt_max: float) -> np.ndarray:
+    """The device's z axis points down, tilted up to `tilt_max` to any side, with any roll."""
+    tilt = np.arccos(rng.uniform(np.cos(tilt_max), 1.0, n))
+    heading, roll = rng.uniform(-np.pi, np.pi, (2, n))
+    return rot(2, heading) @ rot(1, tilt) @ rot(2, roll) @ rot(0, np.full(n, np.pi))
+
+
+def touches(arm: Arm, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """`n` configurations (N, 6) in random order, spread evenly over the balls, and the ball (0-based) of each."""
+    per_ball = [n // 3 + (1 if k < n % 3 else 0) for k in range(3)]
+    qs, ids = [], []
+    for k, want in enumerate(per_ball):
+        found = np.empty((0, 6))
+        while len(found) < want:
+            m = 4 * want + 60
+            goal = device_orientations(rng, m, 60 * DEG)
+            seeds = rng.uniform(arm.limits[:, 0] * 0.8, arm.limits[:, 1] * 0.8, (m, 6))
+            seeds[:, 0] *= 0.4
+            seeds[:, 5] = rng.uniform(-np.pi, np.pi, m)
+            q, ok = solve(arm, seeds, np.broadcast_to(arm.balls[k], (m, 3)), goal)
+            q = q[ok & free(arm, q, -60 * MM)]
+            found = np.concatenate([found, q])
+        qs.append(found[:want])
+        ids.append(np.full(want, k))
+    order = rng.permutation(n)
+    return np.concatenate(qs)[order], np.concatenate(ids)[order]
+
+
+def tracker(arm: Arm, rng: np.random.Generator, n: int) -> np.ndarray:
+    """Configurations over the whole workspace, as for a validation with a laser tracker."""
+    found = np.empty((0, 6))
+    low, high = arm.limits[:, 0] * 0.85, arm.limits[:, 1] * 0.85
+    low, high = np.maximum(low, -np.pi), np.minimum(high, np.pi)
+    while len(found) < n:
+        q = rng.uniform(low, high, (2 * n + 50, 6))
+        _, _, p = flange(arm, q)
+        keep = free(arm, q, arm.base_xyz[2]) & (p[:, 2] > arm.base_xyz[2] + 20 * MM)
+        found = np.concatenate([found, q[keep]])
+    return found[:n]
+
+
+def senses(q: np.ndarray) -> np.ndarray:
+    """Sense of each joint's last motion; the arm starts from its zero position."""
+    return np.sign(np.diff(np.concatenate([np.zeros((1, 6)), q]), axis=0)).astype(int)
+
+
+def clock(rng: np.random.Generator, n: int, spacing: float) -> np.ndarray:
+    return np.round(np.cumsum(spacing * rng.uniform(0.8, 1.2, n)), 2)
+
+
+def warm_up(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
+    """The arm's temperature: towards a plateau with a time constant, on a room that wanders a little."""
+    rise, tau = rng.uniform(2.0, 10.0), rng.uniform(1200.0, 5000.0)
+    room = 0.3 * np.sin(2 * np.pi * (t / rng.uniform(3000, 9000) + rng.random()))
+    return rng.uniform(19.0, 24.0) + rise * (1 - np.exp(-t / tau)) + room - room[0]

@@ -1,0 +1,613 @@
+"""What an effect does to the machine, how big it typically is, and at which sites it can sit.
+
+`ACT[name](machine, session, arm, site, p)` moves the machine. `FAMILIES[name]` draws a site and a size, and gives parameter
+sets that span the effect's linear family at a site, which is what the scorer needs to know what the data can tell apart.
+Sizes are the "typical sizes on a small arm" of the project's list of effects; nothing here comes from the workspace's code.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Callable
+
+import numpy as np
+
+from plant import DEG, MM, rot_vector
+
+ARCSEC = DEG / 3600.0
+AXES = {"x": 0, "y": 1, "z": 2}
+ACT: dict[str, Callable] = {}
+
+
+def act(f):
+    ACT[f.__name__] = f
+    return f
+
+
+def _j(site) -> int:
+    return site["joint"] - 1
+
+
+# ---- the catalogue ---------------------------------------------------------------------------------------------------
+
+
+@act
+def lost_motion_direction(m, s, arm, site, p):
+    j = _j(site)
+    m.angle[:, j] -= 0.5 * p["gap"] * s.dirs[:, j]
+
+
+@act
+def load_friction(m, s, arm, site, p):
+    j = _j(site)
+    m.angle[:, j] -= s.dirs[:, j] * (0.5 * p["gap"] + p["per_nm"] * np.abs(m.tau[:, j]))
+
+
+@act
+def lost_motion_gravity(m, s, arm, site, p):
+    j = _j(site)
+    tau = m.tau[:, j]
+    m.angle[:, j] += 0.5 * p["gap"] * tau / np.sqrt(tau**2 + p["soft_nm"] ** 2)
+
+
+@act
+def joint_harmonic(m, s, arm, site, p):
+    j = _j(site)
+    m.angle[:, j] += p["sin"] * np.sin(p["n"] * s.q[:, j]) + p["cos"] * np.cos(p["n"] * s.q[:, j])
+
+
+ACT["gear_ripple"] = joint_harmonic
+
+
+@act
+def gear_ratio(m, s, arm, site, p):
+    j = _j(site)
+    m.angle[:, j] += p["k"] * s.q[:, j]
+
+
+@act
+def joint_coupling(m, s, arm, site, p):
+    m.angle[:, _j(site)] += p["k"] * s.q[:, site["from"] - 1]
+
+
+@act
+def nonlinear_stiffness(m, s, arm, site, p):
+    j = _j(site)
+    x = m.tau[:, j] / p["scale_nm"]
+    shape = {"soft_start": lambda: np.clip(x / 0.3, -1, 1), "square": lambda: x * np.abs(x), "cube": lambda: x**3}
+    m.angle[:, j] += p["size"] * shape[p["shape"]]()
+
+
+@act
+def cross_axis_compliance(m, s, arm, site, p):
+    j = _j(site)
+    m.tilt[:, j, :2] += p["k"] * m.moment[:, j, :2]
+
+
+@act
+def axis_twist(m, s, arm, site, p):
+    m.beta[_j(site)] += p["beta"]
+
+
+@act
+def axis_wobble(m, s, arm, site, p):
+    # the tilt has a fixed plane in the frame before the joint turns; {j} turns with the joint
+    j = _j(site)
+    q = s.q[:, j]
+    theta = q + arm.offset[j]
+    size = p["sin"] * np.sin(p["n"] * q) + p["cos"] * np.cos(p["n"] * q)
+    m.tilt[:, j, 0] += size * np.cos(p["plane"] - theta)
+    m.tilt[:, j, 1] += size * np.sin(p["plane"] - theta)
+
+
+@act
+def gravity_direction(m, s, arm, site, p):
+    v = np.array([[p["about_x"], p["about_y"], 0.0]])
+    m.down = rot_vector(v)[0] @ m.down
+
+
+@act
+def payload(m, s, arm, site, p):
+    # more mass at a place of its own; a pure error of the centre of gravity is a pair of masses
+    if p["mass"] != 0.0:
+        m.extra_mass, m.extra_cog = p["mass"], np.array(p["at"])
+    else:
+        m.extra_mass = 1e-9
+        m.extra_cog = np.array(p["at"]) * arm.tool_mass / 1e-9
+
+
+@act
+def thermal_growth(m, s, arm, site, p):
+    m.growth *= 1.0 + p["per_k"] * s.rise
+
+
+@act
+def thermal_zero_drift(m, s, arm, site, p):
+    m.angle[:, _j(site)] += p["per_k"] * s.rise
+
+
+def _after(s, p):
+    return (s.progress > p["at"]).astype(float)
+
+
+@act
+def joint_zero_shift(m, s, arm, site, p):
+    m.angle[:, _j(site)] += p["size"] * _after(s, p)
+
+
+@act
+def fixture_shift(m, s, arm, site, p):
+    m.fixture += np.outer(_after(s, p), p["by"])
+
+
+@act
+def fixture_drift(m, s, arm, site, p):
+    m.fixture += np.outer(s.progress, p["by"])
+
+
+@act
+def tool_shift(m, s, arm, site, p):
+    m.tool += np.outer(_after(s, p), p["by"])
+
+
+@act
+def tool_drift(m, s, arm, site, p):
+    m.tool += np.outer(s.progress, p["by"])
+
+
+@act
+def frame_drift(m, s, arm, site, p):
+    m.frame += np.outer(s.progress, p["by"])
+
+
+@act
+def ball_position(m, s, arm, site, p):
+    m.ball_shift[site["ball"] - 1] += p["by"]
+
+
+@act
+def indicator_gain(m, s, arm, site, p):
+    i = AXES[site["axis"]]
+    m.gauge[:, i, :] *= 1.0 + p["g"]
+
+
+@act
+def indicator_skew(m, s, arm, site, p):
+    m.gauge[:, AXES[site["axis"]], AXES[p["from"]]] += p["e"]
+
+
+@act
+def indicator_drift(m, s, arm, site, p):
+    m.gauge_drift[:, AXES[site["axis"]]] += p["per_h"] * (s.t - s.t[0]) / 3600.0
+
+
+@act
+def late_joint_reading(m, s, arm, site, p):
+    joints = range(6) if site.get("joints") else [_j(site)]
+    for j in joints:
+        m.angle[:, j] += p["share"] * s.lag[:, j]
+
+
+# ---- outside the catalogue -------------------------------------------------------------------------------------------
+
+
+@act
+def out_region_step(m, s, arm, site, p):
+    """A joint is off by a constant where an angle (its own, or another's) is beyond a threshold."""
+    x = s.q[:, p["of"] - 1]
+    m.angle[:, _j(site)] += p["size"] * ((x > p["threshold"]) if p["above"] else (x < p["threshold"]))
+
+
+@act
+def out_region_ramp(m, s, arm, site, p):
+    """Beyond a threshold the error grows with the square of the angle."""
+    x = s.q[:, p["of"] - 1]
+    beyond = np.maximum(0.0, x - p["threshold"] if p["above"] else p["threshold"] - x)
+    m.angle[:, _j(site)] += p["size"] * (beyond / (25 * DEG)) ** 2
+
+
+@act
+def out_cable_drag(m, s, arm, site, p):
+    """A cable pulls joint j, and how hard depends on two joints at once."""
+    j, k = _j(site), p["with"] - 1
+    m.angle[:, j] += p["size"] * np.sin(s.q[:, j] + p["phase"]) * np.maximum(0.0, np.cos(s.q[:, k] - p["phase_with"]))
+
+
+@act
+def out_square_wave(m, s, arm, site, p):
+    """A stepped error of the encoder: positive and negative sectors."""
+    j = _j(site)
+    m.angle[:, j] += p["size"] * np.sign(np.sin(p["n"] * s.q[:, j] + p["phase"]))
+
+
+@act
+def out_hysteresis_memory(m, s, arm, site, p):
+    """The joint remembers more than its last motion: a leaky sum of past moves."""
+    j = _j(site)
+    step = np.diff(np.concatenate([[0.0], s.q[:, j]])) / DEG
+    state, out = 0.0, np.empty(len(step))
+    for i, x in enumerate(np.clip(step / 30.0, -1, 1)):
+        state = p["keep"] * state + (1 - p["keep"]) * x
+        out[i] = state
+    m.angle[:, j] += p["size"] * out
+
+
+@act
+def out_backlash_change(m, s, arm, site, p):
+    """Backlash that opens in the middle of the session: a tooth breaks, a screw comes loose."""
+    j = _j(site)
+    m.angle[:, j] -= 0.5 * p["gap"] * s.dirs[:, j] * _after(s, p)
+
+
+@act
+def out_creep(m, s, arm, site, p):
+    """A joint settles exponentially after the start, much faster than the arm warms up."""
+    m.angle[:, _j(site)] += p["size"] * np.exp(-(s.t - s.t[0]) / p["tau_s"])
+
+
+@act
+def out_quantised_encoder(m, s, arm, site, p):
+    """Coarse encoder: the real angle is off by what lies between two steps."""
+    j = _j(site)
+    x = s.q[:, j] / p["step"]
+    m.angle[:, j] += p["step"] * (x - np.round(x))
+
+
+@act
+def out_overshoot(m, s, arm, site, p):
+    """The error grows with the distance of the last move (heat, ringing), either sense."""
+    j = _j(site)
+    step = np.abs(np.diff(np.concatenate([[0.0], s.q[:, j]])))
+    m.angle[:, j] += p["size"] * step / np.maximum(step.max(), 1e-9)
+
+
+@act
+def out_bump(m, s, arm, site, p):
+    """A damaged tooth: an error around one angle only."""
+    j = _j(site)
+    m.angle[:, j] += p["size"] * np.exp(-0.5 * ((s.q[:, j] - p["centre"]) / p["width"]) ** 2)
+
+
+# ---- drawing ---------------------------------------------------------------------------------------------------------
+
+
+def log_uniform(rng, low, high) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def signed(rng, low, high) -> float:
+    return log_uniform(rng, low, high) * (1 if rng.random() < 0.5 else -1)
+
+
+def vector(rng, low, high, dims=3) -> list[float]:
+    v = rng.normal(size=3)
+    v[dims:] = 0.0
+    return list(log_uniform(rng, low, high) * v / np.linalg.norm(v))
+
+
+@dataclass
+class Context:
+    """What a draw may know: the session at its planned poses, and gravity's torques there."""
+
+    arm: object
+    s: object
+    tau: np.ndarray
+
+    def tau_max(self, j) -> float:
+        return float(np.abs(self.tau[:, j - 1]).max())
+
+
+@dataclass
+class Family:
+    """`sites(ctx)`; `draw(rng, ctx, site)` -> p; `span(ctx, site)` -> variants, each a list of p that span it linearly at the
+    large end of the typical sizes."""
+
+    sites: Callable
+    draw: Callable
+    span: Callable
+    touches: bool = True
+    tracker: bool = True
+
+
+def joints(*js):
+    return lambda ctx: [{"joint": j} for j in js]
+
+
+def here(name):
+    return lambda ctx: [{name: True}]
+
+
+def axes(ctx):
+    return [{"axis": a} for a in "xyz"]
+
+
+def wave(rng, size):
+    phase = rng.uniform(0, 2 * np.pi)
+    return {"sin": size * float(np.sin(phase)), "cos": size * float(np.cos(phase))}
+
+
+def waves(size, n, **more):
+    return [{"n": n, "sin": size, "cos": 0.0, **more}, {"n": n, "sin": 0.0, "cos": size, **more}]
+
+
+def steps(make):
+    return [make(at) for at in (0.3, 0.5, 0.7)]
+
+
+def units(size, key="by", **more):
+    return [{key: [size * float(i == k) for i in range(3)], **more} for k in range(3)]
+
+
+def spread_only(sites):
+    """Indicator effects need readings with a spread; the procedure leaves one only where it does not null them."""
+    return lambda ctx: sites(ctx) if ctx.s.spread > 0.1 * MM else []
+
+
+def late_sites(ctx):
+    if not ctx.s.has_commanded:
+        return []
+    return [{"joints": True}] * 3 + [{"joint": j} for j in range(1, 7)]
+
+
+def stiffness(ctx, site, share, shape):
+    j = site["joint"]
+    tau = ctx.tau_max(j)
+    return {"shape": shape, "scale_nm": tau, "size": share * float(ctx.arm.compliance[j - 1]) * tau}
+
+
+FAMILIES: dict[str, Family] = {
+    "lost_motion_direction": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"gap": log_uniform(rng, 2 * ARCSEC, 120 * ARCSEC)},
+        lambda c, s: [[{"gap": 120 * ARCSEC}]],
+    ),
+    "load_friction": Family(
+        joints(2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "gap": log_uniform(rng, 2 * ARCSEC, 40 * ARCSEC),
+            "per_nm": log_uniform(rng, 5 * ARCSEC, 60 * ARCSEC) / c.tau_max(s["joint"]),
+        },
+        lambda c, s: [[{"gap": 60 * ARCSEC, "per_nm": 0.0}, {"gap": 0.0, "per_nm": 60 * ARCSEC / c.tau_max(s["joint"])}]],
+    ),
+    "lost_motion_gravity": Family(
+        joints(2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "gap": log_uniform(rng, 0.01 * DEG, 0.04 * DEG),
+            "soft_nm": float(rng.uniform(0.03, 0.15)) * c.tau_max(s["joint"]),
+        },
+        lambda c, s: [[{"gap": 0.04 * DEG, "soft_nm": 0.05 * c.tau_max(s["joint"])}]],
+    ),
+    "joint_harmonic": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"n": int(rng.integers(1, 7)), **wave(rng, log_uniform(rng, 0.005 * DEG, 0.03 * DEG))},
+        lambda c, s: [waves(0.03 * DEG, n) for n in range(1, 7)],
+    ),
+    "gear_ripple": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"n": int(rng.integers(10, 301)), **wave(rng, log_uniform(rng, 5 * ARCSEC, 30 * ARCSEC))},
+        lambda c, s: [waves(30 * ARCSEC, n) for n in (30, 100, 200)],
+    ),
+    "gear_ratio": Family(
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: {"k": signed(rng, 1e-4, 1e-3)}, lambda c, s: [[{"k": 1e-3}]]
+    ),
+    "joint_coupling": Family(
+        lambda c: [{"joint": a, "from": b} for a, b in ((5, 4), (6, 5), (6, 4), (3, 2))],
+        lambda rng, c, s: {"k": signed(rng, 2e-4, 2e-3)},
+        lambda c, s: [[{"k": 2e-3}]],
+    ),
+    "nonlinear_stiffness": Family(
+        joints(2, 3, 4, 5, 6),
+        lambda rng, c, s: stiffness(
+            c, s, float(rng.uniform(0.15, 0.5)), ("soft_start", "square", "cube")[rng.integers(3)]
+        ),
+        lambda c, s: [[stiffness(c, s, 0.5, x)] for x in ("soft_start", "square", "cube")],
+    ),
+    "cross_axis_compliance": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"k": log_uniform(rng, 1e-5, 4e-4)},
+        lambda c, s: [[{"k": 4e-4}]],
+    ),
+    "axis_twist": Family(
+        joints(3), lambda rng, c, s: {"beta": signed(rng, 0.01 * DEG, 0.1 * DEG)}, lambda c, s: [[{"beta": 0.1 * DEG}]]
+    ),
+    "axis_wobble": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "n": int(rng.integers(1, 3)),
+            "plane": float(rng.uniform(0, np.pi)),
+            **wave(rng, log_uniform(rng, 0.003 * DEG, 0.03 * DEG)),
+        },
+        lambda c, s: [
+            [*waves(0.03 * DEG, n, plane=0.0), *waves(0.03 * DEG, n, plane=np.pi / 2)] for n in (1, 2)
+        ],
+    ),
+    "gravity_direction": Family(
+        here("base"),
+        lambda rng, c, s: dict(zip(("about_x", "about_y"), vector(rng, 0.5 * DEG, 2 * DEG, 2), strict=False)),
+        lambda c, s: [[{"about_x": 2 * DEG, "about_y": 0.0}, {"about_x": 0.0, "about_y": 2 * DEG}]],
+    ),
+    "payload": Family(
+        here("tool"),
+        lambda rng, c, s: (
+            {"mass": log_uniform(rng, 0.2, 1.0), "at": list(c.arm.tool_cog + rng.normal(0, 0.02, 3))}
+            if rng.random() < 0.5
+            else {"mass": 0.0, "at": vector(rng, 0.01, 0.05)}
+        ),
+        lambda c, s: [
+            [{"mass": 1.0, "at": list(c.arm.tool_cog)}, *({"mass": 0.0, "at": u["by"]} for u in units(0.05))]
+        ],
+    ),
+    "thermal_growth": Family(
+        here("links"), lambda rng, c, s: {"per_k": float(rng.uniform(12e-6, 26e-6))}, lambda c, s: [[{"per_k": 26e-6}]]
+    ),
+    "thermal_zero_drift": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"per_k": signed(rng, 0.005 * DEG, 0.06 * DEG) / float(c.s.rise.max())},
+        lambda c, s: [[{"per_k": 0.06 * DEG / float(c.s.rise.max())}]],
+    ),
+    "joint_zero_shift": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"size": signed(rng, 0.01 * DEG, 0.06 * DEG), "at": float(rng.uniform(0.25, 0.75))},
+        lambda c, s: steps(lambda at: [{"size": 0.06 * DEG, "at": at}]),
+    ),
+    "fixture_shift": Family(
+        here("fixture"),
+        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM), "at": float(rng.uniform(0.25, 0.75))},
+        lambda c, s: steps(lambda at: units(0.25 * MM, at=at)),
+        tracker=False,
+    ),
+    "fixture_drift": Family(
+        here("fixture"),
+        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM)},
+        lambda c, s: [units(0.25 * MM)],
+        tracker=False,
+    ),
+    "tool_shift": Family(
+        here("tool"),
+        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM), "at": float(rng.uniform(0.25, 0.75))},
+        lambda c, s: steps(lambda at: units(0.25 * MM, at=at)),
+    ),
+    "tool_drift": Family(
+        here("tool"),
+        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM)},
+        lambda c, s: [units(0.25 * MM)],
+    ),
+    "frame_drift": Family(
+        here("frame"),
+        lambda rng, c, s: {"by": vector(rng, 0.01 * MM, 0.2 * MM)},
+        lambda c, s: [units(0.2 * MM)],
+        touches=False,
+    ),
+    "ball_position": Family(
+        lambda c: [{"ball": k} for k in (1, 2, 3)],
+        lambda rng, c, s: {"by": vector(rng, 0.01 * MM, 0.2 * MM, 2)},
+        lambda c, s: [units(0.2 * MM)[:2]],
+        tracker=False,
+    ),
+    "indicator_gain": Family(
+        spread_only(axes),
+        lambda rng, c, s: {"g": signed(rng, 0.005, 0.08)},
+        lambda c, s: [[{"g": 0.08}]],
+        tracker=False,
+    ),
+    "indicator_skew": Family(
+        spread_only(axes),
+        lambda rng, c, s: {
+            "e": signed(rng, 0.5 * DEG, 1.5 * DEG),
+            "from": [a for a in "xyz" if a != s["axis"]][rng.integers(2)],
+        },
+        lambda c, s: [[{"e": 1.5 * DEG, "from": a} for a in "xyz" if a != s["axis"]]],
+        tracker=False,
+    ),
+    "indicator_drift": Family(
+        axes,
+        lambda rng, c, s: {"per_h": signed(rng, 0.01 * MM, 0.06 * MM)},
+        lambda c, s: [[{"per_h": 0.06 * MM}]],
+        tracker=False,
+    ),
+    "late_joint_reading": Family(
+        late_sites, lambda rng, c, s: {"share": float(rng.uniform(0.6, 1.0))}, lambda c, s: [[{"share": 1.0}]]
+    ),
+}
+
+
+def pick(rng, options):
+    return options[int(rng.integers(len(options)))]
+
+
+def inside(rng, x, low=0.2, high=0.8) -> float:
+    """An angle that has rows on both sides of it."""
+    return float(np.quantile(x, rng.uniform(low, high)))
+
+
+def _region(rng, c, s, size):
+    of = s["joint"] if rng.random() < 0.6 else int(rng.integers(1, 7))
+    x = c.s.q[:, of - 1]
+    return {"of": of, "threshold": inside(rng, x), "above": bool(rng.random() < 0.5), "size": size}
+
+
+OUTSIDE: dict[str, Family] = {
+    "out_region_step": Family(
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.01 * DEG, 0.06 * DEG)), None
+    ),
+    "out_region_ramp": Family(
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.01 * DEG, 0.06 * DEG)), None
+    ),
+    "out_cable_drag": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "size": signed(rng, 0.01 * DEG, 0.06 * DEG),
+            "with": pick(rng, [j for j in range(1, 7) if j != s["joint"]]),
+            "phase": float(rng.uniform(0, 2 * np.pi)),
+            "phase_with": float(rng.uniform(-1, 1)),
+        },
+        None,
+    ),
+    "out_square_wave": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "size": signed(rng, 0.005 * DEG, 0.03 * DEG),
+            "n": int(rng.integers(2, 9)),
+            "phase": float(rng.uniform(0, 2 * np.pi)),
+        },
+        None,
+    ),
+    "out_hysteresis_memory": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {"size": log_uniform(rng, 0.01 * DEG, 0.06 * DEG), "keep": float(rng.uniform(0.6, 0.9))},
+        None,
+    ),
+    "out_backlash_change": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "gap": log_uniform(rng, 30 * ARCSEC, 150 * ARCSEC),
+            "at": float(rng.uniform(0.3, 0.7)),
+        },
+        None,
+    ),
+    "out_creep": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "size": signed(rng, 0.02 * DEG, 0.08 * DEG),
+            "tau_s": float(rng.uniform(0.06, 0.15)) * float(c.s.t[-1] - c.s.t[0]),
+        },
+        None,
+    ),
+    "out_quantised_encoder": Family(
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: {"step": log_uniform(rng, 0.01 * DEG, 0.05 * DEG)}, None
+    ),
+    "out_overshoot": Family(
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: {"size": signed(rng, 0.01 * DEG, 0.06 * DEG)}, None
+    ),
+    "out_bump": Family(
+        joints(1, 2, 3, 4, 5, 6),
+        lambda rng, c, s: {
+            "size": signed(rng, 0.02 * DEG, 0.06 * DEG),
+            "centre": inside(rng, c.s.q[:, s["joint"] - 1]),
+            "width": float(rng.uniform(4, 10)) * DEG,
+        },
+        None,
+    ),
+}
+
+
+def variable_of(effect: dict) -> list[str] | None:
+    """Covariates by which an effect outside the catalogue may rightly be located; None where none of the usual ones is."""
+    j, p = effect["site"]["joint"], effect["p"]
+    return {
+        "out_region_step": lambda: [f"q{p['of']}"],
+        "out_region_ramp": lambda: [f"q{p['of']}"],
+        "out_cable_drag": lambda: [f"q{j}", f"q{p['with']}"],
+        "out_square_wave": lambda: [f"q{j}"],
+        "out_hysteresis_memory": lambda: [f"dir{j}", f"q{j}"],
+        "out_backlash_change": lambda: ["t", "time", "t_s", f"dir{j}"],
+        "out_creep": lambda: ["t", "time", "t_s", "temp", "temp_c"],
+        "out_quantised_encoder": lambda: [f"q{j}"],
+        "out_overshoot": lambda: None,
+        "out_bump": lambda: [f"q{j}"],
+    }[effect["effect"]]()
+
+
+def threshold_of(effect: dict) -> float | None:
+    """The angle (deg) at which a region begins, where the effect has one sharp region."""
+    return effect["p"]["threshold"] / DEG if effect["effect"] == "out_region_step" else None

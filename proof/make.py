@@ -1,0 +1,329 @@
+#!/usr/bin/env python3
+"""Draws concealed cases from a seed: arm, effect, site, size, noise, poses. Same seed, same bytes.
+
+    make.py --seed 1 --count 20 --kind single --out DIR
+
+leaves DIR/cases/ID/{robot.toml,cell.toml,recording.csv}, which is all that a diagnosis sees, and DIR/sealed/truth.json, whose
+SHA-256 goes to standard output and to DIR/truth.sha256 before anything is diagnosed.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse
+import multiprocessing
+import sys
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import configurations
+import write
+from effects import FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
+from plant import DEG, MM, Arm, Session, nominal_arm, readings, simulate, tracker_points, true_arm, zyx
+from visible import Design, context, survey
+
+KINDS = ("none", "single", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
+VISIBLE = 6.0
+
+
+# ---- the session: where the arm is sent, when, and how it is read ---------------------------------------------------
+
+
+def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session:
+    if touch:
+        q, ball = configurations.touches(nominal, rng, n)
+    else:
+        q, ball = configurations.tracker(nominal, rng, n), np.zeros(n, int)
+    t = configurations.clock(rng, n, 20.0 if touch else 12.0)
+    spread = log_uniform(rng, 0.3, 1.5) * MM if touch and rng.random() < 0.25 else rng.uniform(0.006, 0.012) * MM
+    commanded = bool(rng.random() < 0.4) or not touch
+    lag = np.round(rng.normal(0, 3e-4, (n, 6)).clip(-8e-4, 8e-4), 4) * DEG if commanded else np.zeros((n, 6))
+    return Session(
+        touch=touch,
+        q=q,
+        t=t,
+        temp=configurations.warm_up(rng, t),
+        dirs=configurations.senses(q),
+        ball=ball,
+        sigma=(rng.uniform(0.005, 0.015) if touch else rng.uniform(0.005, 0.02)) * MM,
+        spread=spread,
+        lag=lag,
+        has_commanded=commanded,
+        reading=rng.normal(0, 1.0, (n, 3)) * spread if touch else None,
+    )
+
+
+def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
+    """Joints read before the arm had settled: the reported angle lags in the sense of motion, by an amount of its own."""
+    size = np.exp(rng.uniform(np.log(0.005), np.log(0.1), 6)) * DEG
+    if "joint" in site:
+        size[[j for j in range(6) if j != site["joint"] - 1]] = 0.0
+    lag = s.lag + np.round(s.dirs * size * rng.uniform(0.2, 1.4, s.q.shape) / DEG, 4) * DEG
+    return replace(s, lag=lag)
+
+
+# ---- effects ---------------------------------------------------------------------------------------------------------
+
+
+def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: bool, others=()):
+    """One effect that is not in `others`: family uniform, then site, then size; redrawn until visible where that is asked for."""
+    for _ in range(200):
+        name = pick(rng, sorted(families))
+        family = families[name]
+        if not (family.touches if s.touch else family.tracker):
+            continue
+        for _ in range(12):
+            ctx = context_of(arm, s)
+            sites = family.sites(ctx)
+            if not sites:
+                break
+            site = pick(rng, sites)
+            if any(o["effect"] == name and o["site"] == site for o in others):
+                continue
+            session = with_lag(s, rng, site) if name == "late_joint_reading" else s
+            effect = {"effect": name, "site": site, "p": family.draw(rng, context_of(arm, session), site)}
+            here = design if session is s else Design(arm, session)
+            if not visible or here.lam([effect]) >= VISIBLE:
+                return effect, session, here
+    raise RuntimeError("no visible effect was drawn")
+
+
+_contexts: dict[int, object] = {}
+
+
+def context_of(arm: Arm, s: Session):
+    key = id(s)
+    if key not in _contexts:
+        _contexts.clear()
+        _contexts[key] = (s, context(arm, s))
+    return _contexts[key][1]
+
+
+# ---- noise and dirt --------------------------------------------------------------------------------------------------
+
+
+def noise(rng, s: Session, kind: str) -> np.ndarray:
+    """(N, 3) m; every kind has the stated rms."""
+    n = len(s.q)
+    white = rng.normal(0, 1.0, (n, 3))
+    if kind == "white":
+        x = white
+    elif kind == "ar1":
+        rho, x = rng.uniform(0.4, 0.8), white.copy()
+        for i in range(1, n):
+            x[i] = rho * x[i - 1] + np.sqrt(1 - rho**2) * white[i]
+    elif kind == "student":
+        x = rng.standard_t(4, (n, 3)) / np.sqrt(2.0)
+    elif kind == "uneven":
+        w = 0.5 + np.abs(np.sin(s.q[:, 4])) + 0.5 * (s.progress > 0.5)
+        x = white * (w / np.sqrt(np.mean(w**2)))[:, None]
+    else:
+        raise ValueError(kind)
+    return x * s.sigma
+
+
+def dirt(rng, s: Session) -> tuple[np.ndarray, dict[str, list[int]]]:
+    """Gross errors (N, 3) m on what the reading should have been, and which rows are what (0-based)."""
+    n = len(s.q)
+    rows = [int(r) for r in rng.choice(np.arange(1, n), 7, replace=False)]
+    kinds = {"outlier": sorted(rows[:3]), "stale_reading": sorted(rows[3:6]), "wrong_ball": rows[6:]}
+    gross = np.zeros((n, 3))
+    for r in kinds["outlier"] + kinds["stale_reading"]:
+        v = rng.normal(size=3)
+        gross[r] = v / np.linalg.norm(v) * log_uniform(rng, 0.12, 1.0) * MM
+    return gross, kinds
+
+
+# ---- measuring -------------------------------------------------------------------------------------------------------
+
+
+def rounded(q: np.ndarray) -> np.ndarray:
+    return np.round(q / DEG, 4) * DEG
+
+
+def drive_to_touch(arm: Arm, s: Session, effects, errors: np.ndarray, machine=simulate) -> tuple[Session, np.ndarray]:
+    """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3) m."""
+    q = s.q.copy()
+    for _ in range(4):
+        now = replace(s, q=q)
+        poses = machine(arm, now, effects)
+        missing = readings(poses) + errors - s.reading
+        step = np.einsum("nij,nj->ni", poses.r, missing)
+        rs, os, p = configurations.flange(arm, q)
+        jac = configurations.point_jacobian(rs, os, p)
+        q = q + np.einsum("nij,nj->ni", np.linalg.pinv(jac), step)
+    now = replace(s, q=rounded(q))
+    read = readings(machine(arm, now, effects)) + errors
+    return replace(now, reading=read), read
+
+
+def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
+    """CSV columns of the recording, the session as measured, and which rows are dirt."""
+    errors = noise(rng, s, noise_kind)
+    rows: dict[str, list[int]] = {}
+    ids = s.ball + 1
+    if s.touch:
+        if dirty:
+            gross, rows = dirt(rng, s)
+            errors = errors + gross
+        s, read = drive_to_touch(arm, s, effects, errors, machine)
+        read = np.round(read / MM, 3)
+        for r in rows.get("stale_reading", []):
+            read[r] = read[r - 1]
+        for r in rows.get("wrong_ball", []):
+            ids = ids.copy()
+            ids[r] = 1 + ids[r] % 3
+    else:
+        s = replace(s, q=rounded(s.q))
+        where = zyx(rng.uniform(-np.pi, np.pi, 3) * [1.0, 0.1, 0.1]), rng.uniform(-2.0, 2.0, 3)
+        points = (tracker_points(machine(arm, s, effects), where) + errors) / MM
+    columns: dict[str, tuple[np.ndarray, int]] = {"t_s": (s.t, 2)}
+    if s.touch:
+        columns["ball"] = (ids, 0)
+    for j in range(6):
+        columns[f"q{j + 1}_deg"] = (s.q[:, j] / DEG, 4)
+    if s.has_commanded:
+        for j in range(6):
+            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag)[:, j] / DEG, 4)
+    for j in range(6):
+        columns[f"dir{j + 1}"] = (s.dirs[:, j], 0)
+    for i, a in enumerate("xyz"):
+        columns[f"i{a}_mm" if s.touch else f"{a}_mm"] = (read[:, i], 3) if s.touch else (points[:, i], 4)
+    columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
+    return columns, s, rows
+
+
+# ---- cases -----------------------------------------------------------------------------------------------------------
+
+
+def how_many(kind: str, rng) -> tuple[int, bool]:
+    """Effects to draw, and whether each must be visible."""
+    if kind in ("none", "pair", "five"):
+        return {"none": 0, "pair": 2, "five": 5}[kind], True
+    if kind == "single":
+        return 1, bool(rng.random() < 0.75)
+    if kind == "nonwhite":
+        return int(rng.random() < 0.5), True
+    return 1, True
+
+
+def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str, dict[str, str], dict]:
+    """Id, files, truth."""
+    rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index])
+    touch = kind != "tracker"
+    n = int(touches[index % len(touches)]) if touch else 300
+    nominal = nominal_arm(rng)
+    arm = true_arm(nominal, rng)
+    s = plan(nominal, rng, n, touch)
+    count, visible = how_many(kind, rng)
+    effects: list[dict] = []
+    machine = simulate
+    if kind == "mujoco":
+        import mujoco_plant
+
+        effects, s, machine = mujoco_plant.draw(rng, arm, s)
+        design = Design(arm, s)
+    else:
+        design = Design(arm, s)
+        families = OUTSIDE if kind == "outside" else FAMILIES
+        for _ in range(count):
+            e, s, design = draw_effect(rng, arm, s, design, families, visible, effects)
+            effects.append(e)
+    noise_kind = pick(rng, ["ar1", "student", "uneven"]) if kind == "nonwhite" else "white"
+    columns, measured, rows = measure(rng, arm, s, effects, noise_kind, kind == "dirty", machine)
+    case_id = f"{zlib.crc32(f'{seed}/{kind}/{index}'.encode()):08x}"
+    name = f"arm {case_id}"
+    files = {
+        "robot.toml": write.robot_toml(nominal.but(name=name)),
+        "cell.toml": write.cell_toml(nominal),
+        "recording.csv": write.csv(columns),
+    }
+    truth = describe(kind, arm, measured, effects, noise_kind, rows, machine)
+    return case_id, files, truth
+
+
+def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
+    """Everything that the scorer needs to know and the diagnosis must not."""
+    design = Design(arm, s)
+    out = []
+    if machine is simulate:
+        named = [e for e in effects if e["effect"] in FAMILIES]
+        unseen, alike = survey(design, named)
+        for k, e in enumerate(effects):
+            others = [o for o in effects if o is not e]
+            item = {**e, "lambda": round(design.lam([e]), 3)}
+            mine = design.project(design.signature([e]))
+            if others:
+                basis = np.linalg.qr(np.stack([design.project(design.signature([o])) for o in others], 1))[0]
+                item["lambda_apart"] = round(float(np.linalg.norm(mine - basis @ (basis.T @ mine)) / s.sigma), 3)
+            if e["effect"] in FAMILIES:
+                item["alike"] = alike[k]
+            else:
+                item["variables"], item["threshold_deg"] = variable_of(e), threshold_of(e)
+            out.append(item)
+    else:
+        unseen, _ = survey(design, [])
+        with_, without = machine(arm, s, effects), machine(arm, s, [])
+        v = design.project((without.tcp - with_.tcp).ravel())
+        out = [{**effects[0], "lambda": round(float(np.linalg.norm(v) / s.sigma), 3), "alike": effects[0].get("also", [])}]
+    return {
+        "kind": kind,
+        "measurements": len(s.q),
+        "touch": s.touch,
+        "sigma_mm": s.sigma / MM,
+        "spread_mm": s.spread / MM,
+        "noise": noise_kind,
+        "rows": rows,
+        "effects": out,
+        "unseen": unseen,
+    }
+
+
+def _job(args):
+    return make_case(*args)
+
+
+def make(kind: str, seed: int, count: int, out: Path, touches: list[int], processes: int = 2) -> str:
+    """Writes `count` cases and returns the hash of the sealed truth."""
+    jobs = [(kind, seed, i, touches) for i in range(count)]
+    if processes > 1 and count > 1:
+        with multiprocessing.get_context("spawn").Pool(processes) as pool:
+            made = pool.map(_job, jobs, chunksize=1)
+    else:
+        made = [make_case(*j) for j in jobs]
+    truths = {}
+    for case_id, files, truth in made:
+        where = out / "cases" / case_id
+        where.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (where / name).write_text(text)
+        truths[case_id] = truth
+    salt = np.random.default_rng([seed, count, 7]).bytes(16).hex()
+    digest = write.seal({"seed": seed, "kind": kind, "salt": salt, "cases": truths}, out / "sealed" / "truth.json")
+    (out / "truth.sha256").write_text(digest + "\n")
+    return digest
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--count", type=int, default=10)
+    parser.add_argument("--kind", choices=KINDS, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--touches", default="150", help="touches per case, a list to cycle through: 45,150,240")
+    parser.add_argument("--processes", type=int, default=2)
+    a = parser.parse_args()
+    digest = make(a.kind, a.seed, a.count, a.out, [int(x) for x in a.touches.split(",")], a.processes)
+    print(f"{a.count} cases of kind {a.kind}, seed {a.seed}; truth sealed, SHA-256 {digest}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

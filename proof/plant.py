@@ -1,0 +1,277 @@
+"""A simulated arm that shares nothing with the workspace: batched 4x4 transforms, gravity summed over bodies.
+
+SI units throughout (m, rad, kg, s, K, N m). `base_from_...`, `world_from_...` read as "maps ... into ...".
+Arrays carry one row per measurement. An effect is plain data (`{"effect", "site", "p"}`); what it does to the machine is in
+`effects.py`, what this file provides is a machine in which every place that can move can be moved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+GRAVITY = 9.80665
+MM = 1e-3
+DEG = np.pi / 180.0
+
+
+def rot(axis: int, angle) -> np.ndarray:
+    """Rotation matrices about a coordinate axis (0, 1, 2); angle of any shape."""
+    angle = np.asarray(angle, float)
+    c, s = np.cos(angle), np.sin(angle)
+    out = np.zeros((*angle.shape, 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    out[..., axis, axis] = 1.0
+    out[..., i, i] = c
+    out[..., j, j] = c
+    out[..., i, j] = -s
+    out[..., j, i] = s
+    return out
+
+
+def rot_vector(v: np.ndarray) -> np.ndarray:
+    """Rodrigues' formula for rotation vectors of shape (..., 3)."""
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    o = np.zeros_like(x)
+    k = np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
+    a = np.where(angle < 1e-9, 1.0, angle)
+    first = np.where(angle < 1e-9, 1.0, np.sin(a) / a)
+    second = np.where(angle < 1e-9, 0.5, (1 - np.cos(a)) / a**2)
+    return np.eye(3) + first * k + second * (k @ k)
+
+
+def zyx(angles) -> np.ndarray:
+    """R = Rz(a) Ry(b) Rx(c)."""
+    return rot(2, angles[0]) @ rot(1, angles[1]) @ rot(0, angles[2])
+
+
+@dataclass
+class Arm:
+    """An arm in its cell: as drawn, or as it really is. Lengths and angles are those of Craig's modified DH."""
+
+    alpha: np.ndarray
+    a: np.ndarray
+    d: np.ndarray
+    offset: np.ndarray
+    limits: np.ndarray
+    mass: np.ndarray
+    cog: np.ndarray
+    base_xyz: np.ndarray
+    base_zyx: np.ndarray
+    tcp: np.ndarray
+    tool_mass: float
+    tool_cog: np.ndarray
+    balls: np.ndarray  # (3, 3) in the world
+    compliance: np.ndarray = field(default_factory=lambda: np.zeros(6))  # rad/Nm, gives way in the sense of gravity
+    name: str = "arm"
+
+    def but(self, **changes) -> Arm:
+        """A copy with some fields replaced."""
+        return replace(self, **changes)
+
+
+def triangle(d12: float, d13: float, d23: float) -> np.ndarray:
+    """Ball centres from their distances: origin in ball 1, x to ball 2, y towards ball 3."""
+    x = (d12**2 + d13**2 - d23**2) / (2 * d12)
+    return np.array([[0.0, 0.0, 0.0], [d12, 0.0, 0.0], [x, np.sqrt(d13**2 - x**2), 0.0]])
+
+
+def nominal_arm(rng: np.random.Generator | None = None) -> Arm:
+    """The IRB 120 kind; with a generator, another arm of that kind in another cell."""
+    a = np.array([0.0, 0.0, 270.0, 70.0, 0.0, 0.0])
+    d = np.array([290.0, 0.0, 0.0, 302.0, 0.0, 72.0])
+    mass = np.array([3.067, 3.909, 2.944, 1.328, 0.546, 0.137])
+    cog = np.array([[0, 0, -50], [105, 1, 2], [58, 10, 10], [0, -1, -70], [0, 0, 0], [0, 0, -7]], float)
+    base, tcp = np.array([150.0, -330.0, -150.0]), np.array([18.0, -12.0, 118.0])
+    tool_mass, tool_cog, sides = 1.7, np.array([5.0, -4.0, 55.0]), np.full(3, 300.0)
+    if rng is not None:
+        if rng.random() < 0.5:
+            a = np.round(a * rng.uniform(0.93, 1.10, 6))
+            d = np.round(d * rng.uniform(0.93, 1.10, 6))
+            mass = np.round(mass * rng.uniform(0.8, 1.25, 6), 3)
+            cog = np.round(cog * rng.uniform(0.85, 1.15, (6, 3)), 1)
+        base = base + np.round(rng.uniform(-25, 25, 3))
+        tcp = tcp + np.round(rng.uniform(-8, 8, 3))
+        tool_mass = round(float(rng.uniform(1.2, 2.0)), 2)
+        tool_cog = tool_cog + np.round(rng.uniform(-5, 5, 3))
+        sides = np.round(sides + rng.uniform(-5, 5, 3), 3)
+    return Arm(
+        alpha=np.array([0.0, -90.0, 0.0, -90.0, 90.0, -90.0]) * DEG,
+        a=a * MM,
+        d=d * MM,
+        offset=np.array([0.0, -90.0, 0.0, 0.0, 0.0, 180.0]) * DEG,
+        limits=np.array([[-165, 165], [-110, 110], [-110, 70], [-160, 160], [-120, 120], [-400, 400]]) * DEG,
+        mass=mass,
+        cog=cog * MM,
+        base_xyz=base * MM,
+        base_zyx=np.array([90.0, 0.0, 0.0]) * DEG,
+        tcp=tcp * MM,
+        tool_mass=tool_mass,
+        tool_cog=tool_cog * MM,
+        balls=triangle(*(sides * MM)),
+        name="arm of the IRB 120 kind",
+    )
+
+
+def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
+    """What the workshop really built: errors of every MDH parameter, base, tool point, and joints that give way."""
+    length, angle = rng.uniform(0.3, 1.0) * MM, rng.uniform(0.05, 0.3) * DEG
+    low = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])
+    high = np.array([2e-3, 8e-3, 8e-3, 6e-2, 6e-2, 6e-2])
+    compliance = np.exp(rng.uniform(np.log(low), np.log(high))) * DEG
+    compliance[0] = 0.0
+    return nominal.but(
+        alpha=nominal.alpha + rng.normal(0, angle, 6),
+        a=nominal.a + rng.normal(0, length, 6),
+        d=nominal.d + rng.normal(0, length, 6),
+        offset=nominal.offset + rng.normal(0, angle, 6),
+        base_xyz=nominal.base_xyz + rng.normal(0, 2 * MM, 3),
+        base_zyx=nominal.base_zyx + rng.normal(0, 0.2 * DEG, 3),
+        tcp=nominal.tcp + rng.normal(0, 0.5 * MM, 3),
+        balls=nominal.balls + np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0]]) * rng.normal(0, 1e-6, (3, 3)),
+        compliance=compliance,
+    )
+
+
+def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (N, 6, 3, 3) and origin (N, 6, 3) of the frames {1}..{6} in the world.
+
+    `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor on all a
+    and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about the origin of {j}, as a rotation vector in {j}.
+    """
+    n = len(theta)
+    growth = np.ones(n) if growth is None else growth
+    r = np.broadcast_to(zyx(arm.base_zyx), (n, 3, 3))
+    o = np.broadcast_to(arm.base_xyz, (n, 3))
+    rs, os = np.empty((n, 6, 3, 3)), np.empty((n, 6, 3))
+    for j in range(6):
+        fixed = rot(0, arm.alpha[j])
+        along = np.array([arm.a[j], 0.0, 0.0])
+        turn = np.eye(3) if beta is None else rot(1, beta[j])
+        lift = turn @ np.array([0.0, 0.0, arm.d[j]])
+        o = o + np.einsum("nij,j->ni", r, fixed @ (along + lift)) * growth[:, None]
+        r = r @ (fixed @ turn) @ rot(2, theta[:, j])
+        if tilt is not None:
+            r = r @ rot_vector(tilt[:, j])
+        rs[:, j], os[:, j] = r, o
+    return rs, os
+
+
+def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, extra_mass: float = 0.0, extra_cog=None):
+    """Masses (7) and world positions (N, 7, 3) of the links and of what the flange carries."""
+    where = os + np.einsum("njab,jb->nja", rs, arm.cog)
+    mass = arm.tool_mass + extra_mass
+    cog = arm.tool_cog
+    if extra_cog is not None:
+        cog = (arm.tool_mass * arm.tool_cog + extra_mass * np.asarray(extra_cog)) / mass
+    tool = os[:, 5] + rs[:, 5] @ cog
+    return np.append(arm.mass, mass), np.concatenate([where, tool[:, None]], 1)
+
+
+def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """Moment (N, 6, 3) in the world that gravity exerts about the origin of {j} on everything beyond joint j."""
+    out = np.empty_like(os)
+    for j in range(6):
+        arm_ = where[:, j:] - os[:, j, None]
+        out[:, j] = np.cross(arm_, masses[j:, None] * g).sum(1)
+    return out
+
+
+@dataclass
+class Session:
+    """What is known of a recording's rows before an effect acts. `touch` says whether rows are touches or tracker points."""
+
+    touch: bool
+    q: np.ndarray  # (N, 6) rad, joints as the controller reports them
+    t: np.ndarray  # s
+    temp: np.ndarray  # degC, the real one
+    dirs: np.ndarray  # (N, 6) -1, 0, 1
+    ball: np.ndarray  # (N) 0-based, touches only
+    sigma: float  # m, noise of one component
+    spread: float  # m, size of the readings that the procedure leaves
+    lag: np.ndarray  # (N, 6) rad, commanded minus reported joints
+    has_commanded: bool = False
+    reading: np.ndarray | None = None  # (N, 3) m, for touches: readings that the procedure leaves
+
+    @property
+    def rise(self) -> np.ndarray:
+        """Temperature above the first row's."""
+        return self.temp - self.temp[0]
+
+    @property
+    def progress(self) -> np.ndarray:
+        """Time as a fraction of the session, 0 to 1."""
+        return (self.t - self.t[0]) / (self.t[-1] - self.t[0])
+
+
+class Machine:
+    """Where effects act: every place that can move, at its unmoved value, for N rows."""
+
+    def __init__(self, arm: Arm, s: Session):
+        n = len(s.q)
+        self.angle = np.zeros((n, 6))  # rad, added to joint angles
+        self.tilt = np.zeros((n, 6, 3))  # rad, rotation vector in {j} about its origin
+        self.beta = np.zeros(6)
+        self.growth = np.ones(n)
+        self.down = np.array([0.0, 0.0, -1.0])
+        self.extra_mass, self.extra_cog = 0.0, None
+        self.fixture = np.zeros((n, 3))  # m, world: shift of the balls
+        self.tool = np.zeros((n, 3))  # m, in {6}: shift of the tool point
+        self.frame = np.zeros((n, 3))  # m, in the tracker's frame: shift of what it says
+        self.gauge = np.broadcast_to(np.eye(3), (n, 3, 3)).copy()  # reading = gauge @ true offset + drift
+        self.gauge_drift = np.zeros((n, 3))
+        self.ball_shift = np.zeros((3, 3))
+        self.tau = np.zeros((n, 6))  # N m about the joint axes, from the last pass
+        self.moment = np.zeros((n, 6, 3))  # N m in {j}
+
+
+@dataclass
+class Poses:
+    """What the machine does: tool points and orientations in the world, balls, and gravity's torques."""
+
+    tcp: np.ndarray
+    r: np.ndarray
+    ball: np.ndarray | None
+    machine: Machine
+
+
+def simulate(arm: Arm, s: Session, effects=(), passes: int = 4) -> Poses:
+    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes."""
+    from effects import ACT
+
+    tau = np.zeros_like(s.q)
+    moment = np.zeros((len(s.q), 6, 3))
+    for _ in range(passes):
+        m = Machine(arm, s)
+        m.tau, m.moment = tau, moment
+        for e in effects:
+            ACT[e["effect"]](m, s, arm, e["site"], e["p"])
+        theta = s.q + arm.offset + m.angle + arm.compliance * tau
+        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt)
+        masses, where = bodies(arm, rs, os, m.extra_mass, m.extra_cog)
+        world = gravity_moments(masses, where, os, GRAVITY * m.down)
+        moment = np.einsum("njba,njb->nja", rs, world)
+        tau = moment[..., 2]
+    tcp = os[:, 5] + np.einsum("nij,nj->ni", rs[:, 5], arm.tcp + m.tool)
+    ball = (arm.balls + m.ball_shift)[s.ball] + m.fixture if s.touch else None
+    return Poses(tcp, rs[:, 5], ball, m)
+
+
+def readings(poses: Poses) -> np.ndarray:
+    """The three indicators (N, 3) without noise: where the ball is from the tool point, in the device's axes."""
+    offset = np.einsum("nji,nj->ni", poses.r, poses.ball - poses.tcp)
+    return np.einsum("nij,nj->ni", poses.machine.gauge, offset) + poses.machine.gauge_drift
+
+
+def tracker_points(poses: Poses, tracker_from_world: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """What a tracker without noise says, in its own frame."""
+    r, o = tracker_from_world
+    return poses.tcp @ r.T + o + poses.machine.frame
+
+
+def point_jacobian(rs: np.ndarray, os: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """d(point fixed to the flange)/d(joint angles), (N, 3, 6)."""
+    z = rs[..., 2]
+    return np.swapaxes(np.cross(z, p[:, None] - os), 1, 2)

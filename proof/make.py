@@ -269,10 +269,10 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
                 item["variables"], item["threshold_deg"] = variable_of(e), threshold_of(e)
             out.append(item)
     else:
-        unseen, _ = survey(design, [])
-        with_, without = machine(arm, s, effects), machine(arm, s, [])
-        v = design.project((without.tcp - with_.tcp).ravel())
-        out = [{**effects[0], "lambda": round(float(np.linalg.norm(v) / s.sigma), 3), "alike": effects[0].get("also", [])}]
+        moved = (machine(arm, s, []).tcp - machine(arm, s, effects).tcp).ravel()
+        unseen, alike = survey(design, effects, [moved])
+        lam = float(np.linalg.norm(design.project(moved)) / s.sigma)
+        out = [{**effects[0], "lambda": round(lam, 3), "alike": alike[0]}]
     return {
         "kind": kind,
         "measurements": len(s.q),

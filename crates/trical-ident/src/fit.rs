@@ -32,6 +32,15 @@ impl Default for LmParams {
     }
 }
 
+/// What is known of a coefficient before it is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// Expected value, SI.
+    pub value: f64,
+    /// Standard deviation about it, SI.
+    pub sd: f64,
+}
+
 /// Why the iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -206,14 +215,45 @@ pub fn check_observations(forward: &Forward, data: &Dataset) -> Result<()> {
     Ok(())
 }
 
+/// Priors as measurements of the coefficients themselves.
+fn add_priors(priors: &[Option<Prior>], x: &[f64], normal: &mut Normal) {
+    for (k, (prior, value)) in priors.iter().zip(x).enumerate() {
+        if let Some(prior) = prior {
+            let r = (value - prior.value) / prior.sd;
+            normal.h[k * normal.p + k] += prior.sd.powi(-2);
+            normal.g[k] += r / prior.sd;
+            normal.cost += 0.5 * r * r;
+        }
+    }
+}
+
+fn cost_of_priors(priors: &[Option<Prior>], x: &[f64]) -> f64 {
+    priors.iter().zip(x).filter_map(|(p, v)| p.map(|p| 0.5 * ((v - p.value) / p.sd).powi(2))).sum()
+}
+
 /// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
 ///
 /// # Errors
 /// Fewer scalars than coefficients, a residual that is not finite, or a Jacobian of deficient rank.
 pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &LmParams) -> Result<LmReport> {
+    minimize_with_priors(forward, data, noise, &[], params)
+}
+
+/// As [`minimize`], with priors of the free coefficients in their order (none beyond the end of `priors`).
+///
+/// # Errors
+/// As [`minimize`].
+pub fn minimize_with_priors(
+    forward: &mut Forward,
+    data: &Dataset,
+    noise: &Noise,
+    priors: &[Option<Prior>],
+    params: &LmParams,
+) -> Result<LmReport> {
     check_observations(forward, data)?;
     let p = forward.free().len();
-    let scalars: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
+    let scalars: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum::<usize>()
+        + priors.iter().flatten().count();
     if scalars < p {
         return Err(IdentError::NotEnough(format!(
             "{} measurements give {scalars} numbers, but {p} parameters are to be identified: more measurements, or a \
@@ -225,6 +265,7 @@ pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &L
     normal_equations(forward, data, noise, params.huber, &mut normal);
     let mut lambda = 1e-6;
     let mut x = forward.coefficients();
+    add_priors(priors, &x, &mut normal);
     let mut report = LmReport { iterations: 0, cost: normal.cost, gradient: 0.0, ended: Ended::Iterations };
     if !normal.cost.is_finite() {
         return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
@@ -275,7 +316,7 @@ pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &L
         let predicted: f64 = (0..p).map(|i| 0.5 * step[(i, 0)] * (lambda * step[(i, 0)] + rhs[(i, 0)])).sum();
         let size = (0..p).map(|i| step[(i, 0)].abs()).fold(0.0, f64::max);
         forward.set_coefficients(&proposal);
-        let new_cost = cost(forward, data, noise, params.huber);
+        let new_cost = cost(forward, data, noise, params.huber) + cost_of_priors(priors, &proposal);
         if new_cost.is_finite() && new_cost <= normal.cost * (1.0 + 1e-14) {
             let gain = (normal.cost - new_cost) / predicted.max(1e-300);
             let fell = normal.cost - new_cost;
@@ -283,6 +324,7 @@ pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &L
             let small_step = size < params.step_tolerance;
             let small_fall = fell <= params.cost_tolerance * new_cost && predicted <= params.cost_tolerance * new_cost;
             normal_equations(forward, data, noise, params.huber, &mut normal);
+            add_priors(priors, &x, &mut normal);
             fresh = true;
             report.cost = normal.cost;
             if gain > 0.75 {

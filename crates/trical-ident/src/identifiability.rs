@@ -7,6 +7,7 @@ use trical_model::{Forward, Measured, Model, Motion, Parameter, Site, State, Ter
 
 use crate::dataset::Dataset;
 use crate::error::Result;
+use crate::fit::Prior;
 use crate::noise::Noise;
 use crate::rigid::median;
 
@@ -14,9 +15,9 @@ use crate::rigid::median;
 const BLOCK: usize = 512;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
-/// does not grow with the rows.
+/// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
-pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise) -> Mat<f64> {
+pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, priors: &[Option<Prior>]) -> Mat<f64> {
     let p = forward.free().len();
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];
@@ -41,6 +42,11 @@ pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise) -> Mat<f64> {
         }
         if rows.len() >= BLOCK * 6 * p {
             flush(&mut r, &mut rows);
+        }
+    }
+    for (k, prior) in priors.iter().enumerate().take(p) {
+        if let Some(prior) = prior {
+            rows.extend((0..p).map(|j| if j == k { 1.0 / prior.sd } else { 0.0 }));
         }
     }
     flush(&mut r, &mut rows);

@@ -4,7 +4,9 @@ use trical_model::{Cell, Forward, Model, Robot, residual_rows};
 
 use crate::dataset::{Dataset, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::{Ended, LmParams, LmReport, minimize, position_errors, weighted_residuals};
+use crate::fit::{
+    Ended, LmParams, LmReport, Prior, minimize, minimize_with_priors, position_errors, weighted_residuals,
+};
 use crate::identifiability::{
     Choice, Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
 };
@@ -107,21 +109,37 @@ impl Identified {
 /// # Errors
 /// Too few data, parameters that the data cannot tell apart, or no convergence: a fit that failed is not a model.
 pub fn fit_model(model: Model, data: &Dataset, start_noise: &Noise, dependent: Vec<Dependent>) -> Result<Identified> {
+    fit_model_with_priors(model, data, start_noise, &[], dependent)
+}
+
+/// As [`fit_model`], with priors of the terms in their order (none beyond the end of `priors`).
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn fit_model_with_priors(
+    model: Model,
+    data: &Dataset,
+    start_noise: &Noise,
+    priors: &[Option<Prior>],
+    dependent: Vec<Dependent>,
+) -> Result<Identified> {
     let free: Vec<usize> = (0..model.terms.len()).collect();
     let mut forward = Forward::new(model, free.clone())?;
     let mut noise = start_noise.clone();
-    let mut report = minimize(&mut forward, data, &noise, &LmParams::default())?;
+    let params = LmParams::default();
+    let mut report = minimize_with_priors(&mut forward, data, &noise, priors, &params)?;
     for _ in 0..2 {
         noise.update(data, &weighted_residuals(&forward, data, &noise), free.len());
-        report = minimize(&mut forward, data, &noise, &LmParams::default())?;
+        report = minimize_with_priors(&mut forward, data, &noise, priors, &params)?;
     }
-    finish(forward, data, noise, dependent, report)
+    finish(forward, data, noise, priors, dependent, report)
 }
 
 fn finish(
     forward: Forward,
     data: &Dataset,
     noise: Noise,
+    priors: &[Option<Prior>],
     dependent: Vec<Dependent>,
     report: LmReport,
 ) -> Result<Identified> {
@@ -133,7 +151,7 @@ fn finish(
             report.ended, report.iterations, report.gradient
         )));
     }
-    let r = r_factor(&forward, data, &noise);
+    let r = r_factor(&forward, data, &noise, priors);
     let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
     if let Some(weak) = weakest_direction(&r, &names, CONDITION_LIMIT) {
         return Err(IdentError::NotEnough(format!(

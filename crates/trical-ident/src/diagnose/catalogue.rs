@@ -1,6 +1,6 @@
 //! The catalogue of effects: which terms each would add to the model, where, and how large it usually is.
 
-use trical_model::{Axis, Basis, Measured, Model, Motion, Parameter, Payload, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Forward, Measured, Model, Motion, Parameter, Payload, Shape, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 
@@ -19,6 +19,9 @@ pub struct Candidate {
     pub signs: Vec<i8>,
     /// Typical size of a coefficient, SI, for saying beforehand what the data could show.
     pub typical: f64,
+    /// Prior standard deviation of each coefficient, SI: the large end of what is usual. A coefficient beyond that is not
+    /// forbidden, but must be paid for: this is what keeps two columns that nearly cancel from being blown up to fit noise.
+    pub scales: Vec<f64>,
     /// Logarithm of the prior: uniform over families, then sites, then scan points.
     pub log_prior: f64,
 }
@@ -38,6 +41,10 @@ struct Builder<'a> {
     untestable: Vec<Untestable>,
 }
 
+fn arcsec(seconds: f64) -> f64 {
+    (seconds / 3600.0).to_radians()
+}
+
 fn joint_site(joint: usize) -> serde_json::Value {
     serde_json::json!({ "joint": joint })
 }
@@ -52,18 +59,32 @@ impl Builder<'_> {
         &mut self.families[last].1
     }
 
-    /// Adds a candidate; `parts` are name, site, basis and sign of each coefficient.
+    /// Adds a candidate; `parts` are name, site, basis and sign of each coefficient, `size` what is typical and what is large.
     fn add(
+        &mut self,
+        effect: &'static str,
+        site: serde_json::Value,
+        located: String,
+        size: (f64, f64),
+        parts: Vec<(String, Site, Basis, i8)>,
+    ) {
+        let scales = vec![size.1; parts.len()];
+        self.add_scaled(effect, site, located, size.0, parts, scales);
+    }
+
+    /// As `add`, with a large size for each coefficient where their units differ.
+    fn add_scaled(
         &mut self,
         effect: &'static str,
         site: serde_json::Value,
         located: String,
         typical: f64,
         parts: Vec<(String, Site, Basis, i8)>,
+        scales: Vec<f64>,
     ) {
         let signs = parts.iter().map(|p| p.3).collect();
         let terms = parts.into_iter().map(|(name, site, basis, _)| Term::new(name, effect, site, basis)).collect();
-        self.family(effect).push(Candidate { effect, site, located, terms, signs, typical, log_prior: 0.0 });
+        self.family(effect).push(Candidate { effect, site, located, terms, signs, typical, scales, log_prior: 0.0 });
     }
 
     fn lacks(&mut self, effects: &[&'static str], lacks: &'static str) {
@@ -72,6 +93,13 @@ impl Builder<'_> {
 
     fn dof(&self) -> usize {
         self.model.robot.dof()
+    }
+
+    /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of a small arm does.
+    fn compliance(&self, joint: usize) -> f64 {
+        let torque = Basis::torque(joint, Shape::Linear);
+        let fitted = self.model.terms.iter().find(|t| t.site == Site::Joint { joint } && t.basis == torque);
+        fitted.map_or(0.0, |t| t.value.abs()).max(3e-5)
     }
 }
 
@@ -165,8 +193,18 @@ pub fn reading_noise(model: &Model, data: &Dataset, sigma: f64) -> Vec<Candidate
             "reading_noise",
             serde_json::json!({ "tool": true }),
             "nulled readings are mostly noise".into(),
-            0.0,
+            (0.0, 1.0),
             parts,
+        );
+    }
+    if has.touches && has.spread != [false; 3] {
+        // a nulled touch does not see how the device is turned about the last axis, a deflected one does
+        b.add(
+            "device_orientation",
+            serde_json::json!({ "tool": true }),
+            "the device is turned on the flange".into(),
+            (0.0, 0.5_f64.to_radians()),
+            vec![("device_z".into(), Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT, 0)],
         );
     }
     if has.commanded && !has.lags {
@@ -175,11 +213,29 @@ pub fn reading_noise(model: &Model, data: &Dataset, sigma: f64) -> Vec<Candidate
             "joint_reading_noise",
             serde_json::json!({ "joints": true }),
             "read joints are noisier than commanded ones".into(),
-            0.0,
+            (0.0, 1.0),
             vec![("belief_in_commanded".into(), Site::AllJoints, basis, 1)],
         );
     }
     b.families.into_iter().flat_map(|f| f.1).collect()
+}
+
+/// Root mean square of each joint's gravity torque over the data, N m; at least 0.1.
+fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
+    let n = model.robot.dof();
+    let mut squares = vec![0.0; n];
+    if let Ok(forward) = Forward::new(model.clone(), Vec::new()) {
+        let mut ws = forward.workspace();
+        for o in &data.observations {
+            let Ok(torques) = forward.gravity_torques(&o.state, &mut ws) else { continue };
+            for (s, tau) in squares.iter_mut().zip(torques) {
+                *s += tau * tau;
+            }
+        }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let count = data.observations.len().max(1) as f64;
+    squares.into_iter().map(|s| (s / count).sqrt().max(0.1)).collect()
 }
 
 /// Times at which something may have changed: `count` quantiles of the data's times, ends left out.
@@ -206,15 +262,16 @@ fn change_points(data: &Dataset, count: usize) -> Vec<f64> {
 pub fn catalogue(model: &Model, data: &Dataset, sigma: f64) -> (Vec<Candidate>, Vec<Untestable>) {
     let has = has(model, data, sigma);
     let mut b = Builder { model, families: Vec::new(), untestable: Vec::new() };
+    let loads = if has.masses { usual_loads(model, data) } else { vec![1.0; model.robot.dof()] };
     joint_angle_effects(&mut b);
     axis_effects(&mut b);
     if has.direction {
-        direction_effects(&mut b, &has);
+        direction_effects(&mut b, &has, &loads);
     } else {
         b.lacks(&["lost_motion_direction", "load_friction"], "the sense of each joint's last motion (dir1 ...)");
     }
     if has.masses {
-        torque_effects(&mut b);
+        torque_effects(&mut b, &loads);
     } else {
         b.lacks(
             &["lost_motion_gravity", "nonlinear_stiffness", "cross_axis_compliance", "gravity_direction", "payload"],
@@ -273,7 +330,7 @@ fn joint_angle_effects(b: &mut Builder<'_>) {
                 "joint_harmonic",
                 joint_site(joint),
                 format!("{k} cycle{} per turn of joint {joint}", if k == 1 { "" } else { "s" }),
-                0.015_f64.to_radians(),
+                (0.015_f64.to_radians(), 0.03_f64.to_radians()),
                 vec![
                     (format!("sine_{k}_{joint}"), at, Basis::new(q(joint), Shape::Sine { cycles }), 0),
                     (format!("cosine_{k}_{joint}"), at, Basis::new(q(joint), Shape::Cosine { cycles }), 0),
@@ -284,7 +341,7 @@ fn joint_angle_effects(b: &mut Builder<'_>) {
             "gear_ratio",
             joint_site(joint),
             format!("in proportion to joint {joint}'s angle"),
-            5e-4,
+            (5e-4, 1e-3),
             vec![(format!("ratio_{joint}"), at, Basis::new(q(joint), Shape::Linear), 0)],
         );
         for n_cycles in 10..=300_u16 {
@@ -293,7 +350,7 @@ fn joint_angle_effects(b: &mut Builder<'_>) {
                 "gear_ripple",
                 joint_site(joint),
                 format!("{n_cycles} cycles per turn of joint {joint}"),
-                15.0 / 3600.0_f64.to_degrees(),
+                (arcsec(15.0), arcsec(30.0)),
                 vec![
                     (format!("ripple_sine_{joint}"), at, Basis::new(q(joint), Shape::Sine { cycles }), 0),
                     (format!("ripple_cosine_{joint}"), at, Basis::new(q(joint), Shape::Cosine { cycles }), 0),
@@ -307,7 +364,7 @@ fn joint_angle_effects(b: &mut Builder<'_>) {
                 "joint_coupling",
                 serde_json::json!({ "joint": to, "from": from }),
                 format!("joint {to} moves in proportion to joint {from}'s angle"),
-                8e-4,
+                (8e-4, 2e-3),
                 vec![(
                     format!("coupling_{to}_from_{from}"),
                     Site::Joint { joint: to },
@@ -328,7 +385,7 @@ fn axis_effects(b: &mut Builder<'_>) {
                 "axis_twist",
                 joint_site(link + 1),
                 format!("axis {} is twisted against axis {link} about y", link + 1),
-                0.03_f64.to_radians(),
+                (0.03_f64.to_radians(), 0.1_f64.to_radians()),
                 vec![(format!("beta_{link}"), Site::Link { link, parameter: Parameter::Beta }, Basis::CONSTANT, 0)],
             );
         }
@@ -353,40 +410,41 @@ fn axis_effects(b: &mut Builder<'_>) {
                 "axis_wobble",
                 joint_site(joint),
                 format!("axis {joint} tilts {k} time{} a turn", if k == 1 { "" } else { "s" }),
-                0.01_f64.to_radians(),
+                (0.01_f64.to_radians(), 0.03_f64.to_radians()),
                 parts,
             );
         }
     }
 }
 
-fn direction_effects(b: &mut Builder<'_>, has: &Has) {
+fn direction_effects(b: &mut Builder<'_>, has: &Has, loads: &[f64]) {
     for joint in 1..=b.dof() {
         let at = Site::Joint { joint };
         b.add(
             "lost_motion_direction",
             joint_site(joint),
             format!("changes sign with the sense of joint {joint}'s last motion"),
-            15.0 / 3600.0_f64.to_degrees(),
+            (arcsec(15.0), arcsec(60.0)),
             vec![(format!("half_gap_{joint}"), at, Basis::direction(joint), -1)],
         );
         if has.masses {
             let load = Basis { sense: Some(joint), ..Basis::torque(joint, Shape::Absolute) };
-            b.add(
+            b.add_scaled(
                 "load_friction",
                 joint_site(joint),
                 format!("changes sign with the sense of joint {joint}'s last motion, and grows with its load"),
-                15.0 / 3600.0_f64.to_degrees(),
+                arcsec(15.0),
                 vec![
                     (format!("friction_{joint}"), at, Basis::direction(joint), -1),
                     (format!("friction_by_load_{joint}"), at, load, -1),
                 ],
+                vec![arcsec(60.0), arcsec(60.0) / loads[joint - 1]],
             );
         }
     }
 }
 
-fn torque_effects(b: &mut Builder<'_>) {
+fn torque_effects(b: &mut Builder<'_>, loads: &[f64]) {
     let n = b.dof();
     for joint in 1..=n {
         let at = Site::Joint { joint };
@@ -395,23 +453,28 @@ fn torque_effects(b: &mut Builder<'_>) {
                 "lost_motion_gravity",
                 joint_site(joint),
                 format!("follows the sign of joint {joint}'s gravity torque"),
-                0.01_f64.to_radians(),
+                (0.01_f64.to_radians(), 0.02_f64.to_radians()),
                 vec![(format!("half_gap_gravity_{joint}"), at, Basis::torque(joint, Shape::SoftSign { scale }), 1)],
             );
         }
+        // half of what the joint gives way in proportion to its torque, at the torque that it usually bears
+        let load = loads[joint - 1];
+        let usual = b.compliance(joint) * load;
         let stiffness = [
-            ("square", Shape::SignedSquare, 1e-6),
-            ("cube", Shape::Cube, 1e-7),
-            ("soft_1", Shape::SoftSign { scale: 1.0 }, 1e-4),
-            ("soft_2", Shape::SoftSign { scale: 2.0 }, 1e-4),
-            ("soft_5", Shape::SoftSign { scale: 5.0 }, 1e-4),
+            ("square", Shape::SignedSquare),
+            ("cube", Shape::Cube),
+            ("soft_1", Shape::SoftSign { scale: 1.0 }),
+            ("soft_2", Shape::SoftSign { scale: 2.0 }),
+            ("soft_5", Shape::SoftSign { scale: 5.0 }),
         ];
-        for (name, shape, typical) in stiffness {
+        for (name, shape) in stiffness {
+            let at_load = shape.at(load).0.abs();
+            let size = (0.25 * usual / at_load, 0.5 * usual / at_load);
             b.add(
                 "nonlinear_stiffness",
                 joint_site(joint),
                 format!("joint {joint} does not give way in proportion to its torque"),
-                typical,
+                size,
                 vec![(format!("stiffness_{name}_{joint}"), at, Basis::torque(joint, shape), 0)],
             );
         }
@@ -419,7 +482,7 @@ fn torque_effects(b: &mut Builder<'_>) {
             "cross_axis_compliance",
             joint_site(joint),
             format!("the gravity moment across axis {joint} tilts it"),
-            5e-5,
+            (5e-5, 4e-4),
             vec![(
                 format!("cross_{joint}"),
                 Site::Across { joint },
@@ -432,7 +495,7 @@ fn torque_effects(b: &mut Builder<'_>) {
         "gravity_direction",
         serde_json::json!({ "base": true }),
         "gravity is not along the cell's -z".into(),
-        9.8 * 1.0_f64.to_radians(),
+        (9.8 * 1.0_f64.to_radians(), 9.8 * 2.0_f64.to_radians()),
         vec![
             ("gravity_x".into(), Site::Gravity(Axis::X), Basis::CONSTANT, 0),
             ("gravity_y".into(), Site::Gravity(Axis::Y), Basis::CONSTANT, 0),
@@ -444,7 +507,8 @@ fn torque_effects(b: &mut Builder<'_>) {
         .collect();
     parts.insert(0, ("payload_mass".into(), Site::Payload(Payload::Mass), Basis::CONSTANT, 0));
     let tool = serde_json::json!({ "tool": true });
-    b.add("payload", tool, "the load on the flange is not what cell.toml says".into(), 0.03, parts);
+    let located = "the load on the flange is not what cell.toml says".into();
+    b.add_scaled("payload", tool, located, 0.03, parts, vec![1.0, 0.1, 0.1, 0.1]);
 }
 
 fn along(site: impl Fn(Motion) -> Site, name: &str, basis: Basis) -> Vec<(String, Site, Basis, i8)> {
@@ -462,7 +526,7 @@ fn time_effects(b: &mut Builder<'_>, has: &Has, points: &[f64], data: &Dataset) 
                 "joint_zero_shift",
                 joint_site(joint),
                 format!("joint {joint}'s zero {when}"),
-                0.02_f64.to_radians(),
+                (0.02_f64.to_radians(), 0.06_f64.to_radians()),
                 vec![(format!("zero_shift_{joint}"), Site::Joint { joint }, step, 0)],
             );
         }
@@ -470,7 +534,7 @@ fn time_effects(b: &mut Builder<'_>, has: &Has, points: &[f64], data: &Dataset) 
             "tool_shift",
             serde_json::json!({ "tool": true }),
             format!("the tool on the flange {when}"),
-            1e-4,
+            (1e-4, 2.5e-4),
             along(Site::Tool, "tool_shift", step),
         );
         if has.touches {
@@ -478,7 +542,7 @@ fn time_effects(b: &mut Builder<'_>, has: &Has, points: &[f64], data: &Dataset) 
                 "fixture_shift",
                 serde_json::json!({ "fixture": true }),
                 format!("the place of the balls {when}"),
-                1e-4,
+                (1e-4, 2.5e-4),
                 along(Site::Fixture, "fixture_shift", step),
             );
         }
@@ -487,7 +551,7 @@ fn time_effects(b: &mut Builder<'_>, has: &Has, points: &[f64], data: &Dataset) 
         "tool_drift",
         serde_json::json!({ "tool": true }),
         "the tool creeps on the flange with time".into(),
-        1e-4 / span,
+        (1e-4 / span, 2.5e-4 / span),
         along(Site::Tool, "tool_drift", drift),
     );
     if has.touches {
@@ -495,7 +559,7 @@ fn time_effects(b: &mut Builder<'_>, has: &Has, points: &[f64], data: &Dataset) 
             "fixture_drift",
             serde_json::json!({ "fixture": true }),
             "the balls creep with time".into(),
-            1e-4 / span,
+            (1e-4 / span, 2.5e-4 / span),
             along(Site::Fixture, "fixture_drift", drift),
         );
     }
@@ -509,7 +573,7 @@ fn time_effects(b: &mut Builder<'_>, has: &Has, points: &[f64], data: &Dataset) 
                 "frame_drift",
                 serde_json::json!({ "frame": true }),
                 "the measuring frame moves with time".into(),
-                1e-4 / span,
+                (1e-4 / span, 2e-4 / span),
                 parts,
             );
         }
@@ -536,7 +600,7 @@ fn thermal_effects(b: &mut Builder<'_>, has: &Has, data: &Dataset) {
             "thermal_growth",
             serde_json::json!({ "links": true }),
             format!("all lengths grow {how}"),
-            18e-6 * if basis.of == Variable::Time { 6.0 } else { 1.0 },
+            if basis.of == Variable::Time { (18e-6 * 6.0, 26e-6 * 10.0) } else { (18e-6, 26e-6) },
             vec![("expansion".into(), Site::Links, basis, 1)],
         );
         for joint in 1..=b.dof() {
@@ -544,7 +608,7 @@ fn thermal_effects(b: &mut Builder<'_>, has: &Has, data: &Dataset) {
                 "thermal_zero_drift",
                 joint_site(joint),
                 format!("joint {joint}'s zero moves {how}"),
-                0.02_f64.to_radians() / rise,
+                (0.02_f64.to_radians() / rise, 0.06_f64.to_radians() / rise),
                 vec![(format!("thermal_zero_{joint}"), Site::Joint { joint }, basis, 0)],
             );
         }
@@ -563,7 +627,7 @@ fn gauge_effects(b: &mut Builder<'_>, has: &Has) {
                 "indicator_gain",
                 site.clone(),
                 format!("in proportion to indicator {}'s own reading", axis.name()),
-                0.02,
+                (0.02, 0.08),
                 vec![(format!("gain_{}", axis.name()), at, Basis::new(Variable::Reading { axis }, Shape::Linear), 0)],
             );
         }
@@ -583,7 +647,7 @@ fn gauge_effects(b: &mut Builder<'_>, has: &Has) {
             "indicator_skew",
             site.clone(),
             format!("indicator {} sees what the others read", axis.name()),
-            1.0_f64.to_radians(),
+            (1.0_f64.to_radians(), 1.5_f64.to_radians()),
             others,
         );
         if has.time {
@@ -591,7 +655,7 @@ fn gauge_effects(b: &mut Builder<'_>, has: &Has) {
                 "indicator_drift",
                 site,
                 format!("indicator {} drifts with time", axis.name()),
-                2e-5 / 3600.0,
+                (2e-5 / 3600.0, 6e-5 / 3600.0),
                 vec![(format!("indicator_drift_{}", axis.name()), at, Basis::new(Variable::Time, Shape::Linear), 0)],
             );
         }
@@ -605,7 +669,7 @@ fn gauge_effects(b: &mut Builder<'_>, has: &Has) {
             "ball_position",
             serde_json::json!({ "ball": ball }),
             format!("ball {ball} is not where the ballbar says"),
-            5e-5,
+            (5e-5, 2e-4),
             parts,
         );
     }
@@ -617,7 +681,7 @@ fn late_reading(b: &mut Builder<'_>) {
         "late_joint_reading",
         serde_json::json!({ "joints": true }),
         "joints were read before the arm had settled: the error follows commanded minus read".into(),
-        0.7,
+        (0.7, 1.0),
         vec![("lag".into(), Site::AllJoints, lag(1), 1)],
     );
     for joint in 1..=b.dof() {
@@ -625,7 +689,7 @@ fn late_reading(b: &mut Builder<'_>) {
             "late_joint_reading",
             joint_site(joint),
             format!("joint {joint} was read before it had settled: the error follows commanded minus read"),
-            0.7,
+            (0.7, 1.0),
             vec![(format!("lag_{joint}"), Site::Joint { joint }, lag(joint), 1)],
         );
     }

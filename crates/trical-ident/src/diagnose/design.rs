@@ -30,6 +30,8 @@ pub struct Design {
     spans: Vec<(usize, usize)>,
     /// Squared lengths of the columns before projection.
     squares: Vec<f64>,
+    /// 1 / (prior standard deviation)^2 of every coefficient.
+    precision: Vec<f64>,
     /// `X'X - (Q'X)'(Q'X)` of all columns, `width x width`.
     gram: Mat<f64>,
     /// `X'r` of all columns, and `r'r`, after projection.
@@ -56,17 +58,20 @@ pub struct Stage {
     b: Vec<f64>,
     /// Weighted sum of squares left.
     pub ss: f64,
-    /// Parameters in the basis.
-    pub parameters: usize,
+    /// Parameters in the basis; one that the prior holds more than the data do counts less than 1.
+    pub parameters: f64,
 }
 
 /// What one candidate would do.
 #[derive(Clone, Copy, Debug)]
 pub struct Gain {
-    /// Sum of squares that it would remove.
+    /// Sum of squares that it would remove, prior costs included.
     pub dss: f64,
-    /// How many of its columns the fit does not absorb.
-    pub rank: usize,
+    /// How many numbers the data would determine.
+    pub rank: f64,
+    /// Occam's factor, nats: `ln sqrt(det(G + L) / det L)` with the prior's precision `L`. A coefficient that could have been
+    /// anything in its usual range pays for having been found at one place in it.
+    pub occam: f64,
 }
 
 impl Design {
@@ -85,6 +90,7 @@ impl Design {
             wide.terms.extend(c.terms.iter().cloned());
         }
         let width = at;
+        let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
         let total = p + width;
         let forward = Forward::new(wide, (0..total).collect())?;
         let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
@@ -154,6 +160,7 @@ impl Design {
             width,
             spans,
             squares,
+            precision,
             gram,
             b,
             ss,
@@ -168,7 +175,9 @@ impl Design {
     #[must_use]
     pub fn stage(&self) -> Stage {
         let left = (0..self.width).map(|a| self.gram[(a, a)]).collect();
-        Stage { w: Vec::new(), left, b: self.b.clone(), ss: self.ss, parameters: self.parameters }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let parameters = self.parameters as f64;
+        Stage { w: Vec::new(), left, b: self.b.clone(), ss: self.ss, parameters }
     }
 
     /// Whether the fit has not absorbed a column.
@@ -197,42 +206,49 @@ impl Design {
         (kept, g)
     }
 
+    /// The columns that the fit does not absorb, Cholesky's factor of `G` with the prior's precision, and `y = L^-1 b`.
+    fn solved(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>, Vec<f64>) {
+        let (kept, mut g) = self.gram(stage, candidate);
+        let k = kept.len();
+        for (i, a) in kept.iter().enumerate() {
+            g[i * k + i] += self.precision[*a];
+        }
+        let l = cholesky(&g, k);
+        let y = forward_substitution(&l, &kept.iter().map(|a| stage.b[*a]).collect::<Vec<f64>>());
+        (kept, l, y)
+    }
+
     /// What a candidate would remove from the sum of squares.
     #[must_use]
     pub fn gain(&self, stage: &Stage, candidate: usize) -> Gain {
-        let (kept, g) = self.gram(stage, candidate);
-        match cholesky(&g, kept.len()) {
-            None => Gain { dss: 0.0, rank: 0 },
-            Some((l, independent)) => {
-                let b: Vec<f64> = kept.iter().map(|a| stage.b[*a]).collect();
-                let y = forward_substitution(&l, &b, &independent);
-                Gain { dss: y.iter().map(|v| v * v).sum(), rank: independent.iter().filter(|i| **i).count() }
-            }
+        let (kept, l, y) = self.solved(stage, candidate);
+        let k = kept.len();
+        let mut gain = Gain { dss: y.iter().map(|v| v * v).sum(), rank: 0.0, occam: 0.0 };
+        for (i, a) in kept.iter().enumerate() {
+            let share = self.precision[*a] / l[i * k + i].powi(2);
+            gain.rank += 1.0 - share;
+            gain.occam -= 0.5 * share.ln();
         }
+        gain
     }
 
-    /// Coefficients (SI, zero for absorbed columns) and lambda of a candidate, were it added now.
+    /// Coefficients (SI, zero for absorbed columns) of a candidate, were it added now.
     #[must_use]
-    pub fn coefficients(&self, stage: &Stage, candidate: usize) -> (Vec<f64>, f64) {
+    pub fn coefficients(&self, stage: &Stage, candidate: usize) -> Vec<f64> {
         let (from, to) = self.spans[candidate];
-        let (kept, g) = self.gram(stage, candidate);
-        let mut out = vec![0.0; to - from];
-        let Some((l, independent)) = cholesky(&g, kept.len()) else { return (out, 0.0) };
-        let b: Vec<f64> = kept.iter().map(|a| stage.b[*a]).collect();
-        let y = forward_substitution(&l, &b, &independent);
+        let (kept, l, y) = self.solved(stage, candidate);
         let k = kept.len();
         let mut x = vec![0.0; k];
         for i in (0..k).rev() {
-            if independent[i] {
-                let sum: f64 = (i + 1..k).map(|j| l[j * k + i] * x[j]).sum();
-                x[i] = (y[i] - sum) / l[i * k + i];
-            }
+            let sum: f64 = (i + 1..k).map(|j| l[j * k + i] * x[j]).sum();
+            x[i] = (y[i] - sum) / l[i * k + i];
         }
         // the residual is predicted minus measured: what is added must cancel it
+        let mut out = vec![0.0; to - from];
         for (a, v) in kept.iter().zip(&x) {
             out[a - from] = -v;
         }
-        (out, y.iter().map(|v| v * v).sum::<f64>().sqrt())
+        out
     }
 
     /// lambda of a candidate of coefficients `size` each (root mean square over its columns' directions).
@@ -276,6 +292,9 @@ impl Design {
         matmul(h.as_mut(), Accum::Replace, a.transpose(), a.as_ref(), 1.0, Par::Seq);
         for j in 0..p {
             h[(j, j)] += 1e-10;
+            if j >= self.parameters {
+                h[(j, j)] += self.precision[extra[j - self.parameters]] * scale[j].powi(2);
+            }
         }
         let g = Mat::from_fn(p, 1, |j, _| -(0..rows.len()).map(|i| a[(i, j)] * self.raw[rows[i]]).sum::<f64>());
         let Ok(llt) = h.llt(Side::Lower) else { return Vec::new() };
@@ -296,7 +315,8 @@ impl Design {
             if !self.is_left(stage, a) {
                 continue;
             }
-            let norm = stage.left[a].sqrt();
+            let square = stage.left[a] + self.precision[a];
+            let norm = square.sqrt();
             let mut w: Vec<f64> = self.gram.col_as_slice(a).to_vec();
             for old in &stage.w {
                 let factor = old[a];
@@ -313,42 +333,33 @@ impl Design {
                 *l -= x * x;
             }
             stage.ss -= d * d;
-            stage.parameters += 1;
+            stage.parameters += 1.0 - self.precision[a] / square;
             stage.w.push(w);
         }
     }
 }
 
-/// Cholesky factor (k x k, lower, row by row) of a Gram matrix; columns that depend on earlier ones are skipped and marked.
-fn cholesky(g: &[f64], k: usize) -> Option<(Vec<f64>, Vec<bool>)> {
-    if k == 0 {
-        return None;
-    }
+/// Cholesky factor (k x k, lower, row by row) of a positive definite matrix.
+fn cholesky(g: &[f64], k: usize) -> Vec<f64> {
     let mut l = vec![0.0; k * k];
-    let mut independent = vec![false; k];
     for j in 0..k {
         let d = g[j * k + j] - (0..j).map(|m| l[j * k + m] * l[j * k + m]).sum::<f64>();
-        if d <= 1e-6 * g[j * k + j] || d <= 0.0 {
-            continue;
-        }
-        independent[j] = true;
-        l[j * k + j] = d.sqrt();
+        // the prior's precision keeps it positive, but for rounding
+        l[j * k + j] = d.max(1e-12 * g[j * k + j]).sqrt();
         for i in j + 1..k {
             let s = g[i * k + j] - (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum::<f64>();
             l[i * k + j] = s / l[j * k + j];
         }
     }
-    Some((l, independent))
+    l
 }
 
-fn forward_substitution(l: &[f64], b: &[f64], independent: &[bool]) -> Vec<f64> {
+fn forward_substitution(l: &[f64], b: &[f64]) -> Vec<f64> {
     let k = b.len();
     let mut y = vec![0.0; k];
     for i in 0..k {
-        if independent[i] {
-            let s: f64 = (0..i).map(|j| l[i * k + j] * y[j]).sum();
-            y[i] = (b[i] - s) / l[i * k + i];
-        }
+        let s: f64 = (0..i).map(|j| l[i * k + j] * y[j]).sum();
+        y[i] = (b[i] - s) / l[i * k + i];
     }
     y
 }

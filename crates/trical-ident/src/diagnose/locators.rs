@@ -13,6 +13,9 @@ pub const UNEXPLAINED: &str = "unexplained";
 /// A locator must beat every name by this many nats.
 const PRICE: f64 = 5.0;
 
+/// How far a joint may be off without a name, deg: the prior of each knot of a curve.
+const LARGE_DEG: f64 = 0.02;
+
 /// Thresholds tried for each variable.
 const THRESHOLDS: usize = 30;
 
@@ -47,6 +50,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                 site: site.clone(),
                 located: format!("joint {joint} is off in a way that {} tells", name(*variable)),
                 signs: vec![0; terms.len()],
+                scales: vec![LARGE_DEG.to_radians(); terms.len()],
                 terms,
                 typical: 0.0,
                 log_prior: 0.0,

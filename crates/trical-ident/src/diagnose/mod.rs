@@ -21,9 +21,9 @@ use trical_model::{Cell, Forward, Model, Robot, Term};
 
 use crate::dataset::{Dataset, Rejected};
 use crate::error::Result;
-use crate::fit::position_errors;
+use crate::fit::{Prior, position_errors};
 use crate::identifiability::{Choice, ParameterSet};
-use crate::identify::{ErrorSummary, Identified, fit_model, prepared};
+use crate::identify::{ErrorSummary, Identified, fit_model, fit_model_with_priors, prepared};
 use crate::noise::Noise;
 use crate::units::unit;
 
@@ -464,38 +464,10 @@ fn refit(
             model.terms.push(term);
         }
     }
-    drop_absorbed(&mut model, bare.terms.len(), data, noise)?;
-    fit_model(model, data, noise, Vec::new())
-}
-
-/// Takes out those added terms whose columns the others absorb: a fit must not be singular.
-fn drop_absorbed(model: &mut Model, from: usize, data: &Dataset, noise: &Noise) -> Result<()> {
-    let mut base = model.clone();
-    let added = base.terms.split_off(from);
-    let as_candidates: Vec<Candidate> = added
-        .iter()
-        .map(|t| Candidate {
-            effect: "",
-            site: serde_json::Value::Null,
-            located: String::new(),
-            terms: vec![t.clone()],
-            signs: vec![0],
-            typical: 0.0,
-            log_prior: 0.0,
-        })
-        .collect();
-    let design = Design::new(&base, &as_candidates, data, noise)?;
-    let mut stage = design.stage();
-    let mut keep = Vec::new();
-    for (k, t) in added.into_iter().enumerate() {
-        if design.gain(&stage, k).rank == 1 {
-            design.add(&mut stage, k);
-            keep.push(t);
-        }
-    }
-    model.terms.truncate(from);
-    model.terms.extend(keep);
-    Ok(())
+    let mut priors: Vec<Option<Prior>> = vec![None; bare.terms.len()];
+    let scales = chosen.iter().flat_map(|c| &candidates[*c].scales);
+    priors.extend(scales.map(|sd| Some(Prior { value: 0.0, sd: *sd })));
+    fit_model_with_priors(model, data, noise, &priors, Vec::new())
 }
 
 fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
@@ -552,9 +524,8 @@ fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {
         .collect()
 }
 
-fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let k = rank.max(1) as f64;
+fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: f64) -> f64 {
+    let k = rank.max(1.0);
     let n = search.freedom(stage) - k;
     let f = (dss / k) / ((stage.ss - dss).max(1e-300) / n);
     FisherSnedecor::new(k, n.max(1.0)).map_or(1.0, |d| d.sf(f * search.temper))
@@ -573,10 +544,9 @@ fn finding(
     let with = search.with(stage, &group.members);
     let dss = stage.ss - with.ss;
     let rank = with.parameters - stage.parameters;
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let delta_bic = {
         let n = search.freedom(stage);
-        n * (stage.ss / with.ss).ln() - rank as f64 * n.ln()
+        n * (stage.ss / with.ss).ln() - rank * n.ln()
     };
     let ranked: Vec<Ranked> = search.rank(stage).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
     let own = search.total(stage, &group.members);
@@ -698,7 +668,7 @@ fn lack_of_fit(search: &Search<'_>, stage: &Stage, set: &[usize]) -> f64 {
     let questions = ranked.len() as f64;
     ranked
         .iter()
-        .filter(|r| !(stage.parameters > search.design.parameters && set.contains(&r.candidate)))
+        .filter(|r| !(stage.ss < search.design.stage().ss && set.contains(&r.candidate)))
         .take(100)
         .map(|r| f_test(search, stage, r.dss, r.rank) * questions)
         .fold(1.0, f64::min)

@@ -14,6 +14,9 @@ const MOST: usize = 40;
 /// Candidates looked at as second members of a pair.
 const PAIR_SHORTLIST: usize = 24;
 
+/// Pairs are merged among at most so many.
+const MERGED: usize = 12;
+
 /// The search on one design.
 pub struct Search<'a> {
     /// The linear picture.
@@ -35,8 +38,8 @@ pub struct Ranked {
     pub evidence: f64,
     /// Sum of squares that it removes.
     pub dss: f64,
-    /// Columns.
-    pub rank: usize,
+    /// How many numbers the data would determine.
+    pub rank: f64,
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts")]
@@ -44,7 +47,7 @@ impl Search<'_> {
     /// Independent scalars left at a stage.
     #[must_use]
     pub fn freedom(&self, stage: &Stage) -> f64 {
-        (self.design.rows as f64 * self.temper - stage.parameters as f64).max(1.0)
+        (self.design.rows as f64 * self.temper - stage.parameters).max(1.0)
     }
 
     /// Evidence of a candidate at a stage, nats; signs that physics forbids have none.
@@ -54,13 +57,13 @@ impl Search<'_> {
             return None;
         }
         let gain = self.design.gain(stage, candidate);
-        if gain.rank == 0 {
+        if gain.rank < 1e-3 {
             return None;
         }
         let n = self.freedom(stage);
         let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
         let evidence =
-            -0.5 * n * (1.0 - share).ln() - 0.5 * gain.rank as f64 * n.ln() + self.candidates[candidate].log_prior;
+            -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }
 
@@ -69,7 +72,7 @@ impl Search<'_> {
         if signs.iter().all(|s| *s == 0) {
             return true;
         }
-        let (c, _) = self.design.coefficients(stage, candidate);
+        let c = self.design.coefficients(stage, candidate);
         let largest = c.iter().map(|v| v.abs()).fold(0.0, f64::max);
         // a coefficient of the wrong sign counts only if it is not a small part of the whole
         signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest)
@@ -133,6 +136,7 @@ impl Search<'_> {
                 self.forward(start, &mut chosen);
             }
             self.swap(start, &mut chosen);
+            self.merge(start, &mut chosen);
             self.backward(start, &mut chosen);
             if chosen == before {
                 break;
@@ -211,8 +215,9 @@ impl Search<'_> {
                 {
                     wishes.push((best.evidence - now.evidence, own, vec![best.candidate]));
                 }
-                if now.rank > 1 {
-                    let lean = |r: &&Ranked| r.rank < now.rank && !set.contains(&r.candidate);
+                if self.candidates[own].terms.len() > 1 {
+                    let size = |k: usize| self.candidates[k].terms.len();
+                    let lean = |r: &&Ranked| size(r.candidate) < size(own) && !set.contains(&r.candidate);
                     for first in ranked.iter().filter(lean).take(3) {
                         let after = self.with(stage, &[first.candidate]);
                         let second = self.rank(&after).into_iter().find(|r| !set.contains(&r.candidate));
@@ -242,6 +247,36 @@ impl Search<'_> {
             }
             if !changed {
                 break;
+            }
+        }
+    }
+
+    /// Replaces two chosen candidates by one that says as much (two drifting indicators are a drifting tool).
+    fn merge(&self, start: &Stage, chosen: &mut Vec<usize>) {
+        if chosen.len() > MERGED {
+            return;
+        }
+        loop {
+            let mut best: Option<(f64, Vec<usize>)> = None;
+            for i in 0..chosen.len() {
+                for j in 0..i {
+                    let pair = [chosen[j], chosen[i]];
+                    let rest: Vec<usize> = chosen.iter().copied().filter(|c| !pair.contains(c)).collect();
+                    let stage = self.with(start, &rest);
+                    let now = self.total(&stage, &pair);
+                    let one = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate));
+                    if let Some(one) = one
+                        && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
+                    {
+                        let mut proposal = rest;
+                        proposal.push(one.candidate);
+                        best = Some((one.evidence - now, proposal));
+                    }
+                }
+            }
+            match best {
+                Some((_, proposal)) => *chosen = proposal,
+                None => break,
             }
         }
     }

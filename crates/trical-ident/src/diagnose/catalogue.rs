@@ -26,6 +26,38 @@ pub struct Candidate {
     pub log_prior: f64,
 }
 
+impl Candidate {
+    /// Variable and place of a step, if it is one (all its terms step together).
+    #[must_use]
+    pub fn step(&self) -> Option<(Variable, f64)> {
+        match self.terms.first()?.basis {
+            Basis { of, shape: Shape::Step { at }, sense: None } => Some((of, at)),
+            _ => None,
+        }
+    }
+
+    /// The same with its step elsewhere.
+    #[must_use]
+    pub fn with_step(&self, at: f64) -> Self {
+        let mut other = self.clone();
+        for t in &mut other.terms {
+            t.basis.shape = Shape::Step { at };
+        }
+        if self.terms[0].basis.of == Variable::Time
+            && let Some((what, _)) = self.located.rsplit_once(" at ")
+        {
+            other.located = format!("{what} at {at:.0} s");
+        }
+        other
+    }
+
+    /// Whether it is a step or a curve rather than a wave.
+    #[must_use]
+    pub fn scanned(&self) -> bool {
+        self.terms.iter().all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. }))
+    }
+}
+
 /// A family of the catalogue that this data cannot test, and what is missing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Untestable {
@@ -40,6 +72,30 @@ struct Builder<'a> {
     families: Vec<(&'static str, Vec<Candidate>)>,
     untestable: Vec<Untestable>,
 }
+
+/// A gear's ripple of `cycles` per turn. Which frequencies are worth a try, a periodogram says; the prior counts all.
+#[must_use]
+pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
+    let (from, to) = super::periodogram::GEARS;
+    let at = Site::Joint { joint };
+    let q = Variable::Joint { joint };
+    let term = |part: &str, shape| Term::new(format!("ripple_{part}_{joint}"), "gear_ripple", at, Basis::new(q, shape));
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let ways = (FAMILIES * joints) as f64 * f64::from(to - from + 1);
+    Candidate {
+        effect: "gear_ripple",
+        site: joint_site(joint),
+        located: format!("{cycles:.0} cycles per turn of joint {joint}"),
+        terms: vec![term("sine", Shape::Sine { cycles }), term("cosine", Shape::Cosine { cycles })],
+        signs: vec![0; 2],
+        typical: arcsec(15.0),
+        scales: vec![arcsec(30.0); 2],
+        log_prior: -ways.ln(),
+    }
+}
+
+/// Families that compete: the prior is uniform over them, then over sites, then over scan points.
+const FAMILIES: usize = 24;
 
 fn arcsec(seconds: f64) -> f64 {
     (seconds / 3600.0).to_radians()
@@ -298,7 +354,6 @@ pub fn catalogue(model: &Model, data: &Dataset, sigma: f64) -> (Vec<Candidate>, 
         }
         _ => b.lacks(&["late_joint_reading"], "commanded beside read joints (qc1_deg ...)"),
     }
-    let families = b.families.len();
     let mut all = Vec::new();
     for (_, mut list) in b.families {
         let mut sites: Vec<serde_json::Value> = Vec::new();
@@ -311,7 +366,7 @@ pub fn catalogue(model: &Model, data: &Dataset, sigma: f64) -> (Vec<Candidate>, 
         for c in &mut list {
             let scan = sites.iter().position(|s| *s == c.site).map_or(1, |k| scans[k]);
             #[expect(clippy::cast_precision_loss, reason = "counts")]
-            let ways = (families * sites.len() * scan) as f64;
+            let ways = (FAMILIES * sites.len() * scan) as f64;
             c.log_prior = -ways.ln();
         }
         all.append(&mut list);
@@ -344,19 +399,6 @@ fn joint_angle_effects(b: &mut Builder<'_>) {
             (5e-4, 1e-3),
             vec![(format!("ratio_{joint}"), at, Basis::new(q(joint), Shape::Linear), 0)],
         );
-        for n_cycles in 10..=300_u16 {
-            let cycles = f64::from(n_cycles);
-            b.add(
-                "gear_ripple",
-                joint_site(joint),
-                format!("{n_cycles} cycles per turn of joint {joint}"),
-                (arcsec(15.0), arcsec(30.0)),
-                vec![
-                    (format!("ripple_sine_{joint}"), at, Basis::new(q(joint), Shape::Sine { cycles }), 0),
-                    (format!("ripple_cosine_{joint}"), at, Basis::new(q(joint), Shape::Cosine { cycles }), 0),
-                ],
-            );
-        }
     }
     for (to, from) in [(5, 4), (6, 5), (6, 4), (3, 2)] {
         if to <= n {

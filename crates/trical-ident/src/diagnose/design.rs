@@ -80,6 +80,20 @@ impl Design {
     /// # Errors
     /// A candidate at a site that the arm does not have.
     pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
+        Self::weighted(model, candidates, &[], data, noise)
+    }
+
+    /// As [`Design::new`]; a candidate with weights (for each of its columns, one for each observation) has them multiplied in.
+    ///
+    /// # Errors
+    /// As [`Design::new`].
+    pub fn weighted(
+        model: &Model,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        data: &Dataset,
+        noise: &Noise,
+    ) -> Result<Self> {
         let p = model.terms.len();
         let mut wide = model.clone();
         let mut spans = Vec::with_capacity(candidates.len());
@@ -115,8 +129,14 @@ impl Design {
                     jacobian[(row, j)] = block[k * total + j] * s;
                 }
                 let from = &block[k * total + p..(k + 1) * total];
-                for (to, v) in columns[row * width..(row + 1) * width].iter_mut().zip(from) {
+                let to = &mut columns[row * width..(row + 1) * width];
+                for (to, v) in to.iter_mut().zip(from) {
                     *to = v * s;
+                }
+                for (weights, (from, upto)) in weights.iter().zip(&spans) {
+                    for (v, weight) in to[*from..*upto].iter_mut().zip(weights) {
+                        *v *= weight[index];
+                    }
                 }
                 row += 1;
             }
@@ -169,6 +189,18 @@ impl Design {
             raw: residual,
             sigma_of_row,
         })
+    }
+
+    /// Weighted entry of a column of the candidates.
+    #[must_use]
+    pub fn column_at(&self, row: usize, column: usize) -> f64 {
+        self.columns[row * self.width + column]
+    }
+
+    /// Weighted residual of a row, before projection.
+    #[must_use]
+    pub fn residual_at(&self, row: usize) -> f64 {
+        self.raw[row]
     }
 
     /// The state with nothing added.
@@ -230,6 +262,36 @@ impl Design {
             gain.occam -= 0.5 * share.ln();
         }
         gain
+    }
+
+    /// What a candidate would remove without any prior, and how many of its columns are independent.
+    #[must_use]
+    pub fn plain_gain(&self, stage: &Stage, candidate: usize) -> (f64, usize) {
+        let (kept, g) = self.gram(stage, candidate);
+        let k = kept.len();
+        let mut dss = 0.0;
+        // Gram-Schmidt in the metric of G: rows of L, one for every column that is not a sum of those before
+        let mut ys: Vec<f64> = Vec::new();
+        let mut coordinates: Vec<Vec<f64>> = vec![Vec::new(); k];
+        for j in 0..k {
+            let left = g[j * k + j] - coordinates[j].iter().map(|v| v * v).sum::<f64>();
+            if left <= 1e-6 * g[j * k + j] {
+                continue;
+            }
+            let norm = left.sqrt();
+            let along: Vec<f64> = (0..k)
+                .map(|i| {
+                    (g[i * k + j] - coordinates[i].iter().zip(&coordinates[j]).map(|(a, b)| a * b).sum::<f64>()) / norm
+                })
+                .collect();
+            let y = (stage.b[kept[j]] - coordinates[j].iter().zip(&ys).map(|(c, y)| c * y).sum::<f64>()) / norm;
+            dss += y * y;
+            ys.push(y);
+            for (c, v) in coordinates.iter_mut().zip(&along) {
+                c.push(*v);
+            }
+        }
+        (dss, ys.len())
     }
 
     /// Coefficients (SI, zero for absorbed columns) of a candidate, were it added now.

@@ -2,7 +2,7 @@
 //! and a free curve (a linear spline of some variable at a joint). They compete with the catalogue, at a price: a name is
 //! preferred until it is beaten by [`PRICE`] nats.
 
-use trical_model::{Basis, Model, Shape, Site, Term, Variable};
+use trical_model::{Basis, Model, Shape, Site, State, Term, Variable};
 
 use super::catalogue::Candidate;
 use crate::dataset::Dataset;
@@ -11,10 +11,10 @@ use crate::dataset::Dataset;
 pub const UNEXPLAINED: &str = "unexplained";
 
 /// A locator must beat every name by this many nats.
-const PRICE: f64 = 5.0;
+pub const PRICE: f64 = 5.0;
 
-/// How far a joint may be off without a name, deg: the prior of each knot of a curve.
-const LARGE_DEG: f64 = 0.02;
+/// How far a joint may be off without a name, rad (0.02 deg): the prior of each knot of a curve.
+pub const LARGE: f64 = 0.02 * std::f64::consts::PI / 180.0;
 
 /// Thresholds tried for each variable.
 const THRESHOLDS: usize = 30;
@@ -22,65 +22,93 @@ const THRESHOLDS: usize = 30;
 /// Knots of a free curve.
 const KNOTS: usize = 8;
 
+/// Value of a variable that is part of the state itself.
+#[must_use]
+pub fn value(variable: Variable, state: &State) -> f64 {
+    match variable {
+        Variable::Joint { joint } => state.q[joint - 1],
+        Variable::Time => state.t.unwrap_or(0.0),
+        Variable::Temperature { reference_c } => state.temp_c.unwrap_or(reference_c) - reference_c,
+        _ => 0.0,
+    }
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    sorted
+}
+
+/// `count` quantiles of what a variable was, from its least to its largest value; `None` where it hardly changed.
+#[must_use]
+pub fn knots(values: &[f64], count: usize) -> Option<Vec<f64>> {
+    let sorted = sorted(values);
+    let last = sorted.len().checked_sub(1)?;
+    (sorted.len() >= 20).then(|| (0..count).map(|k| sorted[(k * last) / (count - 1)]).collect())
+}
+
+/// A free curve at a site: a linear spline of a variable, times the sense of a joint's motion if that is given. Without it the
+/// first tent is left out, which would repeat the site's own constant.
+#[must_use]
+pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]) -> Vec<Term> {
+    let first = usize::from(sense.is_none());
+    (first..knots.len())
+        .map(|k| {
+            let left = if k == 0 { f64::NEG_INFINITY } else { knots[k - 1] };
+            let right = if k + 1 < knots.len() { knots[k + 1] } else { f64::INFINITY };
+            let shape = Shape::Tent { left, centre: knots[k], right };
+            let basis = Basis { sense, ..Basis::new(variable, shape) };
+            let of = sense.map_or_else(|| name(variable), |j| format!("dir{j}_{}", name(variable)));
+            let place = match site {
+                Site::Joint { joint } => format!("{joint}"),
+                _ => "place".into(),
+            };
+            Term::new(format!("curve_{place}_by_{of}_{k}"), UNEXPLAINED, site, basis)
+        })
+        .collect()
+}
+
 /// All locators for this data.
 #[must_use]
 pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     let n = model.robot.dof();
-    let mut variables: Vec<(Variable, Vec<f64>)> = (1..=n)
-        .map(|joint| {
-            (Variable::Joint { joint }, data.observations.iter().map(|o| o.state.q[joint - 1]).collect::<Vec<f64>>())
-        })
-        .collect();
+    let read = |variable: Variable| data.observations.iter().map(|o| value(variable, &o.state)).collect::<Vec<f64>>();
+    let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
     if data.observations.iter().all(|o| o.state.t.is_some()) {
-        variables.push((Variable::Time, data.observations.iter().filter_map(|o| o.state.t).collect()));
+        variables.push(Variable::Time);
     }
+    let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
     let mut out = Vec::new();
     for joint in 1..=n {
-        for (variable, values) in &variables {
-            let mut sorted = values.clone();
-            sorted.sort_by(f64::total_cmp);
-            sorted.dedup();
-            if sorted.len() < 20 {
-                continue;
-            }
-            let quantile = |k: usize, of: usize| sorted[(k * (sorted.len() - 1)) / of];
-            let site = serde_json::json!({ "joint": joint });
-            let candidate = |terms: Vec<Term>| Candidate {
-                effect: UNEXPLAINED,
-                site: site.clone(),
-                located: format!("joint {joint} is off in a way that {} tells", name(*variable)),
-                signs: vec![0; terms.len()],
-                scales: vec![LARGE_DEG.to_radians(); terms.len()],
-                terms,
-                typical: 0.0,
-                log_prior: 0.0,
-            };
+        let at = Site::Joint { joint };
+        let candidate = |terms: Vec<Term>, what: &str| Candidate {
+            effect: UNEXPLAINED,
+            site: serde_json::json!({ "joint": joint }),
+            located: format!("joint {joint} is off in a way that {what} tells"),
+            signs: vec![0; terms.len()],
+            scales: vec![LARGE; terms.len()],
+            terms,
+            typical: 0.0,
+            log_prior: 0.0,
+        };
+        for variable in &variables {
+            let values = read(*variable);
+            let Some(curve) = knots(&values, KNOTS) else { continue };
+            let of = name(*variable);
             if *variable != Variable::Time {
+                let sorted = sorted(&values);
                 for k in 1..THRESHOLDS {
-                    let basis = Basis::new(*variable, Shape::Step { at: quantile(k, THRESHOLDS) });
-                    let term = Term::new(
-                        format!("step_{joint}_by_{}", name(*variable)),
-                        UNEXPLAINED,
-                        Site::Joint { joint },
-                        basis,
-                    );
-                    out.push(candidate(vec![term]));
+                    let basis =
+                        Basis::new(*variable, Shape::Step { at: sorted[(k * (sorted.len() - 1)) / THRESHOLDS] });
+                    out.push(candidate(vec![Term::new(format!("step_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
                 }
             }
-            // the first tent would repeat the joint's own offset
-            let knots: Vec<f64> = (0..KNOTS).map(|k| quantile(k, KNOTS - 1)).collect();
-            let mut terms = Vec::new();
-            for k in 1..KNOTS {
-                let right = if k + 1 < KNOTS { knots[k + 1] } else { f64::INFINITY };
-                let basis = Basis::new(*variable, Shape::Tent { left: knots[k - 1], centre: knots[k], right });
-                terms.push(Term::new(
-                    format!("curve_{joint}_by_{}_{k}", name(*variable)),
-                    UNEXPLAINED,
-                    Site::Joint { joint },
-                    basis,
-                ));
+            out.push(candidate(tents(at, *variable, None, &curve), &of));
+            if has_direction && (*variable == Variable::Time || *variable == (Variable::Joint { joint })) {
+                let what = format!("its sense of motion, differently with {of},");
+                out.push(candidate(tents(at, *variable, Some(joint), &curve), &what));
             }
-            out.push(candidate(terms));
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "a count")]
@@ -122,22 +150,19 @@ pub fn describe<'a>(
     model: &Model,
     data: &Dataset,
 ) -> Located {
-    let Some(variable) = first.terms.first().map(|t| t.basis.of) else {
+    let Some(basis) = first.terms.first().map(|t| t.basis) else {
         return Located::default();
     };
+    let variable = basis.of;
     let factor = if matches!(variable, Variable::Joint { .. }) { 1.0_f64.to_degrees() } else { 1.0 };
     let units = if matches!(variable, Variable::Joint { .. }) { "deg" } else { "s" };
-    let read = |state: &trical_model::State| match variable {
-        Variable::Joint { joint } => state.q[joint - 1],
-        _ => state.t.unwrap_or(0.0),
-    };
-    let values: Vec<f64> = data.observations.iter().map(|o| read(&o.state)).collect();
+    let values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
     let (low, high) =
         (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));
     let terms: Vec<&Term> = members
         .flat_map(|c| &c.terms)
         .filter_map(|t| model.terms.iter().find(|m| m.site == t.site && m.basis == t.basis && m.effect == t.effect))
-        .filter(|t| t.basis.of == variable)
+        .filter(|t| t.basis.of == variable && t.basis.sense == basis.sense)
         .collect();
     let at = |u: f64| terms.iter().map(|t| t.value * t.basis.shape.at(u).0).sum::<f64>();
     let curve: Vec<(f64, f64)> = (0..=40)
@@ -169,5 +194,6 @@ pub fn describe<'a>(
             }
         }
     };
-    Located { variable: n, region, curve, units: (units.to_owned(), "deg".to_owned()) }
+    let variable = basis.sense.map_or(n, |joint| format!("dir{joint}"));
+    Located { variable, region, curve, units: (units.to_owned(), "deg".to_owned()) }
 }

@@ -1,0 +1,264 @@
+//! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
+
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use trical_model::{Forward, Model};
+
+use super::answer::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
+use super::catalogue::Candidate;
+use super::design::{Design, Stage};
+use super::locators;
+use super::misfit::Misfit;
+use super::search::{Ranked, Search};
+use crate::dataset::Dataset;
+use crate::fit::position_errors;
+use crate::identify::{ErrorSummary, Identified};
+use crate::units::unit;
+
+/// Signatures below this many standard deviations cannot be seen.
+const VISIBLE: f64 = 3.0;
+
+/// Candidates within this many nats of a finding are rivals.
+const RIVAL: f64 = 5.0;
+
+/// What is left at a place is told where it is less likely than this to be chance.
+const SURE_LEFT: f64 = 1e-5;
+
+/// No claim is surer than this.
+const SUREST: f64 = 0.99;
+
+/// One group of chosen candidates: same effect, same site.
+pub(super) struct Group {
+    pub(super) members: Vec<usize>,
+}
+
+/// Whether a probe's place is that of an effect (a coupling acts at its first joint).
+pub(super) fn at_same_place(probe: &serde_json::Value, effect: &serde_json::Value) -> bool {
+    ["joint", "tool", "fixture", "links"].iter().any(|key| !probe[key].is_null() && probe[key] == effect[key])
+}
+
+pub(super) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for c in set {
+        let same = |g: &&mut Group| {
+            let o = &local[g.members[0]];
+            o.effect == local[*c].effect && o.site == local[*c].site
+        };
+        match groups.iter_mut().find(same) {
+            Some(g) => g.members.push(*c),
+            None => groups.push(Group { members: vec![*c] }),
+        }
+    }
+    groups
+}
+
+/// Greedily by what each removes.
+pub(super) fn ordered(search: &Search<'_>, start: &Stage, mut groups: Vec<Group>) -> Vec<Group> {
+    let mut out = Vec::new();
+    let mut stage = start.clone();
+    while !groups.is_empty() {
+        let ss = |g: &Group| search.with(&stage, &g.members).ss;
+        let best = (0..groups.len()).min_by(|a, b| ss(&groups[*a]).total_cmp(&ss(&groups[*b]))).unwrap_or(0);
+        let g = groups.remove(best);
+        stage = search.with(&stage, &g.members);
+        out.push(g);
+    }
+    out
+}
+
+/// Position errors of all poses, each scored by a fit without its fold: pose k is in fold k mod 4.
+pub(super) fn held_out(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
+    let fold = |p: usize| poses.binary_search(&p).map_or(0, |i| i % 4);
+    (0..4).flat_map(|f| design.held_out(set, &|p| fold(p) != f, &|p| fold(p) == f)).collect()
+}
+
+pub(super) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {
+    local
+        .terms
+        .iter()
+        .filter_map(|t| {
+            let fitted = model.terms.iter().find(|m| m.site == t.site && m.basis == t.basis && m.effect == t.effect)?;
+            let u = unit(fitted);
+            // a gap is what it measures: positive, though it adds to the angle against the sense of motion
+            let sign = if fitted.basis.sense.is_some() { -1.0 } else { 1.0 };
+            Some(Coefficient {
+                name: fitted.name.clone(),
+                value: sign * fitted.value * u.per_si,
+                unit: u.name,
+                sd: fitted.sd.map(|s| s * u.per_si),
+            })
+        })
+        .collect()
+}
+
+pub(super) fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: f64) -> f64 {
+    let k = rank.max(1.0);
+    let n = search.freedom(stage) - k;
+    let f = (dss / k) / ((stage.ss - dss).max(1e-300) / n);
+    FisherSnedecor::new(k, n.max(1.0)).map_or(1.0, |d| d.sf(f * search.temper))
+}
+
+pub(super) fn finding(
+    search: &Search<'_>,
+    stage: &Stage,
+    group: &Group,
+    others: &[usize],
+    model: &Model,
+    held_out: (f64, f64),
+) -> Finding {
+    let first = group.members[0];
+    let local = search.candidates;
+    let with = search.with(stage, &group.members);
+    let dss = stage.ss - with.ss;
+    let rank = with.parameters - stage.parameters;
+    let delta_bic = {
+        let n = search.freedom(stage);
+        n * (stage.ss / with.ss).ln() - rank * n.ln()
+    };
+    let ranked: Vec<Ranked> = search.rank(stage).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
+    let own = search.total(stage, &group.members);
+    let mut rivals: Vec<Rival> = Vec::new();
+    let mut rival_weight = 0.0;
+    let mut own_weight = 1.0;
+    for r in &ranked {
+        // tempered: the noise is never quite what the model of it says
+        let weight = (0.7 * (r.evidence - own)).exp();
+        if search.same_place(r.candidate, first) {
+            if !group.members.contains(&r.candidate) {
+                own_weight += weight;
+            }
+            continue;
+        }
+        rival_weight += weight;
+        let c = &local[r.candidate];
+        if r.evidence > own - RIVAL
+            && c.effect != locators::UNEXPLAINED
+            && !rivals.iter().any(|v| v.effect == c.effect && v.site == c.site)
+            && rivals.len() < 8
+        {
+            rivals.push(Rival {
+                effect: c.effect.to_owned(),
+                site: c.site.clone(),
+                delta_bic: (2.0 * (own - r.evidence)).max(0.0),
+            });
+        }
+    }
+    let nothing = (0.7 * -own).exp();
+    let confidence = (own_weight / (own_weight + rival_weight + nothing)).min(SUREST);
+    let next_measurements = (!rivals.is_empty()).then(|| {
+        format!(
+            "poses that tell {} from {}: vary what they do not share",
+            local[first].effect,
+            rivals.iter().map(|r| r.effect.as_str()).collect::<Vec<_>>().join(", ")
+        )
+    });
+    let variance = with.ss / search.freedom(&with);
+    Finding {
+        effect: local[first].effect.to_owned(),
+        site: local[first].site.clone(),
+        located: group.members.iter().map(|m| local[*m].located.as_str()).collect::<Vec<_>>().join("; "),
+        confidence: (confidence * 1e4).round() / 1e4,
+        lambda: (dss * search.temper / variance).max(0.0).sqrt(),
+        coefficients: group.members.iter().flat_map(|m| coefficients(model, &local[*m])).collect(),
+        evidence: Evidence {
+            delta_bic,
+            p_value: f_test(search, stage, dss, rank),
+            holdout_rms_before_mm: held_out.0,
+            holdout_rms_after_mm: held_out.1,
+        },
+        rivals,
+        next_measurements,
+    }
+}
+
+pub(super) fn unexplained_from(
+    search: &Search<'_>,
+    stage: &Stage,
+    group: &Group,
+    model: &Model,
+    held_out: (f64, f64),
+    data: &Dataset,
+) -> Unexplained {
+    let first = &search.candidates[group.members[0]];
+    let with = search.with(stage, &group.members);
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let rms_mm = {
+        // removed sum of squares, as a position error of the observations
+        let share = ((stage.ss - with.ss) / stage.ss).clamp(0.0, 1.0);
+        let errors = Forward::new(model.clone(), Vec::new()).map(|f| position_errors(&f, data)).unwrap_or_default();
+        let n = errors.len().max(1) as f64;
+        let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
+        (square * share / (1.0 - share).max(1e-6)).sqrt() * 1e3
+    };
+    let located = locators::describe(first, group.members.iter().map(|m| &search.candidates[*m]), model, data);
+    Unexplained {
+        site: first.site.clone(),
+        variable: located.variable,
+        region: located.region,
+        rms_mm,
+        holdout_rms_before_mm: held_out.0,
+        holdout_rms_after_mm: held_out.1,
+        curve: located.curve,
+        curve_units: located.units,
+    }
+}
+
+/// What a probe says is left at a place where no curve was good enough to be modelled.
+pub(super) fn left_over(m: &Misfit) -> Option<Unexplained> {
+    let (before, after) = m.holdout_rms_mm.filter(|_| m.p_value < SURE_LEFT)?;
+    Some(Unexplained {
+        site: m.site.clone(),
+        variable: m.variable.clone(),
+        region: format!("all of {}", m.variable),
+        rms_mm: m.rms_mm,
+        holdout_rms_before_mm: before,
+        holdout_rms_after_mm: after,
+        curve: Vec::new(),
+        curve_units: (String::new(), String::new()),
+    })
+}
+
+/// Effects and sites whose typical size would leave no trace.
+pub(super) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Blind> {
+    let variance = (stage.ss / search.freedom(stage)).max(1e-300);
+    let mut seen: Vec<(usize, f64)> = Vec::new();
+    for (k, c) in search.candidates.iter().enumerate() {
+        if c.effect == locators::UNEXPLAINED || set.iter().any(|s| search.same_place(*s, k)) {
+            continue;
+        }
+        let lambda = search.design.lambda_of_size(stage, k, c.typical) * search.temper.sqrt() / variance.sqrt();
+        match seen.iter_mut().find(|(s, _)| search.same_place(*s, k)) {
+            Some(entry) => entry.1 = entry.1.max(lambda),
+            None => seen.push((k, lambda)),
+        }
+    }
+    seen.into_iter()
+        .filter(|(_, lambda)| *lambda < VISIBLE)
+        .map(|(k, lambda)| Blind {
+            effect: search.candidates[k].effect.to_owned(),
+            site: search.candidates[k].site.clone(),
+            lambda,
+            lacks: None,
+        })
+        .collect()
+}
+
+/// Smallest p-value among all candidates, times how many independent questions were asked (Bonferroni).
+pub(super) fn lack_of_fit(search: &Search<'_>, stage: &Stage, set: &[usize]) -> f64 {
+    let ranked = search.rank(stage);
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let questions = ranked.len() as f64;
+    ranked
+        .iter()
+        .filter(|r| !(stage.ss < search.design.stage().ss && set.contains(&r.candidate)))
+        .take(100)
+        .map(|r| f_test(search, stage, r.dss, r.rank) * questions)
+        .fold(1.0, f64::min)
+}
+
+/// Noise of a position error: root mean square of the residuals, with the parameters paid for.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+pub(super) fn noise_of(fitted: &Identified, errors: &[f64]) -> f64 {
+    let rows = fitted.observability.rows as f64;
+    let p = fitted.free.len() as f64;
+    ErrorSummary::of(errors).rms_mm * (rows / (rows - p).max(1.0)).sqrt()
+}

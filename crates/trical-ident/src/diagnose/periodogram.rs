@@ -1,0 +1,163 @@
+//! Which frequencies the error of each joint has: a score test for every whole number of cycles per turn, on the residual of
+//! the fit. Only a shortlist: what it finds is tried with the exact projection like every other candidate.
+
+use rayon::prelude::*;
+use trical_model::{Basis, Shape, Site, Term, Variable};
+
+use super::catalogue::{Candidate, ripple};
+use super::design::Design;
+use super::locators::{LARGE, PRICE, UNEXPLAINED, name};
+use crate::dataset::Dataset;
+use crate::error::Result;
+use crate::identify::Identified;
+
+/// Cycles per turn that gears have.
+pub const GEARS: (u32, u32) = (10, 300);
+
+/// Beyond gears: a period of 0.01 deg, the finest that joint angles tell.
+const FINEST: u32 = 36_000;
+
+/// Strongest frequencies of each joint that are tried.
+const TRIED: usize = 5;
+
+/// A joint's apparent angle error, pose by pose: `sum c r` and `sum c^2` over the rows of a pose, with `c` the joint's column.
+struct Apparent {
+    q: Vec<f64>,
+    push: Vec<f64>,
+    weight: Vec<f64>,
+}
+
+/// Ripples of gears that the residual of a fit suggests, `TRIED` for each joint.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn ripples(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
+    let joints = apparent(fitted, data)?;
+    let (from, to) = GEARS;
+    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(from, to, TRIED)).collect();
+    Ok(peaks
+        .iter()
+        .enumerate()
+        .flat_map(|(k, cycles)| cycles.iter().map(move |n| ripple(k + 1, *n, joints_of(fitted))))
+        .collect())
+}
+
+fn joints_of(fitted: &Identified) -> usize {
+    fitted.model.robot.dof()
+}
+
+/// Errors that repeat faster than any gear turns, the strongest of each joint: no name is known for them.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
+    let joints = apparent(fitted, data)?;
+    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(GEARS.1 + 1, FINEST, 1)).collect();
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let asked = (joints.len() as f64) * f64::from(FINEST);
+    Ok(peaks
+        .iter()
+        .enumerate()
+        .flat_map(|(k, cycles)| cycles.iter().map(move |n| (k + 1, *n)))
+        .map(|(joint, cycles)| {
+            let variable = Variable::Joint { joint };
+            let term = |part: &str, shape| {
+                let name = format!("fast_{part}_{joint}");
+                Term::new(name, UNEXPLAINED, Site::Joint { joint }, Basis::new(variable, shape))
+            };
+            Candidate {
+                effect: UNEXPLAINED,
+                site: serde_json::json!({ "joint": joint }),
+                located: format!(
+                    "joint {joint} is off in a way that repeats every {:.4} deg of {}",
+                    360.0 / cycles,
+                    name(variable)
+                ),
+                terms: vec![term("sine", Shape::Sine { cycles }), term("cosine", Shape::Cosine { cycles })],
+                signs: vec![0; 2],
+                typical: 0.0,
+                scales: vec![LARGE; 2],
+                log_prior: -asked.ln() - PRICE,
+            }
+        })
+        .collect())
+}
+
+fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
+    let columns: Vec<Candidate> = (1..=joints_of(fitted))
+        .map(|joint| Candidate {
+            effect: UNEXPLAINED,
+            site: serde_json::Value::Null,
+            located: String::new(),
+            terms: vec![Term::new("constant", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT)],
+            signs: vec![0],
+            typical: 0.0,
+            scales: vec![1.0],
+            log_prior: 0.0,
+        })
+        .collect();
+    let design = Design::new(&fitted.model, &columns, data, &fitted.noise)?;
+    let poses = data.used_poses();
+    let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
+    for o in &data.observations {
+        if let Ok(k) = poses.binary_search(&o.pose) {
+            angles[k] = o.state.q;
+        }
+    }
+    Ok((0..columns.len())
+        .map(|joint| {
+            let mut a = Apparent {
+                q: angles.iter().map(|q| q[joint]).collect(),
+                push: vec![0.0; poses.len()],
+                weight: vec![0.0; poses.len()],
+            };
+            for (row, pose) in design.pose_of_row.iter().enumerate() {
+                if let Ok(k) = poses.binary_search(pose) {
+                    let c = design.column_at(row, joint);
+                    a.push[k] += c * design.residual_at(row);
+                    a.weight[k] += c * c;
+                }
+            }
+            a
+        })
+        .collect())
+}
+
+impl Apparent {
+    /// The `most` strongest frequencies between `from` and `to` cycles per turn, strongest first; neighbours count once.
+    fn peaks(&self, from: u32, to: u32, most: usize) -> Vec<f64> {
+        let n = self.q.len();
+        let half: f64 = 0.5 * self.weight.iter().sum::<f64>();
+        if half <= 0.0 {
+            return Vec::new();
+        }
+        // the phase of every pose, turned on from one frequency to the next
+        let start: Vec<(f64, f64)> = self.q.iter().map(|q| (f64::from(from) * q).sin_cos()).collect();
+        let turn: Vec<(f64, f64)> = self.q.iter().map(|q| q.sin_cos()).collect();
+        let (mut sin, mut cos): (Vec<f64>, Vec<f64>) = start.into_iter().unzip();
+        let mut power = Vec::with_capacity((to - from + 1) as usize);
+        for _ in from..=to {
+            let (mut s, mut c) = (0.0, 0.0);
+            for k in 0..n {
+                s += self.push[k] * sin[k];
+                c += self.push[k] * cos[k];
+                let (ts, tc) = turn[k];
+                (sin[k], cos[k]) = (sin[k] * tc + cos[k] * ts, cos[k] * tc - sin[k] * ts);
+            }
+            power.push((s * s + c * c) / half);
+        }
+        let mut order: Vec<usize> = (0..power.len()).collect();
+        order.sort_by(|a, b| power[*b].total_cmp(&power[*a]).then(a.cmp(b)));
+        let mut peaks: Vec<usize> = Vec::new();
+        for k in order {
+            if peaks.iter().all(|p| p.abs_diff(k) > 1) {
+                peaks.push(k);
+            }
+            if peaks.len() == most {
+                break;
+            }
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        peaks.into_iter().map(|k| f64::from(from) + k as f64).collect()
+    }
+}

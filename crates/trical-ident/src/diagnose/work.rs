@@ -1,0 +1,245 @@
+//! The search in progress: what was believed, tried and chosen so far.
+
+use trical_model::{Cell, Measured, Model, Robot, Term};
+
+use super::catalogue::{Candidate, Untestable, catalogue, reading_noise};
+use super::design::Design;
+use super::locators::{self, locators};
+use super::misfit::{LEFT, Misfit, misfits};
+use super::search::{self, Search};
+use super::{hygiene, periodogram};
+use crate::dataset::{Dataset, Observation};
+use crate::error::Result;
+use crate::fit::Prior;
+use crate::identifiability::{Choice, ParameterSet};
+use crate::identify::{Identified, fit_model, fit_model_with_priors, prepared, reject_gross_errors_beyond};
+use crate::noise::Noise;
+
+/// Rounds of search and exact refit until nothing changes.
+const ROUNDS: usize = 5;
+
+/// Robust standard deviations beyond which a row is a gross error before anything is known.
+const GROSS: f64 = 30.0;
+
+/// A step is refined at so many places between its neighbours in the scan.
+const FINER: usize = 20;
+
+pub(super) struct Work {
+    /// What may be believed, outliers included.
+    pub(super) all: Dataset,
+    /// What is believed.
+    pub(super) kept: Dataset,
+    /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
+    pub(super) fitted: Identified,
+    /// How many of its terms are the baseline's.
+    baseline_terms: usize,
+    /// What can be tried; grows as frequencies are found.
+    pub(super) candidates: Vec<Candidate>,
+    /// Indices into the candidates.
+    pub(super) chosen: Vec<usize>,
+    pub(super) untestable: Vec<Untestable>,
+    /// Terms about the readings' own noise, and which of them are in the baseline.
+    pub(super) nuisances: Vec<Candidate>,
+    pub(super) believed: Vec<bool>,
+}
+
+impl Work {
+    /// Hygiene, the baseline fit, and everything that this data can be asked.
+    pub(super) fn begin(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Self> {
+        let all = hygiene::without_stale(data);
+        let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
+        let all = reject_gross_errors_beyond(robot, cell, &all, GROSS)?;
+        let (start, _) = prepared(robot, cell, &all, &Choice::from(set))?;
+        let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
+        let sigma = touch_sigma(&fitted);
+        let nuisances = reading_noise(&fitted.model, &all, sigma);
+        let mut work = Self {
+            kept: all.clone(),
+            all,
+            baseline_terms: fitted.model.terms.len(),
+            candidates: Vec::new(),
+            chosen: Vec::new(),
+            untestable: Vec::new(),
+            believed: vec![false; nuisances.len()],
+            nuisances,
+            fitted,
+        };
+        work.believe()?;
+        (work.candidates, work.untestable) = catalogue(&work.fitted.model, &work.all, sigma);
+        work.candidates.extend(locators(&work.fitted.model, &work.all));
+        Ok(work)
+    }
+
+    /// Rounds of search and exact refit until the choice stays as it is.
+    pub(super) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
+        let mut last: Option<(Vec<usize>, usize)> = None;
+        for round in 0..ROUNDS {
+            #[expect(clippy::cast_precision_loss, reason = "counts")]
+            progress(round as f64 / ROUNDS as f64);
+            self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
+            self.add(periodogram::ripples(&self.fitted, &self.kept)?);
+            let design = self.design()?;
+            self.chosen = searcher(&design, &self.candidates, &self.kept).choose(&design.stage(), &self.chosen);
+            self.refine();
+            self.refit()?;
+            // with the effects out of the way the readings' noise may show
+            if self.believe()? {
+                continue;
+            }
+            let mut state = (self.chosen.clone(), self.kept.observations.len());
+            state.0.sort_unstable();
+            if last.as_ref() == Some(&state) {
+                break;
+            }
+            last = Some(state);
+        }
+        Ok(())
+    }
+
+    /// What is left at each place after everything that was chosen.
+    pub(super) fn misfits(&self) -> Result<Vec<Misfit>> {
+        misfits(&self.fitted.model, &self.kept, &self.fitted.noise, temper(&self.kept))
+    }
+
+    /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where
+    /// it took two names to say it: two effects at one joint are a coincidence. Whether there is anything new to try.
+    pub(super) fn look_again(&mut self) -> Result<bool> {
+        let before = self.candidates.len();
+        let fast = periodogram::fast(&self.fitted, &self.kept)?;
+        self.add(fast);
+        let mut new = self.candidates.len() > before;
+        let mut places: Vec<serde_json::Value> =
+            self.misfits()?.into_iter().filter(|m| m.p_value < LEFT).map(|m| m.site).collect();
+        let mut named: Vec<(&serde_json::Value, &str)> = Vec::new();
+        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
+            if named.iter().any(|(site, effect)| **site == c.site && *effect != c.effect) {
+                places.push(c.site.clone());
+            }
+            named.push((&c.site, c.effect));
+        }
+        for place in places {
+            let here = |c: &Candidate| c.effect == locators::UNEXPLAINED && c.site == place && c.scanned();
+            let count = self.candidates.iter().filter(|c| here(c)).count();
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            let log_prior = -(count.max(1) as f64).ln();
+            for c in self.candidates.iter_mut().filter(|c| here(c)) {
+                c.log_prior = log_prior;
+                new = true;
+            }
+        }
+        Ok(new)
+    }
+
+    /// Steps that were chosen from a coarse scan, at every place between their neighbours in the scan.
+    fn refine(&mut self) {
+        let mut finer: Vec<Candidate> = Vec::new();
+        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
+            let Some((variable, at)) = c.step() else { continue };
+            let mut values: Vec<f64> =
+                self.kept.observations.iter().map(|o| locators::value(variable, &o.state)).collect();
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+            let scan: Vec<f64> = self
+                .candidates
+                .iter()
+                .filter(|o| o.effect == c.effect && o.site == c.site)
+                .filter_map(Candidate::step)
+                .filter(|(of, _)| *of == variable)
+                .map(|(_, at)| at)
+                .collect();
+            let below = scan.iter().copied().filter(|v| *v < at).fold(f64::NEG_INFINITY, f64::max);
+            let above = scan.iter().copied().filter(|v| *v > at).fold(f64::INFINITY, f64::min);
+            let between: Vec<f64> =
+                values.windows(2).map(|w| 0.5 * (w[0] + w[1])).filter(|v| *v > below && *v < above).collect();
+            let every = between.len().div_ceil(FINER).max(1);
+            finer.extend(between.iter().step_by(every).map(|at| c.with_step(*at)));
+        }
+        self.add(finer);
+    }
+
+    fn add(&mut self, more: Vec<Candidate>) {
+        for c in more {
+            let known = |o: &Candidate| {
+                o.effect == c.effect && o.terms.len() == c.terms.len() && {
+                    let mut pairs = o.terms.iter().zip(&c.terms);
+                    pairs.all(|(a, b)| a.site == b.site && a.basis == b.basis)
+                }
+            };
+            if !self.candidates.iter().any(known) {
+                self.candidates.push(c);
+            }
+        }
+    }
+
+    /// The baseline at the joint optimum, chosen effects taken out: the search puts them back.
+    fn bare(&self) -> Model {
+        let mut bare = self.fitted.model.clone();
+        bare.terms.truncate(self.baseline_terms);
+        bare
+    }
+
+    /// The linear picture of the baseline with all candidates.
+    pub(super) fn design(&self) -> Result<Design> {
+        Design::new(&self.bare(), &self.candidates, &self.kept, &self.fitted.noise)
+    }
+
+    /// The exact joint fit of the baseline and what was chosen.
+    fn refit(&mut self) -> Result<()> {
+        let mut model = self.bare();
+        let mut priors: Vec<Option<Prior>> = vec![None; model.terms.len()];
+        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
+            for (t, sd) in c.terms.iter().zip(&c.scales) {
+                let mut term: Term = t.clone();
+                if model.terms.iter().any(|o| o.name == term.name) {
+                    let copies = model.terms.iter().filter(|o| o.name.starts_with(&term.name)).count();
+                    term.name = format!("{}_{}", term.name, copies + 1);
+                }
+                model.terms.push(term);
+                priors.push(Some(Prior { value: 0.0, sd: *sd }));
+            }
+        }
+        self.fitted = fit_model_with_priors(model, &self.kept, &self.fitted.noise, &priors, Vec::new())?;
+        Ok(())
+    }
+
+    /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
+    fn believe(&mut self) -> Result<bool> {
+        let mut any = false;
+        for k in 0..self.nuisances.len() {
+            if self.believed[k] {
+                continue;
+            }
+            let one = std::slice::from_ref(&self.nuisances[k]);
+            let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
+            let search = searcher(&design, one, &self.fitted.data);
+            if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
+                let new = self.nuisances[k].terms.clone();
+                let at = self.baseline_terms;
+                self.baseline_terms += new.len();
+                self.fitted.model.terms.splice(at..at, new);
+                self.believed[k] = true;
+                any = true;
+                self.refit()?;
+            }
+        }
+        Ok(any)
+    }
+}
+
+/// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.
+fn touch_sigma(fitted: &Identified) -> f64 {
+    let of = |o: &Observation| fitted.noise.sigma(o.recording, &o.measured, 0);
+    let touch = fitted.data.observations.iter().find(|o| matches!(o.measured, Measured::Touch { .. }));
+    touch.or_else(|| fitted.data.observations.first()).map_or(1e-5, of)
+}
+
+/// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm, six numbers.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn temper(data: &Dataset) -> f64 {
+    let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
+    (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
+}
+
+pub(super) fn searcher<'a>(design: &'a Design, candidates: &'a [Candidate], data: &Dataset) -> Search<'a> {
+    Search { design, candidates, allowed: vec![true; candidates.len()], temper: temper(data) }
+}

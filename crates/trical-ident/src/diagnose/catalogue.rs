@@ -19,7 +19,7 @@ pub struct Candidate {
     pub signs: Vec<i8>,
     /// Typical size of a coefficient, SI, for saying beforehand what the data could show.
     pub typical: f64,
-    /// Prior standard deviation of each coefficient, SI: the large end of what is usual. A coefficient beyond that is not
+    /// Prior standard deviation of each coefficient, SI: half of the large end of what is usual. A coefficient beyond that is not
     /// forbidden, but must be paid for: this is what keeps two columns that nearly cancel from being blown up to fit noise.
     pub scales: Vec<f64>,
     /// Logarithm of the prior: uniform over families, then sites, then scan points.
@@ -89,7 +89,7 @@ pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
         terms: vec![term("sine", Shape::Sine { cycles }), term("cosine", Shape::Cosine { cycles })],
         signs: vec![0; 2],
         typical: arcsec(15.0),
-        scales: vec![arcsec(30.0); 2],
+        scales: vec![arcsec(15.0); 2],
         log_prior: -ways.ln(),
     }
 }
@@ -115,7 +115,8 @@ impl Builder<'_> {
         &mut self.families[last].1
     }
 
-    /// Adds a candidate; `parts` are name, site, basis and sign of each coefficient, `size` what is typical and what is large.
+    /// Adds a candidate; `parts` are name, site, basis and sign of each coefficient, `size` what is typical and what is large
+    /// (two standard deviations).
     fn add(
         &mut self,
         effect: &'static str,
@@ -124,7 +125,7 @@ impl Builder<'_> {
         size: (f64, f64),
         parts: Vec<(String, Site, Basis, i8)>,
     ) {
-        let scales = vec![size.1; parts.len()];
+        let scales = vec![0.5 * size.1; parts.len()];
         self.add_scaled(effect, site, located, size.0, parts, scales);
     }
 
@@ -480,7 +481,7 @@ fn direction_effects(b: &mut Builder<'_>, has: &Has, loads: &[f64]) {
                     (format!("friction_{joint}"), at, Basis::direction(joint), -1),
                     (format!("friction_by_load_{joint}"), at, load, -1),
                 ],
-                vec![arcsec(60.0), arcsec(60.0) / loads[joint - 1]],
+                vec![arcsec(30.0), arcsec(30.0) / loads[joint - 1]],
             );
         }
     }
@@ -550,7 +551,7 @@ fn torque_effects(b: &mut Builder<'_>, loads: &[f64]) {
     parts.insert(0, ("payload_mass".into(), Site::Payload(Payload::Mass), Basis::CONSTANT, 0));
     let tool = serde_json::json!({ "tool": true });
     let located = "the load on the flange is not what cell.toml says".into();
-    b.add_scaled("payload", tool, located, 0.03, parts, vec![1.0, 0.1, 0.1, 0.1]);
+    b.add_scaled("payload", tool, located, 0.03, parts, vec![0.5, 0.05, 0.05, 0.05]);
 }
 
 fn along(site: impl Fn(Motion) -> Site, name: &str, basis: Basis) -> Vec<(String, Site, Basis, i8)> {

@@ -7,7 +7,7 @@ use super::answer::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
 use super::catalogue::Candidate;
 use super::design::{Design, Stage};
 use super::locators;
-use super::misfit::Misfit;
+use super::misfit::{CONSIDERABLE, Judge, Misfit};
 use super::search::{Ranked, Search};
 use crate::dataset::Dataset;
 use crate::fit::position_errors;
@@ -22,6 +22,9 @@ const RIVAL: f64 = 5.0;
 
 /// What is left at a place is told where it is less likely than this to be chance.
 const SURE_LEFT: f64 = 1e-5;
+
+/// Share of an unknown effect that its approximation may leave to be taken for something else.
+const LEAK: f64 = 0.05;
 
 /// No claim is surer than this.
 const SUREST: f64 = 0.99;
@@ -202,19 +205,66 @@ pub(super) fn unexplained_from(
     }
 }
 
-/// What a probe says is left at a place where no curve was good enough to be modelled.
-pub(super) fn left_over(m: &Misfit) -> Option<Unexplained> {
-    let (before, after) = m.holdout_rms_mm.filter(|_| m.p_value < SURE_LEFT)?;
-    Some(Unexplained {
-        site: m.site.clone(),
-        variable: m.variable.clone(),
-        region: format!("all of {}", m.variable),
-        rms_mm: m.rms_mm,
-        holdout_rms_before_mm: before,
-        holdout_rms_after_mm: after,
-        curve: Vec::new(),
-        curve_units: (String::new(), String::new()),
-    })
+/// Sum of squares that each chosen candidate without a name removes, and its site.
+pub(super) fn unknowns(
+    search: &Search<'_>,
+    start: &Stage,
+    full: &Stage,
+    chosen: &[usize],
+) -> Vec<(serde_json::Value, f64)> {
+    let unnamed = chosen.iter().filter(|c| search.candidates[**c].effect == locators::UNEXPLAINED);
+    unnamed
+        .map(|u| {
+            let others: Vec<usize> = chosen.iter().copied().filter(|c| c != u).collect();
+            (search.candidates[*u].site.clone(), search.with(start, &others).ss - full.ss)
+        })
+        .collect()
+}
+
+/// Trust in a name that explains `own` while something unknown goes on. A curve only approximates the unknown: what it leaves
+/// can look like a small effect anywhere, and at its own place all the more.
+pub(super) fn beside_unknown(own: f64, site: &serde_json::Value, unknown: &[(serde_json::Value, f64)]) -> f64 {
+    let leaked: f64 =
+        unknown.iter().map(|(at, dss)| if at_same_place(at, site) { *dss } else { LEAK * dss }).sum::<f64>();
+    own / (own + leaked).max(1e-300)
+}
+
+/// Trust in a name that it took several candidates of one kind to uphold: a sum of waves can be anything that depends on an
+/// angle, and steps up and down anything that depends on time.
+pub(super) fn of_one_kind(group: &Group, candidates: &[Candidate]) -> f64 {
+    let repeated =
+        |c: &Candidate| matches!(c.effect, "joint_harmonic" | "gear_ripple" | "axis_wobble") || c.step().is_some();
+    let extra = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
+    if extra == 0 { 1.0 } else { 0.5_f64.powi(i32::try_from(extra).unwrap_or(i32::MAX)) }
+}
+
+/// What probes say is left at places where no curve was good enough to be modelled, beside what is `explained` there.
+pub(super) fn left_over(
+    judge: &Judge<'_>,
+    stage: &Stage,
+    explained: &dyn Fn(&serde_json::Value) -> f64,
+    held_out_rms_mm: &dyn Fn(Option<usize>) -> f64,
+) -> Vec<Unexplained> {
+    let considerable = |m: &Misfit| m.p_value < SURE_LEFT && m.dss > CONSIDERABLE * explained(&m.site);
+    let mut places: Vec<Misfit> = judge.places(stage).into_iter().filter(considerable).collect();
+    places.sort_by(|a, b| b.dss.total_cmp(&a.dss));
+    if places.is_empty() {
+        return Vec::new();
+    }
+    let before = held_out_rms_mm(None);
+    places
+        .into_iter()
+        .map(|m| Unexplained {
+            region: format!("all of {}", m.variable),
+            rms_mm: before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt(),
+            holdout_rms_before_mm: before,
+            holdout_rms_after_mm: held_out_rms_mm(Some(m.probe)),
+            site: m.site,
+            variable: m.variable,
+            curve: Vec::new(),
+            curve_units: (String::new(), String::new()),
+        })
+        .collect()
 }
 
 /// Effects and sites whose typical size would leave no trace.

@@ -69,6 +69,9 @@ pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]
         .collect()
 }
 
+/// Knots of a curve of a joint's own angle that is narrow.
+const FINE_KNOTS: usize = 16;
+
 /// All locators for this data.
 #[must_use]
 pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
@@ -105,6 +108,11 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                 }
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
+            if *variable == (Variable::Joint { joint })
+                && let Some(fine) = knots(&values, FINE_KNOTS)
+            {
+                out.push(candidate(tents(at, *variable, None, &fine), &of));
+            }
             if has_direction && (*variable == Variable::Time || *variable == (Variable::Joint { joint })) {
                 let what = format!("its sense of motion, differently with {of},");
                 out.push(candidate(tents(at, *variable, Some(joint), &curve), &what));

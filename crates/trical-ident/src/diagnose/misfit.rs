@@ -3,23 +3,24 @@
 //! time, with its load, with where it came from? What a probe finds there speaks against the name that was given.
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
-use trical_model::{Axis, Basis, Forward, Model, Motion, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Model, Motion, Shape, Site, Term, Variable};
 
 use super::catalogue::Candidate;
-use super::design::Design;
-use super::explain::held_out;
+use super::design::{Design, Stage};
 use super::locators::{UNEXPLAINED, knots, name, tents, value};
 use crate::dataset::Dataset;
-use crate::error::Result;
-use crate::fit::position_errors;
-use crate::identify::ErrorSummary;
-use crate::noise::Noise;
 
 /// Prior odds that what happens at a place is not in the catalogue.
 const OUTSIDE: f64 = 0.03;
 
 /// Knots of a probe's curve.
 const KNOTS: usize = 7;
+
+/// A place whose probes have a smaller p-value than this does something that was not modelled.
+pub const LEFT: f64 = 1e-3;
+
+/// A rest of this share of what the names of a place explain puts them in even doubt.
+pub const CONSIDERABLE: f64 = 0.1;
 
 /// What the most telling probe of a place says.
 #[derive(Clone, Debug)]
@@ -30,22 +31,97 @@ pub struct Misfit {
     pub variable: String,
     /// Probability of so strong a rest were there none, all probes of this place considered.
     pub p_value: f64,
-    /// Size of the rest at the tool, mm.
-    pub rms_mm: f64,
-    /// Held-out error without and with the probe, mm; computed only where the p-value is below [`LEFT`].
-    pub holdout_rms_mm: Option<(f64, f64)>,
+    /// Sum of squares that the probe would still remove.
+    pub dss: f64,
+    /// Which probe.
+    pub probe: usize,
 }
 
-/// A place whose probes have a smaller p-value than this is not explained.
-pub const LEFT: f64 = 1e-3;
+/// Odds that a place does something that is not in the catalogue: prior odds times the largest Bayes factor that the p-value
+/// of a probe allows, `1 / (-e p ln p)` (Sellke, Bayarri & Berger 2001).
+fn odds(p_value: f64) -> f64 {
+    let p = p_value.max(1e-300);
+    if p < (-1.0_f64).exp() { OUTSIDE / (-1.0_f64.exp() * p * p.ln()) } else { OUTSIDE }
+}
 
-impl Misfit {
-    /// Odds that the place does something that its name does not say: prior odds times the largest Bayes factor that the
-    /// p-value allows, `1 / (-e p ln p)` (Sellke, Bayarri & Berger 2001).
+/// Questions without names, and how the columns that they borrow are weighed (see [`Design::weighted`]).
+pub struct Probes {
+    /// As candidates.
+    pub candidates: Vec<Candidate>,
+    /// For each of them, for each of its columns, a factor for every observation.
+    pub weights: Vec<Vec<Vec<f64>>>,
+}
+
+/// A design with probes behind its candidates, at a stage.
+pub struct Judge<'a> {
+    /// The design, probes last.
+    pub design: &'a Design,
+    /// The probes.
+    pub probes: &'a Probes,
+    /// Index of the first.
+    pub first: usize,
+    /// Share of the rows that is independent.
+    pub temper: f64,
+}
+
+impl Judge<'_> {
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    fn p_value(&self, stage: &Stage, (dss, rank): (f64, usize)) -> f64 {
+        let k = rank as f64;
+        let freedom = self.design.rows as f64 * self.temper - stage.parameters;
+        if rank == 0 || freedom <= 2.0 * k {
+            return 1.0;
+        }
+        let f = (dss / k) / ((stage.ss - dss).max(1e-300) / (freedom - k));
+        FisherSnedecor::new(k, freedom - k).map_or(1.0, |d| d.sf(f))
+    }
+
+    /// The most telling probe of every place.
     #[must_use]
-    pub fn odds(&self) -> f64 {
-        let p = self.p_value.max(1e-300);
-        if p < (-1.0_f64).exp() { OUTSIDE / (-1.0_f64.exp() * p * p.ln()) } else { OUTSIDE }
+    pub fn places(&self, stage: &Stage) -> Vec<Misfit> {
+        let mut places: Vec<(Misfit, f64)> = Vec::new();
+        for (k, probe) in self.probes.candidates.iter().enumerate() {
+            let gain = self.design.plain_gain(stage, self.first + k);
+            let found = Misfit {
+                site: probe.site.clone(),
+                variable: probe.located.clone(),
+                p_value: self.p_value(stage, gain),
+                dss: gain.0,
+                probe: self.first + k,
+            };
+            match places.iter_mut().find(|m| m.0.site == found.site) {
+                Some((best, asked)) => {
+                    *asked += 1.0;
+                    if found.p_value < best.p_value {
+                        *best = found;
+                    }
+                }
+                None => places.push((found, 1.0)),
+            }
+        }
+        let corrected = |(m, asked): (Misfit, f64)| Misfit { p_value: (m.p_value * asked).min(1.0), ..m };
+        places.into_iter().map(corrected).collect()
+    }
+
+    /// Probability that a name is wrong because its place does something else: a probe finds a rest (`stage` has everything),
+    /// the rest is considerable beside what the name explains (`own`), and without the name (`without`) the probe would explain
+    /// much of the same.
+    #[must_use]
+    pub fn doubt(&self, stage: &Stage, without: &Stage, own: f64, is_here: &dyn Fn(&serde_json::Value) -> bool) -> f64 {
+        let here: Vec<usize> =
+            (0..self.probes.candidates.len()).filter(|k| is_here(&self.probes.candidates[*k].site)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let asked = here.len() as f64;
+        let mut most = 0.0_f64;
+        for k in here {
+            let left = self.design.plain_gain(stage, self.first + k);
+            let odds = odds((self.p_value(stage, left) * asked).min(1.0));
+            let alone = self.design.plain_gain(without, self.first + k).0;
+            let share = left.0 / own.max(1e-300);
+            let same = ((alone - left.0) / own.max(1e-300)).clamp(0.0, 1.0);
+            most = most.max(odds / (1.0 + odds) * share / (share + CONSIDERABLE) * same);
+        }
+        most
     }
 }
 
@@ -56,16 +132,14 @@ struct Memory {
 }
 
 const MEMORIES: [Memory; 3] = [
-    Memory { name: "travel", of: |last, _| last.clamp(-0.5, 0.5) },
+    Memory { name: "dir", of: |last, _| last.clamp(-0.5, 0.5) },
     Memory { name: "travel", of: |last, _| last.abs() },
     Memory { name: "dir", of: |_, before| before.clamp(-0.5, 0.5) },
 ];
 
-/// Asks every joint, the tool, the fixture and the links.
-///
-/// # Errors
-/// None for a model that was fitted.
-pub fn misfits(model: &Model, data: &Dataset, noise: &Noise, temper: f64) -> Result<Vec<Misfit>> {
+/// What to ask every joint, the tool, the fixture and the links.
+#[must_use]
+pub fn probes(model: &Model, data: &Dataset) -> Probes {
     let mut probes: Vec<Candidate> = Vec::new();
     let has_time = data.observations.iter().all(|o| o.state.t.is_some());
     let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
@@ -130,54 +204,7 @@ pub fn misfits(model: &Model, data: &Dataset, noise: &Noise, temper: f64) -> Res
             ]);
         }
     }
-    let design = Design::weighted(model, &probes, &weights, data, noise)?;
-    let stage = design.stage();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let freedom = design.rows as f64 * temper - stage.parameters;
-    struct Place {
-        site: serde_json::Value,
-        asked: f64,
-        probe: usize,
-        p: f64,
-        dss: f64,
-    }
-    let mut places: Vec<Place> = Vec::new();
-    for (index, probe) in probes.iter().enumerate() {
-        let (dss, rank) = design.plain_gain(&stage, index);
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
-        let k = rank as f64;
-        if rank == 0 || freedom <= 2.0 * k {
-            continue;
-        }
-        let f = (dss / k) / ((stage.ss - dss).max(1e-300) / (freedom - k));
-        let p = FisherSnedecor::new(k, freedom - k).map_or(1.0, |d| d.sf(f));
-        match places.iter_mut().find(|m| m.site == probe.site) {
-            Some(place) => {
-                place.asked += 1.0;
-                if p < place.p {
-                    (place.p, place.probe, place.dss) = (p, index, dss);
-                }
-            }
-            None => places.push(Place { site: probe.site.clone(), asked: 1.0, probe: index, p, dss }),
-        }
-    }
-    let forward = Forward::new(model.clone(), Vec::new())?;
-    let rms_mm = ErrorSummary::of(&position_errors(&forward, data)).rms_mm;
-    let poses = data.used_poses();
-    Ok(places
-        .into_iter()
-        .map(|place| {
-            let p_value = (place.p * place.asked).min(1.0);
-            let held_out = |set: &[usize]| ErrorSummary::of(&held_out(&design, set, &poses)).rms_mm;
-            Misfit {
-                variable: probes[place.probe].located.clone(),
-                site: place.site,
-                p_value,
-                rms_mm: rms_mm * (place.dss / stage.ss).clamp(0.0, 1.0).sqrt(),
-                holdout_rms_mm: (p_value < LEFT).then(|| (held_out(&[]), held_out(&[place.probe]))),
-            }
-        })
-        .collect())
+    Probes { candidates: probes, weights }
 }
 
 fn value_of(data: &Dataset, variable: Variable) -> Vec<f64> {

@@ -32,7 +32,8 @@ use crate::fit::position_errors;
 use crate::identify::ErrorSummary;
 
 use explain::{
-    at_same_place, blind, finding, grouped, held_out, lack_of_fit, left_over, noise_of, ordered, unexplained_from,
+    at_same_place, beside_unknown, blind, finding, grouped, held_out, lack_of_fit, left_over, noise_of, of_one_kind,
+    ordered, unexplained_from, unknowns,
 };
 use work::Work;
 
@@ -54,15 +55,17 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     }
 
     progress(0.75, "proving");
-    let misfits = work.misfits()?;
     let Work { all: _, kept, fitted, candidates, chosen, untestable, nuisances, believed, .. } = &work;
-    let design = work.design()?;
+    let (design, probes) = work.design_with_probes()?;
+    let judge = work.judge(&design, &probes);
     let search = work::searcher(&design, candidates, kept);
     let start = design.stage();
+    let full = search.with(&start, chosen);
     let groups = ordered(&search, &start, grouped(candidates, chosen));
     let poses = kept.used_poses();
     let cv = |set: &[usize]| held_out(&design, set, &poses);
 
+    let unknown = unknowns(&search, &start, &full, chosen);
     let mut findings = Vec::new();
     let mut unexplained = Vec::new();
     let mut so_far: Vec<usize> = Vec::new();
@@ -79,19 +82,32 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
             unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, (before_rms, after_rms), kept));
         } else {
             let mut f = finding(&search, &stage, group, &others, &fitted.model, (before_rms, after_rms));
-            if let Some(m) = misfits.iter().find(|m| at_same_place(&m.site, &f.site)) {
-                f.confidence = (f.confidence / (1.0 + m.odds()) * 1e4).round() / 1e4;
-            }
+            let own = stage.ss - full.ss;
+            let doubt = judge.doubt(&full, &stage, own, &|site| at_same_place(site, &f.site));
+            let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, candidates);
+            f.confidence = (f.confidence * trust * 1e4).round() / 1e4;
             findings.push(f);
         }
         before_rms = after_rms;
     }
 
-    unexplained.extend(misfits.iter().filter_map(left_over));
+    unexplained.extend(left_over(
+        &judge,
+        &full,
+        &|place| {
+            let others: Vec<usize> =
+                chosen.iter().copied().filter(|c| !at_same_place(place, &candidates[*c].site)).collect();
+            search.with(&start, &others).ss - full.ss
+        },
+        &|probe| {
+            let mut with = chosen.clone();
+            with.extend(probe);
+            ErrorSummary::of(&cv(&with)).rms_mm
+        },
+    ));
 
     progress(0.95, "what the data cannot show");
-    let stage = search.with(&start, chosen);
-    let mut blind_to = blind(&search, &stage, chosen);
+    let mut blind_to = blind(&search, &full, chosen);
     blind_to.extend(untestable.iter().map(|u| Blind {
         effect: u.effect.to_owned(),
         site: serde_json::json!({ "all": true }),
@@ -125,7 +141,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
             holdout_rms_mm: last.rms_mm,
             holdout_mean_mm: last.mean_mm,
             forward_mean_mm: ErrorSummary::of(&forward).mean_mm,
-            lack_of_fit_p: lack_of_fit(&search, &stage, chosen),
+            lack_of_fit_p: lack_of_fit(&search, &full, chosen),
         },
         unexplained: (!unexplained.is_empty()).then(|| unexplained.remove(0)),
         more_unexplained: unexplained,

@@ -136,6 +136,7 @@ impl Search<'_> {
             }
             self.swap(start, &mut chosen);
             self.merge(start, &mut chosen);
+            self.merge_places(start, &mut chosen);
             self.backward(start, &mut chosen);
             if chosen == before {
                 break;
@@ -276,6 +277,33 @@ impl Search<'_> {
             match best {
                 Some((_, proposal)) => *chosen = proposal,
                 None => break,
+            }
+        }
+    }
+
+    /// Replaces all that was chosen at one place by a single candidate there, if that says as much.
+    fn merge_places(&self, start: &Stage, chosen: &mut Vec<usize>) {
+        let mut sites: Vec<&serde_json::Value> = Vec::new();
+        for c in chosen.iter() {
+            let site = &self.candidates[*c].site;
+            if !sites.contains(&site) {
+                sites.push(site);
+            }
+        }
+        for site in sites {
+            let (here, rest): (Vec<usize>, Vec<usize>) =
+                chosen.iter().partition(|c| self.candidates[**c].site == *site);
+            if here.len() < 2 {
+                continue;
+            }
+            let stage = self.with(start, &rest);
+            let now = self.total(&stage, &here);
+            let one = self.rank(&stage).into_iter().find(|r| self.candidates[r.candidate].site == *site);
+            if let Some(one) = one
+                && one.evidence > now + 1e-6
+            {
+                *chosen = rest;
+                chosen.push(one.candidate);
             }
         }
     }

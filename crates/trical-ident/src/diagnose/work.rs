@@ -4,8 +4,9 @@ use trical_model::{Cell, Measured, Model, Robot, Term};
 
 use super::catalogue::{Candidate, Untestable, catalogue, reading_noise};
 use super::design::Design;
+use super::explain::at_same_place;
 use super::locators::{self, locators};
-use super::misfit::{LEFT, Misfit, misfits};
+use super::misfit::{CONSIDERABLE, Judge, LEFT, Probes, probes};
 use super::search::{self, Search};
 use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
@@ -96,26 +97,32 @@ impl Work {
         Ok(())
     }
 
-    /// What is left at each place after everything that was chosen.
-    pub(super) fn misfits(&self) -> Result<Vec<Misfit>> {
-        misfits(&self.fitted.model, &self.kept, &self.fitted.noise, temper(&self.kept))
-    }
-
     /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where
-    /// it took two names to say it: two effects at one joint are a coincidence. Whether there is anything new to try.
+    /// it took two terms to say it: two effects at one joint are a coincidence. Whether there is anything new to try.
     pub(super) fn look_again(&mut self) -> Result<bool> {
         let before = self.candidates.len();
         let fast = periodogram::fast(&self.fitted, &self.kept)?;
         self.add(fast);
         let mut new = self.candidates.len() > before;
-        let mut places: Vec<serde_json::Value> =
-            self.misfits()?.into_iter().filter(|m| m.p_value < LEFT).map(|m| m.site).collect();
-        let mut named: Vec<(&serde_json::Value, &str)> = Vec::new();
+        let (design, probes) = self.design_with_probes()?;
+        let judge = self.judge(&design, &probes);
+        let search = searcher(&design, &self.candidates, &self.kept);
+        let start = design.stage();
+        let stage = search.with(&start, &self.chosen);
+        let mut places: Vec<serde_json::Value> = Vec::new();
+        for m in judge.places(&stage).into_iter().filter(|m| m.p_value < LEFT) {
+            let rest: Vec<usize> =
+                self.chosen.iter().copied().filter(|c| !at_same_place(&m.site, &self.candidates[*c].site)).collect();
+            if m.dss > CONSIDERABLE * (search.with(&start, &rest).ss - stage.ss) {
+                places.push(m.site);
+            }
+        }
+        let mut named: Vec<&serde_json::Value> = Vec::new();
         for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
-            if named.iter().any(|(site, effect)| **site == c.site && *effect != c.effect) {
+            if named.contains(&&c.site) {
                 places.push(c.site.clone());
             }
-            named.push((&c.site, c.effect));
+            named.push(&c.site);
         }
         for place in places {
             let here = |c: &Candidate| c.effect == locators::UNEXPLAINED && c.site == place && c.scanned();
@@ -181,6 +188,21 @@ impl Work {
     /// The linear picture of the baseline with all candidates.
     pub(super) fn design(&self) -> Result<Design> {
         Design::new(&self.bare(), &self.candidates, &self.kept, &self.fitted.noise)
+    }
+
+    /// The same with probes behind the candidates.
+    pub(super) fn design_with_probes(&self) -> Result<(Design, Probes)> {
+        let probes = probes(&self.fitted.model, &self.kept);
+        let mut all = self.candidates.clone();
+        all.extend(probes.candidates.iter().cloned());
+        let mut weights = vec![Vec::new(); self.candidates.len()];
+        weights.extend(probes.weights.iter().cloned());
+        let design = Design::weighted(&self.bare(), &all, &weights, &self.kept, &self.fitted.noise)?;
+        Ok((design, probes))
+    }
+
+    pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
+        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
     }
 
     /// The exact joint fit of the baseline and what was chosen.

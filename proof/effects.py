@@ -367,7 +367,9 @@ FAMILIES: dict[str, Family] = {
             "gap": log_uniform(rng, 2 * ARCSEC, 40 * ARCSEC),
             "per_nm": log_uniform(rng, 5 * ARCSEC, 60 * ARCSEC) / c.tau_max(s["joint"]),
         },
-        lambda c, s: [[{"gap": 60 * ARCSEC, "per_nm": 0.0}, {"gap": 0.0, "per_nm": 60 * ARCSEC / c.tau_max(s["joint"])}]],
+        lambda c, s: [
+            [{"gap": 60 * ARCSEC, "per_nm": 0.0}, {"gap": 0.0, "per_nm": 60 * ARCSEC / c.tau_max(s["joint"])}]
+        ],
     ),
     "lost_motion_gravity": Family(
         joints(2, 3, 4, 5, 6),
@@ -417,9 +419,7 @@ FAMILIES: dict[str, Family] = {
             "plane": float(rng.uniform(0, np.pi)),
             **wave(rng, log_uniform(rng, 0.003 * DEG, 0.03 * DEG)),
         },
-        lambda c, s: [
-            [*waves(0.03 * DEG, n, plane=0.0), *waves(0.03 * DEG, n, plane=np.pi / 2)] for n in (1, 2)
-        ],
+        lambda c, s: [[*waves(0.03 * DEG, n, plane=0.0), *waves(0.03 * DEG, n, plane=np.pi / 2)] for n in (1, 2)],
     ),
     "gravity_direction": Family(
         here("base"),

@@ -151,9 +151,10 @@ def rounded(q: np.ndarray) -> np.ndarray:
 def drive_to_touch(arm: Arm, s: Session, effects, errors: np.ndarray, machine=simulate) -> tuple[Session, np.ndarray]:
     """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3) m."""
     q = s.q.copy()
-    for _ in range(4):
-        now = replace(s, q=q)
-        poses = machine(arm, now, effects)
+    # experiments are dear: they only have to find what remains after a plain drive
+    drives = [(simulate, effects)] * 4 if machine is simulate else [(simulate, [])] * 3 + [(machine, effects)]
+    for plant, present in drives:
+        poses = plant(arm, replace(s, q=q), present)
         missing = readings(poses) + errors - s.reading
         step = np.einsum("nij,nj->ni", poses.r, missing)
         rs, os, p = configurations.flange(arm, q)
@@ -228,8 +229,9 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
     if kind == "mujoco":
         import mujoco_plant
 
-        effects, s, machine = mujoco_plant.draw(rng, arm, s)
-        design = Design(arm, s)
+        machine = mujoco_plant.experiment
+        if rng.random() < 0.8:
+            effects = [mujoco_plant.draw(rng, arm, s, VISIBLE)]
     else:
         design = Design(arm, s)
         families = OUTSIDE if kind == "outside" else FAMILIES
@@ -252,7 +254,7 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
 def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
     """Everything that the scorer needs to know and the diagnosis must not."""
     design = Design(arm, s)
-    out = []
+    out, unseen = [], []
     if machine is simulate:
         named = [e for e in effects if e["effect"] in FAMILIES]
         unseen, alike = survey(design, named)
@@ -268,11 +270,11 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
             else:
                 item["variables"], item["threshold_deg"] = variable_of(e), threshold_of(e)
             out.append(item)
-    else:
-        moved = (machine(arm, s, []).tcp - machine(arm, s, effects).tcp).ravel()
+    elif effects:
+        moved = (machine(arm, s).tcp - machine(arm, s, effects).tcp).ravel()
         unseen, alike = survey(design, effects, [moved])
         lam = float(np.linalg.norm(design.project(moved)) / s.sigma)
-        out = [{**effects[0], "lambda": round(lam, 3), "alike": alike[0]}]
+        out = [{**e, "lambda": round(lam, 3), "alike": a} for e, a in zip(effects, alike, strict=True)]
     return {
         "kind": kind,
         "measurements": len(s.q),

@@ -105,7 +105,9 @@ class Tables:
             self.text += [f"### {title}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
             self.text += ["| " + " | ".join(str(c) for c in r) + " |" for r in rows] + [""]
 
-    def target(self, what: str, want: str, hits: int, n: int, at_least: float | None = None, at_most: float | None = None):
+    def target(
+        self, what: str, want: str, hits: int, n: int, at_least: float | None = None, at_most: float | None = None
+    ):
         if not n:
             return
         share = hits / n
@@ -178,7 +180,16 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
                 ]
             )
         what = "tracker points" if size == "tracker" else f"{size} touches"
-        head = ["lambda", "cases", "right", "with aliases", "with alikes", "nothing named", "extra names", "wrong and sure"]
+        head = [
+            "lambda",
+            "cases",
+            "right",
+            "with aliases",
+            "with alikes",
+            "nothing named",
+            "extra names",
+            "wrong and sure",
+        ]
         t.table(f"{title}, {what}", head, rows)
         seen = [c for c in group if c.effects[0]["lambda"] >= 6]
         if targets and seen:
@@ -189,7 +200,9 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
             t.target(f"{title}, lambda >= 6, {what}: right", f">= {100 * want:.0f} %", right, len(seen), at_least=want)
             if size != "< 150":
                 t.target(f"{title}, lambda >= 6, {what}: with aliases", ">= 99 %", near, len(seen), at_least=0.99)
-            t.target(f"{title}, lambda >= 6, {what}: with aliases and alikes", ">= 99 %", near3, len(seen), at_least=0.99)
+            t.target(
+                f"{title}, lambda >= 6, {what}: with aliases and alikes", ">= 99 %", near3, len(seen), at_least=0.99
+            )
     rows = []
     by = defaultdict(list)
     for c in cases:
@@ -207,7 +220,9 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
         right = sum(bool(first(c)) and same(first(c), c.effects[0]) for c in xs)
         wrong = ", ".join(f"{k} {v}" for k, v in taken.most_common())
         rows.append([effect, len(xs), right, wrong])
-    t.table(f"{title}: confusion at lambda >= 6 (= alias, ~ alike)", ["true effect", "cases", "right", "taken for"], rows)
+    t.table(
+        f"{title}: confusion at lambda >= 6 (= alias, ~ alike)", ["true effect", "cases", "right", "taken for"], rows
+    )
 
 
 def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
@@ -221,11 +236,21 @@ def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
         names = Counter(f["effect"] for c in alarms for f in c.findings)
         rejected = sum(len(c.answer.get("rejected", [])) for c in xs if c.answer)
         rows.append(
-            [size, noise, len(xs), len(alarms), len(loose), rejected, ", ".join(f"{k} {v}" for k, v in names.most_common())]
+            [
+                size,
+                noise,
+                len(xs),
+                len(alarms),
+                len(loose),
+                rejected,
+                ", ".join(f"{k} {v}" for k, v in names.most_common()),
+            ]
         )
         if targets:
             limit = 0.05 if size == "< 150" else 0.02
-            t.target(f"{title}, {size} touches: false alarms", f"<= {100 * limit:.0f} %", len(alarms), len(xs), at_most=limit)
+            t.target(
+                f"{title}, {size} touches: false alarms", f"<= {100 * limit:.0f} %", len(alarms), len(xs), at_most=limit
+            )
     head = ["touches", "noise", "cases", "named something", "only unexplained", "rows rejected", "names"]
     t.table(title, head, rows)
 
@@ -259,7 +284,13 @@ def score_several(cases: list[Case], title: str, t: Tables, targets: bool, want:
             rows.append([size, name, len(xs), share(every, len(xs)), share(named, total), precision])
         if targets and size == ">= 150":
             both = sum(matching(c, alias)[0] == len(c.effects) for c in xs)
-            t.target(f"{title}, {size} touches: all named (aliases as one)", f">= {100 * want:.0f} %", both, len(xs), at_least=want)
+            t.target(
+                f"{title}, {size} touches: all named (aliases as one)",
+                f">= {100 * want:.0f} %",
+                both,
+                len(xs),
+                at_least=want,
+            )
             apart = [c for c in xs if min(e["lambda_apart"] for e in c.effects) >= 6]
             both = sum(matching(c, alias)[0] == len(c.effects) for c in apart)
             what = f"{title}, {size} touches: all named, each lambda >= 6 beside the others"
@@ -306,7 +337,15 @@ def score_outside(cases: list[Case], t: Tables):
                 ", ".join(f"{k} {v}" for k, v in names.most_common(5)),
             ]
         )
-    head = ["family", "cases", "named and sure", "joint right", "joint and variable", "threshold off (median, deg)", "names"]
+    head = [
+        "family",
+        "cases",
+        "named and sure",
+        "joint right",
+        "joint and variable",
+        "threshold off (median, deg)",
+        "names",
+    ]
     t.table("Outside the catalogue (lambda >= 6)", head, rows)
     t.target("Outside the catalogue: a name at confidence >= 0.9", "<= 10 %", wrong, len(cases), at_most=0.10)
     t.target("Outside the catalogue: joint and variable right", ">= 95 %", located, n_located, at_least=0.95)
@@ -399,7 +438,14 @@ def score_confidence(cases: list[Case], t: Tables):
             continue
         a, b = stated[m].mean(), right[m].mean()
         lo, hi = wilson(int(right[m].sum()), int(m.sum()))
-        rows.append([f"{low:.1f}-{low + 0.1:.1f}", int(m.sum()), f"{100 * a:.1f} %", f"{100 * b:.1f} % ({100 * lo:.0f}-{100 * hi:.0f})"])
+        rows.append(
+            [
+                f"{low:.1f}-{low + 0.1:.1f}",
+                int(m.sum()),
+                f"{100 * a:.1f} %",
+                f"{100 * b:.1f} % ({100 * lo:.0f}-{100 * hi:.0f})",
+            ]
+        )
         if m.sum() >= 20:
             bins += 1
             good += abs(a - b) <= 0.05
@@ -421,10 +467,14 @@ def failures(cases: list[Case]) -> str:
             out.append(f"  - no answer: {c.error[:200]}")
         for e in truth:
             apart = f", apart {e['lambda_apart']:.1f}" if "lambda_apart" in e else ""
-            out.append(f"  - true: {e['effect']} {label(e['site'])}, lambda {e['lambda']:.1f}{apart}, {json.dumps(e['p'])}")
+            out.append(
+                f"  - true: {e['effect']} {label(e['site'])}, lambda {e['lambda']:.1f}{apart}, {json.dumps(e['p'])}"
+            )
         for f in c.findings:
             rivals = ", ".join(f"{r['effect']} {label(r['site'])}" for r in f.get("rivals", [])) or "none"
-            out.append(f"  - said: {f['effect']} {label(f['site'])}, {f['confidence']:.2f}, lambda {f['lambda']:.1f}; rivals {rivals}")
+            out.append(
+                f"  - said: {f['effect']} {label(f['site'])}, {f['confidence']:.2f}, lambda {f['lambda']:.1f}; rivals {rivals}"
+            )
         for u in c.unexplained:
             out.append(f"  - unexplained: {label(u.get('site', {}))}, {u.get('variable')}, {u.get('region')}")
     return "\n".join(out) + "\n"
@@ -442,8 +492,9 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     t = Tables()
     score_single(by["single"], "One effect", t, True)
     score_single(by["tracker"], "One effect", t, True)
-    score_single(by["mujoco"], "One mechanical effect in MuJoCo", t, True)
+    score_single([c for c in by["mujoco"] if c.effects], "One mechanical effect in MuJoCo", t, True)
     score_none(by["none"], "No effect", t, True)
+    score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)
     score_several(by["five"], "Five effects", t, False, 0.0)
     if by["outside"]:
@@ -461,8 +512,19 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     sealed = ["| kind | seed | cases | SHA-256 of the sealed truth |", "|---|---|---|---|"]
     sealed += [f"| {h['kind']} | {h['seed']} | {h['count']} | `{h['sha256']}` |" for h in heads]
     text = ["## Targets", "", "| claim | target | got (95 % interval) | |", "|---|---|---|---|"]
-    text += ["| " + " | ".join(r) + " |" for r in t.targets] + ["", "## Tables", "", *t.text, "## What was sealed", "", *sealed]
-    text += ["", f"{len(cases)} cases, {len(silent)} without an answer; median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s."]
+    text += ["| " + " | ".join(r) + " |" for r in t.targets] + [
+        "",
+        "## Tables",
+        "",
+        *t.text,
+        "## What was sealed",
+        "",
+        *sealed,
+    ]
+    text += [
+        "",
+        f"{len(cases)} cases, {len(silent)} without an answer; median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s.",
+    ]
     return "\n".join(text) + "\n", failures(cases), cases
 
 

@@ -110,7 +110,9 @@ def everything(ctx: Context, touch: bool):
                 yield name, site, family.span(ctx, site)
 
 
-def survey(design: Design, truths: list[dict], signatures: list[np.ndarray] | None = None) -> tuple[list[dict], list[list[dict]]]:
+def survey(
+    design: Design, truths: list[dict], signatures: list[np.ndarray] | None = None
+) -> tuple[list[dict], list[list[dict]]]:
     """What cannot be seen at all, and for each true effect what the data cannot tell from it.
 
     Cannot be seen: lambda below 2 for every variant at the large end of its typical sizes (lambda of one-column variants; of

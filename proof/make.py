@@ -26,7 +26,22 @@ import numpy as np
 import configurations
 import write
 from effects import FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
-from plant import DEG, MM, Arm, Session, nominal_arm, readings, simulate, tracker_points, true_arm, zyx
+from plant import (
+    DEG,
+    GRAVITY,
+    MM,
+    Arm,
+    Session,
+    bodies,
+    frames,
+    gravity_moments,
+    nominal_arm,
+    readings,
+    simulate,
+    tracker_points,
+    true_arm,
+    zyx,
+)
 from visible import Design, context, survey
 
 KINDS = ("none", "single", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
@@ -37,27 +52,51 @@ VISIBLE = 6.0
 
 
 def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session:
+    order = str(rng.choice(["random", "balls", "path"], p=[0.5, 0.25, 0.25] if touch else [0.6, 0.0, 0.4]))
+    sides = str(rng.choice(["comes", "both", "one"], p=[0.75, 0.15, 0.1]))
+    several = 2 if sides == "both" else 1
     if touch:
-        q, ball = configurations.touches(nominal, rng, n)
+        q, ball = configurations.touches(nominal, rng, -(-n // several))
     else:
-        q, ball = configurations.tracker(nominal, rng, n), np.zeros(n, int)
+        q, ball = configurations.tracker(nominal, rng, -(-n // several)), np.zeros(-(-n // several), int)
+    sequence = np.repeat(configurations.ordered(rng, q, ball, order), several)[:n]
+    q, ball = q[sequence], ball[sequence]
     t = configurations.clock(rng, n, 20.0 if touch else 12.0)
+    dirs = configurations.approaches(rng, q, sides)
     spread = log_uniform(rng, 0.3, 1.5) * MM if touch and rng.random() < 0.25 else rng.uniform(0.006, 0.012) * MM
     commanded = bool(rng.random() < 0.4) or not touch
-    lag = np.round(rng.normal(0, 3e-4, (n, 6)).clip(-8e-4, 8e-4), 4) * DEG if commanded else np.zeros((n, 6))
+    nothing = np.zeros((n, 6))
     return Session(
         touch=touch,
         q=q,
         t=t,
         temp=configurations.warm_up(rng, t),
-        dirs=configurations.senses(q),
+        dirs=dirs,
         ball=ball,
         sigma=(rng.uniform(0.005, 0.015) if touch else rng.uniform(0.005, 0.02)) * MM,
         spread=spread,
-        lag=lag,
+        lag=nothing,
+        rest=servo_rest(rng, nominal, q, dirs) if commanded else nothing,
         has_commanded=commanded,
+        has_thermometer=bool(rng.random() < 0.8),
+        load=configurations.loads(rng, n) if rng.random() < 0.2 else None,
         reading=rng.normal(0, 1.0, (n, 3)) * spread if touch else None,
+        style={"order": order, "sides": sides},
     )
+
+
+def servo_rest(rng: np.random.Generator, nominal: Arm, q: np.ndarray, dirs: np.ndarray) -> np.ndarray:
+    """Commanded minus reported joints (N, 6) rad of an arm at rest, rightly reported: resolution, and in half of the sessions
+    a controller without integral action, which gives way to gravity and stops at the edge of its dead zone."""
+    rest = rng.normal(0, 3e-4, q.shape).clip(-8e-4, 8e-4)
+    if rng.random() < 0.5:
+        rs, os = frames(nominal, q + nominal.offset)
+        weights = bodies(nominal, rs, os, np.zeros(len(q)))
+        pull = gravity_moments(*weights, os, np.array([0.0, 0.0, -GRAVITY]))
+        tau = np.einsum("nja,nja->nj", pull, rs[..., 2])
+        give = rng.uniform(0.0, 0.01, 6) * tau / np.maximum(np.abs(tau).max(0), 1e-9)
+        rest = rest - give + rng.uniform(0.0, 0.006, 6) * dirs
+    return np.round(rest, 4) * DEG
 
 
 def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
@@ -65,8 +104,9 @@ def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
     size = np.exp(rng.uniform(np.log(0.005), np.log(0.1), 6)) * DEG
     if "joint" in site:
         size[[j for j in range(6) if j != site["joint"] - 1]] = 0.0
-    lag = s.lag + np.round(s.dirs * size * rng.uniform(0.2, 1.4, s.q.shape) / DEG, 4) * DEG
-    return replace(s, lag=lag)
+    lag = np.round(s.dirs * size * rng.uniform(0.2, 1.4, s.q.shape) / DEG, 4) * DEG
+    # such a controller does arrive in the end
+    return replace(s, lag=lag, rest=np.round(rng.normal(0, 3e-4, s.q.shape).clip(-8e-4, 8e-4), 4) * DEG)
 
 
 # ---- effects ---------------------------------------------------------------------------------------------------------
@@ -192,12 +232,15 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
         columns[f"q{j + 1}_deg"] = (s.q[:, j] / DEG, 4)
     if s.has_commanded:
         for j in range(6):
-            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag)[:, j] / DEG, 4)
+            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag + s.rest)[:, j] / DEG, 4)
     for j in range(6):
         columns[f"dir{j + 1}"] = (s.dirs[:, j], 0)
     for i, a in enumerate("xyz"):
         columns[f"i{a}_mm" if s.touch else f"{a}_mm"] = (read[:, i], 3) if s.touch else (points[:, i], 4)
-    columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
+    if s.has_thermometer:
+        columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
+    if s.load is not None:
+        columns["payload_kg"] = (s.load, 3)
     return columns, s, rows
 
 
@@ -219,9 +262,12 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
     """Id, files, truth."""
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index])
     touch = kind != "tracker"
-    n = int(touches[index % len(touches)]) if touch else 300
+    n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
     nominal = nominal_arm(rng)
     arm = true_arm(nominal, rng)
+    if not touch:
+        # a tracker's own frame does not say where the first axis leans: an unlevel base is an effect, and drawn as one
+        arm = arm.but(base_zyx=nominal.base_zyx, alpha=np.append(nominal.alpha[0], arm.alpha[1:]))
     s = plan(nominal, rng, n, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
@@ -281,6 +327,12 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
         "touch": s.touch,
         "sigma_mm": s.sigma / MM,
         "spread_mm": s.spread / MM,
+        "session": {
+            **s.style,
+            "commanded": s.has_commanded,
+            "thermometer": s.has_thermometer,
+            "payload_schedule": s.load is not None,
+        },
         "noise": noise_kind,
         "rows": rows,
         "effects": out,

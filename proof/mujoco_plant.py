@@ -167,17 +167,24 @@ class Bench:
 _benches: dict[str, Bench] = {}
 
 
+def _bench(arm: Arm, effect: dict | None) -> Bench:
+    text = f"{arm!r} {effect!r}"
+    if text not in _benches:
+        if len(_benches) > 8:
+            _benches.clear()
+        _benches[text] = Bench(arm, effect)
+    return _benches[text]
+
+
 def experiment(arm: Arm, s: Session, effects=()) -> Poses:
     """The counterpart of `plant.simulate`, by experiments in MuJoCo, one effect at most."""
     effect = effects[0] if effects else None
-    text = mjcf(arm, effect) + repr(effect)
-    if text not in _benches:
-        if len(_benches) > 4:
-            _benches.clear()
-        _benches[text] = Bench(arm, effect)
-    bench = _benches[text]
     sag = arm.compliance * simulate(arm, s, passes=2).machine.tau
-    done = [bench.pose(s.q[i], s.dirs[i], sag[i]) for i in range(len(s.q))]
+    done = []
+    for i in range(len(s.q)):
+        # what is declared to be carried sits at the tool's centre of gravity: another, heavier tool
+        bench = _bench(arm.but(tool_mass=arm.tool_mass + float(s.added[i])), effect)
+        done.append(bench.pose(s.q[i], s.dirs[i], sag[i]))
     ball = arm.balls[s.ball] if s.touch else None
     return Poses(np.array([x[0] for x in done]), np.array([x[1] for x in done]), ball, Machine(arm, s))
 

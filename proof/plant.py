@@ -122,11 +122,14 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
     high = np.array([2e-3, 8e-3, 8e-3, 6e-2, 6e-2, 6e-2])
     compliance = np.exp(rng.uniform(np.log(low), np.log(high))) * DEG
     compliance[0] = 0.0
+    offset = rng.normal(0, angle, 6)
+    # the device's axes are those of {6}, says the contract: with theta_6 off, readings that are not nulled would be skew
+    offset[5] = 0.0
     return nominal.but(
         alpha=nominal.alpha + rng.normal(0, angle, 6),
         a=nominal.a + rng.normal(0, length, 6),
         d=nominal.d + rng.normal(0, length, 6),
-        offset=nominal.offset + rng.normal(0, angle, 6),
+        offset=nominal.offset + offset,
         base_xyz=nominal.base_xyz + rng.normal(0, 2 * MM, 3),
         base_zyx=nominal.base_zyx + rng.normal(0, 0.2 * DEG, 3),
         tcp=nominal.tcp + rng.normal(0, 0.5 * MM, 3),
@@ -159,15 +162,20 @@ def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) ->
     return rs, os
 
 
-def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, extra_mass: float = 0.0, extra_cog=None):
-    """Masses (7) and world positions (N, 7, 3) of the links and of what the flange carries."""
+def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, load: np.ndarray, extra_mass: float = 0.0, extra_cog=None):
+    """Masses (N, 7) and world positions (N, 7, 3) of the links and of what the flange carries.
+
+    `load` (N): mass that the recording declares, at the tool's centre of gravity; the extra mass is nobody's knowledge.
+    """
     where = os + np.einsum("njab,jb->nja", rs, arm.cog)
-    mass = arm.tool_mass + extra_mass
-    cog = arm.tool_cog
+    known = arm.tool_mass + load
+    moment = known[:, None] * arm.tool_cog
     if extra_cog is not None:
-        cog = (arm.tool_mass * arm.tool_cog + extra_mass * np.asarray(extra_cog)) / mass
-    tool = os[:, 5] + rs[:, 5] @ cog
-    return np.append(arm.mass, mass), np.concatenate([where, tool[:, None]], 1)
+        moment = moment + extra_mass * np.asarray(extra_cog)
+    mass = known + extra_mass
+    tool = os[:, 5] + np.einsum("nab,nb->na", rs[:, 5], moment / mass[:, None])
+    links = np.broadcast_to(arm.mass, (len(os), 6))
+    return np.concatenate([links, mass[:, None]], 1), np.concatenate([where, tool[:, None]], 1)
 
 
 def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -175,7 +183,7 @@ def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np
     out = np.empty_like(os)
     for j in range(6):
         arm_ = where[:, j:] - os[:, j, None]
-        out[:, j] = np.cross(arm_, masses[j:, None] * g).sum(1)
+        out[:, j] = np.cross(arm_, masses[:, j:, None] * g).sum(1)
     return out
 
 
@@ -191,14 +199,23 @@ class Session:
     ball: np.ndarray  # (N) 0-based, touches only
     sigma: float  # m, noise of one component
     spread: float  # m, size of the readings that the procedure leaves
-    lag: np.ndarray  # (N, 6) rad, commanded minus reported joints
+    lag: np.ndarray  # (N, 6) rad, commanded minus reported joints: how far the robot moves on after the reading
+    rest: np.ndarray  # (N, 6) rad, commanded minus reported joints that is no error: the controller never gets there
     has_commanded: bool = False
+    has_thermometer: bool = True
+    load: np.ndarray | None = None  # (N) kg, declared mass beyond the tool's own, where it changes
     reading: np.ndarray | None = None  # (N, 3) m, for touches: readings that the procedure leaves
+    style: dict = field(default_factory=dict)  # how the order and the approaches were chosen
 
     @property
     def rise(self) -> np.ndarray:
         """Temperature above the first row's."""
         return self.temp - self.temp[0]
+
+    @property
+    def added(self) -> np.ndarray:
+        """Declared added mass (N), zero where there is no schedule."""
+        return np.zeros(len(self.q)) if self.load is None else self.load
 
     @property
     def progress(self) -> np.ndarray:
@@ -250,7 +267,7 @@ def simulate(arm: Arm, s: Session, effects=(), passes: int = 4) -> Poses:
             ACT[e["effect"]](m, s, arm, e["site"], e["p"])
         theta = s.q + arm.offset + m.angle + arm.compliance * tau
         rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt)
-        masses, where = bodies(arm, rs, os, m.extra_mass, m.extra_cog)
+        masses, where = bodies(arm, rs, os, s.added, m.extra_mass, m.extra_cog)
         world = gravity_moments(masses, where, os, GRAVITY * m.down)
         moment = np.einsum("njba,njb->nja", rs, world)
         tau = moment[..., 2]

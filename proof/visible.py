@@ -6,6 +6,9 @@ Jacobian of the paper's 31 parameters of this simulator.
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 
 from effects import FAMILIES, Context
@@ -48,7 +51,15 @@ def parameters(arm: Arm) -> list[tuple[str, Arm, Arm, float]]:
 def jacobian(arm: Arm, s: Session) -> np.ndarray:
     """(3N, 31), central differences of the residual in the world."""
     offset = s.reading if s.touch else np.zeros((len(s.q), 3))
-    columns = [(tips(b, s, offset) - tips(a, s, offset)).ravel() / (2 * h) for _, a, b, h in parameters(arm)]
+    columns = [
+        (tips(b, s, offset) - tips(a, s, offset)).ravel() / (2 * h)
+        for name, a, b, h in parameters(arm)
+        if s.touch or not name.startswith("base")
+    ]
+    if not s.touch:  # in place of the base the tracker's frame, which gravity does not follow
+        p = tips(arm, s, offset)
+        for e in np.eye(3):
+            columns += [np.tile(e, len(p)), np.cross(e, p).ravel()]
     return np.stack(columns, 1)
 
 
@@ -58,7 +69,8 @@ class Design:
     def __init__(self, arm: Arm, s: Session):
         self.arm, self.s = arm, s
         jac = jacobian(arm, s)
-        q, r = np.linalg.qr(jac / np.linalg.norm(jac, axis=0))
+        size = np.linalg.norm(jac, axis=0)
+        q, r = np.linalg.qr(jac[:, size > 0] / size[size > 0])
         keep = np.abs(np.diag(r)) > 1e-9
         self.q = q[:, keep]
         self.without = simulate(arm, s)
@@ -120,6 +132,9 @@ def survey(
     signature after the other explanation did its best is below 3. `signatures`: where the truth moved another plant than this.
     """
     ctx = context(design.arm, design.s)
+    # a recording says by how much commanded and reported joints differ, not why
+    late = copy(design)
+    late.s = replace(design.s, lag=design.s.lag + design.s.rest)
     signatures = signatures or [design.signature([e]) for e in truths]
     projected = [design.project(v) / design.s.sigma for v in signatures]
     unseen, alike = [], [[] for _ in truths]
@@ -131,7 +146,7 @@ def survey(
                 extra += [[{**p, "at": at} for p in variants[0]]]
             if name == e["effect"] == "gear_ripple":
                 extra += [[{**p, "n": e["p"]["n"]} for p in variants[0]]]
-        columns = design.columns(name, site, [*variants, *extra])
+        columns = (late if name == "late_joint_reading" else design).columns(name, site, [*variants, *extra])
         size = max(float(np.linalg.svd(c, compute_uv=False)[0]) for c in columns)
         # how far a late reading can matter is in the recording itself: there is nothing hidden to declare
         if size < 2.0 and name != "late_joint_reading":

@@ -1,7 +1,8 @@
 """Where the arm is sent: touches of the balls and tracker poses, by an inverse kinematics of our own.
 
-Newton (Levenberg-Marquardt) from random seeds on many targets at once; what does not converge, breaks a limit or comes near
-the table or the column is thrown away. Rough on purpose: the proof needs believable configurations, not a planner.
+Newton (Levenberg-Marquardt) from random seeds on many targets at once; what does not converge, breaks a limit or comes
+near the table or the column is thrown away. Rough on purpose: the proof needs believable configurations, not a
+planner.
 """
 
 from __future__ import annotations
@@ -104,7 +105,8 @@ def tracker(arm: Arm, rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def ordered(rng: np.random.Generator, q: np.ndarray, ball: np.ndarray, style: str) -> np.ndarray:
-    """The order in which configurations are visited: `random`, ball after ball (`balls`), or each next the nearest (`path`)."""
+    """The order in which configurations are visited: `random`, ball after ball (`balls`), or each next the nearest
+    (`path`)."""
     order = rng.permutation(len(q))
     if style == "balls":
         return order[np.argsort(rng.permutation(3)[ball[order]], kind="stable")]
@@ -119,8 +121,8 @@ def ordered(rng: np.random.Generator, q: np.ndarray, ball: np.ndarray, style: st
 
 
 def approaches(rng: np.random.Generator, q: np.ndarray, style: str) -> np.ndarray:
-    """Sense of each joint's last motion (N, 6): as the arm `comes` from pose to pose, starting from its zero position, always
-    from `one` side, as some procedures demand, or from `both` sides, rows in pairs."""
+    """Sense of each joint's last motion (N, 6): as the arm `comes` from pose to pose, starting from its zero position,
+    always from `one` side, as some procedures demand, or from `both` sides, rows in pairs."""
     come = np.sign(np.diff(np.concatenate([np.zeros((1, 6)), q]), axis=0)).astype(int)
     if style == "one":
         return np.broadcast_to(rng.choice([-1, 1], 6), q.shape).copy()

@@ -1,14 +1,15 @@
 """What an effect does to the machine, how big it typically is, and at which sites it can sit.
 
-`ACT[name](machine, session, arm, site, p)` moves the machine. `FAMILIES[name]` draws a site and a size, and gives parameter
-sets that span the effect's linear family at a site, which is what the scorer needs to know what the data can tell apart.
-Sizes are the "typical sizes on a small arm" of the project's list of effects; nothing here comes from the workspace's code.
+`ACT[name](machine, session, arm, site, p)` moves the machine. `FAMILIES[name]` draws a site and a size, and gives
+parameter sets that span the effect's linear family at a site, which is what the scorer needs to know what the data can
+tell apart. Sizes are the "typical sizes on a small arm" of the project's list of effects; nothing here comes from the
+workspace's code.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def _j(site) -> int:
     return site["joint"] - 1
 
 
-# ---- the catalogue ---------------------------------------------------------------------------------------------------
+# ---- the catalogue -----------------------------------------------------------------------------------------------
 
 
 @act
@@ -188,7 +189,7 @@ def late_joint_reading(m, s, arm, site, p):
         m.angle[:, j] += p["share"] * s.lag[:, j]
 
 
-# ---- outside the catalogue -------------------------------------------------------------------------------------------
+# ---- outside the catalogue ---------------------------------------------------------------------------------------
 
 
 @act
@@ -268,7 +269,7 @@ def out_bump(m, s, arm, site, p):
     m.angle[:, j] += p["size"] * np.exp(-0.5 * ((s.q[:, j] - p["centre"]) / p["width"]) ** 2)
 
 
-# ---- drawing ---------------------------------------------------------------------------------------------------------
+# ---- drawing -----------------------------------------------------------------------------------------------------
 
 
 def log_uniform(rng, low, high) -> float:
@@ -299,8 +300,8 @@ class Context:
 
 @dataclass
 class Family:
-    """`sites(ctx)`; `draw(rng, ctx, site)` -> p; `span(ctx, site)` -> variants, each a list of p that span it linearly at the
-    large end of the typical sizes."""
+    """`sites(ctx)`; `draw(rng, ctx, site)` -> p; `span(ctx, site)` -> variants, each a list of p that span it linearly
+    at the large end of the typical sizes."""
 
     sites: Callable
     draw: Callable
@@ -592,7 +593,8 @@ OUTSIDE: dict[str, Family] = {
 
 
 def variable_of(effect: dict) -> list[str] | None:
-    """Covariates by which an effect outside the catalogue may rightly be located; None where none of the usual ones is."""
+    """Covariates by which an effect outside the catalogue may rightly be located; None where none of the usual ones
+    is."""
     j, p = effect["site"]["joint"], effect["p"]
     return {
         "out_region_step": lambda: [f"q{p['of']}"],

@@ -3,8 +3,8 @@
 
     make.py --seed 1 --count 20 --kind single --out DIR
 
-leaves DIR/cases/ID/{robot.toml,cell.toml,recording.csv}, which is all that a diagnosis sees, and DIR/sealed/truth.json, whose
-SHA-256 goes to standard output and to DIR/truth.sha256 before anything is diagnosed.
+leaves DIR/cases/ID/{robot.toml,cell.toml,recording.csv}, which is all that a diagnosis sees, and
+DIR/sealed/truth.json, whose SHA-256 goes to standard output and to DIR/truth.sha256 before anything is diagnosed.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ KINDS = ("none", "single", "pair", "five", "outside", "nonwhite", "dirty", "trac
 VISIBLE = 6.0
 
 
-# ---- the session: where the arm is sent, when, and how it is read ---------------------------------------------------
+# ---- the session: where the arm is sent, when, and how it is read ------------------------------------------------
 
 
 def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session:
@@ -86,8 +86,9 @@ def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session
 
 
 def servo_rest(rng: np.random.Generator, nominal: Arm, q: np.ndarray, dirs: np.ndarray) -> np.ndarray:
-    """Commanded minus reported joints (N, 6) rad of an arm at rest, rightly reported: resolution, and in half of the sessions
-    a controller without integral action, which gives way to gravity and stops at the edge of its dead zone."""
+    """Commanded minus reported joints (N, 6) rad of an arm at rest, rightly reported: resolution, and in half of the
+    sessions a controller without integral action, which gives way to gravity and stops at the edge of its dead
+    zone."""
     rest = rng.normal(0, 3e-4, q.shape).clip(-8e-4, 8e-4)
     if rng.random() < 0.5:
         rs, os = frames(nominal, q + nominal.offset)
@@ -100,7 +101,8 @@ def servo_rest(rng: np.random.Generator, nominal: Arm, q: np.ndarray, dirs: np.n
 
 
 def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
-    """Joints read before the arm had settled: the reported angle lags in the sense of motion, by an amount of its own."""
+    """Joints read before the arm had settled: the reported angle lags in the sense of motion, by an amount of its
+    own."""
     size = np.exp(rng.uniform(np.log(0.005), np.log(0.1), 6)) * DEG
     if "joint" in site:
         size[[j for j in range(6) if j != site["joint"] - 1]] = 0.0
@@ -109,11 +111,12 @@ def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
     return replace(s, lag=lag, rest=np.round(rng.normal(0, 3e-4, s.q.shape).clip(-8e-4, 8e-4), 4) * DEG)
 
 
-# ---- effects ---------------------------------------------------------------------------------------------------------
+# ---- effects -----------------------------------------------------------------------------------------------------
 
 
 def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: bool, others=()):
-    """One effect that is not in `others`: family uniform, then site, then size; redrawn until visible where that is asked for."""
+    """One effect that is not in `others`: family uniform, then site, then size; redrawn until visible where that is
+    asked for."""
     for _ in range(200):
         name = pick(rng, sorted(families))
         family = families[name]
@@ -146,7 +149,7 @@ def context_of(arm: Arm, s: Session):
     return _contexts[key][1]
 
 
-# ---- noise and dirt --------------------------------------------------------------------------------------------------
+# ---- noise and dirt ----------------------------------------------------------------------------------------------
 
 
 def noise(rng, s: Session, kind: str) -> np.ndarray:
@@ -181,7 +184,7 @@ def dirt(rng, s: Session) -> tuple[np.ndarray, dict[str, list[int]]]:
     return gross, kinds
 
 
-# ---- measuring -------------------------------------------------------------------------------------------------------
+# ---- measuring ---------------------------------------------------------------------------------------------------
 
 
 def rounded(q: np.ndarray) -> np.ndarray:
@@ -189,7 +192,8 @@ def rounded(q: np.ndarray) -> np.ndarray:
 
 
 def drive_to_touch(arm: Arm, s: Session, effects, errors: np.ndarray, machine=simulate) -> tuple[Session, np.ndarray]:
-    """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3) m."""
+    """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3)
+    m."""
     q = s.q.copy()
     # experiments are dear: they only have to find what remains after a plain drive
     drives = [(simulate, effects)] * 4 if machine is simulate else [(simulate, [])] * 3 + [(machine, effects)]
@@ -244,7 +248,7 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
     return columns, s, rows
 
 
-# ---- cases -----------------------------------------------------------------------------------------------------------
+# ---- cases -------------------------------------------------------------------------------------------------------
 
 
 def how_many(kind: str, rng) -> tuple[int, bool]:

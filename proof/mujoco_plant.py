@@ -1,10 +1,11 @@
-"""The mechanical effects as bodies and joints: a rotor and a link at every joint, springs, gaps and dry friction between them.
+"""The mechanical effects as bodies and joints: a rotor and a link at every joint, springs, gaps and dry friction
+between them.
 
-No formula of an effect is used here. Each joint is a link hinge and a rotor hinge on the same axis, held together by tendon
-springs (the gear); the encoder sits on the rotor. From these parts come:
+No formula of an effect is used here. Each joint is a link hinge and a rotor hinge on the same axis, held together by
+tendon springs (the gear); the encoder sits on the rotor. From these parts come:
 
-- `lost_motion_direction`: dry friction in the link's bearing winds the gear up, in the sense of the last motion; at joint 1,
-  which carries no gravity, also a gap in the gear behind whose flank the link is dragged;
+- `lost_motion_direction`: dry friction in the link's bearing winds the gear up, in the sense of the last motion; at
+  joint 1, which carries no gravity, also a gap in the gear behind whose flank the link is dragged;
 - `load_friction`: friction that grows with the force in the gear's spring;
 - `lost_motion_gravity`: a gap in the gear: the link falls onto one flank;
 - `nonlinear_stiffness`: a soft spring beside a stiff one that takes part only beyond a gap;
@@ -13,8 +14,8 @@ springs (the gear); the encoder sits on the rotor. From these parts come:
 - `payload`: one more body on the flange;
 - `gravity_direction`: the base is not level.
 
-A pose is an experiment: the rotors come from the side that the recording's sense of motion says, the arm settles under gravity
-until it is still, and the tool point is read.
+A pose is an experiment: the rotors come from the side that the recording's sense of motion says, the arm settles under
+gravity until it is still, and the tool point is read.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def _spring(name: str, stiffness: float, damping: float, half_gap: float, turns:
     """A spring on a sum of joint angles, slack within the gap."""
     sides = "".join(f'<joint joint="{joint}" coef="{c:.17g}"/>' for joint, c in turns.items())
     slack = f"{-half_gap:.17g} {half_gap:.17g}"
-    return f'<fixed name="{name}" stiffness="{stiffness:.17g}" damping="{damping:.6g}" springlength="{slack}">{sides}</fixed>'
+    size = f'stiffness="{stiffness:.17g}" damping="{damping:.6g}" springlength="{slack}"'
+    return f'<fixed name="{name}" {size}>{sides}</fixed>'
 
 
 def mjcf(arm: Arm, effect: dict | None) -> str:
@@ -69,9 +71,8 @@ def mjcf(arm: Arm, effect: dict | None) -> str:
         here = j == at
         place = f'pos="{_vec(rot(0, arm.alpha[j]) @ [arm.a[j], 0.0, arm.d[j]])}"'
         turn = f'quat="{_quat(rot(0, arm.alpha[j]) @ rot(2, arm.offset[j]))}"'
-        lines.append(
-            f'<body {place} {turn}><joint name="rotor{j + 1}" type="hinge" axis="0 0 1" armature="{ROTOR}"/>{nothing}</body>'
-        )
+        rotor = f'<joint name="rotor{j + 1}" type="hinge" axis="0 0 1" armature="{ROTOR}"/>'
+        lines.append(f"<body {place} {turn}>{rotor}{nothing}</body>")
         friction = p.get("friction_nm", 0.0) if here else 0.0
         lines.append(
             f'<body {place} {turn}><joint name="link{j + 1}" type="hinge" axis="0 0 1" armature="0.05" '
@@ -131,7 +132,8 @@ class Bench:
         self.per_load = effect["p"].get("per_nm", 0.0) if effect else 0.0
 
     def pose(self, q: np.ndarray, dirs: np.ndarray, sag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tool point and flange orientation after the rotors came to `q` in the senses `dirs`; `sag` is where links start."""
+        """Tool point and flange orientation after the rotors came to `q` in the senses `dirs`; `sag` is where links
+        start."""
         m, d = self.model, self.data
         mujoco.mj_resetData(m, d)
         start = q - APPROACH * dirs
@@ -202,7 +204,8 @@ SITES: dict[str, list[dict]] = {
 
 
 def size(rng: np.random.Generator, arm: Arm, tau: np.ndarray, kind: str, site: dict) -> dict:
-    """The parts that make the effect, of a size within the typical range; `tau` (N, 6): gravity's torques at the poses."""
+    """The parts that make the effect, of a size within the typical range; `tau` (N, 6): gravity's torques at the
+    poses."""
     j = site.get("joint", 1) - 1
     load, k = np.abs(tau[:, j]), gear(arm, j)
 

@@ -1,8 +1,8 @@
 """A simulated arm that shares nothing with the workspace: batched 4x4 transforms, gravity summed over bodies.
 
 SI units throughout (m, rad, kg, s, K, N m). `base_from_...`, `world_from_...` read as "maps ... into ...".
-Arrays carry one row per measurement. An effect is plain data (`{"effect", "site", "p"}`); what it does to the machine is in
-`effects.py`, what this file provides is a machine in which every place that can move can be moved.
+Arrays carry one row per measurement. An effect is plain data (`{"effect", "site", "p"}`); what it does to the machine
+is in `effects.py`, what this file provides is a machine in which every place that can move can be moved.
 """
 
 from __future__ import annotations
@@ -123,7 +123,8 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
     compliance = np.exp(rng.uniform(np.log(low), np.log(high))) * DEG
     compliance[0] = 0.0
     offset = rng.normal(0, angle, 6)
-    # the device's axes are those of {6}, says the contract: with theta_6 off, readings that are not nulled would be skew
+    # the device's axes are those of {6}, says the contract: with theta_6 off, readings that are not nulled would be
+    # skew
     offset[5] = 0.0
     return nominal.but(
         alpha=nominal.alpha + rng.normal(0, angle, 6),
@@ -141,8 +142,9 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
 def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (N, 6, 3, 3) and origin (N, 6, 3) of the frames {1}..{6} in the world.
 
-    `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor on all a
-    and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about the origin of {j}, as a rotation vector in {j}.
+    `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor
+    on all a and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about the origin of {j}, as a
+    rotation vector in {j}.
     """
     n = len(theta)
     growth = np.ones(n) if growth is None else growth
@@ -189,7 +191,8 @@ def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np
 
 @dataclass
 class Session:
-    """What is known of a recording's rows before an effect acts. `touch` says whether rows are touches or tracker points."""
+    """What is known of a recording's rows before an effect acts. `touch` says whether rows are touches or tracker
+    points."""
 
     touch: bool
     q: np.ndarray  # (N, 6) rad, joints as the controller reports them

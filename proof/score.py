@@ -3,9 +3,10 @@
 
     score.py DIR... [--out tables.md] [--failures failures.md]
 
-Refuses a truth that is not the one whose hash was printed. "Right" means effect and site. "Alias" also takes the sets that the
-project's list of effects declares, and the truth among the answer's own rivals. "Alike" also takes explanations that this
-suite's own simulation leaves less than 3 sigma from the truth: no diagnosis can tell them apart with certainty.
+Refuses a truth that is not the one whose hash was printed. "Right" means effect and site. "Alias" also takes the sets
+that the project's list of effects declares, and the truth among the answer's own rivals. "Alike" also takes
+explanations that this suite's own simulation leaves less than 3 sigma from the truth: no diagnosis can tell them apart
+with certainty.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 LAMBDAS = [(0, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 8), (8, 10), (10, 15), (15, 30), (30, np.inf)]
 SURE = 0.9
 
-# ---- what counts as the same ------------------------------------------------------------------------------------------
+# ---- what counts as the same -------------------------------------------------------------------------------------
 
 
 def J(effect, *joints, **more):
@@ -32,15 +33,15 @@ def J(effect, *joints, **more):
 
 
 DECLARED = [
-    *[J("lost_motion_direction", j) + J("load_friction", j) for j in (2, 3)],
-    *[J("joint_harmonic", j) + J("gear_ratio", j) for j in (1, 2)],
-    J("joint_zero_shift", 1, 2, 3) + [("fixture_shift", {"fixture": True})],
-    J("joint_zero_shift", 6) + [("tool_shift", {"tool": True})],
-    J("thermal_zero_drift", 2) + [("fixture_drift", {"fixture": True})],
-    J("thermal_zero_drift", 3) + [("thermal_growth", {"links": True})],
-    J("cross_axis_compliance", 2) + [("payload", {"tool": True})],
+    *[[*J("lost_motion_direction", j), *J("load_friction", j)] for j in (2, 3)],
+    *[[*J("joint_harmonic", j), *J("gear_ratio", j)] for j in (1, 2)],
+    [*J("joint_zero_shift", 1, 2, 3), ("fixture_shift", {"fixture": True})],
+    [*J("joint_zero_shift", 6), ("tool_shift", {"tool": True})],
+    [*J("thermal_zero_drift", 2), ("fixture_drift", {"fixture": True})],
+    [*J("thermal_zero_drift", 3), ("thermal_growth", {"links": True})],
+    [*J("cross_axis_compliance", 2), ("payload", {"tool": True})],
     J("cross_axis_compliance", 5, 6),
-    J("gear_ratio", 3) + J("joint_coupling", 3, **{"from": 2}),
+    [*J("gear_ratio", 3), *J("joint_coupling", 3, **{"from": 2})],
     [("ball_position", {"ball": k}) for k in (1, 2, 3)],  # a triangle has three shapes to err in, balls have six
 ]
 
@@ -62,7 +63,7 @@ def alike(finding: dict, truth: dict) -> bool:
     return alias(finding, truth) or any(same(a, finding) for a in truth.get("alike", []))
 
 
-# ---- cases ------------------------------------------------------------------------------------------------------------
+# ---- cases -------------------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -142,7 +143,7 @@ def load(where: Path) -> tuple[dict, list[Case]]:
     return {"seed": truth["seed"], "kind": truth["kind"], "sha256": digest, "count": len(cases)}, cases
 
 
-# ---- tables -----------------------------------------------------------------------------------------------------------
+# ---- tables ------------------------------------------------------------------------------------------------------
 
 
 def label(site: dict) -> str:
@@ -256,7 +257,8 @@ def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
 
 
 def matching(case: Case, rule) -> tuple[int, int]:
-    """How many true effects are named, and how many findings are right; each finding used once, the strictest rule first."""
+    """How many true effects are named, and how many findings are right; each finding used once, the strictest rule
+    first."""
     left, hits = list(range(len(case.findings))), 0
     todo = list(case.effects)
     for r in (same, rule):
@@ -473,7 +475,8 @@ def failures(cases: list[Case]) -> str:
         for f in c.findings:
             rivals = ", ".join(f"{r['effect']} {label(r['site'])}" for r in f.get("rivals", [])) or "none"
             out.append(
-                f"  - said: {f['effect']} {label(f['site'])}, {f['confidence']:.2f}, lambda {f['lambda']:.1f}; rivals {rivals}"
+                f"  - said: {f['effect']} {label(f['site'])}, {f['confidence']:.2f}, lambda {f['lambda']:.1f}; "
+                f"rivals {rivals}"
             )
         for u in c.unexplained:
             out.append(f"  - unexplained: {label(u.get('site', {}))}, {u.get('variable')}, {u.get('region')}")
@@ -523,7 +526,8 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     ]
     text += [
         "",
-        f"{len(cases)} cases, {len(silent)} without an answer; median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s.",
+        f"{len(cases)} cases, {len(silent)} without an answer; "
+        f"median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s.",
     ]
     return "\n".join(text) + "\n", failures(cases), cases
 

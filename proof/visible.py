@@ -1,7 +1,7 @@
 """What a recording can show: lambda by re-simulation, and which explanations its data cannot tell apart.
 
-lambda = || P s || / sigma. s is the difference of two simulations, with and without the effect; P projects out the numerical
-Jacobian of the paper's 31 parameters of this simulator.
+lambda = || P s || / sigma. s is the difference of two simulations, with and without the effect; P projects out the
+numerical Jacobian of the paper's 31 parameters of this simulator.
 """
 
 from __future__ import annotations
@@ -127,9 +127,10 @@ def survey(
 ) -> tuple[list[dict], list[list[dict]]]:
     """What cannot be seen at all, and for each true effect what the data cannot tell from it.
 
-    Cannot be seen: lambda below 2 for every variant at the large end of its typical sizes (lambda of one-column variants; of
-    several columns, the largest direction of a unit combination). Cannot be told apart: what remains of the truth's
-    signature after the other explanation did its best is below 3. `signatures`: where the truth moved another plant than this.
+    Cannot be seen: lambda below 2 for every variant at the large end of its typical sizes (lambda of one-column
+    variants; of several columns, the largest direction of a unit combination). Cannot be told apart: what remains of
+    the truth's signature after the other explanation did its best is below 3. `signatures`: where the truth moved
+    another plant than this.
     """
     ctx = context(design.arm, design.s)
     # a recording says by how much commanded and reported joints differ, not why

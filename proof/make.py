@@ -44,8 +44,8 @@ from plant import (
 )
 from visible import Design, context, survey
 
-KINDS = ("none", "single", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
-VISIBLE = 6.0
+KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
+VISIBLE, STRONG = 6.0, 15.0
 
 
 # ---- the session: where the arm is sent, when, and how it is read ------------------------------------------------
@@ -114,9 +114,8 @@ def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
 # ---- effects -----------------------------------------------------------------------------------------------------
 
 
-def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: bool, others=()):
-    """One effect that is not in `others`: family uniform, then site, then size; redrawn until visible where that is
-    asked for."""
+def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: float, others=()):
+    """One effect that is not in `others`: family uniform, then site, then size; redrawn until lambda reaches `visible`."""
     for _ in range(200):
         name = pick(rng, sorted(families))
         family = families[name]
@@ -133,7 +132,7 @@ def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: bo
             session = with_lag(s, rng, site) if name == "late_joint_reading" else s
             effect = {"effect": name, "site": site, "p": family.draw(rng, context_of(arm, session), site)}
             here = design if session is s else Design(arm, session)
-            if not visible or here.lam([effect]) >= VISIBLE:
+            if visible == 0.0 or here.lam([effect]) >= visible:
                 return effect, session, here
     raise RuntimeError("no visible effect was drawn")
 
@@ -251,15 +250,15 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
 # ---- cases -------------------------------------------------------------------------------------------------------
 
 
-def how_many(kind: str, rng) -> tuple[int, bool]:
-    """Effects to draw, and whether each must be visible."""
+def how_many(kind: str, rng) -> tuple[int, float]:
+    """Effects to draw, and the lambda that each must reach."""
     if kind in ("none", "pair", "five"):
-        return {"none": 0, "pair": 2, "five": 5}[kind], True
+        return {"none": 0, "pair": 2, "five": 5}[kind], VISIBLE
     if kind == "single":
-        return 1, bool(rng.random() < 0.75)
+        return 1, VISIBLE if rng.random() < 0.75 else 0.0
     if kind == "nonwhite":
-        return int(rng.random() < 0.5), True
-    return 1, True
+        return int(rng.random() < 0.5), VISIBLE
+    return 1, STRONG if kind == "strong" else VISIBLE
 
 
 def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str, dict[str, str], dict]:

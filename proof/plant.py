@@ -182,11 +182,9 @@ def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, load: np.ndarray, extra_mas
 
 def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np.ndarray) -> np.ndarray:
     """Moment (N, 6, 3) in the world that gravity exerts about the origin of {j} on everything beyond joint j."""
-    out = np.empty_like(os)
-    for j in range(6):
-        arm_ = where[:, j:] - os[:, j, None]
-        out[:, j] = np.cross(arm_, masses[:, j:, None] * g).sum(1)
-    return out
+    beyond = np.cumsum(masses[:, ::-1], 1)[:, :0:-1]  # the last body is the tool, which is beyond the last joint too
+    first = np.cumsum((masses[..., None] * where)[:, ::-1], 1)[:, :0:-1]
+    return np.cross(first - beyond[..., None] * os, g)
 
 
 @dataclass
@@ -257,19 +255,22 @@ class Poses:
     machine: Machine
 
 
-def simulate(arm: Arm, s: Session, effects=(), passes: int = 4) -> Poses:
-    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes."""
+def simulate(arm: Arm, s: Session, effects=(), passes: int = 4, start: Machine | None = None) -> Poses:
+    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes, of which
+    two are enough from the torques of nearly the same machine, `start`."""
     from effects import ACT
 
     tau = np.zeros_like(s.q)
     moment = np.zeros((len(s.q), 6, 3))
+    if start is not None:
+        tau, moment, passes = start.tau, start.moment, 2
     for _ in range(passes):
         m = Machine(arm, s)
         m.tau, m.moment = tau, moment
         for e in effects:
             ACT[e["effect"]](m, s, arm, e["site"], e["p"])
         theta = s.q + arm.offset + m.angle + arm.compliance * tau
-        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt)
+        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt if m.tilt.any() else None)
         masses, where = bodies(arm, rs, os, s.added, m.extra_mass, m.extra_cog)
         world = gravity_moments(masses, where, os, GRAVITY * m.down)
         moment = np.einsum("njba,njb->nja", rs, world)

@@ -176,8 +176,9 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
                     share(count(alias), len(xs)),
                     share(count(alike), len(xs)),
                     share(len(xs) - len(named), len(xs)),
-                    sum(not alike(f, c.effects[0]) for c in xs for f in c.findings[1:]),
+                    sum(len(c.findings[1:]) for c in xs),
                     sum(f["confidence"] >= SURE and not alike(f, c.effects[0]) for c in xs for f in c.findings),
+                    f"{np.mean([len(first(c).get('rivals', [])) for c in named]):.1f}" if named else "-",
                 ]
             )
         what = "tracker points" if size == "tracker" else f"{size} touches"
@@ -190,6 +191,7 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
             "nothing named",
             "extra names",
             "wrong and sure",
+            "rivals",
         ]
         t.table(f"{title}, {what}", head, rows)
         seen = [c for c in group if c.effects[0]["lambda"] >= 6]
@@ -224,6 +226,21 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
     t.table(
         f"{title}: confusion at lambda >= 6 (= alias, ~ alike)", ["true effect", "cases", "right", "taken for"], rows
     )
+
+
+def score_sessions(cases: list[Case], t: Tables):
+    """One visible effect, by what the session was like."""
+    rows = []
+    seen = [c for c in cases if c.effects[0]["lambda"] >= 6]
+    for key in ("order", "sides", "commanded", "thermometer", "payload_schedule"):
+        groups = defaultdict(list)
+        for c in seen:
+            groups[c.truth["session"][key]].append(c)
+        for value, xs in sorted(groups.items(), key=lambda g: str(g[0])):
+            hits = [sum(bool(first(c)) and rule(first(c), c.effects[0]) for c in xs) for rule in (same, alike)]
+            what = {True: "yes", False: "no"}.get(value, value)
+            rows.append([key.replace("_", " "), what, len(xs), *(share(h, len(xs)) for h in hits)])
+    t.table("One effect at lambda >= 6, by session", ["", "", "cases", "right", "with alikes"], rows)
 
 
 def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
@@ -495,7 +512,9 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     t = Tables()
     score_single(by["single"], "One effect", t, True)
     score_single(by["tracker"], "One effect", t, True)
+    score_single(by["strong"], "One strong effect", t, False)
     score_single([c for c in by["mujoco"] if c.effects], "One mechanical effect in MuJoCo", t, True)
+    score_sessions(by["single"] + by["tracker"], t)
     score_none(by["none"], "No effect", t, True)
     score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from effects import FAMILIES, Context
-from plant import Arm, Session, readings, simulate
+from plant import Arm, Machine, Session, readings, simulate
 
 
-def tips(arm: Arm, s: Session, offset: np.ndarray) -> np.ndarray:
+def tips(arm: Arm, s: Session, offset: np.ndarray, start: Machine) -> np.ndarray:
     """World position (N, 3) of the point that the reading says is at the ball (or the tracker's target)."""
-    poses = simulate(arm, s)
+    poses = simulate(arm, s, start=start)
     return poses.tcp + np.einsum("nij,nj->ni", poses.r, offset)
 
 
@@ -51,13 +51,14 @@ def parameters(arm: Arm) -> list[tuple[str, Arm, Arm, float]]:
 def jacobian(arm: Arm, s: Session) -> np.ndarray:
     """(3N, 31), central differences of the residual in the world."""
     offset = s.reading if s.touch else np.zeros((len(s.q), 3))
+    start = simulate(arm, s).machine
     columns = [
-        (tips(b, s, offset) - tips(a, s, offset)).ravel() / (2 * h)
+        (tips(b, s, offset, start) - tips(a, s, offset, start)).ravel() / (2 * h)
         for name, a, b, h in parameters(arm)
         if s.touch or not name.startswith("base")
     ]
     if not s.touch:  # in place of the base the tracker's frame, which gravity does not follow
-        p = tips(arm, s, offset)
+        p = tips(arm, s, offset, start)
         for e in np.eye(3):
             columns += [np.tile(e, len(p)), np.cross(e, p).ravel()]
     return np.stack(columns, 1)
@@ -78,7 +79,7 @@ class Design:
     def signature(self, effects, free_of=()) -> np.ndarray:
         """(3N): how the effects move the residual, against the machine with only `free_of`."""
         without = self.without if not free_of else simulate(self.arm, self.s, free_of)
-        with_ = simulate(self.arm, self.s, [*free_of, *effects])
+        with_ = simulate(self.arm, self.s, [*free_of, *effects], start=self.without.machine)
         if self.s.touch:
             d = self.read(with_) - self.read(without)
             return np.einsum("nij,nj->ni", self.without.r, d).ravel()

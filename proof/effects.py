@@ -204,7 +204,7 @@ def out_region_ramp(m, s, arm, site, p):
     """Beyond a threshold the error grows with the square of the angle."""
     x = s.q[:, p["of"] - 1]
     beyond = np.maximum(0.0, x - p["threshold"] if p["above"] else p["threshold"] - x)
-    m.angle[:, _j(site)] += p["size"] * (beyond / (25 * DEG)) ** 2
+    m.angle[:, _j(site)] += p["size"] * (beyond / p["range"]) ** 2
 
 
 @act
@@ -314,6 +314,11 @@ def joints(*js):
     return lambda ctx: [{"joint": j} for j in js]
 
 
+def loaded(*js):
+    """Joints that gravity turns at all: a load on the axis of joint 6 leaves nothing for an effect of torque."""
+    return lambda ctx: [{"joint": j} for j in js if ctx.tau_max(j) > 0.01]
+
+
 def here(name):
     return lambda ctx: [{name: True}]
 
@@ -363,7 +368,7 @@ FAMILIES: dict[str, Family] = {
         lambda c, s: [[{"gap": 120 * ARCSEC}]],
     ),
     "load_friction": Family(
-        joints(2, 3, 4, 5, 6),
+        loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: {
             "gap": log_uniform(rng, 2 * ARCSEC, 40 * ARCSEC),
             "per_nm": log_uniform(rng, 5 * ARCSEC, 60 * ARCSEC) / c.tau_max(s["joint"]),
@@ -373,7 +378,7 @@ FAMILIES: dict[str, Family] = {
         ],
     ),
     "lost_motion_gravity": Family(
-        joints(2, 3, 4, 5, 6),
+        loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: {
             "gap": log_uniform(rng, 0.01 * DEG, 0.04 * DEG),
             "soft_nm": float(rng.uniform(0.03, 0.15)) * c.tau_max(s["joint"]),
@@ -399,7 +404,7 @@ FAMILIES: dict[str, Family] = {
         lambda c, s: [[{"k": 2e-3}]],
     ),
     "nonlinear_stiffness": Family(
-        joints(2, 3, 4, 5, 6),
+        loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: stiffness(
             c, s, float(rng.uniform(0.15, 0.5)), ("soft_start", "square", "cube")[rng.integers(3)]
         ),
@@ -524,7 +529,9 @@ def inside(rng, x, low=0.2, high=0.8) -> float:
 def _region(rng, c, s, size):
     of = s["joint"] if rng.random() < 0.6 else int(rng.integers(1, 7))
     x = c.s.q[:, of - 1]
-    return {"of": of, "threshold": inside(rng, x), "above": bool(rng.random() < 0.5), "size": size}
+    threshold, above = inside(rng, x), bool(rng.random() < 0.5)
+    beyond = float(x.max() - threshold if above else threshold - x.min())
+    return {"of": of, "threshold": threshold, "above": above, "size": size, "range": beyond}
 
 
 OUTSIDE: dict[str, Family] = {
@@ -532,7 +539,7 @@ OUTSIDE: dict[str, Family] = {
         joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.01 * DEG, 0.06 * DEG)), None
     ),
     "out_region_ramp": Family(
-        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.01 * DEG, 0.06 * DEG)), None
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.02 * DEG, 0.12 * DEG)), None
     ),
     "out_cable_drag": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -548,7 +555,7 @@ OUTSIDE: dict[str, Family] = {
         joints(1, 2, 3, 4, 5, 6),
         lambda rng, c, s: {
             "size": signed(rng, 0.005 * DEG, 0.03 * DEG),
-            "n": int(rng.integers(2, 9)),
+            "n": int(rng.integers(7, 10)),  # whose first wave is neither a joint harmonic nor a ripple of the catalogue
             "phase": float(rng.uniform(0, 2 * np.pi)),
         },
         None,

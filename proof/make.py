@@ -115,7 +115,7 @@ def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
 
 
 def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: float, others=()):
-    """One effect that is not in `others`: family uniform, then site, then size; redrawn until lambda reaches `visible`."""
+    """One effect that is not in `others`: family, then site, then size; all redrawn until lambda reaches `visible`."""
     for _ in range(200):
         name = pick(rng, sorted(families))
         family = families[name]

@@ -193,7 +193,7 @@ def experiment(arm: Arm, s: Session, effects=()) -> Poses:
 
 SITES: dict[str, list[dict]] = {
     "lost_motion_direction": [{"joint": j} for j in range(1, 7)],
-    "load_friction": [{"joint": j} for j in range(2, 7)],
+    "load_friction": [{"joint": j} for j in range(2, 7)],  # as the two below, where gravity turns the joint at all
     "lost_motion_gravity": [{"joint": j} for j in range(2, 7)],
     "nonlinear_stiffness": [{"joint": j} for j in range(2, 7)],
     "cross_axis_compliance": [{"joint": j} for j in range(1, 7)],
@@ -244,6 +244,9 @@ def draw(rng: np.random.Generator, arm: Arm, s: Session, visible: float) -> dict
     for _ in range(60):
         kind = pick(rng, sorted(SITES))
         site = pick(rng, SITES[kind])
+        if kind in ("load_friction", "lost_motion_gravity", "nonlinear_stiffness"):
+            if np.abs(tau[:, site["joint"] - 1]).max() < 0.01:
+                continue
         effect = {"effect": kind, "site": site, "p": size(rng, arm, tau, kind, site)}
         moved = (without - experiment(arm, s, [effect]).tcp).ravel()
         if np.linalg.norm(design.project(moved)) / s.sigma >= visible:

@@ -256,8 +256,8 @@ class Poses:
 
 
 def simulate(arm: Arm, s: Session, effects=(), passes: int = 4, start: Machine | None = None) -> Poses:
-    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes, of which
-    two are enough from the torques of nearly the same machine, `start`."""
+    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes. From
+    the torques of nearly the same machine, `start`, two are enough."""
     from effects import ACT
 
     tau = np.zeros_like(s.q)

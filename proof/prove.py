@@ -1,4 +1,4 @@
-"""The whole proof: make every kind of case, print the hashes of the sealed truths, run the binary, score, write a table.
+"""The whole proof: make every kind of case, print the hashes of the sealed truths, run the binary, write the table.
 
 Run it as `proof/prove`, which brings its own virtual environment.
 """
@@ -85,7 +85,7 @@ def prove(size: str, seed: int, out: Path, binary: Path, processes: int) -> Path
         f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} --size {size}`",
         f"- binary: {came_from}",
         f"- {', '.join(f'{kind} {count}' for kind, count in counts.items())}; touches {TOUCHES} in turn",
-        f"- {minutes:.1f} minutes with {processes} processes on {os.cpu_count()} cores, {made / 60:.1f} of them to draw",
+        f"- {minutes:.1f} minutes on {os.cpu_count()} cores ({processes} processes), {made / 60:.1f} of them to draw",
         f"- Python {platform.python_version()}, NumPy {version('numpy')}, MuJoCo {version('mujoco-core')}",
         "",
         "What the words mean, and what this cannot show: [README.md](README.md).",

@@ -451,8 +451,9 @@ def score_confidence(cases: list[Case], t: Tables):
             right.append(hit is not None)
     stated, right = np.array(stated), np.array(right)
     rows, good, bins = [], 0, 0
-    for low in np.arange(0.0, 1.0, 0.1):
-        m = (stated >= low) & ((stated < low + 0.1) | (low > 0.85))
+    decile = np.minimum((stated * 10 + 1e-9).astype(int), 9)
+    for k in range(10):
+        low, m = k / 10, decile == k
         if not m.any():
             continue
         a, b = stated[m].mean(), right[m].mean()

@@ -71,21 +71,41 @@ def device_orientations(rng: np.random.Generator, n: int, tilt_max: float) -> np
     return rot(2, heading) @ rot(1, tilt) @ rot(2, roll) @ rot(0, np.full(n, np.pi))
 
 
+class Unreachable(Exception):
+    """No configuration was found for a ball: the cell is drawn again."""
+
+
+def second_plate(arm: Arm, rng: np.random.Generator) -> Arm:
+    """The cell with three more balls, on a plate that stands high beside the first, tilted, with a known pose."""
+    towards = arm.balls.mean(0)[:2] - arm.base_xyz[:2]
+    heading = np.arctan2(towards[1], towards[0]) + rng.choice([-1, 1]) * rng.uniform(30, 100) * DEG
+    far, high = rng.uniform(150, 350) * MM, rng.uniform(420, 700) * MM
+    middle = arm.base_xyz + np.array([far * np.cos(heading), far * np.sin(heading), high])
+    turn = rot(2, rng.uniform(-np.pi, np.pi)) @ rot(0, rng.uniform(-20, 20) * DEG)
+    corners = 90 * MM * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.0, 2.1, 4.2)])
+    return arm.but(balls=np.concatenate([arm.balls, np.round((middle + corners @ turn.T) / MM, 3) * MM]))
+
+
 def touches(arm: Arm, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
     """`n` configurations (N, 6), spread evenly over the balls, and the ball (0-based) of each."""
-    per_ball = [n // 3 + (1 if k < n % 3 else 0) for k in range(3)]
+    count = len(arm.balls)
+    per_ball = [n // count + (1 if k < n % count else 0) for k in range(count)]
     qs, ids = [], []
     for k, want in enumerate(per_ball):
-        found = np.empty((0, 6))
+        found, tries = np.empty((0, 6)), 0
         while len(found) < want:
             m = 4 * want + 60
             goal = device_orientations(rng, m, 60 * DEG)
             seeds = rng.uniform(arm.limits[:, 0] * 0.8, arm.limits[:, 1] * 0.8, (m, 6))
-            seeds[:, 0] *= 0.4
+            if k < 3:
+                seeds[:, 0] *= 0.4
             seeds[:, 5] = rng.uniform(-np.pi, np.pi, m)
             q, ok = solve(arm, seeds, np.broadcast_to(arm.balls[k], (m, 3)), goal)
             q = q[ok & free(arm, q, -60 * MM)]
             found = np.concatenate([found, q])
+            tries += 1
+            if tries == 30 and len(found) < 5:
+                raise Unreachable(f"ball {k + 1}")
         qs.append(found[:want])
         ids.append(np.full(want, k))
     return np.concatenate(qs), np.concatenate(ids)
@@ -109,7 +129,7 @@ def ordered(rng: np.random.Generator, q: np.ndarray, ball: np.ndarray, style: st
     (`path`)."""
     order = rng.permutation(len(q))
     if style == "balls":
-        return order[np.argsort(rng.permutation(3)[ball[order]], kind="stable")]
+        return order[np.argsort(rng.permutation(ball.max() + 1)[ball[order]], kind="stable")]
     if style == "path":
         left, now, out = list(order), np.zeros(6), []
         while left:

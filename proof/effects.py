@@ -485,7 +485,7 @@ FAMILIES: dict[str, Family] = {
         touches=False,
     ),
     "ball_position": Family(
-        lambda c: [{"ball": k} for k in (1, 2, 3)],
+        lambda c: [{"ball": k + 1} for k in range(len(c.arm.balls))],
         lambda rng, c, s: {"by": vector(rng, 0.01 * MM, 0.2 * MM, 2)},
         lambda c, s: [units(0.2 * MM)[:2]],
         tracker=False,

@@ -51,6 +51,18 @@ VISIBLE, STRONG = 6.0, 15.0
 # ---- the session: where the arm is sent, when, and how it is read ------------------------------------------------
 
 
+def cell(rng: np.random.Generator, n: int, touch: bool) -> tuple[Arm, Session]:
+    """A nominal arm in its cell, which has a second plate of balls now and then, and the session planned for it."""
+    while True:
+        nominal = nominal_arm(rng)
+        if touch and rng.random() < 0.2:
+            nominal = configurations.second_plate(nominal, rng)
+        try:
+            return nominal, plan(nominal, rng, n, touch)
+        except configurations.Unreachable:
+            continue
+
+
 def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session:
     order = str(rng.choice(["random", "balls", "path"], p=[0.5, 0.25, 0.25] if touch else [0.6, 0.0, 0.4]))
     sides = str(rng.choice(["comes", "both", "one"], p=[0.75, 0.15, 0.1]))
@@ -174,8 +186,9 @@ def noise(rng, s: Session, kind: str) -> np.ndarray:
 def dirt(rng, s: Session) -> tuple[np.ndarray, dict[str, list[int]]]:
     """Gross errors (N, 3) m on what the reading should have been, and which rows are what (0-based)."""
     n = len(s.q)
-    rows = [int(r) for r in rng.choice(np.arange(1, n), 7, replace=False)]
-    kinds = {"outlier": sorted(rows[:3]), "stale_reading": sorted(rows[3:6]), "wrong_ball": rows[6:]}
+    gone, stale = (max(1, round(float(x) * n)) for x in rng.uniform(0.01, 0.04, 2))
+    rows = [int(r) for r in rng.choice(np.arange(1, n), gone + stale + 1, replace=False)]
+    kinds = {"outlier": sorted(rows[:gone]), "stale_reading": sorted(rows[gone:-1]), "wrong_ball": rows[-1:]}
     gross = np.zeros((n, 3))
     for r in kinds["outlier"] + kinds["stale_reading"]:
         v = rng.normal(size=3)
@@ -223,7 +236,7 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
             read[r] = read[r - 1]
         for r in rows.get("wrong_ball", []):
             ids = ids.copy()
-            ids[r] = 1 + ids[r] % 3
+            ids[r] = 1 + ids[r] % len(arm.balls)
     else:
         s = replace(s, q=rounded(s.q))
         where = zyx(rng.uniform(-np.pi, np.pi, 3) * [1.0, 0.1, 0.1]), rng.uniform(-2.0, 2.0, 3)
@@ -256,8 +269,8 @@ def how_many(kind: str, rng) -> tuple[int, float]:
         return {"none": 0, "pair": 2, "five": 5}[kind], VISIBLE
     if kind == "single":
         return 1, VISIBLE if rng.random() < 0.75 else 0.0
-    if kind == "nonwhite":
-        return int(rng.random() < 0.5), VISIBLE
+    if kind in ("nonwhite", "tracker"):
+        return int(rng.random() < (0.5 if kind == "nonwhite" else 0.8)), VISIBLE
     return 1, STRONG if kind == "strong" else VISIBLE
 
 
@@ -266,12 +279,11 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index])
     touch = kind != "tracker"
     n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
-    nominal = nominal_arm(rng)
+    nominal, s = cell(rng, n, touch)
     arm = true_arm(nominal, rng)
     if not touch:
         # a tracker's own frame does not say where the first axis leans: an unlevel base is an effect, and drawn as one
         arm = arm.but(base_zyx=nominal.base_zyx, alpha=np.append(nominal.alpha[0], arm.alpha[1:]))
-    s = plan(nominal, rng, n, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
     machine = simulate
@@ -332,6 +344,7 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
         "spread_mm": s.spread / MM,
         "session": {
             **s.style,
+            "balls": len(arm.balls) if s.touch else 0,
             "commanded": s.has_commanded,
             "thermometer": s.has_thermometer,
             "payload_schedule": s.load is not None,

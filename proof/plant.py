@@ -63,7 +63,7 @@ class Arm:
     tcp: np.ndarray
     tool_mass: float
     tool_cog: np.ndarray
-    balls: np.ndarray  # (3, 3) in the world
+    balls: np.ndarray  # (3 or 6, 3) in the world
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(6))  # rad/Nm, gives way in the sense of gravity
     name: str = "arm"
 
@@ -126,6 +126,8 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
     # the device's axes are those of {6}, says the contract: with theta_6 off, readings that are not nulled would be
     # skew
     offset[5] = 0.0
+    free = np.ones_like(nominal.balls)
+    free[:3] = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]  # the world is where the first three are
     return nominal.but(
         alpha=nominal.alpha + rng.normal(0, angle, 6),
         a=nominal.a + rng.normal(0, length, 6),
@@ -134,7 +136,7 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
         base_xyz=nominal.base_xyz + rng.normal(0, 2 * MM, 3),
         base_zyx=nominal.base_zyx + rng.normal(0, 0.2 * DEG, 3),
         tcp=nominal.tcp + rng.normal(0, 0.5 * MM, 3),
-        balls=nominal.balls + np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0]]) * rng.normal(0, 1e-6, (3, 3)),
+        balls=nominal.balls + free * rng.normal(0, 1e-6, nominal.balls.shape),
         compliance=compliance,
     )
 
@@ -240,7 +242,7 @@ class Machine:
         self.frame = np.zeros((n, 3))  # m, in the tracker's frame: shift of what it says
         self.gauge = np.broadcast_to(np.eye(3), (n, 3, 3)).copy()  # reading = gauge @ true offset + drift
         self.gauge_drift = np.zeros((n, 3))
-        self.ball_shift = np.zeros((3, 3))
+        self.ball_shift = np.zeros_like(arm.balls)
         self.tau = np.zeros((n, 6))  # N m about the joint axes, from the last pass
         self.moment = np.zeros((n, 6, 3))  # N m in {j}
 

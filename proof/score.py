@@ -232,7 +232,7 @@ def score_sessions(cases: list[Case], t: Tables):
     """One visible effect, by what the session was like."""
     rows = []
     seen = [c for c in cases if c.effects[0]["lambda"] >= 6]
-    for key in ("order", "sides", "commanded", "thermometer", "payload_schedule"):
+    for key in ("balls", "order", "sides", "commanded", "thermometer", "payload_schedule"):
         groups = defaultdict(list)
         for c in seen:
             groups[c.truth["session"][key]].append(c)
@@ -266,9 +266,8 @@ def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
         )
         if targets:
             limit = 0.05 if size == "< 150" else 0.02
-            t.target(
-                f"{title}, {size} touches: false alarms", f"<= {100 * limit:.0f} %", len(alarms), len(xs), at_most=limit
-            )
+            what = "tracker points" if size == "tracker" else f"{size} touches"
+            t.target(f"{title}, {what}: false alarms", f"<= {100 * limit:.0f} %", len(alarms), len(xs), at_most=limit)
     head = ["touches", "noise", "cases", "named something", "only unexplained", "rows rejected", "names"]
     t.table(title, head, rows)
 
@@ -512,11 +511,12 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
         by[c.truth["kind"]].append(c)
     t = Tables()
     score_single(by["single"], "One effect", t, True)
-    score_single(by["tracker"], "One effect", t, True)
+    points = [c for c in by["tracker"] if c.effects]
+    score_single(points, "One effect", t, True)
     score_single(by["strong"], "One strong effect", t, False)
     score_single([c for c in by["mujoco"] if c.effects], "One mechanical effect in MuJoCo", t, True)
-    score_sessions(by["single"] + by["tracker"], t)
-    score_none(by["none"], "No effect", t, True)
+    score_sessions(by["single"] + points, t)
+    score_none(by["none"] + [c for c in by["tracker"] if not c.effects], "No effect", t, True)
     score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)
     score_several(by["five"], "Five effects", t, False, 0.0)
@@ -527,7 +527,7 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_single(by["dirty"], "One effect under outliers, stale rows and a wrong ball", t, False)
     if by["dirty"]:
         score_dirty(by["dirty"], t)
-    score_holdout(by["single"] + by["tracker"], t)
+    score_holdout(by["single"] + points, t)
     score_confidence(by["none"] + by["single"] + by["pair"] + by["tracker"], t)
     score_blind(by["none"] + by["single"] + by["tracker"], t)
     silent = [c for c in cases if c.answer is None]

@@ -63,6 +63,15 @@ def cell(rng: np.random.Generator, n: int, touch: bool) -> tuple[Arm, Session]:
             continue
 
 
+def built(nominal: Arm, rng: np.random.Generator, touch: bool) -> Arm:
+    """The true arm."""
+    arm = true_arm(nominal, rng)
+    if not touch:
+        # a tracker's own frame does not say where the first axis leans: an unlevel base is an effect, and drawn as one
+        arm = arm.but(base_zyx=nominal.base_zyx, alpha=np.append(nominal.alpha[0], arm.alpha[1:]))
+    return arm
+
+
 def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session:
     order = str(rng.choice(["random", "balls", "path"], p=[0.5, 0.25, 0.25] if touch else [0.6, 0.0, 0.4]))
     sides = str(rng.choice(["comes", "both", "one"], p=[0.75, 0.15, 0.1]))
@@ -280,10 +289,7 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
     touch = kind != "tracker"
     n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
     nominal, s = cell(rng, n, touch)
-    arm = true_arm(nominal, rng)
-    if not touch:
-        # a tracker's own frame does not say where the first axis leans: an unlevel base is an effect, and drawn as one
-        arm = arm.but(base_zyx=nominal.base_zyx, alpha=np.append(nominal.alpha[0], arm.alpha[1:]))
+    arm = built(nominal, rng, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
     machine = simulate

@@ -212,7 +212,7 @@ def test_effect_free_recordings_hide_nothing(touch: bool) -> None:
         columns, s, _ = make.measure(rng, arm, s, [], "white", False)
         points = None if touch else np.stack([columns[f"{a}_mm"][0] for a in "xyz"], 1) * MM
         rest = fitted(nominal, s, points)
-        # balls are a micrometre off, readings and points are rounded; a second-order rest of redundant parameters remains
+        # balls are a micrometre off, points are rounded, and redundant parameters are so only to first order
         assert np.sqrt(np.mean(rest**2)) < (1.0e-6 if touch else 0.4e-6), seed
 
 

@@ -574,7 +574,8 @@ OUTSIDE: dict[str, Family] = {
         None,
     ),
     "out_creep": Family(
-        joints(1, 2, 3, 4, 5, 6),
+        # without a thermometer this would be the catalogue's own warm-up
+        lambda c: joints(1, 2, 3, 4, 5, 6)(c) if c.s.has_thermometer else [],
         lambda rng, c, s: {
             "size": signed(rng, 0.02 * DEG, 0.08 * DEG),
             "tau_s": float(rng.uniform(0.06, 0.15)) * float(c.s.t[-1] - c.s.t[0]),
@@ -608,11 +609,11 @@ def variable_of(effect: dict) -> list[str] | None:
         "out_region_ramp": lambda: [f"q{p['of']}"],
         "out_cable_drag": lambda: [f"q{j}", f"q{p['with']}"],
         "out_square_wave": lambda: [f"q{j}"],
-        "out_hysteresis_memory": lambda: [f"dir{j}", f"q{j}"],
+        "out_hysteresis_memory": lambda: [f"dir{j}", f"travel{j}", f"q{j}"],
         "out_backlash_change": lambda: ["t", "time", "t_s", f"dir{j}"],
         "out_creep": lambda: ["t", "time", "t_s", "temp", "temp_c"],
         "out_quantised_encoder": lambda: [f"q{j}"],
-        "out_overshoot": lambda: None,
+        "out_overshoot": lambda: [f"travel{j}"],
         "out_bump": lambda: [f"q{j}"],
     }[effect["effect"]]()
 

@@ -42,7 +42,7 @@ from plant import (
     true_arm,
     zyx,
 )
-from visible import Design, context, survey
+from visible import Design, Invisible, context, survey
 
 KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
 VISIBLE, STRONG = 6.0, 15.0
@@ -148,14 +148,15 @@ def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: fl
             if not sites:
                 break
             site = pick(rng, sites)
-            if any(o["effect"] == name and o["site"] == site for o in others):
+            late = name == "late_joint_reading"  # one story of what commanded and reported joints mean
+            if any(o["effect"] == name and (late or o["site"] == site) for o in others):
                 continue
-            session = with_lag(s, rng, site) if name == "late_joint_reading" else s
+            session = with_lag(s, rng, site) if late else s
             effect = {"effect": name, "site": site, "p": family.draw(rng, context_of(arm, session), site)}
             here = design if session is s else Design(arm, session)
             if visible == 0.0 or here.lam([effect]) >= visible:
                 return effect, session, here
-    raise RuntimeError("no visible effect was drawn")
+    raise Invisible
 
 
 _contexts: dict[int, object] = {}
@@ -285,7 +286,16 @@ def how_many(kind: str, rng) -> tuple[int, float]:
 
 def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str, dict[str, str], dict]:
     """Id, files, truth."""
-    rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index])
+    for attempt in range(20):
+        try:
+            return _case(kind, seed, index, touches, attempt)
+        except Invisible:  # a session that shows next to nothing
+            continue
+    raise Invisible(f"{kind} {index}: 20 sessions in vain")
+
+
+def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> tuple[str, dict[str, str], dict]:
+    rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index, attempt])
     touch = kind != "tracker"
     n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
     nominal, s = cell(rng, n, touch)

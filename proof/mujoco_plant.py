@@ -25,7 +25,7 @@ import numpy as np
 
 from effects import ARCSEC, log_uniform, pick, signed, vector
 from plant import DEG, GRAVITY, Arm, Machine, Poses, Session, rot, rot_vector, simulate, zyx
-from visible import Design
+from visible import Design, Invisible
 
 STEP = 1e-3  # s
 APPROACH = 0.2 * DEG  # the last stretch of the way to a pose, which winds the gears up
@@ -241,7 +241,7 @@ def draw(rng: np.random.Generator, arm: Arm, s: Session, visible: float) -> dict
     """An effect whose lambda, by experiments, is at least `visible`."""
     tau = simulate(arm, s).machine.tau
     design, without = Design(arm, s), experiment(arm, s).tcp
-    for _ in range(60):
+    for _ in range(40):
         kind = pick(rng, sorted(SITES))
         site = pick(rng, SITES[kind])
         if kind in ("load_friction", "lost_motion_gravity", "nonlinear_stiffness"):
@@ -251,4 +251,4 @@ def draw(rng: np.random.Generator, arm: Arm, s: Session, visible: float) -> dict
         moved = (without - experiment(arm, s, [effect]).tcp).ravel()
         if np.linalg.norm(design.project(moved)) / s.sigma >= visible:
             return effect
-    raise RuntimeError("no visible mechanical effect was drawn")
+    raise Invisible

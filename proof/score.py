@@ -423,8 +423,8 @@ def score_holdout(cases: list[Case], t: Tables):
         floor = np.array([np.sqrt(3) * c.truth["sigma_mm"] for c in xs])
         n = np.array([c.truth["measurements"] for c in xs])
         p = np.array([c.answer["final"]["parameters"] for c in xs])
-        before = np.array([c.answer["baseline"].get("holdout_rms_mm", np.nan) for c in xs]) / floor
-        after = np.array([c.answer["final"]["holdout_rms_mm"] for c in xs]) / floor
+        before = np.array([c.answer["baseline"].get("holdout_rms_mm") or np.nan for c in xs]) / floor
+        after = np.array([c.answer["final"].get("holdout_rms_mm") or np.nan for c in xs]) / floor
         fair = after / np.sqrt(1 + p / (3 * 0.75 * n))
         q = lambda v: f"{np.nanmedian(v):.3f} / {np.nanquantile(v, 0.9):.3f}"  # noqa: E731
         rows.append([size, len(xs), q(before), q(after), q(fair)])

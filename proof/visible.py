@@ -64,6 +64,10 @@ def jacobian(arm: Arm, s: Session) -> np.ndarray:
     return np.stack(columns, 1)
 
 
+class Invisible(Exception):
+    """No effect was drawn that this session could show."""
+
+
 class Design:
     """One recording's projection. `signature` and `seen` take lists of effects."""
 

@@ -146,6 +146,7 @@ def test_every_effect_moves_the_arm_in_proportion_to_its_size(name: str) -> None
         spread=MM,
         reading=rng.normal(0, MM, (len(s.q), 3)) if s.touch else None,
         has_commanded=True,
+        has_thermometer=True,
     )
     if name == "late_joint_reading":
         s = make.with_lag(s, rng, {"joints": True})

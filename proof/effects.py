@@ -75,7 +75,11 @@ def joint_coupling(m, s, arm, site, p):
 def nonlinear_stiffness(m, s, arm, site, p):
     j = _j(site)
     x = m.tau[:, j] / p["scale_nm"]
-    shape = {"soft_start": lambda: np.clip(x / 0.3, -1, 1), "square": lambda: x * np.abs(x), "cube": lambda: x**3}
+    shape = {
+        "soft_start": lambda: np.clip(x / p["until"], -1, 1),
+        "square": lambda: x * np.abs(x),
+        "cube": lambda: x**3,
+    }
     m.angle[:, j] += p["size"] * shape[p["shape"]]()
 
 
@@ -355,10 +359,10 @@ def late_sites(ctx):
     return [{"joints": True}] * 3 + [{"joint": j} for j in range(1, 7)]
 
 
-def stiffness(ctx, site, share, shape):
+def stiffness(ctx, site, share, shape, until):
     j = site["joint"]
     tau = ctx.tau_max(j)
-    return {"shape": shape, "scale_nm": tau, "size": share * float(ctx.arm.compliance[j - 1]) * tau}
+    return {"shape": shape, "until": until, "scale_nm": tau, "size": share * float(ctx.arm.compliance[j - 1]) * tau}
 
 
 FAMILIES: dict[str, Family] = {
@@ -383,7 +387,7 @@ FAMILIES: dict[str, Family] = {
             "gap": log_uniform(rng, 0.01 * DEG, 0.04 * DEG),
             "soft_nm": float(rng.uniform(0.03, 0.15)) * c.tau_max(s["joint"]),
         },
-        lambda c, s: [[{"gap": 0.04 * DEG, "soft_nm": 0.05 * c.tau_max(s["joint"])}]],
+        lambda c, s: [[{"gap": 0.04 * DEG, "soft_nm": x * c.tau_max(s["joint"])}] for x in (0.02, 0.05, 0.1, 0.2)],
     ),
     "joint_harmonic": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -406,9 +410,17 @@ FAMILIES: dict[str, Family] = {
     "nonlinear_stiffness": Family(
         loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: stiffness(
-            c, s, float(rng.uniform(0.15, 0.5)), ("soft_start", "square", "cube")[rng.integers(3)]
+            c,
+            s,
+            float(rng.uniform(0.15, 0.5)),
+            pick(rng, ["soft_start", "square", "cube"]),
+            float(rng.uniform(0.2, 0.6)),
         ),
-        lambda c, s: [[stiffness(c, s, 0.5, x)] for x in ("soft_start", "square", "cube")],
+        # a diagnosis scans shape constants, so what can be told apart is asked of several
+        lambda c, s: [
+            *([stiffness(c, s, 0.5, "soft_start", until)] for until in (0.15, 0.3, 0.5)),
+            *([stiffness(c, s, 0.5, x, 1.0)] for x in ("square", "cube")),
+        ],
     ),
     "cross_axis_compliance": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -600,9 +612,8 @@ OUTSIDE: dict[str, Family] = {
 }
 
 
-def variable_of(effect: dict) -> list[str] | None:
-    """Covariates by which an effect outside the catalogue may rightly be located; None where none of the usual ones
-    is."""
+def variable_of(effect: dict) -> list[str]:
+    """Covariates by which an effect outside the catalogue may rightly be located."""
     j, p = effect["site"]["joint"], effect["p"]
     return {
         "out_region_step": lambda: [f"q{p['of']}"],

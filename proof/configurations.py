@@ -1,7 +1,8 @@
 """Where the arm is sent: touches of the balls and tracker poses, by an inverse kinematics of our own.
 
-Newton (Levenberg-Marquardt) from random seeds on many targets at once; what does not converge, breaks a limit or comes near
-the table or the column is thrown away. Rough on purpose: the proof needs believable configurations, not a planner.
+Newton (Levenberg-Marquardt) from random seeds on many targets at once; what does not converge, breaks a limit or comes
+near the table or the column is thrown away. Rough on purpose: the proof needs believable configurations, not a
+planner.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def free(arm: Arm, q: np.ndarray, table_z: float) -> np.ndarray:
     """Within limits with two degrees to spare, joints away from the column, above the table (world z, m)."""
     low, high = arm.limits[:, 0] + 2 * DEG, arm.limits[:, 1] - 2 * DEG
     ok = ((q > low) & (q < high)).all(1)
-    rs, os, p = flange(arm, q)
+    _, os, p = flange(arm, q)
     elbow = os[:, 2]
     wrist, end = os[:, 4], os[:, 5]
     for point, clearance in ((elbow, 60 * MM), (0.5 * (elbow + wrist), 60 * MM), (wrist, 70 * MM), (end, 40 * MM)):
@@ -70,25 +71,44 @@ def device_orientations(rng: np.random.Generator, n: int, tilt_max: float) -> np
     return rot(2, heading) @ rot(1, tilt) @ rot(2, roll) @ rot(0, np.full(n, np.pi))
 
 
+class Unreachable(Exception):
+    """No configuration was found for a ball: the cell is drawn again."""
+
+
+def second_plate(arm: Arm, rng: np.random.Generator) -> Arm:
+    """The cell with three more balls, on a plate that stands high beside the first, tilted, with a known pose."""
+    towards = arm.balls.mean(0)[:2] - arm.base_xyz[:2]
+    heading = np.arctan2(towards[1], towards[0]) + rng.choice([-1, 1]) * rng.uniform(30, 100) * DEG
+    far, high = rng.uniform(150, 350) * MM, rng.uniform(420, 700) * MM
+    middle = arm.base_xyz + np.array([far * np.cos(heading), far * np.sin(heading), high])
+    turn = rot(2, rng.uniform(-np.pi, np.pi)) @ rot(0, rng.uniform(-20, 20) * DEG)
+    corners = 90 * MM * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.0, 2.1, 4.2)])
+    return arm.but(balls=np.concatenate([arm.balls, np.round((middle + corners @ turn.T) / MM, 3) * MM]))
+
+
 def touches(arm: Arm, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """`n` configurations (N, 6) in random order, spread evenly over the balls, and the ball (0-based) of each."""
-    per_ball = [n // 3 + (1 if k < n % 3 else 0) for k in range(3)]
+    """`n` configurations (N, 6), spread evenly over the balls, and the ball (0-based) of each."""
+    count = len(arm.balls)
+    per_ball = [n // count + (1 if k < n % count else 0) for k in range(count)]
     qs, ids = [], []
     for k, want in enumerate(per_ball):
-        found = np.empty((0, 6))
+        found, tries = np.empty((0, 6)), 0
         while len(found) < want:
             m = 4 * want + 60
             goal = device_orientations(rng, m, 60 * DEG)
             seeds = rng.uniform(arm.limits[:, 0] * 0.8, arm.limits[:, 1] * 0.8, (m, 6))
-            seeds[:, 0] *= 0.4
+            if k < 3:
+                seeds[:, 0] *= 0.4
             seeds[:, 5] = rng.uniform(-np.pi, np.pi, m)
             q, ok = solve(arm, seeds, np.broadcast_to(arm.balls[k], (m, 3)), goal)
             q = q[ok & free(arm, q, -60 * MM)]
             found = np.concatenate([found, q])
+            tries += 1
+            if tries == 30 and len(found) < 5:
+                raise Unreachable(f"ball {k + 1}")
         qs.append(found[:want])
         ids.append(np.full(want, k))
-    order = rng.permutation(n)
-    return np.concatenate(qs)[order], np.concatenate(ids)[order]
+    return np.concatenate(qs), np.concatenate(ids)
 
 
 def tracker(arm: Arm, rng: np.random.Generator, n: int) -> np.ndarray:
@@ -104,9 +124,31 @@ def tracker(arm: Arm, rng: np.random.Generator, n: int) -> np.ndarray:
     return found[:n]
 
 
-def senses(q: np.ndarray) -> np.ndarray:
-    """Sense of each joint's last motion; the arm starts from its zero position."""
-    return np.sign(np.diff(np.concatenate([np.zeros((1, 6)), q]), axis=0)).astype(int)
+def ordered(rng: np.random.Generator, q: np.ndarray, ball: np.ndarray, style: str) -> np.ndarray:
+    """The order in which configurations are visited: `random`, ball after ball (`balls`), or each next the nearest
+    (`path`)."""
+    order = rng.permutation(len(q))
+    if style == "balls":
+        return order[np.argsort(rng.permutation(ball.max() + 1)[ball[order]], kind="stable")]
+    if style == "path":
+        left, now, out = list(order), np.zeros(6), []
+        while left:
+            k = int(np.argmin(np.abs(q[left] - now).max(1)))
+            out.append(left.pop(k))
+            now = q[out[-1]]
+        return np.array(out)
+    return order
+
+
+def approaches(rng: np.random.Generator, q: np.ndarray, style: str) -> np.ndarray:
+    """Sense of each joint's last motion (N, 6): as the arm `comes` from pose to pose, starting from its zero position,
+    always from `one` side, as some procedures demand, or from `both` sides, rows in pairs."""
+    come = np.sign(np.diff(np.concatenate([np.zeros((1, 6)), q]), axis=0)).astype(int)
+    if style == "one":
+        return np.broadcast_to(rng.choice([-1, 1], 6), q.shape).copy()
+    if style == "both":
+        come[1::2] = -come[: 2 * (len(q) // 2) : 2]
+    return come
 
 
 def clock(rng: np.random.Generator, n: int, spacing: float) -> np.ndarray:
@@ -118,3 +160,9 @@ def warm_up(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
     rise, tau = rng.uniform(2.0, 10.0), rng.uniform(1200.0, 5000.0)
     room = 0.3 * np.sin(2 * np.pi * (t / rng.uniform(3000, 9000) + rng.random()))
     return rng.uniform(19.0, 24.0) + rise * (1 - np.exp(-t / tau)) + room - room[0]
+
+
+def loads(rng: np.random.Generator, n: int) -> np.ndarray:
+    """A schedule of added mass (N, kg): mounted and taken off again in blocks, as one does it by hand."""
+    blocks = int(rng.integers(2, 7))
+    return np.where(np.arange(n) * blocks // n % 2 == 1, round(float(rng.uniform(0.4, 1.5)), 2), 0.0)

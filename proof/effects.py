@@ -1,14 +1,15 @@
 """What an effect does to the machine, how big it typically is, and at which sites it can sit.
 
-`ACT[name](machine, session, arm, site, p)` moves the machine. `FAMILIES[name]` draws a site and a size, and gives parameter
-sets that span the effect's linear family at a site, which is what the scorer needs to know what the data can tell apart.
-Sizes are the "typical sizes on a small arm" of the project's list of effects; nothing here comes from the workspace's code.
+`ACT[name](machine, session, arm, site, p)` moves the machine. `FAMILIES[name]` draws a site and a size, and gives
+parameter sets that span the effect's linear family at a site, which is what the scorer needs to know what the data can
+tell apart. Sizes are the "typical sizes on a small arm" of the project's list of effects; nothing here comes from the
+workspace's code.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def _j(site) -> int:
     return site["joint"] - 1
 
 
-# ---- the catalogue ---------------------------------------------------------------------------------------------------
+# ---- the catalogue -----------------------------------------------------------------------------------------------
 
 
 @act
@@ -74,7 +75,11 @@ def joint_coupling(m, s, arm, site, p):
 def nonlinear_stiffness(m, s, arm, site, p):
     j = _j(site)
     x = m.tau[:, j] / p["scale_nm"]
-    shape = {"soft_start": lambda: np.clip(x / 0.3, -1, 1), "square": lambda: x * np.abs(x), "cube": lambda: x**3}
+    shape = {
+        "soft_start": lambda: np.clip(x / p["until"], -1, 1),
+        "square": lambda: x * np.abs(x),
+        "cube": lambda: x**3,
+    }
     m.angle[:, j] += p["size"] * shape[p["shape"]]()
 
 
@@ -188,7 +193,7 @@ def late_joint_reading(m, s, arm, site, p):
         m.angle[:, j] += p["share"] * s.lag[:, j]
 
 
-# ---- outside the catalogue -------------------------------------------------------------------------------------------
+# ---- outside the catalogue ---------------------------------------------------------------------------------------
 
 
 @act
@@ -203,7 +208,7 @@ def out_region_ramp(m, s, arm, site, p):
     """Beyond a threshold the error grows with the square of the angle."""
     x = s.q[:, p["of"] - 1]
     beyond = np.maximum(0.0, x - p["threshold"] if p["above"] else p["threshold"] - x)
-    m.angle[:, _j(site)] += p["size"] * (beyond / (25 * DEG)) ** 2
+    m.angle[:, _j(site)] += p["size"] * (beyond / p["range"]) ** 2
 
 
 @act
@@ -268,7 +273,7 @@ def out_bump(m, s, arm, site, p):
     m.angle[:, j] += p["size"] * np.exp(-0.5 * ((s.q[:, j] - p["centre"]) / p["width"]) ** 2)
 
 
-# ---- drawing ---------------------------------------------------------------------------------------------------------
+# ---- drawing -----------------------------------------------------------------------------------------------------
 
 
 def log_uniform(rng, low, high) -> float:
@@ -299,8 +304,8 @@ class Context:
 
 @dataclass
 class Family:
-    """`sites(ctx)`; `draw(rng, ctx, site)` -> p; `span(ctx, site)` -> variants, each a list of p that span it linearly at the
-    large end of the typical sizes."""
+    """`sites(ctx)`; `draw(rng, ctx, site)` -> p; `span(ctx, site)` -> variants, each a list of p that span it linearly
+    at the large end of the typical sizes."""
 
     sites: Callable
     draw: Callable
@@ -311,6 +316,11 @@ class Family:
 
 def joints(*js):
     return lambda ctx: [{"joint": j} for j in js]
+
+
+def loaded(*js):
+    """Joints that gravity turns at all: a load on the axis of joint 6 leaves nothing for an effect of torque."""
+    return lambda ctx: [{"joint": j} for j in js if ctx.tau_max(j) > 0.01]
 
 
 def here(name):
@@ -349,10 +359,10 @@ def late_sites(ctx):
     return [{"joints": True}] * 3 + [{"joint": j} for j in range(1, 7)]
 
 
-def stiffness(ctx, site, share, shape):
+def stiffness(ctx, site, share, shape, until):
     j = site["joint"]
     tau = ctx.tau_max(j)
-    return {"shape": shape, "scale_nm": tau, "size": share * float(ctx.arm.compliance[j - 1]) * tau}
+    return {"shape": shape, "until": until, "scale_nm": tau, "size": share * float(ctx.arm.compliance[j - 1]) * tau}
 
 
 FAMILIES: dict[str, Family] = {
@@ -362,20 +372,22 @@ FAMILIES: dict[str, Family] = {
         lambda c, s: [[{"gap": 120 * ARCSEC}]],
     ),
     "load_friction": Family(
-        joints(2, 3, 4, 5, 6),
+        loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: {
             "gap": log_uniform(rng, 2 * ARCSEC, 40 * ARCSEC),
             "per_nm": log_uniform(rng, 5 * ARCSEC, 60 * ARCSEC) / c.tau_max(s["joint"]),
         },
-        lambda c, s: [[{"gap": 60 * ARCSEC, "per_nm": 0.0}, {"gap": 0.0, "per_nm": 60 * ARCSEC / c.tau_max(s["joint"])}]],
+        lambda c, s: [
+            [{"gap": 60 * ARCSEC, "per_nm": 0.0}, {"gap": 0.0, "per_nm": 60 * ARCSEC / c.tau_max(s["joint"])}]
+        ],
     ),
     "lost_motion_gravity": Family(
-        joints(2, 3, 4, 5, 6),
+        loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: {
             "gap": log_uniform(rng, 0.01 * DEG, 0.04 * DEG),
             "soft_nm": float(rng.uniform(0.03, 0.15)) * c.tau_max(s["joint"]),
         },
-        lambda c, s: [[{"gap": 0.04 * DEG, "soft_nm": 0.05 * c.tau_max(s["joint"])}]],
+        lambda c, s: [[{"gap": 0.04 * DEG, "soft_nm": x * c.tau_max(s["joint"])}] for x in (0.02, 0.05, 0.1, 0.2)],
     ),
     "joint_harmonic": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -396,11 +408,19 @@ FAMILIES: dict[str, Family] = {
         lambda c, s: [[{"k": 2e-3}]],
     ),
     "nonlinear_stiffness": Family(
-        joints(2, 3, 4, 5, 6),
+        loaded(2, 3, 4, 5, 6),
         lambda rng, c, s: stiffness(
-            c, s, float(rng.uniform(0.15, 0.5)), ("soft_start", "square", "cube")[rng.integers(3)]
+            c,
+            s,
+            float(rng.uniform(0.15, 0.5)),
+            pick(rng, ["soft_start", "square", "cube"]),
+            float(rng.uniform(0.2, 0.6)),
         ),
-        lambda c, s: [[stiffness(c, s, 0.5, x)] for x in ("soft_start", "square", "cube")],
+        # a diagnosis scans shape constants, so what can be told apart is asked of several
+        lambda c, s: [
+            *([stiffness(c, s, 0.5, "soft_start", until)] for until in (0.15, 0.3, 0.5)),
+            *([stiffness(c, s, 0.5, x, 1.0)] for x in ("square", "cube")),
+        ],
     ),
     "cross_axis_compliance": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -417,9 +437,7 @@ FAMILIES: dict[str, Family] = {
             "plane": float(rng.uniform(0, np.pi)),
             **wave(rng, log_uniform(rng, 0.003 * DEG, 0.03 * DEG)),
         },
-        lambda c, s: [
-            [*waves(0.03 * DEG, n, plane=0.0), *waves(0.03 * DEG, n, plane=np.pi / 2)] for n in (1, 2)
-        ],
+        lambda c, s: [[*waves(0.03 * DEG, n, plane=0.0), *waves(0.03 * DEG, n, plane=np.pi / 2)] for n in (1, 2)],
     ),
     "gravity_direction": Family(
         here("base"),
@@ -479,7 +497,7 @@ FAMILIES: dict[str, Family] = {
         touches=False,
     ),
     "ball_position": Family(
-        lambda c: [{"ball": k} for k in (1, 2, 3)],
+        lambda c: [{"ball": k + 1} for k in range(len(c.arm.balls))],
         lambda rng, c, s: {"by": vector(rng, 0.01 * MM, 0.2 * MM, 2)},
         lambda c, s: [units(0.2 * MM)[:2]],
         tracker=False,
@@ -523,7 +541,9 @@ def inside(rng, x, low=0.2, high=0.8) -> float:
 def _region(rng, c, s, size):
     of = s["joint"] if rng.random() < 0.6 else int(rng.integers(1, 7))
     x = c.s.q[:, of - 1]
-    return {"of": of, "threshold": inside(rng, x), "above": bool(rng.random() < 0.5), "size": size}
+    threshold, above = inside(rng, x), bool(rng.random() < 0.5)
+    beyond = float(x.max() - threshold if above else threshold - x.min())
+    return {"of": of, "threshold": threshold, "above": above, "size": size, "range": beyond}
 
 
 OUTSIDE: dict[str, Family] = {
@@ -531,7 +551,7 @@ OUTSIDE: dict[str, Family] = {
         joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.01 * DEG, 0.06 * DEG)), None
     ),
     "out_region_ramp": Family(
-        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.01 * DEG, 0.06 * DEG)), None
+        joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: _region(rng, c, s, signed(rng, 0.02 * DEG, 0.12 * DEG)), None
     ),
     "out_cable_drag": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -547,7 +567,7 @@ OUTSIDE: dict[str, Family] = {
         joints(1, 2, 3, 4, 5, 6),
         lambda rng, c, s: {
             "size": signed(rng, 0.005 * DEG, 0.03 * DEG),
-            "n": int(rng.integers(2, 9)),
+            "n": int(rng.integers(7, 10)),  # whose first wave is neither a joint harmonic nor a ripple of the catalogue
             "phase": float(rng.uniform(0, 2 * np.pi)),
         },
         None,
@@ -566,7 +586,8 @@ OUTSIDE: dict[str, Family] = {
         None,
     ),
     "out_creep": Family(
-        joints(1, 2, 3, 4, 5, 6),
+        # without a thermometer this would be the catalogue's own warm-up
+        lambda c: joints(1, 2, 3, 4, 5, 6)(c) if c.s.has_thermometer else [],
         lambda rng, c, s: {
             "size": signed(rng, 0.02 * DEG, 0.08 * DEG),
             "tau_s": float(rng.uniform(0.06, 0.15)) * float(c.s.t[-1] - c.s.t[0]),
@@ -591,19 +612,19 @@ OUTSIDE: dict[str, Family] = {
 }
 
 
-def variable_of(effect: dict) -> list[str] | None:
-    """Covariates by which an effect outside the catalogue may rightly be located; None where none of the usual ones is."""
+def variable_of(effect: dict) -> list[str]:
+    """Covariates by which an effect outside the catalogue may rightly be located."""
     j, p = effect["site"]["joint"], effect["p"]
     return {
         "out_region_step": lambda: [f"q{p['of']}"],
         "out_region_ramp": lambda: [f"q{p['of']}"],
         "out_cable_drag": lambda: [f"q{j}", f"q{p['with']}"],
         "out_square_wave": lambda: [f"q{j}"],
-        "out_hysteresis_memory": lambda: [f"dir{j}", f"q{j}"],
+        "out_hysteresis_memory": lambda: [f"dir{j}", f"travel{j}", f"q{j}"],
         "out_backlash_change": lambda: ["t", "time", "t_s", f"dir{j}"],
         "out_creep": lambda: ["t", "time", "t_s", "temp", "temp_c"],
         "out_quantised_encoder": lambda: [f"q{j}"],
-        "out_overshoot": lambda: None,
+        "out_overshoot": lambda: [f"travel{j}"],
         "out_bump": lambda: [f"q{j}"],
     }[effect["effect"]]()
 

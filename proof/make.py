@@ -3,8 +3,8 @@
 
     make.py --seed 1 --count 20 --kind single --out DIR
 
-leaves DIR/cases/ID/{robot.toml,cell.toml,recording.csv}, which is all that a diagnosis sees, and DIR/sealed/truth.json, whose
-SHA-256 goes to standard output and to DIR/truth.sha256 before anything is diagnosed.
+leaves DIR/cases/ID/{robot.toml,cell.toml,recording.csv}, which is all that a diagnosis sees, and
+DIR/sealed/truth.json, whose SHA-256 goes to standard output and to DIR/truth.sha256 before anything is diagnosed.
 """
 
 from __future__ import annotations
@@ -26,54 +26,117 @@ import numpy as np
 import configurations
 import write
 from effects import FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
-from plant import DEG, MM, Arm, Session, nominal_arm, readings, simulate, tracker_points, true_arm, zyx
-from visible import Design, context, survey
+from plant import (
+    DEG,
+    GRAVITY,
+    MM,
+    Arm,
+    Session,
+    bodies,
+    frames,
+    gravity_moments,
+    nominal_arm,
+    readings,
+    simulate,
+    tracker_points,
+    true_arm,
+    zyx,
+)
+from visible import Design, Invisible, context, survey
 
-KINDS = ("none", "single", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
-VISIBLE = 6.0
+KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
+VISIBLE, STRONG = 6.0, 15.0
 
 
-# ---- the session: where the arm is sent, when, and how it is read ---------------------------------------------------
+# ---- the session: where the arm is sent, when, and how it is read ------------------------------------------------
+
+
+def cell(rng: np.random.Generator, n: int, touch: bool) -> tuple[Arm, Session]:
+    """A nominal arm in its cell, which has a second plate of balls now and then, and the session planned for it."""
+    while True:
+        nominal = nominal_arm(rng)
+        if touch and rng.random() < 0.2:
+            nominal = configurations.second_plate(nominal, rng)
+        try:
+            return nominal, plan(nominal, rng, n, touch)
+        except configurations.Unreachable:
+            continue
+
+
+def built(nominal: Arm, rng: np.random.Generator, touch: bool) -> Arm:
+    """The true arm."""
+    arm = true_arm(nominal, rng)
+    if not touch:
+        # a tracker's own frame does not say where the first axis leans: an unlevel base is an effect, and drawn as one
+        arm = arm.but(base_zyx=nominal.base_zyx, alpha=np.append(nominal.alpha[0], arm.alpha[1:]))
+    return arm
 
 
 def plan(nominal: Arm, rng: np.random.Generator, n: int, touch: bool) -> Session:
+    order = str(rng.choice(["random", "balls", "path"], p=[0.5, 0.25, 0.25] if touch else [0.6, 0.0, 0.4]))
+    sides = str(rng.choice(["comes", "both", "one"], p=[0.75, 0.15, 0.1]))
+    several = 2 if sides == "both" else 1
     if touch:
-        q, ball = configurations.touches(nominal, rng, n)
+        q, ball = configurations.touches(nominal, rng, -(-n // several))
     else:
-        q, ball = configurations.tracker(nominal, rng, n), np.zeros(n, int)
+        q, ball = configurations.tracker(nominal, rng, -(-n // several)), np.zeros(-(-n // several), int)
+    sequence = np.repeat(configurations.ordered(rng, q, ball, order), several)[:n]
+    q, ball = q[sequence], ball[sequence]
     t = configurations.clock(rng, n, 20.0 if touch else 12.0)
+    dirs = configurations.approaches(rng, q, sides)
     spread = log_uniform(rng, 0.3, 1.5) * MM if touch and rng.random() < 0.25 else rng.uniform(0.006, 0.012) * MM
     commanded = bool(rng.random() < 0.4) or not touch
-    lag = np.round(rng.normal(0, 3e-4, (n, 6)).clip(-8e-4, 8e-4), 4) * DEG if commanded else np.zeros((n, 6))
+    nothing = np.zeros((n, 6))
     return Session(
         touch=touch,
         q=q,
         t=t,
         temp=configurations.warm_up(rng, t),
-        dirs=configurations.senses(q),
+        dirs=dirs,
         ball=ball,
         sigma=(rng.uniform(0.005, 0.015) if touch else rng.uniform(0.005, 0.02)) * MM,
         spread=spread,
-        lag=lag,
+        lag=nothing,
+        rest=servo_rest(rng, nominal, q, dirs) if commanded else nothing,
         has_commanded=commanded,
+        has_thermometer=bool(rng.random() < 0.8),
+        load=configurations.loads(rng, n) if rng.random() < 0.2 else None,
         reading=rng.normal(0, 1.0, (n, 3)) * spread if touch else None,
+        style={"order": order, "sides": sides},
     )
 
 
+def servo_rest(rng: np.random.Generator, nominal: Arm, q: np.ndarray, dirs: np.ndarray) -> np.ndarray:
+    """Commanded minus reported joints (N, 6) rad of an arm at rest, rightly reported: resolution, and in half of the
+    sessions a controller without integral action, which gives way to gravity and stops at the edge of its dead
+    zone."""
+    rest = rng.normal(0, 3e-4, q.shape).clip(-8e-4, 8e-4)
+    if rng.random() < 0.5:
+        rs, os = frames(nominal, q + nominal.offset)
+        weights = bodies(nominal, rs, os, np.zeros(len(q)))
+        pull = gravity_moments(*weights, os, np.array([0.0, 0.0, -GRAVITY]))
+        tau = np.einsum("nja,nja->nj", pull, rs[..., 2])
+        give = rng.uniform(0.0, 0.01, 6) * tau / np.maximum(np.abs(tau).max(0), 1e-9)
+        rest = rest - give + rng.uniform(0.0, 0.006, 6) * dirs
+    return np.round(rest, 4) * DEG
+
+
 def with_lag(s: Session, rng: np.random.Generator, site: dict) -> Session:
-    """Joints read before the arm had settled: the reported angle lags in the sense of motion, by an amount of its own."""
+    """Joints read before the arm had settled: the reported angle lags in the sense of motion, by an amount of its
+    own."""
     size = np.exp(rng.uniform(np.log(0.005), np.log(0.1), 6)) * DEG
     if "joint" in site:
         size[[j for j in range(6) if j != site["joint"] - 1]] = 0.0
-    lag = s.lag + np.round(s.dirs * size * rng.uniform(0.2, 1.4, s.q.shape) / DEG, 4) * DEG
-    return replace(s, lag=lag)
+    lag = np.round(s.dirs * size * rng.uniform(0.2, 1.4, s.q.shape) / DEG, 4) * DEG
+    # such a controller does arrive in the end
+    return replace(s, lag=lag, rest=np.round(rng.normal(0, 3e-4, s.q.shape).clip(-8e-4, 8e-4), 4) * DEG)
 
 
-# ---- effects ---------------------------------------------------------------------------------------------------------
+# ---- effects -----------------------------------------------------------------------------------------------------
 
 
-def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: bool, others=()):
-    """One effect that is not in `others`: family uniform, then site, then size; redrawn until visible where that is asked for."""
+def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: float, others=()):
+    """One effect that is not in `others`: family, then site, then size; all redrawn until lambda reaches `visible`."""
     for _ in range(200):
         name = pick(rng, sorted(families))
         family = families[name]
@@ -85,14 +148,15 @@ def draw_effect(rng, arm: Arm, s: Session, design: Design, families, visible: bo
             if not sites:
                 break
             site = pick(rng, sites)
-            if any(o["effect"] == name and o["site"] == site for o in others):
+            late = name == "late_joint_reading"  # one story of what commanded and reported joints mean
+            if any(o["effect"] == name and (late or o["site"] == site) for o in others):
                 continue
-            session = with_lag(s, rng, site) if name == "late_joint_reading" else s
+            session = with_lag(s, rng, site) if late else s
             effect = {"effect": name, "site": site, "p": family.draw(rng, context_of(arm, session), site)}
             here = design if session is s else Design(arm, session)
-            if not visible or here.lam([effect]) >= VISIBLE:
+            if visible == 0.0 or here.lam([effect]) >= visible:
                 return effect, session, here
-    raise RuntimeError("no visible effect was drawn")
+    raise Invisible
 
 
 _contexts: dict[int, object] = {}
@@ -106,7 +170,7 @@ def context_of(arm: Arm, s: Session):
     return _contexts[key][1]
 
 
-# ---- noise and dirt --------------------------------------------------------------------------------------------------
+# ---- noise and dirt ----------------------------------------------------------------------------------------------
 
 
 def noise(rng, s: Session, kind: str) -> np.ndarray:
@@ -132,8 +196,9 @@ def noise(rng, s: Session, kind: str) -> np.ndarray:
 def dirt(rng, s: Session) -> tuple[np.ndarray, dict[str, list[int]]]:
     """Gross errors (N, 3) m on what the reading should have been, and which rows are what (0-based)."""
     n = len(s.q)
-    rows = [int(r) for r in rng.choice(np.arange(1, n), 7, replace=False)]
-    kinds = {"outlier": sorted(rows[:3]), "stale_reading": sorted(rows[3:6]), "wrong_ball": rows[6:]}
+    gone, stale = (max(1, round(float(x) * n)) for x in rng.uniform(0.01, 0.04, 2))
+    rows = [int(r) for r in rng.choice(np.arange(1, n), gone + stale + 1, replace=False)]
+    kinds = {"outlier": sorted(rows[:gone]), "stale_reading": sorted(rows[gone:-1]), "wrong_ball": rows[-1:]}
     gross = np.zeros((n, 3))
     for r in kinds["outlier"] + kinds["stale_reading"]:
         v = rng.normal(size=3)
@@ -141,7 +206,7 @@ def dirt(rng, s: Session) -> tuple[np.ndarray, dict[str, list[int]]]:
     return gross, kinds
 
 
-# ---- measuring -------------------------------------------------------------------------------------------------------
+# ---- measuring ---------------------------------------------------------------------------------------------------
 
 
 def rounded(q: np.ndarray) -> np.ndarray:
@@ -149,11 +214,13 @@ def rounded(q: np.ndarray) -> np.ndarray:
 
 
 def drive_to_touch(arm: Arm, s: Session, effects, errors: np.ndarray, machine=simulate) -> tuple[Session, np.ndarray]:
-    """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3) m."""
+    """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3)
+    m."""
     q = s.q.copy()
-    for _ in range(4):
-        now = replace(s, q=q)
-        poses = machine(arm, now, effects)
+    # experiments are dear: they only have to find what remains after a plain drive
+    drives = [(simulate, effects)] * 4 if machine is simulate else [(simulate, [])] * 3 + [(machine, effects)]
+    for plant, present in drives:
+        poses = plant(arm, replace(s, q=q), present)
         missing = readings(poses) + errors - s.reading
         step = np.einsum("nij,nj->ni", poses.r, missing)
         rs, os, p = configurations.flange(arm, q)
@@ -179,7 +246,7 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
             read[r] = read[r - 1]
         for r in rows.get("wrong_ball", []):
             ids = ids.copy()
-            ids[r] = 1 + ids[r] % 3
+            ids[r] = 1 + ids[r] % len(arm.balls)
     else:
         s = replace(s, q=rounded(s.q))
         where = zyx(rng.uniform(-np.pi, np.pi, 3) * [1.0, 0.1, 0.1]), rng.uniform(-2.0, 2.0, 3)
@@ -191,45 +258,57 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
         columns[f"q{j + 1}_deg"] = (s.q[:, j] / DEG, 4)
     if s.has_commanded:
         for j in range(6):
-            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag)[:, j] / DEG, 4)
+            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag + s.rest)[:, j] / DEG, 4)
     for j in range(6):
         columns[f"dir{j + 1}"] = (s.dirs[:, j], 0)
     for i, a in enumerate("xyz"):
         columns[f"i{a}_mm" if s.touch else f"{a}_mm"] = (read[:, i], 3) if s.touch else (points[:, i], 4)
-    columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
+    if s.has_thermometer:
+        columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
+    if s.load is not None:
+        columns["payload_kg"] = (s.load, 3)
     return columns, s, rows
 
 
-# ---- cases -----------------------------------------------------------------------------------------------------------
+# ---- cases -------------------------------------------------------------------------------------------------------
 
 
-def how_many(kind: str, rng) -> tuple[int, bool]:
-    """Effects to draw, and whether each must be visible."""
+def how_many(kind: str, rng) -> tuple[int, float]:
+    """Effects to draw, and the lambda that each must reach."""
     if kind in ("none", "pair", "five"):
-        return {"none": 0, "pair": 2, "five": 5}[kind], True
+        return {"none": 0, "pair": 2, "five": 5}[kind], VISIBLE
     if kind == "single":
-        return 1, bool(rng.random() < 0.75)
-    if kind == "nonwhite":
-        return int(rng.random() < 0.5), True
-    return 1, True
+        return 1, VISIBLE if rng.random() < 0.75 else 0.0
+    if kind in ("nonwhite", "tracker"):
+        return int(rng.random() < (0.5 if kind == "nonwhite" else 0.8)), VISIBLE
+    return 1, STRONG if kind == "strong" else VISIBLE
 
 
 def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str, dict[str, str], dict]:
     """Id, files, truth."""
-    rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index])
+    for attempt in range(20):
+        try:
+            return _case(kind, seed, index, touches, attempt)
+        except Invisible:  # a session that shows next to nothing
+            continue
+    raise Invisible(f"{kind} {index}: 20 sessions in vain")
+
+
+def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> tuple[str, dict[str, str], dict]:
+    rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index, attempt])
     touch = kind != "tracker"
-    n = int(touches[index % len(touches)]) if touch else 300
-    nominal = nominal_arm(rng)
-    arm = true_arm(nominal, rng)
-    s = plan(nominal, rng, n, touch)
+    n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
+    nominal, s = cell(rng, n, touch)
+    arm = built(nominal, rng, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
     machine = simulate
     if kind == "mujoco":
         import mujoco_plant
 
-        effects, s, machine = mujoco_plant.draw(rng, arm, s)
-        design = Design(arm, s)
+        machine = mujoco_plant.experiment
+        if rng.random() < 0.8:
+            effects = [mujoco_plant.draw(rng, arm, s, VISIBLE)]
     else:
         design = Design(arm, s)
         families = OUTSIDE if kind == "outside" else FAMILIES
@@ -252,7 +331,7 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
 def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
     """Everything that the scorer needs to know and the diagnosis must not."""
     design = Design(arm, s)
-    out = []
+    out, unseen = [], []
     if machine is simulate:
         named = [e for e in effects if e["effect"] in FAMILIES]
         unseen, alike = survey(design, named)
@@ -268,17 +347,24 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
             else:
                 item["variables"], item["threshold_deg"] = variable_of(e), threshold_of(e)
             out.append(item)
-    else:
-        moved = (machine(arm, s, []).tcp - machine(arm, s, effects).tcp).ravel()
+    elif effects:
+        moved = (machine(arm, s).tcp - machine(arm, s, effects).tcp).ravel()
         unseen, alike = survey(design, effects, [moved])
         lam = float(np.linalg.norm(design.project(moved)) / s.sigma)
-        out = [{**effects[0], "lambda": round(lam, 3), "alike": alike[0]}]
+        out = [{**e, "lambda": round(lam, 3), "alike": a} for e, a in zip(effects, alike, strict=True)]
     return {
         "kind": kind,
         "measurements": len(s.q),
         "touch": s.touch,
         "sigma_mm": s.sigma / MM,
         "spread_mm": s.spread / MM,
+        "session": {
+            **s.style,
+            "balls": len(arm.balls) if s.touch else 0,
+            "commanded": s.has_commanded,
+            "thermometer": s.has_thermometer,
+            "payload_schedule": s.load is not None,
+        },
         "noise": noise_kind,
         "rows": rows,
         "effects": out,

@@ -1,8 +1,8 @@
 """A simulated arm that shares nothing with the workspace: batched 4x4 transforms, gravity summed over bodies.
 
 SI units throughout (m, rad, kg, s, K, N m). `base_from_...`, `world_from_...` read as "maps ... into ...".
-Arrays carry one row per measurement. An effect is plain data (`{"effect", "site", "p"}`); what it does to the machine is in
-`effects.py`, what this file provides is a machine in which every place that can move can be moved.
+Arrays carry one row per measurement. An effect is plain data (`{"effect", "site", "p"}`); what it does to the machine
+is in `effects.py`, what this file provides is a machine in which every place that can move can be moved.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Arm:
     tcp: np.ndarray
     tool_mass: float
     tool_cog: np.ndarray
-    balls: np.ndarray  # (3, 3) in the world
+    balls: np.ndarray  # (3 or 6, 3) in the world
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(6))  # rad/Nm, gives way in the sense of gravity
     name: str = "arm"
 
@@ -122,15 +122,21 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
     high = np.array([2e-3, 8e-3, 8e-3, 6e-2, 6e-2, 6e-2])
     compliance = np.exp(rng.uniform(np.log(low), np.log(high))) * DEG
     compliance[0] = 0.0
+    offset = rng.normal(0, angle, 6)
+    # the device's axes are those of {6}, says the contract: with theta_6 off, readings that are not nulled would be
+    # skew
+    offset[5] = 0.0
+    free = np.ones_like(nominal.balls)
+    free[:3] = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]  # the world is where the first three are
     return nominal.but(
         alpha=nominal.alpha + rng.normal(0, angle, 6),
         a=nominal.a + rng.normal(0, length, 6),
         d=nominal.d + rng.normal(0, length, 6),
-        offset=nominal.offset + rng.normal(0, angle, 6),
+        offset=nominal.offset + offset,
         base_xyz=nominal.base_xyz + rng.normal(0, 2 * MM, 3),
         base_zyx=nominal.base_zyx + rng.normal(0, 0.2 * DEG, 3),
         tcp=nominal.tcp + rng.normal(0, 0.5 * MM, 3),
-        balls=nominal.balls + np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0]]) * rng.normal(0, 1e-6, (3, 3)),
+        balls=nominal.balls + free * rng.normal(0, 1e-6, nominal.balls.shape),
         compliance=compliance,
     )
 
@@ -138,8 +144,9 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
 def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (N, 6, 3, 3) and origin (N, 6, 3) of the frames {1}..{6} in the world.
 
-    `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor on all a
-    and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about the origin of {j}, as a rotation vector in {j}.
+    `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor
+    on all a and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about the origin of {j}, as a
+    rotation vector in {j}.
     """
     n = len(theta)
     growth = np.ones(n) if growth is None else growth
@@ -159,29 +166,33 @@ def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) ->
     return rs, os
 
 
-def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, extra_mass: float = 0.0, extra_cog=None):
-    """Masses (7) and world positions (N, 7, 3) of the links and of what the flange carries."""
+def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, load: np.ndarray, extra_mass: float = 0.0, extra_cog=None):
+    """Masses (N, 7) and world positions (N, 7, 3) of the links and of what the flange carries.
+
+    `load` (N): mass that the recording declares, at the tool's centre of gravity; the extra mass is nobody's knowledge.
+    """
     where = os + np.einsum("njab,jb->nja", rs, arm.cog)
-    mass = arm.tool_mass + extra_mass
-    cog = arm.tool_cog
+    known = arm.tool_mass + load
+    moment = known[:, None] * arm.tool_cog
     if extra_cog is not None:
-        cog = (arm.tool_mass * arm.tool_cog + extra_mass * np.asarray(extra_cog)) / mass
-    tool = os[:, 5] + rs[:, 5] @ cog
-    return np.append(arm.mass, mass), np.concatenate([where, tool[:, None]], 1)
+        moment = moment + extra_mass * np.asarray(extra_cog)
+    mass = known + extra_mass
+    tool = os[:, 5] + np.einsum("nab,nb->na", rs[:, 5], moment / mass[:, None])
+    links = np.broadcast_to(arm.mass, (len(os), 6))
+    return np.concatenate([links, mass[:, None]], 1), np.concatenate([where, tool[:, None]], 1)
 
 
 def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np.ndarray) -> np.ndarray:
     """Moment (N, 6, 3) in the world that gravity exerts about the origin of {j} on everything beyond joint j."""
-    out = np.empty_like(os)
-    for j in range(6):
-        arm_ = where[:, j:] - os[:, j, None]
-        out[:, j] = np.cross(arm_, masses[j:, None] * g).sum(1)
-    return out
+    beyond = np.cumsum(masses[:, ::-1], 1)[:, :0:-1]  # the last body is the tool, which is beyond the last joint too
+    first = np.cumsum((masses[..., None] * where)[:, ::-1], 1)[:, :0:-1]
+    return np.cross(first - beyond[..., None] * os, g)
 
 
 @dataclass
 class Session:
-    """What is known of a recording's rows before an effect acts. `touch` says whether rows are touches or tracker points."""
+    """What is known of a recording's rows before an effect acts. `touch` says whether rows are touches or tracker
+    points."""
 
     touch: bool
     q: np.ndarray  # (N, 6) rad, joints as the controller reports them
@@ -191,14 +202,23 @@ class Session:
     ball: np.ndarray  # (N) 0-based, touches only
     sigma: float  # m, noise of one component
     spread: float  # m, size of the readings that the procedure leaves
-    lag: np.ndarray  # (N, 6) rad, commanded minus reported joints
+    lag: np.ndarray  # (N, 6) rad, commanded minus reported joints: how far the robot moves on after the reading
+    rest: np.ndarray  # (N, 6) rad, commanded minus reported joints that is no error: the controller never gets there
     has_commanded: bool = False
+    has_thermometer: bool = True
+    load: np.ndarray | None = None  # (N) kg, declared mass beyond the tool's own, where it changes
     reading: np.ndarray | None = None  # (N, 3) m, for touches: readings that the procedure leaves
+    style: dict = field(default_factory=dict)  # how the order and the approaches were chosen
 
     @property
     def rise(self) -> np.ndarray:
         """Temperature above the first row's."""
         return self.temp - self.temp[0]
+
+    @property
+    def added(self) -> np.ndarray:
+        """Declared added mass (N), zero where there is no schedule."""
+        return np.zeros(len(self.q)) if self.load is None else self.load
 
     @property
     def progress(self) -> np.ndarray:
@@ -222,7 +242,7 @@ class Machine:
         self.frame = np.zeros((n, 3))  # m, in the tracker's frame: shift of what it says
         self.gauge = np.broadcast_to(np.eye(3), (n, 3, 3)).copy()  # reading = gauge @ true offset + drift
         self.gauge_drift = np.zeros((n, 3))
-        self.ball_shift = np.zeros((3, 3))
+        self.ball_shift = np.zeros_like(arm.balls)
         self.tau = np.zeros((n, 6))  # N m about the joint axes, from the last pass
         self.moment = np.zeros((n, 6, 3))  # N m in {j}
 
@@ -237,20 +257,23 @@ class Poses:
     machine: Machine
 
 
-def simulate(arm: Arm, s: Session, effects=(), passes: int = 4) -> Poses:
-    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes."""
+def simulate(arm: Arm, s: Session, effects=(), passes: int = 4, start: Machine | None = None) -> Poses:
+    """Poses of the true machine at the reported joints. Gravity acts where the arm really is: hence the passes. From
+    the torques of nearly the same machine, `start`, two are enough."""
     from effects import ACT
 
     tau = np.zeros_like(s.q)
     moment = np.zeros((len(s.q), 6, 3))
+    if start is not None:
+        tau, moment, passes = start.tau, start.moment, 2
     for _ in range(passes):
         m = Machine(arm, s)
         m.tau, m.moment = tau, moment
         for e in effects:
             ACT[e["effect"]](m, s, arm, e["site"], e["p"])
         theta = s.q + arm.offset + m.angle + arm.compliance * tau
-        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt)
-        masses, where = bodies(arm, rs, os, m.extra_mass, m.extra_cog)
+        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt if m.tilt.any() else None)
+        masses, where = bodies(arm, rs, os, s.added, m.extra_mass, m.extra_cog)
         world = gravity_moments(masses, where, os, GRAVITY * m.down)
         moment = np.einsum("njba,njb->nja", rs, world)
         tau = moment[..., 2]

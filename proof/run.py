@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Runs the plain binary on concealed cases: each alone in a directory of its own, with nothing but robot, cell, recording.
+"""Runs the plain binary on concealed cases: each alone in a directory of its own, with nothing but robot, cell,
+recording.
 
     run.py --binary target/release/trical --dir DIR
 

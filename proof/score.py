@@ -3,9 +3,10 @@
 
     score.py DIR... [--out tables.md] [--failures failures.md]
 
-Refuses a truth that is not the one whose hash was printed. "Right" means effect and site. "Alias" also takes the sets that the
-project's list of effects declares, and the truth among the answer's own rivals. "Alike" also takes explanations that this
-suite's own simulation leaves less than 3 sigma from the truth: no diagnosis can tell them apart with certainty.
+Refuses a truth that is not the one whose hash was printed. "Right" means effect and site. "Alias" also takes the sets
+that the project's list of effects declares, and the truth among the answer's own rivals. "Alike" also takes
+explanations that this suite's own simulation leaves less than 3 sigma from the truth: no diagnosis can tell them apart
+with certainty.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 LAMBDAS = [(0, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 8), (8, 10), (10, 15), (15, 30), (30, np.inf)]
 SURE = 0.9
 
-# ---- what counts as the same ------------------------------------------------------------------------------------------
+# ---- what counts as the same -------------------------------------------------------------------------------------
 
 
 def J(effect, *joints, **more):
@@ -32,15 +33,15 @@ def J(effect, *joints, **more):
 
 
 DECLARED = [
-    *[J("lost_motion_direction", j) + J("load_friction", j) for j in (2, 3)],
-    *[J("joint_harmonic", j) + J("gear_ratio", j) for j in (1, 2)],
-    J("joint_zero_shift", 1, 2, 3) + [("fixture_shift", {"fixture": True})],
-    J("joint_zero_shift", 6) + [("tool_shift", {"tool": True})],
-    J("thermal_zero_drift", 2) + [("fixture_drift", {"fixture": True})],
-    J("thermal_zero_drift", 3) + [("thermal_growth", {"links": True})],
-    J("cross_axis_compliance", 2) + [("payload", {"tool": True})],
+    *[[*J("lost_motion_direction", j), *J("load_friction", j)] for j in (2, 3)],
+    *[[*J("joint_harmonic", j), *J("gear_ratio", j)] for j in (1, 2)],
+    [*J("joint_zero_shift", 1, 2, 3), ("fixture_shift", {"fixture": True})],
+    [*J("joint_zero_shift", 6), ("tool_shift", {"tool": True})],
+    [*J("thermal_zero_drift", 2), ("fixture_drift", {"fixture": True})],
+    [*J("thermal_zero_drift", 3), ("thermal_growth", {"links": True})],
+    [*J("cross_axis_compliance", 2), ("payload", {"tool": True})],
     J("cross_axis_compliance", 5, 6),
-    J("gear_ratio", 3) + J("joint_coupling", 3, **{"from": 2}),
+    [*J("gear_ratio", 3), *J("joint_coupling", 3, **{"from": 2})],
     [("ball_position", {"ball": k}) for k in (1, 2, 3)],  # a triangle has three shapes to err in, balls have six
 ]
 
@@ -62,7 +63,7 @@ def alike(finding: dict, truth: dict) -> bool:
     return alias(finding, truth) or any(same(a, finding) for a in truth.get("alike", []))
 
 
-# ---- cases ------------------------------------------------------------------------------------------------------------
+# ---- cases -------------------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -105,7 +106,9 @@ class Tables:
             self.text += [f"### {title}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
             self.text += ["| " + " | ".join(str(c) for c in r) + " |" for r in rows] + [""]
 
-    def target(self, what: str, want: str, hits: int, n: int, at_least: float | None = None, at_most: float | None = None):
+    def target(
+        self, what: str, want: str, hits: int, n: int, at_least: float | None = None, at_most: float | None = None
+    ):
         if not n:
             return
         share = hits / n
@@ -140,7 +143,7 @@ def load(where: Path) -> tuple[dict, list[Case]]:
     return {"seed": truth["seed"], "kind": truth["kind"], "sha256": digest, "count": len(cases)}, cases
 
 
-# ---- tables -----------------------------------------------------------------------------------------------------------
+# ---- tables ------------------------------------------------------------------------------------------------------
 
 
 def label(site: dict) -> str:
@@ -173,12 +176,23 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
                     share(count(alias), len(xs)),
                     share(count(alike), len(xs)),
                     share(len(xs) - len(named), len(xs)),
-                    sum(not alike(f, c.effects[0]) for c in xs for f in c.findings[1:]),
+                    sum(len(c.findings[1:]) for c in xs),
                     sum(f["confidence"] >= SURE and not alike(f, c.effects[0]) for c in xs for f in c.findings),
+                    f"{np.mean([len(first(c).get('rivals', [])) for c in named]):.1f}" if named else "-",
                 ]
             )
         what = "tracker points" if size == "tracker" else f"{size} touches"
-        head = ["lambda", "cases", "right", "with aliases", "with alikes", "nothing named", "extra names", "wrong and sure"]
+        head = [
+            "lambda",
+            "cases",
+            "right",
+            "with aliases",
+            "with alikes",
+            "nothing named",
+            "extra names",
+            "wrong and sure",
+            "rivals",
+        ]
         t.table(f"{title}, {what}", head, rows)
         seen = [c for c in group if c.effects[0]["lambda"] >= 6]
         if targets and seen:
@@ -189,7 +203,9 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
             t.target(f"{title}, lambda >= 6, {what}: right", f">= {100 * want:.0f} %", right, len(seen), at_least=want)
             if size != "< 150":
                 t.target(f"{title}, lambda >= 6, {what}: with aliases", ">= 99 %", near, len(seen), at_least=0.99)
-            t.target(f"{title}, lambda >= 6, {what}: with aliases and alikes", ">= 99 %", near3, len(seen), at_least=0.99)
+            t.target(
+                f"{title}, lambda >= 6, {what}: with aliases and alikes", ">= 99 %", near3, len(seen), at_least=0.99
+            )
     rows = []
     by = defaultdict(list)
     for c in cases:
@@ -207,7 +223,24 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
         right = sum(bool(first(c)) and same(first(c), c.effects[0]) for c in xs)
         wrong = ", ".join(f"{k} {v}" for k, v in taken.most_common())
         rows.append([effect, len(xs), right, wrong])
-    t.table(f"{title}: confusion at lambda >= 6 (= alias, ~ alike)", ["true effect", "cases", "right", "taken for"], rows)
+    t.table(
+        f"{title}: confusion at lambda >= 6 (= alias, ~ alike)", ["true effect", "cases", "right", "taken for"], rows
+    )
+
+
+def score_sessions(cases: list[Case], t: Tables):
+    """One visible effect, by what the session was like."""
+    rows = []
+    seen = [c for c in cases if c.effects[0]["lambda"] >= 6]
+    for key in ("balls", "order", "sides", "commanded", "thermometer", "payload_schedule"):
+        groups = defaultdict(list)
+        for c in seen:
+            groups[c.truth["session"][key]].append(c)
+        for value, xs in sorted(groups.items(), key=lambda g: str(g[0])):
+            hits = [sum(bool(first(c)) and rule(first(c), c.effects[0]) for c in xs) for rule in (same, alike)]
+            what = {True: "yes", False: "no"}.get(value, value)
+            rows.append([key.replace("_", " "), what, len(xs), *(share(h, len(xs)) for h in hits)])
+    t.table("One effect at lambda >= 6, by session", ["", "", "cases", "right", "with alikes"], rows)
 
 
 def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
@@ -221,17 +254,27 @@ def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
         names = Counter(f["effect"] for c in alarms for f in c.findings)
         rejected = sum(len(c.answer.get("rejected", [])) for c in xs if c.answer)
         rows.append(
-            [size, noise, len(xs), len(alarms), len(loose), rejected, ", ".join(f"{k} {v}" for k, v in names.most_common())]
+            [
+                size,
+                noise,
+                len(xs),
+                len(alarms),
+                len(loose),
+                rejected,
+                ", ".join(f"{k} {v}" for k, v in names.most_common()),
+            ]
         )
         if targets:
             limit = 0.05 if size == "< 150" else 0.02
-            t.target(f"{title}, {size} touches: false alarms", f"<= {100 * limit:.0f} %", len(alarms), len(xs), at_most=limit)
+            what = "tracker points" if size == "tracker" else f"{size} touches"
+            t.target(f"{title}, {what}: false alarms", f"<= {100 * limit:.0f} %", len(alarms), len(xs), at_most=limit)
     head = ["touches", "noise", "cases", "named something", "only unexplained", "rows rejected", "names"]
     t.table(title, head, rows)
 
 
 def matching(case: Case, rule) -> tuple[int, int]:
-    """How many true effects are named, and how many findings are right; each finding used once, the strictest rule first."""
+    """How many true effects are named, and how many findings are right; each finding used once, the strictest rule
+    first."""
     left, hits = list(range(len(case.findings))), 0
     todo = list(case.effects)
     for r in (same, rule):
@@ -259,7 +302,13 @@ def score_several(cases: list[Case], title: str, t: Tables, targets: bool, want:
             rows.append([size, name, len(xs), share(every, len(xs)), share(named, total), precision])
         if targets and size == ">= 150":
             both = sum(matching(c, alias)[0] == len(c.effects) for c in xs)
-            t.target(f"{title}, {size} touches: all named (aliases as one)", f">= {100 * want:.0f} %", both, len(xs), at_least=want)
+            t.target(
+                f"{title}, {size} touches: all named (aliases as one)",
+                f">= {100 * want:.0f} %",
+                both,
+                len(xs),
+                at_least=want,
+            )
             apart = [c for c in xs if min(e["lambda_apart"] for e in c.effects) >= 6]
             both = sum(matching(c, alias)[0] == len(c.effects) for c in apart)
             what = f"{title}, {size} touches: all named, each lambda >= 6 beside the others"
@@ -306,7 +355,15 @@ def score_outside(cases: list[Case], t: Tables):
                 ", ".join(f"{k} {v}" for k, v in names.most_common(5)),
             ]
         )
-    head = ["family", "cases", "named and sure", "joint right", "joint and variable", "threshold off (median, deg)", "names"]
+    head = [
+        "family",
+        "cases",
+        "named and sure",
+        "joint right",
+        "joint and variable",
+        "threshold off (median, deg)",
+        "names",
+    ]
     t.table("Outside the catalogue (lambda >= 6)", head, rows)
     t.target("Outside the catalogue: a name at confidence >= 0.9", "<= 10 %", wrong, len(cases), at_most=0.10)
     t.target("Outside the catalogue: joint and variable right", ">= 95 %", located, n_located, at_least=0.95)
@@ -366,8 +423,8 @@ def score_holdout(cases: list[Case], t: Tables):
         floor = np.array([np.sqrt(3) * c.truth["sigma_mm"] for c in xs])
         n = np.array([c.truth["measurements"] for c in xs])
         p = np.array([c.answer["final"]["parameters"] for c in xs])
-        before = np.array([c.answer["baseline"].get("holdout_rms_mm", np.nan) for c in xs]) / floor
-        after = np.array([c.answer["final"]["holdout_rms_mm"] for c in xs]) / floor
+        before = np.array([c.answer["baseline"].get("holdout_rms_mm") or np.nan for c in xs]) / floor
+        after = np.array([c.answer["final"].get("holdout_rms_mm") or np.nan for c in xs]) / floor
         fair = after / np.sqrt(1 + p / (3 * 0.75 * n))
         q = lambda v: f"{np.nanmedian(v):.3f} / {np.nanquantile(v, 0.9):.3f}"  # noqa: E731
         rows.append([size, len(xs), q(before), q(after), q(fair)])
@@ -393,13 +450,21 @@ def score_confidence(cases: list[Case], t: Tables):
             right.append(hit is not None)
     stated, right = np.array(stated), np.array(right)
     rows, good, bins = [], 0, 0
-    for low in np.arange(0.0, 1.0, 0.1):
-        m = (stated >= low) & ((stated < low + 0.1) | (low > 0.85))
+    decile = np.minimum((stated * 10 + 1e-9).astype(int), 9)
+    for k in range(10):
+        low, m = k / 10, decile == k
         if not m.any():
             continue
         a, b = stated[m].mean(), right[m].mean()
         lo, hi = wilson(int(right[m].sum()), int(m.sum()))
-        rows.append([f"{low:.1f}-{low + 0.1:.1f}", int(m.sum()), f"{100 * a:.1f} %", f"{100 * b:.1f} % ({100 * lo:.0f}-{100 * hi:.0f})"])
+        rows.append(
+            [
+                f"{low:.1f}-{low + 0.1:.1f}",
+                int(m.sum()),
+                f"{100 * a:.1f} %",
+                f"{100 * b:.1f} % ({100 * lo:.0f}-{100 * hi:.0f})",
+            ]
+        )
         if m.sum() >= 20:
             bins += 1
             good += abs(a - b) <= 0.05
@@ -421,10 +486,15 @@ def failures(cases: list[Case]) -> str:
             out.append(f"  - no answer: {c.error[:200]}")
         for e in truth:
             apart = f", apart {e['lambda_apart']:.1f}" if "lambda_apart" in e else ""
-            out.append(f"  - true: {e['effect']} {label(e['site'])}, lambda {e['lambda']:.1f}{apart}, {json.dumps(e['p'])}")
+            out.append(
+                f"  - true: {e['effect']} {label(e['site'])}, lambda {e['lambda']:.1f}{apart}, {json.dumps(e['p'])}"
+            )
         for f in c.findings:
             rivals = ", ".join(f"{r['effect']} {label(r['site'])}" for r in f.get("rivals", [])) or "none"
-            out.append(f"  - said: {f['effect']} {label(f['site'])}, {f['confidence']:.2f}, lambda {f['lambda']:.1f}; rivals {rivals}")
+            out.append(
+                f"  - said: {f['effect']} {label(f['site'])}, {f['confidence']:.2f}, lambda {f['lambda']:.1f}; "
+                f"rivals {rivals}"
+            )
         for u in c.unexplained:
             out.append(f"  - unexplained: {label(u.get('site', {}))}, {u.get('variable')}, {u.get('region')}")
     return "\n".join(out) + "\n"
@@ -441,9 +511,13 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
         by[c.truth["kind"]].append(c)
     t = Tables()
     score_single(by["single"], "One effect", t, True)
-    score_single(by["tracker"], "One effect", t, True)
-    score_single(by["mujoco"], "One mechanical effect in MuJoCo", t, True)
-    score_none(by["none"], "No effect", t, True)
+    points = [c for c in by["tracker"] if c.effects]
+    score_single(points, "One effect", t, True)
+    score_single(by["strong"], "One strong effect", t, False)
+    score_single([c for c in by["mujoco"] if c.effects], "One mechanical effect in MuJoCo", t, True)
+    score_sessions(by["single"] + points, t)
+    score_none(by["none"] + [c for c in by["tracker"] if not c.effects], "No effect", t, True)
+    score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)
     score_several(by["five"], "Five effects", t, False, 0.0)
     if by["outside"]:
@@ -453,7 +527,7 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_single(by["dirty"], "One effect under outliers, stale rows and a wrong ball", t, False)
     if by["dirty"]:
         score_dirty(by["dirty"], t)
-    score_holdout(by["single"] + by["tracker"], t)
+    score_holdout(by["single"] + points, t)
     score_confidence(by["none"] + by["single"] + by["pair"] + by["tracker"], t)
     score_blind(by["none"] + by["single"] + by["tracker"], t)
     silent = [c for c in cases if c.answer is None]
@@ -461,8 +535,20 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     sealed = ["| kind | seed | cases | SHA-256 of the sealed truth |", "|---|---|---|---|"]
     sealed += [f"| {h['kind']} | {h['seed']} | {h['count']} | `{h['sha256']}` |" for h in heads]
     text = ["## Targets", "", "| claim | target | got (95 % interval) | |", "|---|---|---|---|"]
-    text += ["| " + " | ".join(r) + " |" for r in t.targets] + ["", "## Tables", "", *t.text, "## What was sealed", "", *sealed]
-    text += ["", f"{len(cases)} cases, {len(silent)} without an answer; median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s."]
+    text += ["| " + " | ".join(r) + " |" for r in t.targets] + [
+        "",
+        "## Tables",
+        "",
+        *t.text,
+        "## What was sealed",
+        "",
+        *sealed,
+    ]
+    text += [
+        "",
+        f"{len(cases)} cases, {len(silent)} without an answer; "
+        f"median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s.",
+    ]
     return "\n".join(text) + "\n", failures(cases), cases
 
 

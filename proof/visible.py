@@ -1,20 +1,23 @@
 """What a recording can show: lambda by re-simulation, and which explanations its data cannot tell apart.
 
-lambda = || P s || / sigma. s is the difference of two simulations, with and without the effect; P projects out the numerical
-Jacobian of the paper's 31 parameters of this simulator.
+lambda = || P s || / sigma. s is the difference of two simulations, with and without the effect; P projects out the
+numerical Jacobian of the paper's 31 parameters of this simulator.
 """
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 
 from effects import FAMILIES, Context
-from plant import Arm, Session, readings, simulate
+from plant import Arm, Machine, Session, readings, simulate
 
 
-def tips(arm: Arm, s: Session, offset: np.ndarray) -> np.ndarray:
+def tips(arm: Arm, s: Session, offset: np.ndarray, start: Machine) -> np.ndarray:
     """World position (N, 3) of the point that the reading says is at the ball (or the tracker's target)."""
-    poses = simulate(arm, s)
+    poses = simulate(arm, s, start=start)
     return poses.tcp + np.einsum("nij,nj->ni", poses.r, offset)
 
 
@@ -48,8 +51,21 @@ def parameters(arm: Arm) -> list[tuple[str, Arm, Arm, float]]:
 def jacobian(arm: Arm, s: Session) -> np.ndarray:
     """(3N, 31), central differences of the residual in the world."""
     offset = s.reading if s.touch else np.zeros((len(s.q), 3))
-    columns = [(tips(b, s, offset) - tips(a, s, offset)).ravel() / (2 * h) for _, a, b, h in parameters(arm)]
+    start = simulate(arm, s).machine
+    columns = [
+        (tips(b, s, offset, start) - tips(a, s, offset, start)).ravel() / (2 * h)
+        for name, a, b, h in parameters(arm)
+        if s.touch or not name.startswith("base")
+    ]
+    if not s.touch:  # in place of the base the tracker's frame, which gravity does not follow
+        p = tips(arm, s, offset, start)
+        for e in np.eye(3):
+            columns += [np.tile(e, len(p)), np.cross(e, p).ravel()]
     return np.stack(columns, 1)
+
+
+class Invisible(Exception):
+    """No effect was drawn that this session could show."""
 
 
 class Design:
@@ -58,7 +74,8 @@ class Design:
     def __init__(self, arm: Arm, s: Session):
         self.arm, self.s = arm, s
         jac = jacobian(arm, s)
-        q, r = np.linalg.qr(jac / np.linalg.norm(jac, axis=0))
+        size = np.linalg.norm(jac, axis=0)
+        q, r = np.linalg.qr(jac[:, size > 0] / size[size > 0])
         keep = np.abs(np.diag(r)) > 1e-9
         self.q = q[:, keep]
         self.without = simulate(arm, s)
@@ -66,7 +83,7 @@ class Design:
     def signature(self, effects, free_of=()) -> np.ndarray:
         """(3N): how the effects move the residual, against the machine with only `free_of`."""
         without = self.without if not free_of else simulate(self.arm, self.s, free_of)
-        with_ = simulate(self.arm, self.s, [*free_of, *effects])
+        with_ = simulate(self.arm, self.s, [*free_of, *effects], start=self.without.machine)
         if self.s.touch:
             d = self.read(with_) - self.read(without)
             return np.einsum("nij,nj->ni", self.without.r, d).ravel()
@@ -110,14 +127,20 @@ def everything(ctx: Context, touch: bool):
                 yield name, site, family.span(ctx, site)
 
 
-def survey(design: Design, truths: list[dict], signatures: list[np.ndarray] | None = None) -> tuple[list[dict], list[list[dict]]]:
+def survey(
+    design: Design, truths: list[dict], signatures: list[np.ndarray] | None = None
+) -> tuple[list[dict], list[list[dict]]]:
     """What cannot be seen at all, and for each true effect what the data cannot tell from it.
 
-    Cannot be seen: lambda below 2 for every variant at the large end of its typical sizes (lambda of one-column variants; of
-    several columns, the largest direction of a unit combination). Cannot be told apart: what remains of the truth's
-    signature after the other explanation did its best is below 3. `signatures`: where the truth moved another plant than this.
+    Cannot be seen: lambda below 2 for every variant at the large end of its typical sizes (lambda of one-column
+    variants; of several columns, the largest direction of a unit combination). Cannot be told apart: what remains of
+    the truth's signature after the other explanation did its best is below 3. `signatures`: where the truth moved
+    another plant than this.
     """
     ctx = context(design.arm, design.s)
+    # a recording says by how much commanded and reported joints differ, not why
+    late = copy(design)
+    late.s = replace(design.s, lag=design.s.lag + design.s.rest)
     signatures = signatures or [design.signature([e]) for e in truths]
     projected = [design.project(v) / design.s.sigma for v in signatures]
     unseen, alike = [], [[] for _ in truths]
@@ -129,7 +152,7 @@ def survey(design: Design, truths: list[dict], signatures: list[np.ndarray] | No
                 extra += [[{**p, "at": at} for p in variants[0]]]
             if name == e["effect"] == "gear_ripple":
                 extra += [[{**p, "n": e["p"]["n"]} for p in variants[0]]]
-        columns = design.columns(name, site, [*variants, *extra])
+        columns = (late if name == "late_joint_reading" else design).columns(name, site, [*variants, *extra])
         size = max(float(np.linalg.svd(c, compute_uv=False)[0]) for c in columns)
         # how far a late reading can matter is in the recording itself: there is nothing hidden to declare
         if size < 2.0 and name != "late_joint_reading":

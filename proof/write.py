@@ -42,11 +42,14 @@ def cell_toml(arm: Arm) -> str:
     p = arm.balls / MM
     sides = [np.linalg.norm(p[a] - p[b]) for a, b in ((0, 1), (0, 2), (1, 2))]
     d12, d13, d23 = (number(x) for x in sides)
+    balls = f"distances_mm = {{ d12 = {d12}, d13 = {d13}, d23 = {d23} }}"
+    if len(p) > 3:
+        balls = "positions_mm = [" + ", ".join(numbers(x) for x in p) + "]"
     return (
         f"[base]\nxyz_mm = {numbers(arm.base_xyz / MM)}\nzyx_deg = {numbers(arm.base_zyx / DEG)}\n\n"
         f"[tool]\ntcp_mm = {numbers(arm.tcp / MM)}\nmass_kg = {number(arm.tool_mass)}\n"
         f"cog_mm = {numbers(arm.tool_cog / MM)}\n\n"
-        f"[balls]\ndistances_mm = {{ d12 = {d12}, d13 = {d13}, d23 = {d23} }}\n"
+        f"[balls]\n{balls}\n"
     )
 
 

@@ -1,0 +1,127 @@
+"""The whole proof: make every kind of case, print the hashes of the sealed truths, run the binary, write the table.
+
+Run it as `proof/prove`, which brings its own virtual environment.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import hashlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import make
+import run
+import score
+
+HERE = Path(__file__).resolve().parent
+# two cores: a case costs 1 s to make, 11 s in MuJoCo, and 1 to 2 s to diagnose
+COUNTS = {
+    "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5),
+    "full": dict(
+        none=250, single=500, tracker=200, mujoco=100, pair=200, five=60, outside=200, nonwhite=120, dirty=100
+    ),
+}
+TOUCHES = [150, 45, 300, 150]
+
+
+def origin(binary: Path) -> str:
+    """Where the binary comes from: the commit of its sources, whether they were changed since, and its own hash."""
+    digest = hashlib.sha256(binary.read_bytes()).hexdigest()
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", "-C", str(binary.parent), *words], capture_output=True, text=True)
+        return done.stdout.strip() if done.returncode == 0 else ""
+
+    commit = git("rev-parse", "--short=12", "HEAD")
+    changed = bool(git("status", "--porcelain", "--untracked-files=no", ":/crates", ":/Cargo.toml", ":/Cargo.lock"))
+    made = git("log", "-1", "--format=%ct", "--", ":/crates", ":/Cargo.toml", ":/Cargo.lock")
+    older = bool(made) and binary.stat().st_mtime < int(made)
+    notes = [
+        *(["sources changed since"] if changed else []),
+        *(["the binary is older than the last change of its sources"] if older else []),
+    ]
+    where = f"commit `{commit}`" if commit else "sources unknown"
+    return f"{where}{' (' + '; '.join(notes) + ')' if notes else ''}, SHA-256 `{digest}`"
+
+
+def version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def prove(size: str, seed: int, out: Path, binary: Path, processes: int) -> Path:
+    """Everything; returns the path of the table."""
+    started, clock = datetime.datetime.now(datetime.timezone.utc), time.monotonic()
+    counts = dict(COUNTS[size])
+    if importlib.util.find_spec("mujoco") is None:
+        print("no MuJoCo here (it needs Python 3.11 or newer): that kind is left out", flush=True)
+        del counts["mujoco"]
+    came_from = origin(binary)
+    dirs = []
+    for kind, count in counts.items():
+        digest = make.make(kind, seed, count, out / kind, TOUCHES, processes)
+        print(f"{kind:9} {count:4} cases, truth sealed, SHA-256 {digest}", flush=True)
+        dirs.append(out / kind)
+    made = time.monotonic() - clock
+    for d in dirs:
+        failed = run.run(binary, d, processes)
+        print(f"{d.name:9} diagnosed{f', {failed} without an answer' if failed else ''}", flush=True)
+    text, wrong, _ = score.score(dirs)
+    minutes = (time.monotonic() - clock) / 60
+    head = [
+        "# Proof on concealed effects",
+        "",
+        f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} --size {size}`",
+        f"- binary: {came_from}",
+        f"- {', '.join(f'{kind} {count}' for kind, count in counts.items())}; touches {TOUCHES} in turn",
+        f"- {minutes:.1f} minutes on {os.cpu_count()} cores ({processes} processes), {made / 60:.1f} of them to draw",
+        f"- Python {platform.python_version()}, NumPy {version('numpy')}, MuJoCo {version('mujoco-core')}",
+        "",
+        "What the words mean, and what this cannot show: [README.md](README.md).",
+        "",
+        "",
+    ]
+    (out / "failures.md").write_text(wrong)
+    (out / "results.md").write_text("\n".join(head) + text)
+    return out / "results.md"
+
+
+def main() -> int:
+    today = int(datetime.date.today().strftime("%Y%m%d"))
+    parser = argparse.ArgumentParser(prog="proof/prove", description=__doc__)
+    parser.add_argument(
+        "--seed", type=int, default=today, help="default: today's date, so that nobody has trained on it"
+    )
+    parser.add_argument("--size", choices=sorted(COUNTS), default="small", help="small: 3 minutes; full: an hour")
+    parser.add_argument("--out", type=Path, help="default: proof/runs/SIZE-SEED; must not hold another run")
+    parser.add_argument("--binary", type=Path, default=HERE.parent / "target" / "release" / "trical")
+    parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
+    a = parser.parse_args()
+    if not a.binary.is_file():
+        print(f"{a.binary} is missing: cargo build --release --bin trical", file=sys.stderr)
+        return 2
+    out = a.out or HERE / "runs" / f"{a.size}-{a.seed}"
+    if out.exists() and any(out.iterdir()):
+        print(f"{out} is not empty: answers of another run would be scored", file=sys.stderr)
+        return 2
+    table = prove(a.size, a.seed, out, a.binary.resolve(), a.processes)
+    if a.size == "full":
+        shutil.copy(table, HERE / "results.md")
+        table = HERE / "results.md"
+    print(f"table: {table}; every case that is not plainly right: {out / 'failures.md'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

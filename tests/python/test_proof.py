@@ -1,0 +1,500 @@
+"""The proof suite: is its plant a robot, is its truth sealed, does its scorer count as one expects, does it hold."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import configurations
+import make
+import run
+import score
+import write
+from effects import FAMILIES, OUTSIDE
+from plant import DEG, GRAVITY, MM, Arm, Session, bodies, frames, gravity_moments, nominal_arm, simulate, true_arm
+from visible import Design, context, jacobian, parameters
+
+ROOT = Path(__file__).resolve().parents[2]
+BINARY = ROOT / "target" / "release" / "trical"
+
+
+def arm_and_session(seed: int, n: int = 40, touch: bool = True) -> tuple[Arm, Session]:
+    rng = np.random.default_rng(seed)
+    nominal = nominal_arm(rng)
+    arm = true_arm(nominal, rng)
+    return arm, make.plan(nominal, rng, n, touch)
+
+
+# ---- the plant is a robot --------------------------------------------------------------------------------------------
+
+
+def craig(alpha: float, a: float, d: float, theta: float) -> np.ndarray:
+    """The transform between neighbouring links, element by element: Craig, Introduction to Robotics, eq. 3.6."""
+    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
+    return np.array(
+        [
+            [ct, -st, 0.0, a],
+            [st * ca, ct * ca, -sa, -sa * d],
+            [st * sa, ct * sa, ca, ca * d],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def base(arm: Arm) -> np.ndarray:
+    (a, b, c), t = arm.base_zyx, np.eye(4)
+    ca, sa, cb, sb, cc, sc = np.cos(a), np.sin(a), np.cos(b), np.sin(b), np.cos(c), np.sin(c)
+    t[:3, :3] = [
+        [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+        [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+        [-sb, cb * sc, cb * cc],
+    ]
+    t[:3, 3] = arm.base_xyz
+    return t
+
+
+def chain(arm: Arm, theta: np.ndarray) -> list[np.ndarray]:
+    t, out = base(arm), []
+    for j in range(6):
+        t = t @ craig(arm.alpha[j], arm.a[j], arm.d[j], theta[j])
+        out.append(t)
+    return out
+
+
+def potential(arm: Arm, theta: np.ndarray, load: float) -> float:
+    links = chain(arm, theta)
+    parts = [
+        *((m, t @ np.append(c, 1.0)) for m, c, t in zip(arm.mass, arm.cog, links, strict=True)),
+        (arm.tool_mass + load, links[-1] @ np.append(arm.tool_cog, 1.0)),
+    ]
+    return sum(m * GRAVITY * p[2] for m, p in parts)
+
+
+def test_forward_kinematics_is_craigs() -> None:
+    rng = np.random.default_rng(1)
+    arm = true_arm(nominal_arm(rng), rng)
+    theta = rng.uniform(-3, 3, (30, 6))
+    rs, os = frames(arm, theta)
+    for n in range(30):
+        for j, t in enumerate(chain(arm, theta[n])):
+            np.testing.assert_allclose(rs[n, j], t[:3, :3], atol=1e-13)
+            np.testing.assert_allclose(os[n, j], t[:3, 3], atol=1e-13)
+
+
+def test_gravitys_torque_is_the_slope_of_potential_energy() -> None:
+    rng = np.random.default_rng(2)
+    arm = true_arm(nominal_arm(rng), rng)
+    theta, load, h = rng.uniform(-3, 3, (10, 6)), rng.uniform(0, 2, 10), 1e-5
+    rs, os = frames(arm, theta)
+    moments = gravity_moments(*bodies(arm, rs, os, load), os, np.array([0.0, 0.0, -GRAVITY]))
+    tau = np.einsum("nja,nja->nj", moments, rs[..., 2])
+    for n in range(10):
+        for j in range(6):
+            e = h * np.eye(6)[j]
+            slope = (potential(arm, theta[n] + e, load[n]) - potential(arm, theta[n] - e, load[n])) / (2 * h)
+            assert tau[n, j] == pytest.approx(-slope, abs=1e-7)
+
+
+def test_an_arm_without_effects_sags_by_compliance_times_torque() -> None:
+    arm, s = arm_and_session(3)
+    s = replace(s, load=None)
+    machine = simulate(arm, s)
+    angles = s.q + arm.offset + arm.compliance * machine.machine.tau
+    for n in range(len(s.q)):
+        tool = chain(arm, angles[n])[-1] @ np.append(arm.tcp, 1.0)
+        np.testing.assert_allclose(machine.tcp[n], tool[:3], atol=1e-9)
+
+
+SIZES = {
+    "gap",
+    "per_nm",
+    "sin",
+    "cos",
+    "k",
+    "size",
+    "beta",
+    "about_x",
+    "about_y",
+    "per_k",
+    "by",
+    "g",
+    "e",
+    "per_h",
+    "share",
+}
+
+
+def half(effect: dict) -> dict:
+    p = {key: (np.multiply(v, 0.5).tolist() if key in SIZES else v) for key, v in effect["p"].items()}
+    if effect["effect"] == "payload":
+        p = {**p, "mass": 0.5 * p["mass"]} if p["mass"] else {**p, "at": np.multiply(p["at"], 0.5).tolist()}
+    return {**effect, "p": p}
+
+
+@pytest.mark.parametrize("name", sorted({**FAMILIES, **OUTSIDE}))
+def test_every_effect_moves_the_arm_in_proportion_to_its_size(name: str) -> None:
+    family = {**FAMILIES, **OUTSIDE}[name]
+    rng = np.random.default_rng(4)
+    arm, s = arm_and_session(4, touch=family.touches)
+    s = replace(
+        s,
+        dirs=configurations.approaches(rng, s.q, "comes"),
+        spread=MM,
+        reading=rng.normal(0, MM, (len(s.q), 3)) if s.touch else None,
+        has_commanded=True,
+        has_thermometer=True,
+    )
+    if name == "late_joint_reading":
+        s = make.with_lag(s, rng, {"joints": True})
+    design = Design(arm, s)
+    site = family.sites(context(arm, s))[0]
+    effect = {"effect": name, "site": site, "p": family.draw(rng, context(arm, s), site)}
+    assert np.abs(design.signature([effect])).max() > 1e-7, "the signature is nothing"
+    if name == "out_quantised_encoder":
+        return  # its size is a step: half of it is another pattern
+    whole, part = design.signature([effect]), design.signature([half(effect)])
+    assert np.linalg.norm(part - 0.5 * whole) < 0.01 * np.linalg.norm(whole)
+    assert design.lam([half(effect)]) == pytest.approx(0.5 * design.lam([effect]), rel=0.03, abs=0.02)
+
+
+def test_what_the_baseline_absorbs_has_no_lambda() -> None:
+    arm, s = arm_and_session(5)
+    _, s, _ = make.measure(np.random.default_rng(5), arm, s, [], "white", False)
+    design = Design(arm, s)
+    for j in range(2, 6):  # a constant zero offset of joints 2 to 5 is one of the 31 parameters
+        shift = {"effect": "joint_zero_shift", "site": {"joint": j}, "p": {"size": 0.02 * DEG, "at": -1.0}}
+        assert np.linalg.norm(design.signature([shift])) > 50e-6
+        assert design.lam([shift]) < 0.1
+
+
+def fitted(nominal: Arm, s: Session, points: np.ndarray | None) -> np.ndarray:
+    """Residuals (N, 3) m of the paper's 31 parameters fitted to a recording by Gauss-Newton; `points`: a tracker's, in
+    its own frame, which is fitted in place of the base."""
+    arm = nominal
+    offset = np.zeros((len(s.q), 3)) if points is not None else s.reading
+
+    def residual(arm: Arm) -> np.ndarray:
+        poses = simulate(arm, s)
+        if points is None:
+            return poses.ball - poses.tcp - np.einsum("nij,nj->ni", poses.r, offset)
+        a, b = points - points.mean(0), poses.tcp - poses.tcp.mean(0)
+        u, _, vt = np.linalg.svd(a.T @ b)
+        turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+        return a @ turn - b
+
+    for _ in range(12):
+        step = np.linalg.lstsq(jacobian(arm, s), residual(arm).ravel(), rcond=1e-10)[0]
+        moves = [m for m in parameters(arm) if points is None or not m[0].startswith("base")]
+        new = {}
+        for field in ("base_xyz", "base_zyx", "tcp", "alpha", "a", "d", "offset", "compliance"):
+            new[field] = getattr(arm, field) + sum(
+                x * (getattr(above, field) - getattr(below, field)) / (2 * h)
+                for x, (_, below, above, h) in zip(step, moves, strict=False)
+            )
+        arm = arm.but(**new)
+    return residual(arm)
+
+
+@pytest.mark.parametrize("touch", [True, False])
+def test_effect_free_recordings_hide_nothing(touch: bool) -> None:
+    """Without noise the baseline explains them to a fraction of a micrometre: what it cannot explain would be an effect
+    that nobody drew, and naming it would count as a false alarm."""
+    for seed in range(6):
+        rng = np.random.default_rng([17, seed])
+        nominal, s = make.cell(rng, 80, touch)
+        arm = make.built(nominal, rng, touch)
+        s = replace(s, sigma=1e-12, load=configurations.loads(rng, 80))
+        if touch:
+            s = replace(s, reading=rng.normal(0, MM, (80, 3)))
+        columns, s, _ = make.measure(rng, arm, s, [], "white", False)
+        points = None if touch else np.stack([columns[f"{a}_mm"][0] for a in "xyz"], 1) * MM
+        rest = fitted(nominal, s, points)
+        # balls are a micrometre off, points are rounded, and redundant parameters are so only to first order
+        assert np.sqrt(np.mean(rest**2)) < (1.0e-6 if touch else 0.4e-6), seed
+
+
+# ---- recordings ------------------------------------------------------------------------------------------------------
+
+COLUMNS = {
+    *(f"{name}{j}{unit}" for j in range(1, 7) for name, unit in (("q", "_deg"), ("qc", "_deg"), ("dir", ""))),
+    *("t_s", "temp_c", "payload_kg", "ball", "ix_mm", "iy_mm", "iz_mm", "x_mm", "y_mm", "z_mm"),
+}
+
+
+@pytest.mark.parametrize("kind", ["single", "tracker", "dirty"])
+def test_recordings_keep_the_contract(kind: str) -> None:
+    for index in range(4):
+        _, files, truth = make.make_case(kind, 6, index, [45])
+        head, *rows = [line.split(",") for line in files["recording.csv"].splitlines()]
+        assert set(head) <= COLUMNS and len(set(head)) == len(head)
+        table = {name: np.array([float(r[i]) for r in rows]) for i, name in enumerate(head)}
+        assert len(rows) == truth["measurements"] and {f"q{j}_deg" for j in range(1, 7)} <= set(head)
+        assert (np.diff(table["t_s"]) > 0).all()
+        assert set(np.concatenate([table[f"dir{j}"] for j in range(1, 7)])) <= {-1.0, 0.0, 1.0}
+        assert ("qc1_deg" in head) == truth["session"]["commanded"]
+        assert ("temp_c" in head) == truth["session"]["thermometer"]
+        assert ("payload_kg" in head) == truth["session"]["payload_schedule"]
+        if kind == "tracker":
+            assert {"x_mm", "y_mm", "z_mm"} <= set(head) and "ball" not in head
+        else:
+            assert set(table["ball"]) <= set(range(1, truth["session"]["balls"] + 1)) and {
+                "ix_mm",
+                "iy_mm",
+                "iz_mm",
+            } <= set(head)
+            assert np.abs([table[f"i{a}_mm"] for a in "xyz"]).max() < 8.0
+
+
+def test_arm_and_cell_files_keep_the_contract() -> None:
+    tomllib = pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
+    arm, _ = arm_and_session(7)
+    robot, cell = tomllib.loads(write.robot_toml(arm)), tomllib.loads(write.cell_toml(arm))
+    assert set(robot) == {"name", "joint"} and len(robot["joint"]) == 6
+    keys = {"alpha_deg", "a_mm", "d_mm", "theta_offset_deg", "limits_deg", "mass_kg", "cog_mm"}
+    assert all(set(j) == keys for j in robot["joint"])
+    assert set(cell) == {"base", "tool", "balls"}
+    assert set(cell["balls"]["distances_mm"]) == {"d12", "d13", "d23"}
+    assert set(cell["tool"]) == {"tcp_mm", "mass_kg", "cog_mm"} and set(cell["base"]) == {"xyz_mm", "zyx_deg"}
+
+
+def test_nothing_that_the_diagnosis_sees_tells_the_kind() -> None:
+    case_id, files, _ = make.make_case("none", 8, 0, [45])
+    assert not any(word in text for text in files.values() for word in make.KINDS)
+    assert case_id not in files["recording.csv"]
+
+
+# ---- sealed ----------------------------------------------------------------------------------------------------------
+
+
+def contents(where: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(where)): p.read_bytes() for p in sorted(where.rglob("*")) if p.is_file()}
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
+    digests = [make.make("single", seed, 2, tmp_path / name, [45], 1) for seed, name in ((9, "a"), (9, "b"), (10, "c"))]
+    assert digests[0] == digests[1] != digests[2]
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+    assert not set(contents(tmp_path / "a").values()) & set(contents(tmp_path / "c").values())
+
+
+def test_a_changed_truth_is_refused(tmp_path: Path) -> None:
+    make.make("none", 11, 1, tmp_path, [45], 1)
+    score.load(tmp_path)
+    path = tmp_path / "sealed" / "truth.json"
+    path.write_bytes(path.read_bytes().replace(b'"white"', b'"black"'))
+    with pytest.raises(SystemExit, match="is not the truth whose hash was printed"):
+        score.load(tmp_path)
+
+
+def test_the_program_is_given_nothing_but_arm_cell_and_recording(tmp_path: Path) -> None:
+    make.make("none", 12, 1, tmp_path, [45], 1)
+    spy = tmp_path / "spy"
+    spy.write_text('#!/bin/sh\nprintf \'{"findings": [], "seen": "%s", "args": "%s"}\' "$(ls)" "$*" | tr "\\n" " "\n')
+    spy.chmod(0o755)
+    assert run.run(spy, tmp_path, 1) == 0
+    (answer,) = (json.loads(p.read_text())["answer"] for p in (tmp_path / "answers").iterdir())
+    assert answer["seen"].split() == ["cell.toml", "recording.csv", "robot.toml"]
+    assert "none" not in answer["args"] and str(tmp_path) not in answer["args"]
+
+
+# ---- scoring ---------------------------------------------------------------------------------------------------------
+
+GAP2 = {"effect": "lost_motion_direction", "site": {"joint": 2}}
+FRICTION2 = {"effect": "load_friction", "site": {"joint": 2}}
+RIPPLE4 = {"effect": "gear_ripple", "site": {"joint": 4}}
+WOBBLE5 = {"effect": "axis_wobble", "site": {"joint": 5}}
+TWIST = {"effect": "axis_twist", "site": {"joint": 3}}
+
+
+def found(effect: dict, confidence: float = 0.95, rivals: tuple[dict, ...] = ()) -> dict:
+    return {**effect, "confidence": confidence, "lambda": 9.0, "rivals": list(rivals)}
+
+
+def scored(tmp_path: Path, kind: str, cases: list[tuple[list[dict], list[dict] | None]]) -> str:
+    """The tables for hand-made truths and findings; `None`: the program gave no answer."""
+    truths, where = {}, tmp_path / kind
+    (where / "answers").mkdir(parents=True)
+    for i, (effects, findings) in enumerate(cases):
+        truths[f"c{i}"] = {
+            "kind": kind,
+            "measurements": 150,
+            "touch": True,
+            "sigma_mm": 0.01,
+            "noise": "white",
+            "rows": {},
+            "unseen": [TWIST],
+            "session": dict(
+                balls=3, order="path", sides="both", commanded=False, thermometer=True, payload_schedule=False
+            ),
+            "effects": [{"lambda": 9.0, "lambda_apart": 9.0, "p": {}, "alike": [], **e} for e in effects],
+        }
+        answer = (
+            findings
+            if findings is None
+            else {
+                "findings": findings,
+                "baseline": {"holdout_rms_mm": 0.05},
+                "final": {"parameters": 32, "holdout_rms_mm": 0.0173},
+                "blind_to": [TWIST],
+                "unexplained": None,
+            }
+        )
+        (where / "answers" / f"c{i}.json").write_text(json.dumps({"answer": answer, "error": "", "seconds": 1.0}))
+    digest = write.seal({"seed": 1, "kind": kind, "cases": truths}, where / "sealed" / "truth.json")
+    (where / "truth.sha256").write_text(digest + "\n")
+    return score.score([where])[0]
+
+
+def row(text: str, title: str, first: str) -> list[str]:
+    """Cells after the first of a table's row."""
+    table = text.split(title, 1)[1].split("\n\n")[1]
+    (line,) = [x for x in table.splitlines() if x.startswith(f"| {first} |")]
+    return [c.strip() for c in line.strip("|").split("|")][1:]
+
+
+def test_the_scorer_tells_right_from_alias_wrong_and_nothing(tmp_path: Path) -> None:
+    text = scored(
+        tmp_path,
+        "single",
+        [
+            ([GAP2], [found(GAP2)]),
+            ([GAP2], [found(FRICTION2)]),  # a declared alias
+            ([RIPPLE4], [found(WOBBLE5, 0.6, (RIPPLE4,))]),  # the truth among the rivals
+            ([{**RIPPLE4, "alike": [WOBBLE5]}], [found(WOBBLE5)]),  # nothing can tell these apart here
+            ([RIPPLE4], [found(WOBBLE5)]),  # wrong, and sure of it
+            ([RIPPLE4], [found(RIPPLE4), found(WOBBLE5)]),  # right, and one too many
+            ([RIPPLE4], []),
+            ([RIPPLE4], None),
+        ],
+    )
+    # cases, right, with aliases, with alikes, nothing named, extra names, wrong and sure, mean number of rivals
+    assert row(text, "### One effect, >= 150 touches", "8-10") == [
+        *("8", "25.0 %", "50.0 %", "62.5 %", "25.0 %", "1", "2", "0.2"),
+    ]
+    confusion = "### One effect: confusion at lambda >= 6 (= alias, ~ alike)"
+    assert row(text, confusion, "lost_motion_direction") == ["2", "1", "=load_friction 1"]
+    assert row(text, confusion, "gear_ripple")[:2] == ["6", "1"]
+    assert "| One effect, lambda >= 6, >= 150 touches: right | >= 97 % | 25.0 % of 8 (7-59) | **missed** |" in text
+    assert "8 cases, 1 without an answer" in text
+    assert row(text, "### Declared in `blind_to`", "axis_twist") == ["7", "100.0 %"]
+    # the alias and the alike count, the two wrong ones do not; the one at exactly 0.6 stands alone
+    assert row(text, "### Stated confidence against", "0.6-0.7")[:1] == ["1"]
+    assert row(text, "### Stated confidence against", "0.9-1.0")[2].startswith("66.7 %")
+
+
+def test_the_scorer_counts_false_alarms(tmp_path: Path) -> None:
+    text = scored(tmp_path, "none", [*[([], [])] * 3, ([], [found(WOBBLE5)])])
+    assert row(text, "### No effect", ">= 150")[:3] == ["white", "4", "1"]
+    assert "| No effect, >= 150 touches: false alarms | <= 2 % | 25.0 % of 4 (5-70) | **missed** |" in text
+
+
+def test_the_scorer_wants_both_of_two(tmp_path: Path) -> None:
+    text = scored(
+        tmp_path,
+        "pair",
+        [
+            ([GAP2, RIPPLE4], [found(RIPPLE4), found(GAP2)]),
+            ([GAP2, RIPPLE4], [found(FRICTION2), found(RIPPLE4)]),
+            ([GAP2, RIPPLE4], [found(RIPPLE4)]),
+            ([GAP2, FRICTION2], [found(GAP2)]),  # one finding cannot stand for both
+        ],
+    )
+    table = text.split("### Two effects", 1)[1]
+    strict = next(x for x in table.splitlines() if x.startswith("| >= 150 | right |"))
+    loose = next(x for x in table.splitlines() if x.startswith("| >= 150 | with aliases |"))
+    assert strict == "| >= 150 | right | 4 | 25.0 % | 62.5 % | 83.3 % |"
+    assert loose == "| >= 150 | with aliases | 4 | 50.0 % | 75.0 % | 100.0 % |"
+
+
+# ---- MuJoCo ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def bench():
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed: it needs Python 3.11 or newer")
+    import mujoco_plant
+
+    return mujoco_plant
+
+
+def test_an_arm_without_effects_is_the_same_in_mujoco(bench) -> None:
+    for seed in (13, 14):
+        arm, s = arm_and_session(seed, 10)
+        there, here = bench.experiment(arm, s), simulate(arm, s)
+        rigid = simulate(arm.but(compliance=np.zeros(6)), s)
+        assert np.abs(rigid.tcp - here.tcp).max() > 0.1 * MM, "nothing gives way: the comparison would say little"
+        assert np.abs(there.tcp - here.tcp).max() < 0.5e-6
+        assert np.abs(there.r - here.r).max() < 2e-6
+
+
+MECHANICAL = [
+    ({"effect": "lost_motion_direction", "site": {"joint": 1}}, {"gap": 4e-4, "friction_nm": 5.0}, {"gap": 4.5e-4}),
+    ({"effect": "lost_motion_direction", "site": {"joint": 3}}, {"friction_nm": 1.0}, {"gap": "2 * friction / k"}),
+    ({"effect": "lost_motion_gravity", "site": {"joint": 5}}, {"gap": 5e-4}, {"gap": 5e-4, "soft_nm": 1e-9}),
+    ({"effect": "cross_axis_compliance", "site": {"joint": 4}}, {"k": 2e-4}, {"k": 2e-4}),
+    ({"effect": "joint_coupling", "site": {"joint": 5, "from": 4}}, {"k": 1e-3}, {"k": 1e-3}),
+    ({"effect": "payload", "site": {"tool": True}}, {"mass": 0.5, "at": [0.02, 0.01, 0.08]}, None),
+    ({"effect": "gravity_direction", "site": {"base": True}}, {"about_x": 0.03, "about_y": -0.02}, None),
+]
+
+
+@pytest.mark.parametrize(("what", "parts", "formula"), MECHANICAL)
+def test_parts_in_mujoco_do_what_the_formula_says(bench, what: dict, parts: dict, formula: dict | None) -> None:
+    """Bodies, springs, gaps and friction there against the closed form here: two ways to the same motion."""
+    arm, s = arm_and_session(15, 12)
+    arm = arm.but(compliance=np.append(1.0 / bench.gear(arm, 0), arm.compliance[1:]))  # nothing is rigid there
+    formula = dict(formula or parts)
+    if formula.get("gap") == "2 * friction / k":
+        formula["gap"] = 2 * parts["friction_nm"] / bench.gear(arm, what["site"]["joint"] - 1)
+    moved = bench.experiment(arm, s, [{**what, "p": parts}]).tcp - bench.experiment(arm, s).tcp
+    expected = simulate(arm, s, [{**what, "p": formula}]).tcp - simulate(arm, s).tcp
+    assert np.abs(moved).max() > 2e-6
+    assert np.linalg.norm(moved - expected) < 0.05 * np.linalg.norm(expected) + 1e-6
+
+
+def test_friction_under_load_and_soft_gears_in_mujoco(bench) -> None:
+    """These have no closed form of ours: the mechanism's own claims are asserted."""
+    arm, s = arm_and_session(16, 16)
+    s = replace(s, dirs=configurations.approaches(np.random.default_rng(0), s.q, "comes"), load=None)
+    without, tau = bench.experiment(arm, s), simulate(arm, s).machine.tau[:, 2]
+    site = {"joint": 3}
+    rs, os = frames(arm, s.q + arm.offset)
+    lever = configurations.point_jacobian(rs, os, without.tcp)[:, :, 2]
+
+    def turned(effect: str, p: dict) -> np.ndarray:
+        """By how much joint 3 is off."""
+        moved = bench.experiment(arm, s, [{"effect": effect, "site": site, "p": p}]).tcp - without.tcp
+        return np.einsum("ni,ni->n", moved, lever) / np.einsum("ni,ni->n", lever, lever)
+
+    k = bench.gear(arm, 2)
+    stopped = turned("load_friction", {"friction_nm": 0.2, "per_nm": 0.2})
+    assert (np.sign(stopped) == -s.dirs[:, 2]).all(), "the joint stops short"
+    assert np.corrcoef(np.abs(stopped), np.abs(tau))[0, 1] > 0.7, "and more so under load"
+    soft = turned("nonlinear_stiffness", {"contact_nm": 0.3 * float(np.abs(tau).max()), "soft": 1.0 / k})
+    light, heavy = np.abs(tau) < 0.3 * np.abs(tau).max(), np.abs(tau) > 0.35 * np.abs(tau).max()
+    np.testing.assert_allclose(soft[light], tau[light] / k, atol=1e-6)
+    np.testing.assert_allclose(soft[heavy], 0.3 * np.abs(tau).max() * np.sign(tau[heavy]) / k, atol=1e-6)
+
+
+# ---- a small proof from end to end -----------------------------------------------------------------------------------
+
+
+def test_strong_effects_are_named_and_nothing_is_named_where_nothing_is(tmp_path: Path) -> None:
+    """Twelve arms with one effect each (lambda above 15) and six with none; at least 9 of the 12 right in effect and
+    site, 11 with explanations that the data cannot tell apart, and one false alarm at most."""
+    if not BINARY.is_file():
+        pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
+    for kind, count in (("strong", 12), ("none", 6)):
+        make.make(kind, 20261121, count, tmp_path / kind, [150], 2)
+        assert run.run(BINARY, tmp_path / kind) == 0, "a case without an answer"
+    _, failures, cases = score.score([tmp_path / "strong", tmp_path / "none"])
+    strong = [c for c in cases if c.effects]
+    assert len(strong) == 12 and min(c.effects[0]["lambda"] for c in strong) > 14
+    firsts = [(score.first(c), c.effects[0]) for c in strong if score.first(c)]
+    assert sum(score.same(*pair) for pair in firsts) >= 9, failures
+    assert sum(score.alike(*pair) for pair in firsts) >= 11, failures
+    assert sum(bool(c.findings) for c in cases if not c.effects) <= 1, failures

@@ -51,6 +51,13 @@ impl Candidate {
         other
     }
 
+    /// Whether it only changes slowly, with time or temperature: noise that remembers itself looks like that.
+    #[must_use]
+    pub fn slow(&self) -> bool {
+        let slow = |b: &Basis| matches!(b.of, Variable::Time | Variable::Temperature { .. }) && b.sense.is_none();
+        self.terms.iter().all(|t| slow(&t.basis))
+    }
+
     /// Whether it is a step or a curve rather than a wave.
     #[must_use]
     pub fn scanned(&self) -> bool {
@@ -180,7 +187,7 @@ fn has(model: &Model, data: &Dataset, sigma: f64) -> Has {
     let all = |f: &dyn Fn(&crate::dataset::Observation) -> bool| data.observations.iter().all(f);
     let any = |f: &dyn Fn(&crate::dataset::Observation) -> bool| data.observations.iter().any(f);
     Has {
-        direction: all(&|o| o.state.dir.is_some()) && any(&|o| o.state.dir.is_some_and(|d| d.contains(&1))),
+        direction: all(&|o| o.state.dir.is_some()) && any(&|o| o.state.dir.is_some_and(|d| d.iter().any(|s| *s != 0))),
         commanded: any(&|o| o.state.q_commanded.is_some_and(|c| c != o.state.q)),
         time: all(&|o| o.state.t.is_some()),
         temperature: all(&|o| o.state.temp_c.is_some()),
@@ -254,16 +261,6 @@ pub fn reading_noise(model: &Model, data: &Dataset, sigma: f64) -> Vec<Candidate
             parts,
         );
     }
-    if has.touches && has.spread != [false; 3] {
-        // a nulled touch does not see how the device is turned about the last axis, a deflected one does
-        b.add(
-            "device_orientation",
-            serde_json::json!({ "tool": true }),
-            "the device is turned on the flange".into(),
-            (0.0, 0.5_f64.to_radians()),
-            vec![("device_z".into(), Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT, 0)],
-        );
-    }
     if has.commanded && !has.lags {
         let basis = Basis::new(Variable::Lag { joint: 1 }, Shape::Linear);
         b.add(
@@ -293,6 +290,15 @@ fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let count = data.observations.len().max(1) as f64;
     squares.into_iter().map(|s| (s / count).sqrt().max(0.1)).collect()
+}
+
+/// How the device is turned about the last axis: touches that were nulled do not see it, deflected ones do, and a zero of the
+/// last joint that is off turns the device. Belongs to the geometry; `None` where all touches were nulled.
+#[must_use]
+pub fn device_orientation(model: &Model, data: &Dataset, sigma: f64) -> Option<Term> {
+    let spread = has(model, data, sigma).spread;
+    let term = || Term::new("device_z", "geometry", Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT);
+    (spread[0] || spread[1]).then(term)
 }
 
 /// Times at which something may have changed: `count` quantiles of the data's times, ends left out.
@@ -491,7 +497,7 @@ fn torque_effects(b: &mut Builder<'_>, loads: &[f64]) {
     let n = b.dof();
     for joint in 1..=n {
         let at = Site::Joint { joint };
-        for scale in [0.05, 0.2, 0.6] {
+        for scale in [0.05, 0.15, 0.4] {
             b.add(
                 "lost_motion_gravity",
                 joint_site(joint),
@@ -506,9 +512,10 @@ fn torque_effects(b: &mut Builder<'_>, loads: &[f64]) {
         let stiffness = [
             ("square", Shape::SignedSquare),
             ("cube", Shape::Cube),
-            ("soft_1", Shape::SoftSign { scale: 1.0 }),
-            ("soft_2", Shape::SoftSign { scale: 2.0 }),
-            ("soft_5", Shape::SoftSign { scale: 5.0 }),
+            ("soft_third", Shape::SoftSign { scale: load / 3.0 }),
+            ("soft_two_thirds", Shape::SoftSign { scale: load / 1.5 }),
+            ("soft", Shape::SoftSign { scale: 1.25 * load }),
+            ("soft_twice", Shape::SoftSign { scale: 2.5 * load }),
         ];
         for (name, shape) in stiffness {
             let at_load = shape.at(load).0.abs();

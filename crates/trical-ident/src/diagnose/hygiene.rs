@@ -1,5 +1,7 @@
 //! Rows that must not be believed: repeated readings, and measurements far from what any model of the arm says.
 
+use std::collections::BTreeMap;
+
 use trical_model::{Forward, Measured};
 
 use crate::dataset::{Dataset, Rejected};
@@ -10,14 +12,18 @@ use crate::identify::Identified;
 /// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
 const OUTLIER: f64 = 6.0;
 
-/// More than this share of a data set are not outliers but something that the model lacks.
+/// More than this share of a data set (or four rows of a small one) are not outliers but something that the model lacks.
 const MOST: f64 = 0.03;
+
+/// Repeats that would happen by chance less often than this in the whole data set are stale.
+const BY_CHANCE: f64 = 0.02;
 
 /// Leaves out readings that repeat the one before to the last digit although the arm moved: the gauge kept its old value.
 #[must_use]
 pub fn without_stale(data: &Dataset) -> Dataset {
     let mut out = data.clone();
     let mut stale: Vec<usize> = Vec::new();
+    let rare = expected_repeats(data) < BY_CHANCE;
     for pair in data.observations.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
         if a.recording != b.recording || a.state.q == b.state.q {
@@ -26,7 +32,7 @@ pub fn without_stale(data: &Dataset) -> Dataset {
         let same = match (&a.measured, &b.measured) {
             (Measured::Touch { reading: x, .. }, Measured::Touch { reading: y, .. }) => {
                 // small readings repeat by chance: a gauge of 0.001 mm has few values near zero
-                x == y && x.iter().any(|v| v.abs() > 3e-5)
+                x == y && rare
             }
             (Measured::Point { position: x, target: s }, Measured::Point { position: y, target: t }) => {
                 x == y && s == t
@@ -50,6 +56,29 @@ pub fn without_stale(data: &Dataset) -> Dataset {
     out
 }
 
+/// How many touches would repeat all three readings of the one before by chance: for each indicator the probability that two
+/// readings agree, as often as any two of this data set do.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn expected_repeats(data: &Dataset) -> f64 {
+    let readings: Vec<[f64; 3]> = data
+        .observations
+        .iter()
+        .filter_map(|o| match o.measured {
+            Measured::Touch { reading, .. } => Some(reading),
+            _ => None,
+        })
+        .collect();
+    let n = readings.len() as f64;
+    let agree = |axis: usize| {
+        let mut counts: BTreeMap<u64, f64> = BTreeMap::new();
+        for r in &readings {
+            *counts.entry(r[axis].to_bits()).or_default() += 1.0;
+        }
+        counts.values().map(|c| c * (c - 1.0)).sum::<f64>() / (n * (n - 1.0)).max(1.0)
+    };
+    n * agree(0) * agree(1) * agree(2)
+}
+
 /// Leaves out what is far off the fitted model: at most a small share, the farthest first.
 ///
 /// # Errors
@@ -67,7 +96,7 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
         .collect();
     far.sort_by(|a, b| b.1.total_cmp(&a.1));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a count")]
-    let most = (all.observations.len() as f64 * MOST).ceil() as usize;
+    let most = ((all.observations.len() as f64 * MOST).ceil() as usize).max(4);
     far.truncate(most);
     let errors = position_errors(&forward, all);
     let mut out = all.clone();

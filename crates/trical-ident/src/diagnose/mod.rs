@@ -58,7 +58,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let Work { all: _, kept, fitted, candidates, chosen, untestable, nuisances, believed, .. } = &work;
     let (design, probes) = work.design_with_probes()?;
     let judge = work.judge(&design, &probes);
-    let search = work::searcher(&design, candidates, kept);
+    let search = work.searcher(&design);
     let start = design.stage();
     let full = search.with(&start, chosen);
     let groups = ordered(&search, &start, grouped(candidates, chosen));

@@ -23,8 +23,8 @@ pub struct Search<'a> {
     pub design: &'a Design,
     /// The candidates, as the design has them.
     pub candidates: &'a [Candidate],
-    /// Which of them may be chosen.
-    pub allowed: Vec<bool>,
+    /// Share of what each removes that counts: less than 1 for slow effects where the noise remembers itself.
+    pub trust: Vec<f64>,
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
 }
@@ -53,15 +53,12 @@ impl Search<'_> {
     /// Evidence of a candidate at a stage, nats; signs that physics forbids have none.
     #[must_use]
     pub fn evidence(&self, stage: &Stage, candidate: usize) -> Option<Ranked> {
-        if !self.allowed[candidate] {
-            return None;
-        }
         let gain = self.design.gain(stage, candidate);
         if gain.rank < 1e-3 {
             return None;
         }
         let n = self.freedom(stage);
-        let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
+        let share = (gain.dss * self.trust[candidate] / stage.ss).min(1.0 - 1e-12);
         let evidence = -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }

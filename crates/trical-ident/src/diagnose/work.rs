@@ -1,8 +1,8 @@
 //! The search in progress: what was believed, tried and chosen so far.
 
-use trical_model::{Cell, Measured, Model, Robot, Term};
+use trical_model::{Cell, Forward, Measured, Model, Robot, Term};
 
-use super::catalogue::{Candidate, Untestable, catalogue, reading_noise};
+use super::catalogue::{Candidate, Untestable, catalogue, device_orientation, reading_noise};
 use super::design::Design;
 use super::explain::at_same_place;
 use super::locators::{self, locators};
@@ -11,7 +11,7 @@ use super::search::{self, Search};
 use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
 use crate::error::Result;
-use crate::fit::Prior;
+use crate::fit::{Prior, weighted_residuals};
 use crate::identifiability::{Choice, ParameterSet};
 use crate::identify::{Identified, fit_model, fit_model_with_priors, prepared, reject_gross_errors_beyond};
 use crate::noise::Noise;
@@ -38,6 +38,8 @@ pub(super) struct Work {
     pub(super) candidates: Vec<Candidate>,
     /// Indices into the candidates.
     pub(super) chosen: Vec<usize>,
+    /// Correlation of residuals that follow each other.
+    memory: f64,
     pub(super) untestable: Vec<Untestable>,
     /// Terms about the readings' own noise, and which of them are in the baseline.
     pub(super) nuisances: Vec<Candidate>,
@@ -60,11 +62,17 @@ impl Work {
             baseline_terms: fitted.model.terms.len(),
             candidates: Vec::new(),
             chosen: Vec::new(),
+            memory: 0.0,
             untestable: Vec::new(),
             believed: vec![false; nuisances.len()],
             nuisances,
             fitted,
         };
+        if let Some(term) = device_orientation(&work.fitted.model, &work.all, sigma) {
+            work.fitted.model.terms.push(term);
+            work.baseline_terms += 1;
+            work.refit()?;
+        }
         work.believe()?;
         (work.candidates, work.untestable) = catalogue(&work.fitted.model, &work.all, sigma);
         work.candidates.extend(locators(&work.fitted.model, &work.all));
@@ -80,9 +88,16 @@ impl Work {
             self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             let design = self.design()?;
-            self.chosen = searcher(&design, &self.candidates, &self.kept).choose(&design.stage(), &self.chosen);
+            self.memory = memory(&self.fitted, &self.kept)?;
+            let before = std::mem::take(&mut self.chosen);
+            self.chosen = self.searcher(&design).choose(&design.stage(), &before);
             self.refine();
-            self.refit()?;
+            if self.refit().is_err() {
+                // the exact fit does not follow the linear picture: what was there before stays
+                self.chosen = before;
+                self.refit()?;
+                break;
+            }
             // with the effects out of the way the readings' noise may show
             if self.believe()? {
                 continue;
@@ -106,7 +121,7 @@ impl Work {
         let mut new = self.candidates.len() > before;
         let (design, probes) = self.design_with_probes()?;
         let judge = self.judge(&design, &probes);
-        let search = searcher(&design, &self.candidates, &self.kept);
+        let search = self.searcher(&design);
         let start = design.stage();
         let stage = search.with(&start, &self.chosen);
         let mut places: Vec<serde_json::Value> = Vec::new();
@@ -201,6 +216,12 @@ impl Work {
         Ok((design, probes))
     }
 
+    pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
+        let memory = (1.0 - self.memory) / (1.0 + self.memory);
+        let trust = self.candidates.iter().map(|c| if c.slow() { memory } else { 1.0 }).collect();
+        Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept) }
+    }
+
     pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
         Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
     }
@@ -233,7 +254,8 @@ impl Work {
             }
             let one = std::slice::from_ref(&self.nuisances[k]);
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
-            let search = searcher(&design, one, &self.fitted.data);
+            let search =
+                Search { design: &design, candidates: one, trust: vec![1.0], temper: temper(&self.fitted.data) };
             if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;
@@ -262,6 +284,21 @@ fn temper(data: &Dataset) -> f64 {
     (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
 }
 
-pub(super) fn searcher<'a>(design: &'a Design, candidates: &'a [Candidate], data: &Dataset) -> Search<'a> {
-    Search { design, candidates, allowed: vec![true; candidates.len()], temper: temper(data) }
+/// Correlation of the residuals of measurements that follow each other, as far as it is more than chance.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn memory(fitted: &Identified, data: &Dataset) -> Result<f64> {
+    let forward = Forward::new(fitted.model.clone(), Vec::new())?;
+    let residuals = weighted_residuals(&forward, data, &fitted.noise);
+    let (mut product, mut square, mut n) = (0.0, 0.0, 0.0_f64);
+    for (pair, o) in residuals.windows(2).zip(data.observations.windows(2)) {
+        let ((a, rows), (b, others)) = (&pair[0], &pair[1]);
+        if o[0].recording == o[1].recording && o[0].pose != o[1].pose && rows == others {
+            product += a[..*rows].iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+            square += 0.5 * a[..*rows].iter().chain(&b[..*rows]).map(|v| v * v).sum::<f64>();
+            n += *rows as f64;
+        }
+    }
+    let chance = 2.0 / n.max(1.0).sqrt();
+    let correlation = product / square.max(1e-300);
+    Ok(if correlation > chance { correlation.min(0.95) } else { 0.0 })
 }

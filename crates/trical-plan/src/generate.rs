@@ -67,6 +67,19 @@ impl Rejected {
         }
     }
 
+    /// Each reason and how often it refused an attempt; their counts and the successes make up the attempts.
+    #[must_use]
+    pub fn reasons(&self) -> [(&'static str, usize); 6] {
+        [
+            ("out of reach", self.unreachable),
+            ("beyond joint limits", self.out_of_limits),
+            ("no room for corrections", self.singular),
+            ("collision at the touch", self.touch_in_collision),
+            ("no stand-off pose", self.no_approach),
+            ("collision on the approach", self.approach_in_collision),
+        ]
+    }
+
     /// The commonest reason, in words: completes "most were refused because".
     #[must_use]
     pub fn main_reason(&self) -> String {

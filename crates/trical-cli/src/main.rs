@@ -1,8 +1,11 @@
 //! The `trical` binary: commands, progress, reports. Algorithms live in the other crates.
 
+mod blindness;
 mod commands;
 mod error;
 mod input;
+mod picture;
+mod plan_report;
 mod plant;
 mod plots;
 mod progress;

@@ -24,7 +24,9 @@
 //! | [`geometry`], [`solid`] | the `[geometry]` of `cell.toml`; shapes and distances between them |
 //! | [`collision`] | checks of configurations and of whole motions |
 //! | [`generate`] | candidates at a ball, and why others were refused |
-//! | [`choose`] | D-optimal subsets of any Jacobian blocks |
+//! | [`choose`], [`criterion`] | the best subsets of any Jacobian blocks, by determinant, variances, weakest direction, region |
+//! | [`discriminate`] | subsets that tell rival explanations apart |
+//! | [`predict`] | position errors that a plan leaves to be expected |
 //! | [`route`] | lengths of ways in joint space |
 //! | [`plan_csv`] | plans as files |
 //! | [`validation`] | configurations at which a calibrated arm proves itself |
@@ -34,6 +36,8 @@
 pub mod choose;
 pub mod collision;
 mod connect;
+pub mod criterion;
+pub mod discriminate;
 pub mod error;
 pub mod generate;
 pub mod geometry;
@@ -41,15 +45,19 @@ pub mod options;
 pub mod parameters;
 pub mod plan;
 pub mod plan_csv;
+pub mod predict;
 mod random;
 pub mod route;
 pub mod solid;
 pub mod validation;
 
 pub use collision::{CollisionModel, MotionWorkspace};
+pub use criterion::{Criterion, Goal};
+pub use discriminate::{Discrimination, choose_to_discriminate};
 pub use error::PlanError;
 pub use generate::{Candidate, Rejected};
 pub use options::PlanOptions;
 pub use plan::{Chosen, Expected, Plan, PlanEntry, choose_touches, nominal_forward, plan_touches};
 pub use plan_csv::{PlanFileError, read_plan, write_plan};
+pub use predict::{PredictedError, Sphere};
 pub use validation::{Facing, ValidationOptions, poses_in_sphere, poses_in_workspace};

@@ -30,9 +30,12 @@ pub struct Seen {
     pub remedy: &'static str,
 }
 
+/// An effect, and what recordings lack to show it.
+pub type Lacking = (&'static str, &'static str);
+
 /// What measurements of a plan would see: every effect of the catalogue that such a recording could be asked about, and the
 /// effects that it could not, with what is missing. `model` has the terms that are to be identified; `noise` in m.
-pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>, Vec<(&'static str, &'static str)>)> {
+pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>, Vec<Lacking>)> {
     let mut t = 0.0;
     let rows = plan
         .iter()
@@ -119,7 +122,8 @@ fn remedy(effect: &str) -> &'static str {
 
 /// The effects that would not be seen, each with its sites and their lambda, by what would help.
 pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
-    let mut list: Vec<(&'static str, Vec<(&'static str, Vec<String>)>)> = Vec::new();
+    type Sites = (&'static str, Vec<String>);
+    let mut list: Vec<(&'static str, Vec<Sites>)> = Vec::new();
     for s in seen.iter().filter(|s| s.lambda < VISIBLE) {
         let k = list.iter().position(|l| l.0 == s.remedy).unwrap_or_else(|| {
             list.push((s.remedy, Vec::new()));
@@ -141,7 +145,7 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
 }
 
 /// As the contract writes it.
-pub fn blind_json(seen: &[Seen], lacking: &[(&'static str, &'static str)]) -> Vec<Value> {
+pub fn blind_json(seen: &[Seen], lacking: &[Lacking]) -> Vec<Value> {
     seen.iter()
         .filter(|s| s.lambda < VISIBLE)
         .map(|s| json!({ "effect": s.effect, "site": s.site, "lambda": s.lambda, "advice": s.remedy }))

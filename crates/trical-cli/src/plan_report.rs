@@ -175,5 +175,5 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
         },
         Section { heading: "All effects".into(), tables: vec![seen], ..Section::default() },
     ];
-    report::render("TriCal: plan", &verdict, &sections, &footer(&[robot.name.clone()]))
+    report::render("TriCal: plan", &verdict, &sections, &footer(std::slice::from_ref(&robot.name)))
 }

@@ -13,7 +13,7 @@ use trical_plan::{
     Criterion, Plan, PlanError, PlanOptions, PredictedError, Rejected, Sphere, plan_touches, read_plan, write_plan,
 };
 
-use crate::blindness::{self, Seen};
+use crate::blindness::{self, Lacking, Seen};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::{plan_report, progress, say, table};
@@ -119,6 +119,12 @@ impl Args {
 
 /// The nominal model with the paper's parameters: what touches are to identify.
 pub fn model_to_identify(robot: &Robot, cell: &Cell) -> Result<Model> {
+    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
+    model_with(robot, cell, set)
+}
+
+/// The nominal model with the parameters of a set that touches can tell apart.
+pub fn model_with(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result<Model> {
     let touch = |ball| Row {
         state: State::at(&[0.0; MAX_JOINTS]),
         measured: Measured::Touch { ball, reading: [0.0; 3] },
@@ -128,7 +134,6 @@ pub fn model_to_identify(robot: &Robot, cell: &Cell) -> Result<Model> {
     let rows = (0..cell.balls.len()).map(touch).collect();
     let recording = Recording { name: "plan".into(), joints: robot.dof(), rows };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.terms = trical_ident::identifiability::independent_terms(&model, &data, &Choice::from(set))?.0;
     Ok(model)
@@ -194,7 +199,7 @@ pub struct Told {
     /// What it would show.
     pub seen: Vec<Seen>,
     /// What no such recording can show, and why.
-    pub lacking: Vec<(&'static str, &'static str)>,
+    pub lacking: Vec<Lacking>,
     /// Balls of the cell.
     pub balls: usize,
 }

@@ -216,6 +216,10 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
     };
     assert!(blind(&d, "lost_motion_gravity", 2) && blind(&d, "lost_motion_gravity", 3));
     assert!(!blind(&d, "lost_motion_direction", 2) && !blind(&d, "joint_harmonic", 1));
+    // nine touches are a plan, though not one to identify with
+    let few = plan(&["--per-ball", "3", "--report", "plan.html"]);
+    assert_eq!((&few["touches"], &few["determined"]), (&serde_json::json!(9), &serde_json::json!(false)));
+    plan(&["--report", "plan.html"]);
     // made for the workspace it is better there
     let mean = |d: &serde_json::Value, place: &str| d["expected"][place]["rms_mm"].as_f64().unwrap();
     let w = plan(&["--criterion", "workspace"]);

@@ -92,10 +92,9 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
     Ok(rows)
 }
 
-/// The whole report.
-pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
+fn verdict(cell: &Cell, told: &Told) -> String {
     let e = &told.plan.expected;
-    let verdict = format!(
+    format!(
         "{} touches of {} balls. With noise of {} mm they leave {} on average in the sphere and {} in the whole workspace, as \
          far as the model is complete; {} of the effects that it may lack would not be seen.",
         told.plan.entries.len(),
@@ -104,7 +103,22 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
         e.in_sphere.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
         e.in_workspace.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
         told.seen.iter().filter(|s| s.lambda < VISIBLE).count()
-    );
+    )
+}
+
+/// The whole report.
+pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
+    let e = &told.plan.expected;
+    let verdict = if told.determined() {
+        verdict(cell, told)
+    } else {
+        format!(
+            "{} touches of {} balls: too few to determine the {} parameters.",
+            told.plan.entries.len(),
+            cell.balls.len(),
+            told.parameters.len()
+        )
+    };
     let mut pictures = pictures(robot, cell, told)?;
     let others = pictures.split_off(1);
     let mut dropped = vec![row(["ball", "tried", "refused because of", "most contacts between"])];

@@ -214,8 +214,19 @@ impl Told {
             t.sd = at.and_then(|k| plan.expected.sd.get(k).copied());
         }
         let parameters = known.terms.iter().map(|t| shown(&known, t)).collect();
-        let (seen, lacking) = blindness::seen(&known, &plan.entries, options.noise_m)?;
+        // with fewer numbers than parameters everything is taken up by them
+        let determined = plan.expected.sd.iter().all(|s| s.is_finite());
+        let (seen, lacking) = if determined {
+            blindness::seen(&known, &plan.entries, options.noise_m)?
+        } else {
+            (Vec::new(), Vec::new())
+        };
         Ok(Self { plan, options, parameters, seen, lacking, balls: model.cell.balls.len() })
+    }
+
+    /// Whether these touches determine the parameters.
+    pub fn determined(&self) -> bool {
+        self.plan.expected.sd.iter().all(|s| s.is_finite())
     }
 
     fn pool(&self) -> usize {
@@ -253,6 +264,7 @@ impl Told {
             "by_ball": by_ball,
             "criterion": e.criterion,
             "gain_over_random": e.gain_over_random,
+            "determined": self.determined(),
             "parameters": parameters,
             "not_identifiable": e.dependent,
             "observability": { "o1": e.o1, "condition": e.condition },
@@ -271,14 +283,25 @@ impl Told {
     pub fn lines(&self) -> Vec<String> {
         let e = &self.plan.expected;
         let mut out = vec![format!(
-            "{} touches of {} balls, chosen from {} ({} times better than a random choice)",
+            "{} touches of {} balls, chosen from {}{}",
             self.plan.entries.len(),
             self.balls,
             self.pool(),
-            two_digits(e.gain_over_random)
+            if e.gain_over_random.is_finite() {
+                format!(" ({} times better than a random choice)", two_digits(e.gain_over_random))
+            } else {
+                String::new()
+            }
         )];
         for (reason, n) in rejected(&self.plan).iter().filter(|r| *r.1 > 0) {
             out.push(format!("  {n:>6} candidates dropped: {reason}"));
+        }
+        if !self.determined() {
+            out.push(format!(
+                "These touches do not determine the {} parameters: more are needed to identify them",
+                self.parameters.len()
+            ));
+            return out;
         }
         out.push(format!(
             "With noise of {} mm, {} parameters are expected with standard deviations of",

@@ -222,7 +222,7 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
     plan(&["--report", "plan.html"]);
     // made for the workspace it is better there
     let mean = |d: &serde_json::Value, place: &str| d["expected"][place]["rms_mm"].as_f64().unwrap();
-    let w = plan(&["--criterion", "workspace"]);
+    let w = plan(&["--criterion", "workspace", "--sphere-mm", "150,90,100,150"]);
     assert!(mean(&w, "workspace") < mean(&d, "workspace"));
     // twice the noise, twice the error
     let twice = plan(&["--noise-mm", "0.02"]);
@@ -239,6 +239,7 @@ fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
     let plan: &[&str] = &["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "out.toml"];
     place.refuses(&[plan, &["--start-deg", "0,0,0"]].concat(), &["--start-deg", "3 numbers", "expected 6"]);
     place.refuses(&[plan, &["--start-deg", "0,100,60,0,0,0"]].concat(), &["start", "meet there", "--start-deg"]);
+    place.refuses(&[plan, &["--sphere-mm", "0,0,100"]].concat(), &["--sphere-mm", "3 numbers", "expected 4"]);
     place.refuses(&[plan, &["--noise-mm", "0"]].concat(), &["noise_m", "found 0"]);
     place.refuses(&[plan, &["--per-ball", "0"]].concat(), &["per_ball", "found 0"]);
     place.write("robot.toml", &ROBOT.replace("limits_deg = [-110.0, 110.0]", "limits_deg = [-110.0, -100.0]"));

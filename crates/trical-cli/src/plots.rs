@@ -143,7 +143,7 @@ pub struct Band {
     pub points: Vec<(f64, f64, f64, f64)>,
 }
 
-/// Panels side by side, each with a heading, curves over the same kinds of axes, y logarithmic; one legend below.
+/// Panels side by side, each with a heading, curves over the same kinds of axes, y from zero; one legend below.
 pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> Result<String> {
     let legend = panels.first().map_or(&[][..], |p| p.1.as_slice());
     let rows = u32::try_from(legend.len().div_ceil(2)).unwrap_or(0);
@@ -154,9 +154,8 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
         for (area, (heading, curves)) in charts.split_evenly((1, panels.len().max(1))).iter().zip(panels) {
             let all = || curves.iter().flat_map(|c| c.points.iter());
             let x = range(all().map(|p| p.0), false);
-            let low = all().map(|p| p.2).filter(|y| *y > 0.0).fold(f64::INFINITY, f64::min) * 0.8;
-            let high = all().map(|p| p.3).fold(0.0, f64::max) * 1.25;
-            if !(low.is_finite() && low > 0.0 && high > low) {
+            let high = all().map(|p| p.3).fold(0.0, f64::max) * 1.1;
+            if !(high.is_finite() && high > 0.0) {
                 continue;
             }
             let mut chart = ChartBuilder::on(area)
@@ -164,7 +163,7 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
                 .caption(heading, ("sans-serif", 16))
                 .x_label_area_size(44)
                 .y_label_area_size(70)
-                .build_cartesian_2d(x, (low..high).log_scale())
+                .build_cartesian_2d(x, 0.0..high)
                 .map_err(failed)?;
             chart
                 .configure_mesh()
@@ -172,14 +171,14 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
                 .bold_line_style(RGBColor(225, 225, 225))
                 .x_desc(x_label)
                 .y_desc(y_label)
-                .y_label_formatter(&|y| if *y < 0.001 { format!("{y:.0e}") } else { format!("{y:.3}") })
+                .x_label_formatter(&|x| format!("{x:.0}"))
                 .label_style(("sans-serif", 13))
                 .axis_desc_style(("sans-serif", 14))
                 .draw()
                 .map_err(failed)?;
             for c in curves {
-                let up = c.points.iter().map(|p| (p.0, p.3.max(low)));
-                let down = c.points.iter().rev().map(|p| (p.0, p.2.max(low)));
+                let up = c.points.iter().map(|p| (p.0, p.3));
+                let down = c.points.iter().rev().map(|p| (p.0, p.2));
                 if c.points.iter().any(|p| p.3 > p.2) {
                     chart
                         .draw_series(std::iter::once(Polygon::new(

@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long, value_enum, ignore_case = true, default_value_t = Best::D)]
     criterion: Best,
     /// Where the arm is to be accurate: a sphere in {w}; without it, 200 mm about a point 100 mm above the balls
-    #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', num_args = 4, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
     sphere_mm: Vec<f64>,
     /// Standard deviation of each of a touch's three numbers, for what is expected
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
@@ -100,7 +100,13 @@ impl Args {
         }
         let sphere = match self.sphere_mm.as_slice() {
             [x, y, z, r] => Some(Sphere { centre: Vector3::new(*x, *y, *z) * 1e-3, radius: r * 1e-3 }),
-            _ => None,
+            [] => None,
+            other => {
+                return Err(CliError::Input(format!(
+                    "--sphere-mm: found {} numbers, expected 4: x, y, z and radius",
+                    other.len()
+                )));
+            }
         };
         let mut options = PlanOptions {
             per_ball: self.per_ball,

@@ -67,7 +67,7 @@ struct Common {
     #[arg(long, value_name = "DEG", default_value_t = 1.0)]
     angle_deg: f64,
     /// Least and largest compliance of its joints
-    #[arg(long, value_name = "LEAST,MOST", value_delimiter = ',', num_args = 2, default_values_t = [1e-3, 1e-1])]
+    #[arg(long, value_name = "LEAST,MOST", value_delimiter = ',', default_values_t = [1e-3, 1e-1])]
     compliance_deg_per_nm: Vec<f64>,
     /// Noise of an indicator
     #[arg(long, value_name = "MM", default_value_t = 0.001)]
@@ -445,30 +445,34 @@ fn tell_touches(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Resu
         known.terms.len(),
         shown(left)
     );
-    let sections = [Section {
-        heading: "Error against touches".into(),
-        text: vec![
-            format!(
-                "{} true arms for each setting. Every length differs from nominal by {} mm and every angle by {} deg (standard \
+    let sections = [
+        Section {
+            heading: "Error against touches".into(),
+            text: vec![
+                format!(
+                    "{} true arms for each setting. Every length differs from nominal by {} mm and every angle by {} deg (standard \
                  deviations), compliances lie between {} and {} deg/Nm; noise: indicator {} mm, procedure {} mm, balls {} mm. \
                  Bands hold the middle four fifths of the arms.",
-                common.trials,
-                common.length_mm,
-                common.angle_deg,
-                common.compliance_deg_per_nm[0],
-                common.compliance_deg_per_nm[1],
-                common.indicator_mm,
-                common.procedure_mm,
-                common.ballbar_mm
-            ),
-            without.clone(),
-        ],
-        tables: vec![rows.clone()],
-        figures: vec![Figure {
-            caption: "Mean position error at poses that were not touched.".into(),
-            svg: figure.clone(),
-        }],
-    }];
+                    common.trials,
+                    common.length_mm,
+                    common.angle_deg,
+                    common.compliance_deg_per_nm[0],
+                    common.compliance_deg_per_nm[1],
+                    common.indicator_mm,
+                    common.procedure_mm,
+                    common.ballbar_mm
+                ),
+                without.clone(),
+            ],
+            figures: vec![Figure {
+                caption: "Mean position error at poses that were not touched, and where four fifths of the arms lie."
+                    .into(),
+                svg: figure.clone(),
+            }],
+            ..Section::default()
+        },
+        Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
+    ];
     common.write(&csv, &figure, "TriCal: study of touches", &verdict, &sections)?;
     if common.json {
         let list: Vec<serde_json::Value> = settings
@@ -728,20 +732,27 @@ fn tell_platforms(args: &PlatformArgs, done: &[Platform]) -> Result<()> {
         best(|r| r.0),
         best(|r| r.1)
     );
-    let sections = [Section {
-        heading: "Platforms".into(),
-        text: std::iter::once(format!(
-            "{} true arms for each platform, drawn as by trical study touches, {} touches shared by the balls. The sphere and \
+    let mut sections = vec![
+        Section {
+            heading: "Platforms".into(),
+            text: vec![format!(
+                "{} true arms for each platform, drawn as by trical study touches, {} touches shared by the balls. The sphere and \
              the poses of the workspace are the same for all. Platform, posts and floor are derived from the balls; other \
              obstacles of cell.toml are left out.",
-            common.trials, args.touches
-        )).chain(problems.iter().cloned()).collect(),
-        tables: vec![rows.clone()],
-        figures: vec![Figure {
-            caption: "Mean position error at poses that were not touched.".into(),
-            svg: figure.clone(),
-        }],
-    }];
+                common.trials, args.touches
+            )],
+            figures: vec![Figure {
+                caption: "Mean position error at poses that were not touched.".into(),
+                svg: figure.clone(),
+            }],
+            ..Section::default()
+        },
+        Section { heading: "Numbers".into(), tables: vec![rows.clone()], ..Section::default() },
+    ];
+    if !problems.is_empty() {
+        let heading = "Platforms that cannot be used".into();
+        sections.push(Section { heading, text: problems.clone(), ..Section::default() });
+    }
     common.write(&csv, &figure, "TriCal: study of platforms", &verdict, &sections)?;
     if common.json {
         let list: Vec<serde_json::Value> = done

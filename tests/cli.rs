@@ -60,9 +60,15 @@ fn the_demo_tells_its_story_and_leaves_what_it_says() {
     let text = String::from_utf8_lossy(&o.stdout);
     assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
     assert!(text.lines().count() < 40, "{text}");
-    for name in
-        ["run.mcap", "calibrated.toml", "report.html", "plan.csv", "truth.sealed.toml", "sample.compensated.mod"]
-    {
+    for name in [
+        "run.mcap",
+        "calibrated.toml",
+        "report.html",
+        "plan.csv",
+        "plan.html",
+        "truth.sealed.toml",
+        "sample.compensated.mod",
+    ] {
         assert!(place.path("demo").join(name).exists(), "{name}");
     }
     // what the recording says is what identification from the command line says

@@ -105,7 +105,8 @@ fn no_torque(model: &Model, plan: &[PlanEntry]) -> Result<Vec<bool>> {
 fn remedy(effect: &str) -> &'static str {
     match effect {
         "lost_motion_gravity" | "nonlinear_stiffness" | "cross_axis_compliance" | "gravity_direction" => {
-            "balls on a second plate placed much higher (or another payload): gravity torques must change sign or size"
+            "a second plate, high and close to the base, so that the arm folds back over its shoulder, and a device that may \
+             tilt further (--max-tilt-deg): gravity torques must change sign"
         }
         "payload" => "some touches with another, known payload",
         "lost_motion_direction" | "load_friction" => "more touches with approaches in both senses of the joint",

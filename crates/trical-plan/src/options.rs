@@ -58,7 +58,7 @@ impl Default for PlanOptions {
             per_ball: 15,
             pool_per_ball: 100,
             attempts_per_candidate: 200,
-            max_tilt_rad: 50.0_f64.to_radians(),
+            max_tilt_rad: 90.0_f64.to_radians(),
             spin_rad: [-std::f64::consts::PI, std::f64::consts::PI],
             standoff_m: [0.03, 0.05],
             whole_turns: false,

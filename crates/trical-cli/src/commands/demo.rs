@@ -20,7 +20,7 @@ use crate::error::{CliError, Result};
 use crate::plant::{ArmPlant, cell_options, draw_truth};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::report::{Figure, Section, error_table, footer, render};
-use crate::{progress, rapid, say, table};
+use crate::{plan_report, progress, rapid, say, table};
 
 const ROBOT: &str = include_str!("../../../../cells/irb120/robot.toml");
 const CELL: &str = include_str!("../../../../cells/irb120/cell.toml");
@@ -120,7 +120,10 @@ pub fn run(args: &Args) -> Result<()> {
         entries.len(),
         cell.balls.len() * options.pool_per_ball
     ))?;
-    tell(format!("   collide with nothing ({dropped} others were dropped)."))?;
+    tell(format!("   collide with nothing ({dropped} others were dropped; plan.html shows them)."))?;
+
+    let told = plan::Told::new(&nominal, planned, options)?;
+    write_whole(&file("plan.html"), plan_report::render(&robot, &cell, &told)?.as_bytes())?;
 
     // 3. the measurement
     let recording = file("run.mcap");
@@ -223,7 +226,7 @@ pub fn run(args: &Args) -> Result<()> {
     tell(format!("   {:.3} mm after (sample.compensated.mod).", hit.mean_mm))?;
 
     // 7. the report
-    let html = report(&fitted, &rows, &error_rows, &validation, (&missed, &hit), &planned)?;
+    let html = report(&fitted, &rows, &error_rows, &validation, (&missed, &hit), &told)?;
     write_whole(&file("report.html"), html.as_bytes())?;
     tell(format!("7. Everything is in {}: open report.html. ({:.0} s)", out.display(), begin.elapsed().as_secs_f64()))?;
     if args.json {
@@ -268,7 +271,7 @@ fn report(
     errors: &[Vec<String>],
     validation: &(Scored, Scored),
     program: (&ErrorSummary, &ErrorSummary),
-    planned: &trical_plan::Plan,
+    told: &plan::Told,
 ) -> Result<String> {
     let (sphere, whole) = validation;
     let mm = |x: &[f64], e: &[f64]| -> Vec<(f64, f64)> { x.iter().zip(e).map(|(x, e)| (*x, e * 1e3)).collect() };
@@ -297,7 +300,7 @@ fn report(
         ErrorSummary::of(&whole.after).mean_mm
     );
     let mut dropped = vec![["candidates dropped because of", "number"].map(String::from).to_vec()];
-    dropped.extend(plan::rejected(planned).iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
+    dropped.extend(plan::rejected(&told.plan).iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
     let sections = [
         Section {
             heading: "Position error before and after".into(),
@@ -356,7 +359,7 @@ fn report(
                 fitted.free.len()
             )],
             tables: vec![dropped],
-            figures: vec![Figure {
+            figures: plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?.into_iter().take(1).chain([Figure {
                 caption: "Residual of each touch.".into(),
                 svg: plots::scatter(
                     "touch",
@@ -365,7 +368,7 @@ fn report(
                     false,
                     &[Series { name: "touch", color: AFTER, points: residuals }],
                 )?,
-            }],
+            }]).collect(),
         },
         Section {
             heading: "Parameters".into(),

@@ -66,6 +66,9 @@ pub struct Args {
     /// Where the arm is to be accurate: a sphere in {w}; without it, 200 mm about a point 100 mm above the balls
     #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
     sphere_mm: Vec<f64>,
+    /// Largest angle between the device's z axis and straight down
+    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    max_tilt_deg: f64,
     /// Standard deviation of each of a touch's three numbers, for what is expected
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     noise_mm: f64,
@@ -116,6 +119,7 @@ impl Args {
             start: Some(start),
             sphere,
             noise_m: self.noise_mm * 1e-3,
+            max_tilt_rad: self.max_tilt_deg.to_radians(),
             ..PlanOptions::default()
         };
         self.criterion.apply(&mut options);

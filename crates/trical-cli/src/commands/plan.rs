@@ -337,7 +337,7 @@ impl Told {
         }
         for (remedy, what) in advice {
             out.extend(table::wrapped(&what, 108, "  "));
-            out.push(format!("    would help: {remedy}"));
+            out.extend(table::wrapped(&format!("would help: {remedy}"), 108, "    "));
         }
         out
     }

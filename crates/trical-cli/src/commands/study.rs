@@ -272,11 +272,15 @@ impl Setting {
     }
 }
 
+/// Arms in which every number of the table is changed.
+const ANY: &str = "any";
+/// Arms that the parameters can describe.
+const DESCRIBED: &str = "described";
+const CHOSEN: &str = "chosen";
+const RANDOM: &str = "random";
+
 const SPHERE: fn(&Outcome) -> f64 = |o| o.sphere[0];
 const WORKSPACE: fn(&Outcome) -> f64 = |o| o.workspace[0];
-
-const CHOSEN_SPHERE: RGBColor = RGBColor(38, 102, 165);
-const RANDOM_SPHERE: RGBColor = RGBColor(200, 92, 70);
 
 fn touches(args: &TouchesArgs) -> Result<()> {
     let common = &args.common;
@@ -299,54 +303,45 @@ fn touches(args: &TouchesArgs) -> Result<()> {
     let region = region(&forward, &poses, &options);
     let bar = progress::bar("study");
     let mut settings: Vec<Setting> = Vec::new();
-    let jobs = 2 * args.per_ball.len() + 2;
+    let jobs = 4 * args.per_ball.len() + 2;
     let mut numbers = args.per_ball.clone();
     numbers.sort_unstable();
     numbers.dedup();
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let tick = |done: usize| progress::at(&bar, done as f64 / jobs as f64, "");
-    let trial = |truth: &Model, touches: &[Candidate], nature: &Nature, k: u64| {
-        let recording = touch(truth, touches, nature, common.seed, k)?;
-        calibrate(&robot, &cell, truth, recording, set, &poses)
+    let trial = |arm: &str, touches: &[Candidate], nature: &Nature, k: u64| {
+        let truth = match arm {
+            ANY => draw_arm(&robot, &cell, nature, common.seed, k),
+            _ => draw_known(&known, nature, common.seed, k),
+        };
+        let recording = touch(&truth, touches, nature, common.seed, k)?;
+        calibrate(&robot, &cell, &truth, recording, set, &poses)
     };
     for per_ball in &numbers {
         let options = PlanOptions { per_ball: *per_ball, ..options.clone() };
         // fewer rows than parameters: nothing can be chosen, nothing identified
         let chosen = choose_touches(&forward, &pool, &options, &region).map(|c| c.touches);
-        for design in ["chosen", "random"] {
+        for (arm, design) in [(DESCRIBED, CHOSEN), (DESCRIBED, RANDOM), (ANY, CHOSEN), (ANY, RANDOM)] {
             let outcomes = (0..common.trials)
                 .into_par_iter()
-                .map(|k| {
-                    let truth = draw_arm(&robot, &cell, &nature, common.seed, k);
-                    match (&chosen, design) {
-                        (Ok(t), "chosen") => trial(&truth, t, &nature, k),
-                        (Err(_), "chosen") => Ok(None),
-                        _ => {
-                            let t = random_touches(&pool, cell.balls.len(), *per_ball, common.seed, k)?;
-                            trial(&truth, &t, &nature, k)
-                        }
-                    }
+                .map(|k| match (&chosen, design) {
+                    (Ok(t), CHOSEN) => trial(arm, t, &nature, k),
+                    (Err(_), CHOSEN) => Ok(None),
+                    _ => trial(arm, &random_touches(&pool, cell.balls.len(), *per_ball, common.seed, k)?, &nature, k),
                 })
                 .collect::<Result<Vec<_>>>()?;
-            settings.push(Setting { arm: "any", noisy: true, design, per_ball: *per_ball, outcomes });
+            settings.push(Setting { arm, noisy: true, design, per_ball: *per_ball, outcomes });
             tick(settings.len());
         }
     }
     // without noise, with the most touches: what remains is what the parameters cannot describe
     let chosen = choose_touches(&forward, &pool, &PlanOptions { per_ball: most, ..options.clone() }, &region)?.touches;
-    for arm in ["any", "described"] {
+    for arm in [DESCRIBED, ANY] {
         let outcomes = (0..common.trials)
             .into_par_iter()
-            .map(|k| {
-                let truth = if arm == "any" {
-                    draw_arm(&robot, &cell, &nature, common.seed, k)
-                } else {
-                    draw_known(&known, &nature, common.seed, k)
-                };
-                trial(&truth, &chosen, &nature.silent(), k)
-            })
+            .map(|k| trial(arm, &chosen, &nature.silent(), k))
             .collect::<Result<Vec<_>>>()?;
-        settings.push(Setting { arm, noisy: false, design: "chosen", per_ball: most, outcomes });
+        settings.push(Setting { arm, noisy: false, design: CHOSEN, per_ball: most, outcomes });
         tick(settings.len());
     }
     bar.finish_and_clear();
@@ -392,34 +387,43 @@ fn tell_touches(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Resu
             s.failed().to_string(),
         ]);
     }
-    let curve = |design: &str, of: fn(&Outcome) -> f64| -> Vec<(f64, f64, f64, f64)> {
+    let curve = |arm: &str, design: &str, of: fn(&Outcome) -> f64| -> Vec<(f64, f64, f64, f64)> {
         settings
             .iter()
-            .filter(|s| s.noisy && s.design == design)
+            .filter(|s| s.noisy && s.design == design && s.arm == arm)
             .map(|s| (s, s.spread(of)))
             .filter(|(_, x)| x.mean.is_finite())
-            .map(|(s, x)| (f64::from(u32::try_from(s.per_ball).unwrap_or(0)), x.mean, x.low, x.high))
+            .map(|(s, x)| {
+                let n = f64::from(u32::try_from(s.per_ball).unwrap_or(0));
+                // bands of the arms that are described; those of any arm would cover them
+                if arm == DESCRIBED { (n, x.mean, x.low, x.high) } else { (n, x.mean, x.mean, x.mean) }
+            })
             .collect()
     };
-    let panel = |of| {
-        vec![
-            Band { name: "chosen".into(), color: CHOSEN_SPHERE, points: curve("chosen", of) },
-            Band { name: "random".into(), color: RANDOM_SPHERE, points: curve("random", of) },
+    let panel = |of| -> Vec<Band> {
+        [
+            (DESCRIBED, CHOSEN, "chosen: noise alone", CURVES[0]),
+            (DESCRIBED, RANDOM, "random: noise alone", CURVES[1]),
+            (ANY, CHOSEN, "chosen: any arm", CURVES[2]),
+            (ANY, RANDOM, "random: any arm", CURVES[3]),
         ]
+        .into_iter()
+        .map(|(arm, design, name, color)| Band { name: name.into(), color, points: curve(arm, design, of) })
+        .collect()
     };
     let figure = plots::panels(
         "touches a ball",
         "mean position error, mm",
         &[("in the sphere".into(), panel(SPHERE)), ("in the whole workspace".into(), panel(WORKSPACE))],
     )?;
-    let factor = |of: fn(&Outcome) -> f64| {
+    let factor = |arm: &str, of: fn(&Outcome) -> f64| {
+        let find = |design: &str, n: usize| {
+            settings.iter().find(|s| s.noisy && s.arm == arm && s.design == design && s.per_ball == n)
+        };
         let ratios: Vec<(usize, f64)> = settings
             .iter()
-            .filter(|s| s.noisy && s.design == "random")
-            .filter_map(|r| {
-                let c = settings.iter().find(|s| s.noisy && s.design == "chosen" && s.per_ball == r.per_ball)?;
-                Some((r.per_ball, r.spread(of).mean / c.spread(of).mean))
-            })
+            .filter(|s| s.noisy && s.arm == arm && s.design == RANDOM)
+            .filter_map(|r| Some((r.per_ball, r.spread(of).mean / find(CHOSEN, r.per_ball)?.spread(of).mean)))
             .filter(|r| r.1.is_finite())
             .collect();
         ratios
@@ -427,14 +431,16 @@ fn tell_touches(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Resu
     let silent: Vec<&Setting> = settings.iter().filter(|s| !s.noisy).collect();
     let recovered = silent
         .iter()
-        .find(|s| s.arm == "described")
+        .find(|s| s.arm == DESCRIBED)
         .map_or(f64::NAN, |s| s.outcomes.iter().flatten().map(|o| o.parameter).fold(0.0, f64::max));
-    let left = silent.iter().find(|s| s.arm == "any").map_or(f64::NAN, |s| s.spread(WORKSPACE).mean);
-    let (in_sphere, in_workspace) = (factor(SPHERE), factor(WORKSPACE));
+    let left = silent.iter().find(|s| s.arm == ANY).map_or(f64::NAN, |s| s.spread(WORKSPACE).mean);
+    let (in_sphere, in_workspace) = (factor(DESCRIBED, SPHERE), factor(DESCRIBED, WORKSPACE));
+    let (any_sphere, any_workspace) = (factor(ANY, SPHERE), factor(ANY, WORKSPACE));
     let words =
         |list: &[(usize, f64)]| list.iter().map(|(n, f)| format!("{f:.2} ({n})")).collect::<Vec<_>>().join(", ");
     let verdict = format!(
-        "Random touches leave errors larger than chosen ones by a factor, by touches a ball: in the sphere {}; in the workspace {}.",
+        "Noise leaves errors that are larger after random touches than after chosen ones by a factor (touches a ball): in the \
+         sphere {}; in the workspace {}.",
         words(&in_sphere),
         words(&in_workspace)
     );
@@ -452,7 +458,8 @@ fn tell_touches(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Resu
                 format!(
                     "{} true arms for each setting. Every length differs from nominal by {} mm and every angle by {} deg (standard \
                  deviations), compliances lie between {} and {} deg/Nm; noise: indicator {} mm, procedure {} mm, balls {} mm. \
-                 Bands hold the middle four fifths of the arms.",
+                 Noise alone: arms that the parameters describe, the bands hold the middle four fifths of them. Any arm: every \
+                 number of the table is changed, also those that no parameter stands for.",
                     common.trials,
                     common.length_mm,
                     common.angle_deg,
@@ -490,6 +497,7 @@ fn tell_touches(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Resu
         return say(serde_json::to_string_pretty(&json!({
             "settings": list,
             "random_over_chosen": { "sphere": factors(&in_sphere), "workspace": factors(&in_workspace) },
+            "random_over_chosen_any_arm": { "sphere": factors(&any_sphere), "workspace": factors(&any_workspace) },
             "largest_parameter_error_without_noise_si": recovered,
         }))?);
     }

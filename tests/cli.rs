@@ -60,9 +60,15 @@ fn the_demo_tells_its_story_and_leaves_what_it_says() {
     let text = String::from_utf8_lossy(&o.stdout);
     assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
     assert!(text.lines().count() < 40, "{text}");
-    for name in
-        ["run.mcap", "calibrated.toml", "report.html", "plan.csv", "truth.sealed.toml", "sample.compensated.mod"]
-    {
+    for name in [
+        "run.mcap",
+        "calibrated.toml",
+        "report.html",
+        "plan.csv",
+        "plan.html",
+        "truth.sealed.toml",
+        "sample.compensated.mod",
+    ] {
         assert!(place.path("demo").join(name).exists(), "{name}");
     }
     // what the recording says is what identification from the command line says
@@ -187,6 +193,99 @@ fn bad_robots_and_cells_are_refused_with_file_and_field() {
     cell("d23 = 300.0", "d23 = 700.0", &["cell.toml", "triangle"]);
     cell("tcp_mm", "tcp_m", &["cell.toml", "line", "tcp_m"]);
     cell("mass_kg = 1.7", "mass_kg = -1.7", &["cell.toml", "mass_kg", "-1.7"]);
+}
+
+#[test]
+fn a_plan_says_what_to_expect_and_where_it_is_blind() {
+    let place = Place::new();
+    let plan = |more: &[&str]| {
+        let o = place.run(&[&["plan"][..], &CELL_ARGS, &["--out", "plan.csv", "--json"], more].concat());
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        serde_json::from_slice::<serde_json::Value>(&o.stdout).unwrap()
+    };
+    let d = plan(&["--report", "plan.html"]);
+    assert_eq!((&d["touches"], &d["pool"]), (&serde_json::json!(45), &serde_json::json!(300)));
+    assert_eq!(std::fs::read_to_string(place.path("plan.csv")).unwrap().lines().count(), 46);
+    assert_eq!(d["parameters"].as_array().unwrap().len(), 31);
+    for p in d["parameters"].as_array().unwrap() {
+        assert!(p["sd"].as_f64().unwrap() > 0.0, "{p}");
+    }
+    // every attempt is a candidate or has a reason
+    for ball in d["by_ball"].as_array().unwrap() {
+        let refused: u64 = ball["rejected"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
+        assert_eq!(ball["attempts"].as_u64().unwrap() - refused, 100);
+    }
+    // three low balls in front are blind to what needs a gravity torque of another sign
+    let blind = |d: &serde_json::Value, effect: &str, joint: u64| {
+        let list = d["blind_to"].as_array().unwrap();
+        list.iter().any(|b| b["effect"] == effect && b["site"]["joint"] == joint)
+    };
+    assert!(blind(&d, "lost_motion_gravity", 2) && blind(&d, "lost_motion_gravity", 3));
+    assert!(!blind(&d, "lost_motion_direction", 2) && !blind(&d, "joint_harmonic", 1));
+    // nine touches are a plan, though not one to identify with
+    let few = plan(&["--per-ball", "3", "--report", "plan.html"]);
+    assert_eq!((&few["touches"], &few["determined"]), (&serde_json::json!(9), &serde_json::json!(false)));
+    plan(&["--report", "plan.html"]);
+    // made for the workspace it is better there
+    let mean = |d: &serde_json::Value, place: &str| d["expected"][place]["rms_mm"].as_f64().unwrap();
+    let w = plan(&["--criterion", "workspace", "--sphere-mm", "150,90,100,150"]);
+    assert!(mean(&w, "workspace") < mean(&d, "workspace"));
+    // twice the noise, twice the error
+    let twice = plan(&["--noise-mm", "0.02"]);
+    assert!((mean(&twice, "sphere") / mean(&d, "sphere") - 2.0).abs() < 1e-9);
+    let html = std::fs::read_to_string(place.path("plan.html")).unwrap();
+    let html = html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    assert!(html.matches("<svg").count() == 3 && !html.contains("http://") && !html.contains("https://"));
+    assert_eq!(html.matches("<title>touch ").count(), 3 * 45);
+}
+
+#[test]
+fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
+    let place = Place::new();
+    let plan: &[&str] = &["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "out.toml"];
+    place.refuses(&[plan, &["--start-deg", "0,0,0"]].concat(), &["--start-deg", "3 numbers", "expected 6"]);
+    place.refuses(&[plan, &["--start-deg", "0,100,60,0,0,0"]].concat(), &["start", "meet there", "--start-deg"]);
+    place.refuses(&[plan, &["--sphere-mm", "0,0,100"]].concat(), &["--sphere-mm", "3 numbers", "expected 4"]);
+    place.refuses(&[plan, &["--noise-mm", "0"]].concat(), &["noise_m", "found 0"]);
+    place.refuses(&[plan, &["--per-ball", "0"]].concat(), &["per_ball", "found 0"]);
+    place.write("robot.toml", &ROBOT.replace("limits_deg = [-110.0, 110.0]", "limits_deg = [-110.0, -100.0]"));
+    place.refuses(
+        &[plan, &["--start-deg", "0,-105,0,0,0,0"]].concat(),
+        &["ball 1", "0 collision-free configurations", "beyond joint limits"],
+    );
+    place.write("robot.toml", ROBOT);
+    place.write("cell.toml", &CELL.replace("margin_mm = 5.0", "margin_mm = 5.0\ncolour = 3"));
+    place.refuses(plan, &["[geometry]", "colour"]);
+}
+
+#[test]
+fn a_study_finds_described_arms_again_and_is_the_same_to_the_byte() {
+    let place = Place::new();
+    let small = ["--trials", "6", "--per-ball", "8,15", "--json"];
+    let run = |out: &str| {
+        let o = place.run(&[&["study", "touches"][..], &CELL_ARGS, &["--out", out], &small].concat());
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        let read = |name: &str| std::fs::read(place.path(out).join(name)).unwrap();
+        (o.stdout, read("study.csv"), read("study.svg"))
+    };
+    let first = run("a");
+    assert!(first == run("b"));
+    let d: serde_json::Value = serde_json::from_slice(&first.0).unwrap();
+    assert!(d["largest_parameter_error_without_noise_si"].as_f64().unwrap() < 1e-9, "{d}");
+    for f in d["random_over_chosen"]["workspace"].as_array().unwrap() {
+        assert!(f["factor"].as_f64().unwrap() > 1.0, "{f}");
+    }
+    // what the parameters cannot describe is left, and said
+    let silent = d["settings"].as_array().unwrap().iter().find(|s| s["arm"] == "any" && s["noise"] == false).unwrap();
+    assert!(silent["workspace_mean_mm"].as_f64().unwrap() > 1e-4);
+    assert!(place.path("a").join("study.html").exists());
+    let args = [&["study", "platform"][..], &CELL_ARGS, &["--out", "p", "--trials", "3", "--json"]].concat();
+    let o = place
+        .run(&[&args[..], &["--balls", "3", "--side-mm", "300,2000", "--height-mm", "0", "--raise-mm", "0"]].concat());
+    let d: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    assert!(d["platforms"][0]["workspace_mean_mm"].as_f64().unwrap() > 0.0);
+    assert!(d["platforms"][1]["problem"].as_str().unwrap().contains("out of reach"), "{d}");
+    place.refuses(&[&args[..], &["--balls", "2"]].concat(), &["--balls", "found 2", "expected 3"]);
 }
 
 #[test]

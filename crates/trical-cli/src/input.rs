@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use trical_device::read_recording;
 use trical_ident::{Dataset, JointSource, References, load_csv};
 use trical_model::{Cell, Recording, Robot};
+use trical_plan::geometry::mesh::resolve_meshes;
 
 use crate::error::{CliError, Result};
 
@@ -23,7 +24,10 @@ pub struct RobotAndCell {
 impl RobotAndCell {
     /// Reads both.
     pub fn load(&self) -> Result<(Robot, Cell)> {
-        Ok((Robot::load(&self.robot)?, Cell::load(&self.cell)?))
+        let mut cell = Cell::load(&self.cell)?;
+        let folder = self.cell.parent().unwrap_or(Path::new("."));
+        resolve_meshes(&mut cell, folder).map_err(|e| CliError::Input(format!("{}: {e}", self.cell.display())))?;
+        Ok((Robot::load(&self.robot)?, cell))
     }
 }
 

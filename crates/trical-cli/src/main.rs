@@ -1,13 +1,17 @@
 //! The `trical` binary: commands, progress, reports. Algorithms live in the other crates.
 
+mod blindness;
 mod commands;
 mod error;
 mod input;
+mod picture;
+mod plan_report;
 mod plant;
 mod plots;
 mod progress;
 mod rapid;
 mod report;
+mod simulation;
 mod table;
 
 use std::process::ExitCode;
@@ -37,6 +41,8 @@ enum Command {
     Demo(commands::demo::Args),
     /// Plan collision-free, informative touches
     Plan(commands::plan::Args),
+    /// Simulate whole calibrations: touches against error, chosen against random, platforms of balls compared
+    Study(commands::study::Args),
     /// Drive robot and indicators through a plan, and record
     Measure(commands::measure::Args),
     /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
@@ -55,6 +61,7 @@ fn main() -> ExitCode {
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
         Command::Plan(args) => commands::plan::run(&args),
+        Command::Study(args) => commands::study::run(&args),
         Command::Measure(args) => commands::measure::run(&args),
         Command::VirtualCell(args) => commands::virtual_cell::run(&args),
         Command::Compensate(args) => commands::compensate::run(&args),

@@ -132,3 +132,76 @@ pub fn staircase(y_label: &str, values: &[f64]) -> Result<String> {
         Ok(())
     })
 }
+
+/// A curve with a band around it.
+pub struct Band {
+    /// In the legend.
+    pub name: String,
+    /// Colour.
+    pub color: RGBColor,
+    /// x, y, lower and upper edge of the band.
+    pub points: Vec<(f64, f64, f64, f64)>,
+}
+
+/// Panels side by side, each with a heading, curves over the same kinds of axes, y from zero; one legend below.
+pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> Result<String> {
+    let legend = panels.first().map_or(&[][..], |p| p.1.as_slice());
+    let rows = u32::try_from(legend.len().div_ceil(2)).unwrap_or(0);
+    let below = 24 * rows + 12;
+    let size = (460 * u32::try_from(panels.len()).unwrap_or(1).max(1), 340 + below);
+    draw(size, |root| {
+        let (charts, keys) = root.split_vertically(340);
+        for (area, (heading, curves)) in charts.split_evenly((1, panels.len().max(1))).iter().zip(panels) {
+            let all = || curves.iter().flat_map(|c| c.points.iter());
+            let x = range(all().map(|p| p.0), false);
+            let high = all().map(|p| p.3).fold(0.0, f64::max) * 1.1;
+            if !(high.is_finite() && high > 0.0) {
+                continue;
+            }
+            let mut chart = ChartBuilder::on(area)
+                .margin(10)
+                .caption(heading, ("sans-serif", 16))
+                .x_label_area_size(44)
+                .y_label_area_size(70)
+                .build_cartesian_2d(x, 0.0..high)
+                .map_err(failed)?;
+            chart
+                .configure_mesh()
+                .light_line_style(WHITE)
+                .bold_line_style(RGBColor(225, 225, 225))
+                .x_desc(x_label)
+                .y_desc(y_label)
+                .x_label_formatter(&|x| format!("{x:.0}"))
+                .label_style(("sans-serif", 13))
+                .axis_desc_style(("sans-serif", 14))
+                .draw()
+                .map_err(failed)?;
+            for c in curves {
+                let up = c.points.iter().map(|p| (p.0, p.3));
+                let down = c.points.iter().rev().map(|p| (p.0, p.2));
+                if c.points.iter().any(|p| p.3 > p.2) {
+                    chart
+                        .draw_series(std::iter::once(Polygon::new(
+                            up.chain(down).collect::<Vec<_>>(),
+                            c.color.mix(0.13),
+                        )))
+                        .map_err(failed)?;
+                }
+                chart
+                    .draw_series(LineSeries::new(c.points.iter().map(|p| (p.0, p.1)), c.color.stroke_width(2)))
+                    .map_err(failed)?;
+                chart
+                    .draw_series(c.points.iter().map(|p| Circle::new((p.0, p.1), 3, c.color.filled())))
+                    .map_err(failed)?;
+            }
+        }
+        for (k, c) in legend.iter().enumerate() {
+            let (column, line) = (i32::try_from(k % 2).unwrap_or(0), i32::try_from(k / 2).unwrap_or(0));
+            let (x, y) = (70 + 400 * column, 12 + 24 * line);
+            keys.draw(&PathElement::new(vec![(x, y), (x + 26, y)], c.color.stroke_width(3))).map_err(failed)?;
+            keys.draw(&Text::new(c.name.clone(), (x + 34, y - 8), ("sans-serif", 14).into_font().color(&BLACK)))
+                .map_err(failed)?;
+        }
+        Ok(())
+    })
+}

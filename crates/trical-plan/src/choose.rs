@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, Matrix3};
 use rand::seq::SliceRandom;
 use rayon::prelude::*;
 
+use crate::criterion::{Aim, Goal, exchange_linear, exchange_weakest};
 use crate::random::generator;
 
 /// Blocks of three rows, one for each candidate, and to which group (ball) each belongs.
@@ -28,8 +29,11 @@ pub struct Choice {
     /// Logarithm of det(J'J) of the chosen set over that of the whole pool scaled to the same number of measurements:
     /// 0 where it tells as much per measurement as the pool does on average.
     pub log_det: f64,
+    /// What the goal makes small, in proportion to the noise of a measurement: the geometric mean of the principal standard
+    /// deviations in the pool's coordinates, the root of the sum of variances, or the inverse of the smallest singular value.
+    pub figure: f64,
     /// The same of the median random set.
-    pub random_log_det: f64,
+    pub random_figure: f64,
 }
 
 /// Observability of a set of parameters by a set of measurements.
@@ -65,7 +69,26 @@ impl Candidates {
         self.groups.is_empty()
     }
 
-    fn matrix(&self) -> DMatrix<f64> {
+    /// Group of a candidate.
+    #[must_use]
+    pub fn group(&self, candidate: usize) -> usize {
+        self.groups.get(candidate).copied().unwrap_or(usize::MAX)
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Three rows of a candidate, row by row; empty for one that is not there.
+    #[must_use]
+    pub fn rows(&self, candidate: usize) -> &[f64] {
+        let p = self.columns;
+        self.jacobian.get(candidate * 3 * p..(candidate + 1) * 3 * p).unwrap_or(&[])
+    }
+
+    pub(crate) fn matrix(&self) -> DMatrix<f64> {
         DMatrix::from_row_slice(3 * self.len(), self.columns, &self.jacobian)
     }
 
@@ -116,7 +139,7 @@ impl Candidates {
         let p = self.columns;
         let mut rows = Vec::with_capacity(indices.len() * 3 * p);
         for i in indices {
-            rows.extend_from_slice(self.jacobian.get(i * 3 * p..(i + 1) * 3 * p).unwrap_or(&[]));
+            rows.extend_from_slice(self.rows(*i));
         }
         let m = rows.len() / p;
         if m < p {
@@ -139,28 +162,34 @@ impl Candidates {
 
 /// The candidates in coordinates in which the whole pool's J'J is the identity: well conditioned, and log determinants are
 /// relative to the pool's.
-struct White {
+pub(crate) struct White {
     /// Rows of Q times sqrt(number of candidates) as columns, so that each candidate's three lie together: p x 3 N.
-    z: DMatrix<f64>,
-    p: usize,
+    pub(crate) z: DMatrix<f64>,
+    pub(crate) p: usize,
+    /// Rows in columns of unit root mean square over the candidates are rows of Z times this, upper triangular.
+    pub(crate) r: DMatrix<f64>,
+    /// And those in the caller's units are these divided by this, column by column.
+    pub(crate) scale: Vec<f64>,
 }
 
 impl White {
-    fn of(candidates: &Candidates) -> Self {
+    pub(crate) fn of(candidates: &Candidates) -> Self {
         let mut j = candidates.matrix();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let root = (candidates.len() as f64).sqrt();
+        let mut scale = Vec::with_capacity(candidates.columns);
         for mut column in j.column_iter_mut() {
             let length = column.norm();
-            if length > 0.0 {
-                column /= length;
-            }
+            let factor = if length > 0.0 { root / length } else { 1.0 };
+            column *= factor;
+            scale.push(factor);
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let scale = (candidates.len() as f64).sqrt();
         let p = candidates.columns;
-        Self { z: (j.qr().q() * scale).transpose(), p }
+        let qr = j.qr();
+        Self { z: (qr.q() * root).transpose(), p, r: qr.r() / root, scale }
     }
 
-    fn information(&self, chosen: &[usize]) -> DMatrix<f64> {
+    pub(crate) fn information(&self, chosen: &[usize]) -> DMatrix<f64> {
         let mut m = DMatrix::zeros(self.p, self.p);
         for i in chosen {
             let block = self.z.columns(3 * i, 3);
@@ -181,11 +210,24 @@ impl White {
 }
 
 /// For each group g, `wanted[g]` of its candidates, so that det(J'J) of all of them together is as large as exchanges can make
-/// it. From a greedy start and `restarts` random ones, the best end wins; same seed, same choice.
-///
-/// `None` where a group has too few candidates, or all of them together do not determine the columns.
+/// it: [`choose_for`] the determinant.
 #[must_use]
 pub fn choose(candidates: &Candidates, wanted: &[usize], seed: u64, restarts: usize) -> Option<Choice> {
+    choose_for(candidates, wanted, &Goal::Determinant, seed, restarts)
+}
+
+/// For each group g, `wanted[g]` of its candidates, so that all of them together are as good for `goal` as exchanges can make
+/// them. From a greedy start and `restarts` random ones, the best end wins; same seed, same choice.
+///
+/// `None` where a group has too few candidates, all of them together do not determine the columns, or the goal does not fit.
+#[must_use]
+pub fn choose_for(
+    candidates: &Candidates,
+    wanted: &[usize],
+    goal: &Goal<'_>,
+    seed: u64,
+    restarts: usize,
+) -> Option<Choice> {
     let members: Vec<Vec<usize>> =
         (0..wanted.len()).map(|g| (0..candidates.len()).filter(|i| candidates.groups[*i] == g).collect()).collect();
     if members.iter().zip(wanted).any(|(m, w)| m.len() < *w) || 3 * candidates.len() < candidates.columns {
@@ -195,20 +237,37 @@ pub fn choose(candidates: &Candidates, wanted: &[usize], seed: u64, restarts: us
     if !white.z.iter().all(|x| x.is_finite()) {
         return None;
     }
+    let aim = Aim::of(goal, &white)?;
     let ends: Vec<(f64, Vec<usize>)> = (0..=restarts)
         .into_par_iter()
         .map(|k| {
             let mut chosen =
                 if k == 0 { greedy(&white, &members, wanted) } else { random_set(&members, wanted, seed, k as u64) };
-            exchange(&white, candidates, &members, &mut chosen);
+            match &aim {
+                Aim::Determinant => exchange(&white, candidates, &members, &mut chosen),
+                Aim::Linear(l) => exchange_linear(&white, candidates, &members, l, &mut chosen),
+                Aim::Weakest(r) => {
+                    // a sum of variances is a smooth way near
+                    if let Some(l) = r.clone().try_inverse() {
+                        exchange_linear(&white, candidates, &members, &l.transpose(), &mut chosen);
+                    }
+                    exchange_weakest(&white, candidates, &members, r, &mut chosen);
+                }
+            }
             chosen.sort_unstable();
-            (white.log_det(&chosen), chosen)
+            (aim.figure(&white, &chosen), chosen)
         })
         .collect();
-    let best = ends.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;
-    let mut random: Vec<f64> = (0..25).map(|k| white.log_det(&random_set(&members, wanted, seed, 1000 + k))).collect();
+    let (figure, indices) = ends.into_iter().reduce(|a, b| if b.0 < a.0 { b } else { a })?;
+    let mut random: Vec<f64> =
+        (0..25).map(|k| aim.figure(&white, &random_set(&members, wanted, seed, 1000 + k))).collect();
     random.sort_by(f64::total_cmp);
-    Some(Choice { indices: best.1, log_det: best.0, random_log_det: random.get(12).copied().unwrap_or(f64::NAN) })
+    Some(Choice {
+        log_det: white.log_det(&indices),
+        figure,
+        random_figure: random.get(12).copied().unwrap_or(f64::NAN),
+        indices,
+    })
 }
 
 fn random_set(members: &[Vec<usize>], wanted: &[usize], seed: u64, k: u64) -> Vec<usize> {
@@ -245,7 +304,7 @@ fn greedy(white: &White, members: &[Vec<usize>], wanted: &[usize]) -> Vec<usize>
     chosen
 }
 
-fn inverse(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(crate) fn inverse(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     m.clone().cholesky().map(|c| c.inverse())
 }
 

@@ -30,8 +30,7 @@ pub enum PlanError {
     NoBalls,
     /// Too few configurations could be found at a ball.
     #[error(
-        "ball {ball}: {found} collision-free configurations found in {attempts} attempts, expected {wanted}; \
-         most were refused because {reason}"
+        "ball {ball}: {found} collision-free configurations found in {attempts} attempts, expected {wanted}; {reason}"
     )]
     TooFew {
         /// 1-based.
@@ -42,7 +41,7 @@ pub enum PlanError {
         wanted: usize,
         /// How many were tried.
         attempts: usize,
-        /// The commonest reason, in words.
+        /// What was refused and why, counted.
         reason: String,
     },
     /// Too few configurations could be found for validation.

@@ -10,11 +10,12 @@ use rayon::prelude::*;
 use trical_model::ik::continue_from;
 use trical_model::pose::rotation_zyx;
 use trical_model::robot::tidy;
-use trical_model::{IkError, JointKind, Joints, Pose, Robot, State, inverse_kinematics};
+use trical_model::{IkError, JointKind, Joints, MAX_JOINTS, Pose, Robot, State, inverse_kinematics};
 
 use crate::collision::{CollisionModel, Contact, MotionWorkspace};
 use crate::error::{PlanError, Result};
 use crate::options::PlanOptions;
+use crate::plan::senses;
 use crate::random::{downward, generator, uniform};
 use crate::route::travel;
 
@@ -29,6 +30,14 @@ pub struct Candidate {
     pub joints: Joints,
     /// Joints at the stand-off pose, from which a straight line in joint space leads to the touch and back.
     pub approach: Joints,
+}
+
+impl Candidate {
+    /// Sense of each joint's last motion before the touch, as a recording would have it.
+    #[must_use]
+    pub fn senses(&self) -> [i8; MAX_JOINTS] {
+        senses(&self.approach, &self.joints)
+    }
 }
 
 /// Why attempts were refused, and how often.
@@ -67,20 +76,29 @@ impl Rejected {
         }
     }
 
-    /// The commonest reason, in words: completes "most were refused because".
+    /// Each reason and how often it refused an attempt; their counts and the successes make up the attempts.
     #[must_use]
-    pub fn main_reason(&self) -> String {
-        let mut reasons = vec![
-            (self.unreachable, "the arm does not reach the pose".to_owned()),
-            (self.out_of_limits, "a joint would be beyond its limits".into()),
-            (self.singular, "the arm has no room for corrections".into()),
-            (self.no_approach, "no stand-off pose is reachable".into()),
-        ];
-        let hits = self.touch_in_collision + self.approach_in_collision;
-        if let Some((pair, _)) = self.contacts.iter().max_by_key(|(_, n)| **n) {
-            reasons.push((hits, format!("bodies meet, most often {pair}")));
+    pub fn reasons(&self) -> [(&'static str, usize); 6] {
+        [
+            ("out of reach", self.unreachable),
+            ("beyond joint limits", self.out_of_limits),
+            ("no room for corrections", self.singular),
+            ("collision at the touch", self.touch_in_collision),
+            ("no stand-off pose", self.no_approach),
+            ("collision on the approach", self.approach_in_collision),
+        ]
+    }
+
+    /// All reasons in words, commonest first, and which bodies met most often.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let mut reasons: Vec<(&str, usize)> = self.reasons().into_iter().filter(|r| r.1 > 0).collect();
+        reasons.sort_by_key(|r| std::cmp::Reverse(r.1));
+        let mut words: Vec<String> = reasons.iter().map(|(reason, n)| format!("{n} {reason}")).collect();
+        if let Some((pair, n)) = self.contacts.iter().max_by_key(|(_, n)| **n) {
+            words.push(format!("most contacts, {n}, between {pair}"));
         }
-        reasons.into_iter().max_by_key(|r| r.0).map_or_else(String::new, |r| r.1)
+        words.join(", ")
     }
 
     fn count(&mut self, refusal: Refusal, model: &CollisionModel) {
@@ -164,7 +182,7 @@ pub fn generate(
             found: pool.len(),
             wanted: options.per_ball,
             attempts: rejected.attempts,
-            reason: rejected.main_reason(),
+            reason: format!("refused were {}", rejected.in_words()),
         });
     }
     Ok((pool, rejected))

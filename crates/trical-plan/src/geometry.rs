@@ -30,12 +30,15 @@
 //! ```
 //!
 //! Shapes: `sphere` (`center_mm`, `radius_mm`), `capsule` and `cylinder` (`from_mm`, `to_mm`, `radius_mm`), `box` (`center_mm`,
-//! `size_mm`, `zyx_deg`, `rounding_mm`), `hull` (`points_mm`, `rounding_mm`). A solid is convex; several make a body.
+//! `size_mm`, `zyx_deg`, `rounding_mm`), `hull` (`points_mm`, `rounding_mm`), `mesh` (`file`, an STL or OBJ beside `cell.toml`;
+//! `unit_mm`, `at_mm`, `zyx_deg`, `rounding_mm`; its hull, or with `shells = true` that of each of its shells). A solid is
+//! convex; several make a body.
 //! A list that is left out altogether is derived: capsules along the arm's axes, a device of three gauges, posts, a platform
 //! under the balls and a floor under the base. An empty list (`obstacle = []`) means that there is nothing.
 
 mod derived;
 mod file;
+pub mod mesh;
 
 use nalgebra::Vector3;
 use trical_model::{Cell, Robot};
@@ -97,6 +100,10 @@ impl Geometry {
     /// # Errors
     /// [`crate::PlanError::Geometry`] names section and field, what was found and what is expected.
     pub fn of(robot: &Robot, cell: &Cell) -> Result<Self> {
+        // the commands have done so already, from the cell's own folder
+        let mut cell = cell.clone();
+        mesh::resolve_meshes(&mut cell, std::path::Path::new("."))?;
+        let cell = &cell;
         let sections = file::read(robot, cell)?;
         let balls = sections.balls.unwrap_or_else(|| derived::balls(cell));
         let mut bodies = sections.links.unwrap_or_else(|| derived::links(robot));
@@ -104,6 +111,7 @@ impl Geometry {
         bodies.extend(sections.obstacles.unwrap_or_else(|| derived::obstacles(cell, &balls)));
         bodies.extend(derived::balls_and_posts(cell, &balls));
         file::check_names(&bodies, &sections.ignore)?;
+        file::check_balls_stand_free(&bodies)?;
         let retreat = file::retreat(sections.retreat, &bodies)?;
         Ok(Self { bodies, ignore: sections.ignore, margin: sections.margin, retreat })
     }

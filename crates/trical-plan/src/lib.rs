@@ -3,9 +3,7 @@
 //!
 //! ```
 //! use trical_model::{Cell, Robot};
-//! use trical_plan::options::PlanOptions;
-//! use trical_plan::plan::plan_touches;
-//! use trical_plan::plan_csv::write_plan;
+//! use trical_plan::{PlanOptions, plan_touches, write_plan};
 //! # let robot_toml = include_str!("../../../cells/irb120/robot.toml");
 //! # let cell_toml = include_str!("../../../cells/irb120/cell.toml");
 //! let robot = Robot::parse(robot_toml, "robot.toml")?;
@@ -26,18 +24,20 @@
 //! | [`geometry`], [`solid`] | the `[geometry]` of `cell.toml`; shapes and distances between them |
 //! | [`collision`] | checks of configurations and of whole motions |
 //! | [`generate`] | candidates at a ball, and why others were refused |
-//! | [`choose`] | D-optimal subsets of any Jacobian blocks |
+//! | [`choose`], [`criterion`] | the best subsets of any Jacobian blocks, by determinant, variances, weakest direction, region |
+//! | [`discriminate`] | subsets that tell rival explanations apart |
+//! | [`predict`] | position errors that a plan leaves to be expected |
 //! | [`route`] | lengths of ways in joint space |
 //! | [`plan_csv`] | plans as files |
 //! | [`validation`] | configurations at which a calibrated arm proves itself |
-//! | [`touches`], [`scene`], [`choice`] | the first, thin planner, which the commands still use: `[geometry]` is not read, motions are sampled |
 //!
 //! All random choices come from the seed in the options: same input, same seed, same plan, for any number of threads.
 
-pub mod choice;
 pub mod choose;
 pub mod collision;
 mod connect;
+pub mod criterion;
+pub mod discriminate;
 pub mod error;
 pub mod generate;
 pub mod geometry;
@@ -45,17 +45,19 @@ pub mod options;
 pub mod parameters;
 pub mod plan;
 pub mod plan_csv;
+pub mod predict;
 mod random;
 pub mod route;
-pub mod scene;
 pub mod solid;
-pub mod touches;
 pub mod validation;
 
 pub use collision::{CollisionModel, MotionWorkspace};
+pub use criterion::{Criterion, Goal};
+pub use discriminate::{Discrimination, choose_to_discriminate};
+pub use error::PlanError;
 pub use generate::{Candidate, Rejected};
-pub use plan::PlanEntry;
+pub use options::PlanOptions;
+pub use plan::{Chosen, Expected, Plan, PlanEntry, choose_touches, nominal_forward, plan_touches};
 pub use plan_csv::{PlanFileError, read_plan, write_plan};
-pub use scene::Scene;
-pub use touches::{Plan, PlanError, PlanOptions, Touch, free_poses, plan_touches};
+pub use predict::{PredictedError, Sphere};
 pub use validation::{Facing, ValidationOptions, poses_in_sphere, poses_in_workspace};

@@ -2,7 +2,9 @@
 
 use trical_model::{Joints, Term};
 
+use crate::criterion::Criterion;
 use crate::error::{PlanError, Result};
+use crate::predict::Sphere;
 
 /// Settings of [`crate::plan_touches`]; `..PlanOptions::default()` for the rest.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +36,15 @@ pub struct PlanOptions {
     pub correction_joint_rad: f64,
     /// Parameters to identify; `None` for [`crate::parameters::usual_parameters`].
     pub parameters: Option<Vec<Term>>,
+    /// What the touches are to be best for.
+    pub criterion: Criterion,
+    /// Where the arm is to be accurate; `None` for [`Sphere::above`] the balls. What is expected there is told, and
+    /// [`Criterion::Region`] makes it small.
+    pub sphere: Option<Sphere>,
+    /// Whether [`Criterion::Region`] looks at the whole workspace instead of the sphere.
+    pub whole_workspace: bool,
+    /// Standard deviation of each of a touch's three numbers, indicators and procedure together, m: for what is expected.
+    pub noise_m: f64,
     /// Random starts of the search for the best set, besides a greedy one.
     pub restarts: usize,
     /// Where the arm stands before the first touch: then the way from there is checked and its via points are planned too.
@@ -47,7 +58,7 @@ impl Default for PlanOptions {
             per_ball: 15,
             pool_per_ball: 100,
             attempts_per_candidate: 200,
-            max_tilt_rad: 50.0_f64.to_radians(),
+            max_tilt_rad: 90.0_f64.to_radians(),
             spin_rad: [-std::f64::consts::PI, std::f64::consts::PI],
             standoff_m: [0.03, 0.05],
             whole_turns: false,
@@ -55,6 +66,10 @@ impl Default for PlanOptions {
             correction_m: 0.004,
             correction_joint_rad: 3.0_f64.to_radians(),
             parameters: None,
+            criterion: Criterion::Determinant,
+            sphere: None,
+            whole_workspace: false,
+            noise_m: 1e-5,
             restarts: 3,
             start: None,
         }
@@ -95,6 +110,17 @@ impl PlanOptions {
         }
         if !(self.correction_m.is_finite() && (0.0..=0.1).contains(&self.correction_m)) {
             return bad("correction_m", format!("found {}, expected 0 to 0.1 m", self.correction_m));
+        }
+        if !(self.noise_m.is_finite() && self.noise_m > 0.0 && self.noise_m <= 0.01) {
+            return bad("noise_m", format!("found {}, expected more than 0, at most 0.01 m", self.noise_m));
+        }
+        if let Some(s) = &self.sphere
+            && !(s.centre.iter().all(|x| x.is_finite()) && s.radius.is_finite() && s.radius > 0.0)
+        {
+            return bad(
+                "sphere",
+                format!("found a radius of {} m, expected a finite place and a radius above 0", s.radius),
+            );
         }
         if self.correction_joint_rad.is_nan() || self.correction_joint_rad <= 0.0 {
             return bad("correction_joint_rad", format!("found {}, expected more than 0", self.correction_joint_rad));

@@ -3,15 +3,18 @@
 use rayon::prelude::*;
 use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Measured, Model, Robot, State};
 
-use crate::choose::{Candidates, Observability, choose};
+use crate::choose::{Candidates, Observability, choose_for};
 use crate::collision::{CollisionModel, MotionWorkspace};
 use crate::connect::connect;
+use crate::criterion::{Criterion, Goal};
 use crate::error::{PlanError, Result};
 use crate::generate::{Candidate, Rejected, generate, more_approaches, rounded};
 use crate::options::PlanOptions;
 use crate::parameters::usual_parameters;
+use crate::predict::{PredictedError, Sphere, covariance, predicted_error, tool_rows};
 use crate::random::generator;
 use crate::route::{order, travel};
+use crate::validation::{ValidationOptions, poses_in_sphere, poses_in_workspace};
 
 /// One touch of a plan, and the way to it.
 ///
@@ -31,20 +34,36 @@ pub struct PlanEntry {
     pub via: Vec<Joints>,
 }
 
+impl PlanEntry {
+    /// Sense of each joint's last motion before the touch, as a recording would have it.
+    #[must_use]
+    pub fn senses(&self) -> [i8; MAX_JOINTS] {
+        senses(&self.approach, &self.joints)
+    }
+}
+
 /// What the plan is expected to tell.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Expected {
     /// Names of the parameters that can be told apart.
     pub parameters: Vec<String>,
+    /// Their standard deviations for the noise of the options, in SI units (m, rad, rad/Nm).
+    pub sd: Vec<f64>,
     /// Names of those that cannot, since others do the same, or nothing.
     pub dependent: Vec<String>,
     /// O1 of the chosen touches (see [`Observability`]).
     pub o1: f64,
     /// Condition number of the Jacobian with columns of unit length.
     pub condition: f64,
-    /// How much smaller standard deviations are than with the median of random choices from the same pool, as the geometric
-    /// mean over all parameters' principal directions: 1.5 means two thirds of the uncertainty.
+    /// What the choice was made for.
+    pub criterion: Criterion,
+    /// How much smaller that is than with the median of random choices from the same pool; 1.5 means two thirds. For the
+    /// determinant it is the geometric mean of the standard deviations of all principal directions of the parameters.
     pub gain_over_random: f64,
+    /// What noise leaves of the position error in the sphere; `None` where the arm does not get there.
+    pub in_sphere: Option<PredictedError>,
+    /// The same in the whole workspace.
+    pub in_workspace: Option<PredictedError>,
     /// For each joint, in how many touches it arrives moving down and in how many moving up.
     pub senses: Vec<[usize; 2]>,
     /// Time of travel between touches, approaches left out, if every joint moved at 1 rad/s, s.
@@ -89,13 +108,15 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
         rejected.push(refused);
     }
     let forward = nominal_forward(robot, cell, options)?;
+    let regions = Regions::new(&model, &forward, options);
+    progress(0.75);
     // a term that looks at the sense of a motion has been chosen for by these very approaches
     let senses_matter = forward.model().terms.iter().any(|t| t.basis.sense.is_some());
     let mut last_error = PlanError::NoBalls;
     let mut planned = None;
     for round in 0..ROUNDS {
-        let chosen = choose_touches(&forward, &pool, options)?;
-        progress(0.7 + 0.25 * share(2 * round + 1, 2 * ROUNDS));
+        let chosen = choose_touches(&forward, &pool, options, regions.wanted(options)?)?;
+        progress(0.75 + 0.2 * share(2 * round + 1, 2 * ROUNDS));
         let touches = chosen.touches.clone();
         let touches = if senses_matter { touches } else { balance_senses(&model, touches, options) };
         match visit(&model, &touches, options) {
@@ -120,15 +141,20 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
             from = Some(*q);
         }
     }
+    let (sd, in_sphere, in_workspace) = expect(&forward, &chosen, &entries, &regions, options);
     let expected = Expected {
         parameters: chosen.parameters,
+        sd,
+        criterion: options.criterion,
+        in_sphere,
+        in_workspace,
         dependent: chosen.dependent,
         o1: chosen.observability.o1,
         condition: chosen.observability.condition,
         gain_over_random: chosen.gain,
         senses: (0..n)
             .map(|k| {
-                let count = |s: i8| entries.iter().filter(|e| senses(&e.approach, &e.joints)[k] == s).count();
+                let count = |s: i8| entries.iter().filter(|e| e.senses()[k] == s).count();
                 [count(-1), count(1)]
             })
             .collect(),
@@ -136,6 +162,65 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
     };
     progress(1.0);
     Ok(Plan { entries, rejected, expected })
+}
+
+/// How the free terms move the tool at poses where the arm is to be accurate.
+struct Regions {
+    sphere: Vec<f64>,
+    workspace: Vec<f64>,
+}
+
+/// Poses of the sphere, and of the workspace.
+const REGION_POSES: [usize; 2] = [100, 200];
+
+impl Regions {
+    /// A region that the arm cannot reach is empty.
+    fn new(model: &CollisionModel, forward: &Forward, options: &PlanOptions) -> Self {
+        let settings = ValidationOptions { seed: options.seed, ..ValidationOptions::default() };
+        let rows = |poses: Result<Vec<Joints>>| poses.map_or_else(|_| Vec::new(), |q| tool_rows(forward, &q));
+        let sphere = options.sphere.or_else(|| Sphere::above(&model.forward().model().cell.balls));
+        Self {
+            sphere: sphere.map_or_else(Vec::new, |s| {
+                rows(poses_in_sphere(model, &s.centre, s.radius, REGION_POSES[0], &settings))
+            }),
+            workspace: rows(poses_in_workspace(model, REGION_POSES[1], &settings)),
+        }
+    }
+
+    /// The rows that [`Criterion::Region`] is about.
+    fn wanted(&self, options: &PlanOptions) -> Result<&[f64]> {
+        let (rows, name) =
+            if options.whole_workspace { (&self.workspace, "workspace") } else { (&self.sphere, "sphere") };
+        if options.criterion == Criterion::Region && rows.is_empty() {
+            let problem =
+                format!("found region, but the arm reaches no pose of the {name}; expected a place in its reach");
+            return Err(PlanError::Option { option: "criterion", problem });
+        }
+        Ok(rows)
+    }
+}
+
+/// Standard deviations of the independent parameters, and the errors to be expected in the two regions.
+fn expect(
+    forward: &Forward,
+    chosen: &Chosen,
+    entries: &[PlanEntry],
+    regions: &Regions,
+    options: &PlanOptions,
+) -> (Vec<f64>, Option<PredictedError>, Option<PredictedError>) {
+    let p = forward.free().len();
+    let mut ws = forward.workspace();
+    let mut rows = vec![0.0; 3 * p * entries.len()];
+    for (e, block) in entries.iter().zip(rows.chunks_exact_mut((3 * p).max(1))) {
+        let state = State { dir: Some(e.senses()), ..State::at(&e.joints) };
+        forward.linearize(&state, &Measured::Touch { ball: e.ball, reading: [0.0; 3] }, 0, &mut ws, block);
+    }
+    let Some(c) = covariance(&rows, p, &chosen.columns, options.noise_m) else {
+        return (vec![f64::INFINITY; chosen.columns.len()], None, None);
+    };
+    let sd = c.diagonal().iter().map(|x| x.max(0.0).sqrt()).collect();
+    let error = |tool: &[f64]| predicted_error(tool, p, &chosen.columns, &c);
+    (sd, error(&regions.sphere), error(&regions.workspace))
 }
 
 fn check_start(model: &CollisionModel, options: &PlanOptions) -> Result<()> {
@@ -159,6 +244,8 @@ pub struct Chosen {
     pub touches: Vec<Candidate>,
     /// Names of independent parameters.
     pub parameters: Vec<String>,
+    /// Their places among the free terms.
+    pub columns: Vec<usize>,
     /// Names of the others.
     pub dependent: Vec<String>,
     /// Of the independent parameters.
@@ -180,11 +267,12 @@ pub fn nominal_forward(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Res
 
 /// `options.per_ball` candidates of each ball that together tell most about the free terms of `forward`, by its Jacobian
 /// ([`Forward::linearize`]) at the present coefficients. It may be a calibrated model: then the choice is best for what is
-/// still free.
+/// still free. For [`Criterion::Region`], `region` holds how the free terms move the tool at the poses that matter
+/// ([`tool_rows`]); otherwise it may be empty.
 ///
 /// # Errors
 /// Free terms that look at what a plan does not know (time, temperature), none that can be seen, or too few candidates.
-pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptions) -> Result<Chosen> {
+pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptions, region: &[f64]) -> Result<Chosen> {
     let model = forward.model();
     let cell = &model.cell;
     let names: Vec<String> =
@@ -195,7 +283,7 @@ pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptio
     let mut jacobian = vec![0.0; 3 * p * pool.len()];
     for (candidate, block) in pool.iter().zip(jacobian.chunks_exact_mut((3 * p).max(1))) {
         let measured = Measured::Touch { ball: candidate.ball, reading: [0.0; 3] };
-        let state = State { dir: Some(senses(&candidate.approach, &candidate.joints)), ..State::at(&candidate.joints) };
+        let state = State { dir: Some(candidate.senses()), ..State::at(&candidate.joints) };
         forward.check(&state, &measured, 0)?;
         forward.linearize(&state, &measured, 0, &mut ws, block);
     }
@@ -207,7 +295,15 @@ pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptio
     }
     let independent = all.with_columns(&kept);
     let wanted = vec![options.per_ball; cell.balls.len()];
-    let choice = choose(&independent, &wanted, options.seed, options.restarts).ok_or_else(|| {
+    let region: Vec<f64> =
+        region.chunks_exact(p).flat_map(|row| kept.iter().map(|k| row.get(*k).copied().unwrap_or(0.0))).collect();
+    let goal = match options.criterion {
+        Criterion::Determinant => Goal::Determinant,
+        Criterion::Variances => Goal::Variances,
+        Criterion::Weakest => Goal::Weakest,
+        Criterion::Region => Goal::Region(&region),
+    };
+    let choice = choose_for(&independent, &wanted, &goal, options.seed, options.restarts).ok_or_else(|| {
         let count = |ball: usize| pool.iter().filter(|c| c.ball == ball).count();
         let ball = (0..cell.balls.len()).min_by_key(|b| count(*b)).unwrap_or(0);
         PlanError::TooFew {
@@ -215,11 +311,9 @@ pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptio
             found: count(ball),
             wanted: options.per_ball,
             attempts: count(ball),
-            reason: "the pool is too small for the parameters".into(),
+            reason: "all together do not determine the parameters".into(),
         }
     })?;
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let gain = ((choice.log_det - choice.random_log_det) / (2.0 * kept.len() as f64)).exp();
     let name = |keep: bool| {
         (0..p).filter(|k| kept.contains(k) == keep).filter_map(|k| names.get(k).cloned()).collect::<Vec<_>>()
     };
@@ -227,8 +321,9 @@ pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptio
         touches: choice.indices.iter().filter_map(|i| pool.get(*i).copied()).collect(),
         parameters: name(true),
         dependent: name(false),
+        columns: kept.clone(),
         observability: independent.observability(&choice.indices),
-        gain,
+        gain: choice.random_figure / choice.figure,
     })
 }
 
@@ -236,7 +331,7 @@ pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptio
 const SURE: f64 = 1e-3;
 
 /// Sense of each joint's last motion.
-fn senses(approach: &Joints, touch: &Joints) -> [i8; MAX_JOINTS] {
+pub(crate) fn senses(approach: &Joints, touch: &Joints) -> [i8; MAX_JOINTS] {
     let mut out = [0; MAX_JOINTS];
     for (s, (a, t)) in out.iter_mut().zip(approach.iter().zip(touch)) {
         *s = if t - a > SURE {
@@ -276,7 +371,7 @@ fn balance_senses(model: &CollisionModel, mut touches: Vec<Candidate>, options: 
             for ball in 0..balls {
                 let mut here = 0;
                 for t in touches.iter().filter(|t| t.ball == ball) {
-                    let s = i64::from(senses(&t.approach, &t.joints)[k]);
+                    let s = i64::from(t.senses()[k]);
                     here += s;
                     // a joint without a sure sense tells nothing of lost motion
                     sum += 2 * i64::from(s == 0);

@@ -8,8 +8,10 @@ use trical_device::{VirtualCell, open_controller, read_recording};
 use trical_ident::{
     Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
 };
-use trical_model::{Cell, Forward, Joints, Model, Robot, State};
-use trical_plan::{PlanOptions, free_poses, plan_touches};
+use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State};
+use trical_plan::{
+    CollisionModel, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace, write_plan,
+};
 
 use crate::commands::identify::parameter_rows;
 use crate::commands::measure::{Session, perform, watch};
@@ -18,7 +20,7 @@ use crate::error::{CliError, Result};
 use crate::plant::{ArmPlant, cell_options, draw_truth};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::report::{Figure, Section, error_table, footer, render};
-use crate::{progress, rapid, say, table};
+use crate::{plan_report, progress, rapid, say, table};
 
 const ROBOT: &str = include_str!("../../../../cells/irb120/robot.toml");
 const CELL: &str = include_str!("../../../../cells/irb120/cell.toml");
@@ -102,18 +104,26 @@ pub fn run(args: &Args) -> Result<()> {
 
     // 2. the plan
     let bar = progress::bar("planning");
-    let options = PlanOptions { seed: args.seed, ..PlanOptions::default() };
-    let planned = plan_touches(&nominal, &options, &mut |f| progress::at(&bar, f, ""))?;
+    let options = PlanOptions {
+        seed: args.seed,
+        parameters: Some(nominal.terms.clone()),
+        start: Some([0.0; MAX_JOINTS]),
+        ..PlanOptions::default()
+    };
+    let planned = plan_touches(&robot, &cell, &options, &mut |f| progress::at(&bar, f, ""))?;
     bar.finish_and_clear();
-    let entries = plan::entries(&planned);
-    write_whole(&file("plan.csv"), plan::to_csv(&entries, robot.dof()).as_bytes())?;
-    let dropped: usize = planned.rejected.iter().map(|r| r.1).sum();
+    let entries = plan::entries(&planned.entries);
+    write_whole(&file("plan.csv"), write_plan(&robot, &planned.entries).as_bytes())?;
+    let dropped: usize = plan::rejected(&planned).values().sum();
     tell(format!(
         "2. {} touches are planned, 15 a ball: the most informative of {} that are reachable and",
         entries.len(),
-        planned.pool
+        cell.balls.len() * options.pool_per_ball
     ))?;
-    tell(format!("   collide with nothing ({dropped} others were dropped)."))?;
+    tell(format!("   collide with nothing ({dropped} others were dropped; plan.html shows them)."))?;
+
+    let told = plan::Told::new(&nominal, planned, options)?;
+    write_whole(&file("plan.html"), plan_report::render(&robot, &cell, &told)?.as_bytes())?;
 
     // 3. the measurement
     let recording = file("run.mcap");
@@ -216,7 +226,7 @@ pub fn run(args: &Args) -> Result<()> {
     tell(format!("   {:.3} mm after (sample.compensated.mod).", hit.mean_mm))?;
 
     // 7. the report
-    let html = report(&fitted, &rows, &error_rows, &validation, (&missed, &hit), &planned)?;
+    let html = report(&fitted, &rows, &error_rows, &validation, (&missed, &hit), &told)?;
     write_whole(&file("report.html"), html.as_bytes())?;
     tell(format!("7. Everything is in {}: open report.html. ({:.0} s)", out.display(), begin.elapsed().as_secs_f64()))?;
     if args.json {
@@ -244,10 +254,11 @@ fn validate(
 ) -> Result<(Scored, Scored)> {
     let truth = ModelFile::load(sealed)?.model;
     let centre = cell.balls.iter().sum::<Vector3<f64>>() / 3.0 + Vector3::new(0.0, 0.0, 0.1);
-    let nominal = Model::nominal(truth.robot.clone(), cell.clone());
-    let sphere = free_poses(&nominal, 100, seed + 100, &|p| (p - centre).norm() < SPHERE)?;
+    let model = CollisionModel::new(&truth.robot, cell)?;
+    let options = ValidationOptions { seed, ..ValidationOptions::default() };
+    let sphere = poses_in_sphere(&model, &centre, SPHERE, 100, &options)?;
     progress::at(bar, 0.5, "");
-    let whole = free_poses(&nominal, 500, seed + 200, &|_| true)?;
+    let whole = poses_in_workspace(&model, 500, &options)?;
     let truth = Forward::new(truth, Vec::new())?;
     let before = Forward::new(before.model.clone(), Vec::new())?;
     let after = Forward::new(fitted.model.clone(), Vec::new())?;
@@ -260,7 +271,7 @@ fn report(
     errors: &[Vec<String>],
     validation: &(Scored, Scored),
     program: (&ErrorSummary, &ErrorSummary),
-    planned: &trical_plan::Plan,
+    told: &plan::Told,
 ) -> Result<String> {
     let (sphere, whole) = validation;
     let mm = |x: &[f64], e: &[f64]| -> Vec<(f64, f64)> { x.iter().zip(e).map(|(x, e)| (*x, e * 1e3)).collect() };
@@ -289,7 +300,7 @@ fn report(
         ErrorSummary::of(&whole.after).mean_mm
     );
     let mut dropped = vec![["candidates dropped because of", "number"].map(String::from).to_vec()];
-    dropped.extend(planned.rejected.iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
+    dropped.extend(plan::rejected(&told.plan).iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
     let sections = [
         Section {
             heading: "Position error before and after".into(),
@@ -348,7 +359,7 @@ fn report(
                 fitted.free.len()
             )],
             tables: vec![dropped],
-            figures: vec![Figure {
+            figures: plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?.into_iter().take(1).chain([Figure {
                 caption: "Residual of each touch.".into(),
                 svg: plots::scatter(
                     "touch",
@@ -357,7 +368,7 @@ fn report(
                     false,
                     &[Series { name: "touch", color: AFTER, points: residuals }],
                 )?,
-            }],
+            }]).collect(),
         },
         Section {
             heading: "Parameters".into(),

@@ -9,8 +9,8 @@ use trical_device::record::Attachment;
 use trical_device::{
     Header, PlanEntry, ProcedureOptions, Progress, RecordingWriter, RunReport, open_controller, open_gauge,
 };
-use trical_model::{Cell, Forward, Model, Pose, Robot};
-use trical_plan::Scene;
+use trical_model::{Cell, Robot};
+use trical_plan::{CollisionModel, MotionWorkspace};
 
 use crate::commands::plan;
 use crate::error::{CliError, Result};
@@ -45,6 +45,9 @@ pub struct Args {
     json: bool,
 }
 
+/// What every motion keeps from everything, m.
+const CLEARANCE: f64 = 2e-3;
+
 /// What a measuring run needs.
 pub struct Session<'a> {
     /// The arm.
@@ -77,16 +80,15 @@ pub fn perform(s: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunRe
     header.settings.insert("gauge".into(), s.gauge.into());
     header.settings.insert("controller".into(), s.controller.into());
 
-    let nominal = Forward::new(Model::nominal(s.robot.clone(), s.cell.clone()), Vec::new())?;
-    let scene = Scene::new(s.cell, 0.002);
-    let n = s.robot.dof();
+    // planned with the cell's own clearance; the arm has been corrected away from where it was planned
+    let model = CollisionModel::new(s.robot, s.cell)?.with_margin(CLEARANCE);
     let guard = |from: &trical_model::Joints, to: &trical_model::Joints| {
-        let mut ws = nominal.workspace();
-        let mut links = vec![Pose::identity(); n + 1];
-        match scene.contact_between(&nominal, &from[..n], &to[..n], &mut ws, &mut links) {
-            None => Ok(()),
-            Some(c) => Err(format!("{} would touch {}", c.part, c.with)),
-        }
+        // a stem may meet a ball only on the way into the touch of that ball
+        let touched = s.plan.iter().find(|e| e.joints == *to).map(|e| e.ball);
+        model.check_motion(from, to, touched, &mut MotionWorkspace::new(&model)).map_or(Ok(()), |hit| {
+            let (a, b) = model.names(hit);
+            Err(format!("'{a}' would come within {:.0} mm of '{b}'", CLEARANCE * 1e3))
+        })
     };
     let mut options = ProcedureOptions {
         go: s.go,
@@ -126,16 +128,7 @@ pub fn perform(s: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunRe
 pub fn run(args: &Args) -> Result<()> {
     input::check_output(&args.out)?;
     let (robot, cell) = args.cell.load()?;
-    let entries = plan::load(&args.plan, robot.dof())?;
-    if let Some(e) = entries.iter().find(|e| e.ball >= cell.balls.len()) {
-        return Err(CliError::Input(format!(
-            "{}: touch {} is of ball {}, but the cell has {}",
-            args.plan.display(),
-            e.index + 1,
-            e.ball + 1,
-            cell.balls.len()
-        )));
-    }
+    let entries = plan::load(&args.plan, &robot, cell.balls.len())?;
     let bar = progress::bar("measuring");
     let session = Session {
         robot: &robot,

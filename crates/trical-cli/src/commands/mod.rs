@@ -7,5 +7,6 @@ pub mod diagnose;
 pub mod identify;
 pub mod measure;
 pub mod plan;
+pub mod study;
 pub mod validate;
 pub mod virtual_cell;

@@ -1,17 +1,50 @@
 //! `trical plan`: collision-free, informative touches.
 
-use std::fmt::Write;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
+use nalgebra::Vector3;
 use serde_json::json;
 use trical_device::PlanEntry;
-use trical_ident::{Choice, Dataset, JointSource, ParameterSet, write_whole};
-use trical_model::{Cell, Joints, MAX_JOINTS, Measured, Model, Recording, Robot, Row, State};
-use trical_plan::{Plan, PlanOptions, plan_touches};
+use trical_ident::{Choice, Dataset, JointSource, ParameterSet, Shown, shown, write_whole};
+use trical_model::{Cell, JointKind, MAX_JOINTS, Measured, Model, Recording, Robot, Row, State};
+use trical_plan::{
+    Criterion, Plan, PlanError, PlanOptions, PredictedError, Rejected, Sphere, plan_touches, read_plan, write_plan,
+};
 
+use crate::blindness::{self, Lacking, Seen};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::{progress, say};
+use crate::{plan_report, progress, say, table};
+
+/// What touches are to be best for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Best {
+    /// All parameters together: det(J'J), observability index O1
+    D,
+    /// The sum of the parameters' variances
+    A,
+    /// The worst known direction of parameters: smallest singular value, O3
+    E,
+    /// The position error in --sphere-mm
+    Sphere,
+    /// The position error in the whole workspace
+    Workspace,
+}
+
+impl Best {
+    /// As options have it.
+    pub fn apply(self, options: &mut PlanOptions) {
+        options.criterion = match self {
+            Self::D => Criterion::Determinant,
+            Self::A => Criterion::Variances,
+            Self::E => Criterion::Weakest,
+            Self::Sphere | Self::Workspace => Criterion::Region,
+        };
+        options.whole_workspace = self == Self::Workspace;
+    }
+}
 
 /// Arguments of `trical plan`.
 #[derive(clap::Args)]
@@ -27,16 +60,81 @@ pub struct Args {
     /// Seed: the same seed gives the same plan
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// What the touches are to be best for
+    #[arg(long, value_enum, ignore_case = true, default_value_t = Best::D)]
+    criterion: Best,
+    /// Where the arm is to be accurate: a sphere in {w}; without it, 200 mm about a point 100 mm above the balls
+    #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
+    sphere_mm: Vec<f64>,
+    /// Largest angle between the device's z axis and straight down
+    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    max_tilt_deg: f64,
+    /// Standard deviation of each of a touch's three numbers, for what is expected
+    #[arg(long, value_name = "MM", default_value_t = 0.01)]
+    noise_mm: f64,
+    /// Where the arm stands before the first touch: its joints; without it, all zero
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
+    start_deg: Vec<f64>,
     /// Where to write the plan
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// A report with pictures of the cell and the poses, one HTML file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
 }
 
+impl Args {
+    fn options(&self, robot: &Robot, model: &Model) -> Result<PlanOptions> {
+        let mut start = [0.0; MAX_JOINTS];
+        if !self.start_deg.is_empty() {
+            if self.start_deg.len() != robot.dof() {
+                return Err(CliError::Input(format!(
+                    "--start-deg: found {} numbers, expected {}, one for each joint",
+                    self.start_deg.len(),
+                    robot.dof()
+                )));
+            }
+            for (q, (v, joint)) in start.iter_mut().zip(self.start_deg.iter().zip(&robot.joints)) {
+                *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
+            }
+        }
+        let sphere = match self.sphere_mm.as_slice() {
+            [x, y, z, r] => Some(Sphere { centre: Vector3::new(*x, *y, *z) * 1e-3, radius: r * 1e-3 }),
+            [] => None,
+            other => {
+                return Err(CliError::Input(format!(
+                    "--sphere-mm: found {} numbers, expected 4: x, y, z and radius",
+                    other.len()
+                )));
+            }
+        };
+        let mut options = PlanOptions {
+            per_ball: self.per_ball,
+            pool_per_ball: self.pool.max(self.per_ball),
+            seed: self.seed,
+            parameters: Some(model.terms.clone()),
+            start: Some(start),
+            sphere,
+            noise_m: self.noise_mm * 1e-3,
+            max_tilt_rad: self.max_tilt_deg.to_radians(),
+            ..PlanOptions::default()
+        };
+        self.criterion.apply(&mut options);
+        Ok(options)
+    }
+}
+
 /// The nominal model with the paper's parameters: what touches are to identify.
 pub fn model_to_identify(robot: &Robot, cell: &Cell) -> Result<Model> {
+    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
+    model_with(robot, cell, set)
+}
+
+/// The nominal model with the parameters of a set that touches can tell apart.
+pub fn model_with(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result<Model> {
     let touch = |ball| Row {
         state: State::at(&[0.0; MAX_JOINTS]),
         measured: Measured::Touch { ball, reading: [0.0; 3] },
@@ -46,114 +144,222 @@ pub fn model_to_identify(robot: &Robot, cell: &Cell) -> Result<Model> {
     let rows = (0..cell.balls.len()).map(touch).collect();
     let recording = Recording { name: "plan".into(), joints: robot.dof(), rows };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.terms = trical_ident::identifiability::independent_terms(&model, &data, &Choice::from(set))?.0;
     Ok(model)
 }
 
-/// The plan as entries for the procedure.
-pub fn entries(plan: &Plan) -> Vec<PlanEntry> {
-    plan.touches
-        .iter()
-        .zip(0..)
-        .map(|(t, index)| PlanEntry { index, ball: t.ball, joints: t.joints, via: t.via.clone() })
+/// The plan as entries for the procedure: the stand-off pose is the last point on the way.
+pub fn entries(plan: &[trical_plan::PlanEntry]) -> Vec<PlanEntry> {
+    plan.iter()
+        .map(|e| PlanEntry {
+            index: e.index as u64,
+            ball: e.ball,
+            joints: e.joints,
+            via: e.via.iter().copied().chain(std::iter::once(e.approach)).collect(),
+        })
         .collect()
 }
 
-/// The text of `plan.csv`: one row a joint position, in order; `kind` is `via` or `touch`.
-pub fn to_csv(entries: &[PlanEntry], dof: usize) -> String {
-    let names: Vec<String> = (1..=dof).map(|k| format!("q{k}_deg")).collect();
-    let mut out = format!("order,ball,kind,{}\n", names.join(","));
-    for e in entries {
-        let rows = e.via.iter().map(|q| ("via", q)).chain(std::iter::once(("touch", &e.joints)));
-        for (kind, q) in rows {
-            let angles: Vec<String> = q[..dof].iter().map(|v| format!("{:.6}", v.to_degrees())).collect();
-            let _ = writeln!(out, "{},{},{kind},{}", e.index + 1, e.ball + 1, angles.join(","));
-        }
-    }
-    out
-}
-
 /// Reads `plan.csv`.
-pub fn load(path: &Path, dof: usize) -> Result<Vec<PlanEntry>> {
+pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> {
     let text = trical_model::error::read_text(path)?;
-    let name = path.display();
-    let bad = |line: usize, problem: String| CliError::Input(format!("{name}, line {line}: {problem}"));
-    let mut lines = text.lines().enumerate().map(|(k, l)| (k + 1, l.trim())).filter(|(_, l)| !l.is_empty());
-    let names: Vec<String> = (1..=dof).map(|k| format!("q{k}_deg")).collect();
-    let header = format!("order,ball,kind,{}", names.join(","));
-    match lines.next() {
-        Some((_, h)) if h == header => {}
-        Some((line, h)) => return Err(bad(line, format!("found the header '{h}', expected '{header}'"))),
-        None => return Err(bad(1, "is empty; expected a plan as trical plan writes it".into())),
-    }
-    let mut entries: Vec<PlanEntry> = Vec::new();
-    let mut via: Vec<Joints> = Vec::new();
-    for (line, text) in lines {
-        let fields: Vec<&str> = text.split(',').map(str::trim).collect();
-        if fields.len() != dof + 3 {
-            return Err(bad(line, format!("found {} fields, expected {}", fields.len(), dof + 3)));
-        }
-        let count = |k: usize, what: &str| {
-            fields[k].parse::<u64>().ok().filter(|v| *v > 0).ok_or_else(|| {
-                bad(line, format!("column {what}: found '{}', expected a number counted from 1", fields[k]))
-            })
-        };
-        let (order, ball) = (count(0, "order")?, count(1, "ball")?);
-        let mut q = [0.0; MAX_JOINTS];
-        for (k, (q, field)) in q.iter_mut().zip(&fields[3..]).enumerate() {
-            *q = field.parse::<f64>().ok().filter(|v| v.is_finite()).map(f64::to_radians).ok_or_else(|| {
-                bad(line, format!("column q{}_deg: found '{field}', expected a finite number", k + 1))
-            })?;
-        }
-        match fields[2] {
-            "via" => via.push(q),
-            "touch" => entries.push(PlanEntry {
-                index: order - 1,
-                ball: usize::try_from(ball - 1).unwrap_or(usize::MAX),
-                joints: q,
-                via: std::mem::take(&mut via),
-            }),
-            other => return Err(bad(line, format!("column kind: found '{other}', expected via or touch"))),
-        }
-    }
-    Ok(entries)
+    let plan =
+        read_plan(&text, &path.display().to_string(), robot, balls).map_err(|e| CliError::Input(e.to_string()))?;
+    Ok(entries(&plan))
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     input::check_output(&args.out)?;
+    args.report.as_deref().map_or(Ok(()), input::check_output)?;
     let (robot, cell) = args.cell.load()?;
     let model = model_to_identify(&robot, &cell)?;
-    let options = PlanOptions {
-        per_ball: args.per_ball,
-        pool: args.pool.max(args.per_ball),
-        seed: args.seed,
-        ..PlanOptions::default()
-    };
+    let options = args.options(&robot, &model)?;
     let bar = progress::bar("planning");
-    let plan = plan_touches(&model, &options, &mut |f| progress::at(&bar, f, ""))?;
+    let plan = plan_touches(&robot, &cell, &options, &mut |f| progress::at(&bar, f, "")).map_err(|e| match e {
+        PlanError::BadStart { .. } => CliError::Input(format!("{e}; --start-deg says where the arm stands")),
+        e => e.into(),
+    })?;
+    progress::at(&bar, 1.0, "what it would show");
+    let told = Told::new(&model, plan, options)?;
     bar.finish_and_clear();
-    let entries = entries(&plan);
-    write_whole(&args.out, to_csv(&entries, robot.dof()).as_bytes())?;
-    let rejected: serde_json::Map<String, serde_json::Value> =
-        plan.rejected.iter().map(|(r, n)| (r.clone(), json!(n))).collect();
+    if let Some(path) = &args.report {
+        write_whole(path, plan_report::render(&robot, &cell, &told)?.as_bytes())?;
+    }
+    write_whole(&args.out, write_plan(&robot, &told.plan.entries).as_bytes())?;
     if args.json {
-        let value = json!({ "touches": entries.len(), "pool": plan.pool, "rejected": rejected });
-        return say(serde_json::to_string_pretty(&value)?);
+        return say(serde_json::to_string_pretty(&told.json())?);
     }
-    say(format!("{} touches of {} balls, chosen from {}", entries.len(), cell.balls.len(), plan.pool))?;
-    for (reason, n) in &plan.rejected {
-        say(format!("  {n:>6} candidates dropped: {reason}"))?;
+    for line in told.lines() {
+        say(line)?;
     }
-    say(format!("Wrote {}", args.out.display()))
+    say(format!("Wrote {}", args.out.display()))?;
+    args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
 }
 
-impl From<trical_plan::PlanError> for CliError {
-    fn from(e: trical_plan::PlanError) -> Self {
+/// A plan and all that can be said of it.
+pub struct Told {
+    /// The plan.
+    pub plan: Plan,
+    /// What it was made with.
+    pub options: PlanOptions,
+    /// The parameters, each with the standard deviation to be expected.
+    pub parameters: Vec<Shown>,
+    /// What it would show.
+    pub seen: Vec<Seen>,
+    /// What no such recording can show, and why.
+    pub lacking: Vec<Lacking>,
+    /// Balls of the cell.
+    pub balls: usize,
+}
+
+impl Told {
+    /// `model` has the terms to identify.
+    pub fn new(model: &Model, plan: Plan, options: PlanOptions) -> Result<Self> {
+        let mut known = model.clone();
+        known.terms.retain(|t| plan.expected.parameters.contains(&t.name));
+        for t in &mut known.terms {
+            let at = plan.expected.parameters.iter().position(|n| *n == t.name);
+            t.sd = at.and_then(|k| plan.expected.sd.get(k).copied());
+        }
+        let parameters = known.terms.iter().map(|t| shown(&known, t)).collect();
+        // with fewer numbers than parameters everything is taken up by them
+        let determined = plan.expected.sd.iter().all(|s| s.is_finite());
+        let (seen, lacking) = if determined {
+            blindness::seen(&known, &plan.entries, options.noise_m)?
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        Ok(Self { plan, options, parameters, seen, lacking, balls: model.cell.balls.len() })
+    }
+
+    /// Whether these touches determine the parameters.
+    pub fn determined(&self) -> bool {
+        self.plan.expected.sd.iter().all(|s| s.is_finite())
+    }
+
+    fn pool(&self) -> usize {
+        let refused: usize = rejected(&self.plan).values().sum();
+        self.plan.rejected.iter().map(|r| r.attempts).sum::<usize>() - refused
+    }
+
+    /// The contract's summary.
+    pub fn json(&self) -> serde_json::Value {
+        let e = &self.plan.expected;
+        let error = |p: &Option<PredictedError>| {
+            p.map(
+                |p| json!({ "mean_mm": p.mean_m * 1e3, "rms_mm": p.rms_m * 1e3, "worst_rms_mm": p.worst_rms_m * 1e3 }),
+            )
+        };
+        let parameters: Vec<serde_json::Value> = self
+            .parameters
+            .iter()
+            .map(|s| json!({ "name": s.name, "site": s.site, "unit": s.unit, "sd": s.sd, "nominal": s.nominal }))
+            .collect();
+        let by_ball: Vec<serde_json::Value> = self
+            .plan
+            .rejected
+            .iter()
+            .enumerate()
+            .map(|(k, r)| {
+                let reasons: BTreeMap<&str, usize> = r.reasons().into_iter().collect();
+                json!({ "ball": k + 1, "attempts": r.attempts, "rejected": reasons, "contacts": r.contacts })
+            })
+            .collect();
+        json!({
+            "touches": self.plan.entries.len(),
+            "pool": self.pool(),
+            "rejected": rejected(&self.plan),
+            "by_ball": by_ball,
+            "criterion": e.criterion,
+            "gain_over_random": e.gain_over_random,
+            "determined": self.determined(),
+            "parameters": parameters,
+            "not_identifiable": e.dependent,
+            "observability": { "o1": e.o1, "condition": e.condition },
+            "expected": {
+                "noise_mm": self.options.noise_m * 1e3,
+                "sphere": error(&e.in_sphere),
+                "workspace": error(&e.in_workspace),
+            },
+            "senses": e.senses,
+            "travel_rad": e.travel_rad,
+            "blind_to": blindness::blind_json(&self.seen, &self.lacking),
+        })
+    }
+
+    /// The summary for people.
+    pub fn lines(&self) -> Vec<String> {
+        let e = &self.plan.expected;
+        let mut out = vec![format!(
+            "{} touches of {} balls, chosen from {}{}",
+            self.plan.entries.len(),
+            self.balls,
+            self.pool(),
+            if e.gain_over_random.is_finite() {
+                format!(" ({} times better than a random choice)", two_digits(e.gain_over_random))
+            } else {
+                String::new()
+            }
+        )];
+        for (reason, n) in rejected(&self.plan).iter().filter(|r| *r.1 > 0) {
+            out.push(format!("  {n:>6} candidates dropped: {reason}"));
+        }
+        if !self.determined() {
+            out.push(format!(
+                "These touches do not determine the {} parameters: more are needed to identify them",
+                self.parameters.len()
+            ));
+            return out;
+        }
+        out.push(format!(
+            "With noise of {} mm, {} parameters are expected with standard deviations of",
+            self.options.noise_m * 1e3,
+            self.parameters.len()
+        ));
+        let names: Vec<String> = self
+            .parameters
+            .iter()
+            .map(|s| format!("{} {} {}", s.name, two_digits(s.sd.unwrap_or(f64::NAN)), s.unit))
+            .collect();
+        out.extend(names.chunks(5).map(|c| format!("  {}", c.join(", "))));
+        out.push("Position error that this noise would leave, mm (what the model lacks comes on top):".into());
+        for (name, p) in [("in the sphere", e.in_sphere), ("in the whole workspace", e.in_workspace)] {
+            out.push(p.map_or_else(
+                || format!("  {name}: not known, the arm reaches too few poses there"),
+                |p| format!("  {name}: mean {:.3}, at the worst pose {:.3} rms", p.mean_m * 1e3, p.worst_rms_m * 1e3),
+            ));
+        }
+        let advice = blindness::advice(&self.seen);
+        if !advice.is_empty() {
+            out.push("It would not show (lambda of a typical size, 3 is just visible):".into());
+        }
+        for (remedy, what) in advice {
+            out.extend(table::wrapped(&what, 108, "  "));
+            out.extend(table::wrapped(&format!("would help: {remedy}"), 108, "    "));
+        }
+        out
+    }
+}
+
+/// A number with two significant digits.
+pub fn two_digits(x: f64) -> String {
+    let d = table::decimals_for(x.abs());
+    format!("{x:.d$}")
+}
+
+/// Why candidates were dropped, counted over all balls.
+pub fn rejected(plan: &Plan) -> BTreeMap<String, usize> {
+    let mut all = Rejected::default();
+    plan.rejected.iter().for_each(|r| all.add(r));
+    all.reasons().into_iter().map(|(reason, n)| (reason.to_owned(), n)).collect()
+}
+
+impl From<PlanError> for CliError {
+    fn from(e: PlanError) -> Self {
         match e {
-            trical_plan::PlanError::TooFew { .. } => Self::Failed(e.to_string()),
+            PlanError::NoWay { .. } | PlanError::TooFewPoses { .. } => Self::Failed(e.to_string()),
             _ => Self::Input(e.to_string()),
         }
     }

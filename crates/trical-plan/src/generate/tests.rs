@@ -55,12 +55,12 @@ fn a_longer_pool_begins_with_the_shorter_one() {
 }
 
 #[test]
-fn the_commonest_reason_is_told() {
+fn all_reasons_are_told_the_commonest_first() {
     let mut r = Rejected { unreachable: 3, touch_in_collision: 5, ..Rejected::default() };
     r.contacts.insert("stem x and post 1".into(), 4);
     r.contacts.insert("flange and table".into(), 1);
-    assert_eq!(r.main_reason(), "bodies meet, most often stem x and post 1");
+    assert_eq!(r.in_words(), "5 collision at the touch, 3 out of reach, most contacts, 4, between stem x and post 1");
     let mut sum = r.clone();
-    sum.add(&Rejected { unreachable: 30, ..Rejected::default() });
-    assert_eq!(sum.main_reason(), "the arm does not reach the pose");
+    sum.add(&Rejected { unreachable: 30, out_of_limits: 1, ..Rejected::default() });
+    assert!(sum.in_words().starts_with("33 out of reach, 5 collision at the touch, 1 beyond joint limits"));
 }

@@ -8,7 +8,7 @@ use trical_model::{Cell, Pose, Robot};
 
 use super::{Balls, Body, Place, Role, derived};
 use crate::error::{PlanError, Result};
-use crate::solid::{Solid, pose_zyx};
+use crate::solid::{Solid, distance, pose_zyx};
 
 type V3 = Vector3<f64>;
 
@@ -310,6 +310,37 @@ pub(super) fn retreat(said: Option<V3>, bodies: &[Body]) -> Result<V3> {
             ),
         )),
     }
+}
+
+/// How far a ball may reach into something that stands still, m: drawings are rounded.
+const INTO: f64 = 1e-3;
+
+/// Refuses a ball inside an obstacle, the base, another ball or another ball's post: nothing could touch it.
+pub(super) fn check_balls_stand_free(bodies: &[Body]) -> Result<()> {
+    let still = Pose::identity();
+    for ball in bodies.iter().filter(|b| matches!(b.role, Role::Ball(_))) {
+        let post = ball.name.replacen("ball", "post", 1);
+        for other in bodies.iter().filter(|o| o.place == Place::World && o.name != ball.name && o.name != post) {
+            let depth = |a: &Solid, b: &Solid| -distance(&still, a, &still, b);
+            let into = ball
+                .solids
+                .iter()
+                .flat_map(|a| other.solids.iter().map(move |b| depth(a, b)))
+                .fold(f64::NEG_INFINITY, f64::max);
+            if into > INTO {
+                return Err(bad(
+                    "[geometry]",
+                    format!(
+                        "'{}' reaches {:.1} mm or more into '{}', expected balls that stand free: nothing could touch it",
+                        ball.name,
+                        into * 1e3,
+                        other.name
+                    ),
+                ));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Refuses two bodies of one name, and `ignore` of a body that does not exist.

@@ -101,3 +101,56 @@ fn a_device_leaves_along_all_of_its_stems_unless_told_otherwise() {
     let g = geometry(&bare("[geometry]\ndevice = []\n")).unwrap();
     assert!((g.retreat + Vector3::z()).norm() < 1e-12);
 }
+
+#[test]
+fn a_ball_inside_an_obstacle_is_refused() {
+    let wall = "[[geometry.obstacle]]\nname = \"wall\"\nsolids = [{ shape = \"box\", center_mm = [300.0, 0.0, 0.0], \
+                size_mm = [20.0, 20.0, 400.0] }]\n";
+    assert_eq!(
+        problem(wall),
+        "[geometry]: 'ball 2' reaches 6.3 mm or more into 'wall', expected balls that stand free: nothing could touch it"
+    );
+    // beside it is well
+    geometry(&bare(&wall.replace("300.0, 0.0, 0.0", "330.0, 0.0, 0.0"))).unwrap();
+}
+
+#[test]
+fn a_mesh_beside_the_cell_is_the_box_that_it_draws() {
+    let folder = std::env::temp_dir().join(format!("trical-mesh-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut text = String::new();
+    for k in 0..8 {
+        let at = |bit: i32| if k & bit == 0 { -1.0 } else { 1.0 };
+        text += &format!("v {} {} {}\n", at(1), at(2), at(4));
+    }
+    text += "f 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\n";
+    std::fs::write(folder.join("block.obj"), text).unwrap();
+    let with = |solid: &str| {
+        let section = format!("[[geometry.obstacle]]\nname = \"block\"\nsolids = [{solid}]\n");
+        let mut cell = Cell::parse(&bare(&section), "cell.toml").unwrap();
+        mesh::resolve_meshes(&mut cell, &folder).map(|()| cell)
+    };
+    let robot = crate::plan::tests::irb120().0;
+    let mesh = "{ shape = \"mesh\", file = \"block.obj\", unit_mm = 50.0, at_mm = [0.0, 400.0, 300.0], zyx_deg = [30.0, 0.0, 0.0] }";
+    let boxed = "{ shape = \"box\", center_mm = [0.0, 400.0, 300.0], size_mm = [100.0, 100.0, 100.0], zyx_deg = [30.0, 0.0, 0.0] }";
+    let body = |solid| {
+        let cell = with(solid).unwrap();
+        let g = Geometry::of(&robot, &cell).unwrap();
+        g.bodies.into_iter().find(|b| b.name == "block").unwrap().solids.remove(0)
+    };
+    let (a, b) = (body(mesh), body(boxed));
+    let still = trical_model::Pose::identity();
+    for k in 0..200 {
+        let (s, c) = (f64::from(k) * 0.7).sin_cos();
+        let probe = Solid::sphere(Vector3::new(0.3 * s, 0.4 + 0.3 * c, 0.003 * f64::from(k)), 0.01);
+        let (x, y) =
+            (crate::solid::distance(&still, &a, &still, &probe), crate::solid::distance(&still, &b, &still, &probe));
+        // hulls go through the iteration, whose slack is taken off
+        assert!((x - y).abs() < 1.5e-4, "{x} {y}");
+    }
+    let missing = with("{ shape = \"mesh\", file = \"no.stl\" }").unwrap_err().to_string();
+    assert!(missing.starts_with("[[geometry.obstacle]] 1, solid 1, file: no.stl: cannot be read"), "{missing}");
+    let unknown = with("{ shape = \"mesh\", file = \"block.obj\", colour = 1 }").unwrap_err().to_string();
+    assert!(unknown.contains("unknown field `colour`"), "{unknown}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -1,0 +1,155 @@
+//! What a plan could not show: the length of each effect's signature over the planned touches, known before any is measured.
+
+use serde_json::{Value, json};
+use trical_ident::diagnose::catalogue::catalogue;
+use trical_ident::diagnose::design::Design;
+use trical_ident::{Dataset, JointSource, Noise};
+use trical_model::{Forward, Measured, Model, Recording, Row, State};
+use trical_plan::PlanEntry;
+
+use crate::commands::diagnose::site_words;
+use crate::error::Result;
+
+/// Signatures below this many standard deviations are not seen.
+pub const VISIBLE: f64 = 3.0;
+/// Time of one touch, s (paper: a fix costs about 20 s).
+const TOUCH_TIME: f64 = 20.0;
+/// Of the scan over ripple frequencies, every so many is looked at: they differ little.
+const RIPPLES: usize = 29;
+
+/// An effect at a place, and how visible it would be.
+pub struct Seen {
+    /// Name in the catalogue.
+    pub effect: &'static str,
+    /// Where.
+    pub site: Value,
+    /// Length of the signature of a typical size after the parameters have taken up what they can, in standard deviations of
+    /// the noise; the most visible form of the effect.
+    pub lambda: f64,
+    /// What would make it visible.
+    pub remedy: &'static str,
+}
+
+/// An effect, and what recordings lack to show it.
+pub type Lacking = (&'static str, &'static str);
+
+/// What measurements of a plan would see: every effect of the catalogue that such a recording could be asked about, and the
+/// effects that it could not, with what is missing. `model` has the terms that are to be identified; `noise` in m.
+pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>, Vec<Lacking>)> {
+    let mut t = 0.0;
+    let rows = plan
+        .iter()
+        .map(|e| {
+            t += TOUCH_TIME;
+            Row {
+                state: State { dir: Some(e.senses()), t: Some(t), ..State::at(&e.joints) },
+                measured: Measured::Touch { ball: e.ball, reading: [0.0; 3] },
+                seq: None,
+                line: 0,
+            }
+        })
+        .collect();
+    let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows };
+    let data = Dataset::build(&[recording], JointSource::Read, None)?;
+    let (mut candidates, untestable) = catalogue(model, &data, noise);
+    let mut ripples = 0;
+    candidates.retain(|c| {
+        ripples += usize::from(c.effect == "gear_ripple");
+        c.effect != "gear_ripple" || ripples % RIPPLES == 0
+    });
+    let weights = Noise::usual(1);
+    let sigma = weights.sigma(0, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0);
+    let design = Design::new(model, &candidates, &data, &weights)?;
+    let stage = design.stage();
+    let no_torque = no_torque(model, plan)?;
+    let mut all: Vec<Seen> = Vec::new();
+    for (k, c) in candidates.iter().enumerate() {
+        let lambda = design.lambda_of_size(&stage, k, c.typical) * sigma / noise;
+        match all.iter_mut().find(|s| s.effect == c.effect && s.site == c.site) {
+            Some(s) => s.lambda = s.lambda.max(lambda),
+            None => {
+                let joint = c.site.get("joint").and_then(Value::as_u64).and_then(|j| usize::try_from(j).ok());
+                let upright = joint.is_some_and(|j| no_torque.get(j.wrapping_sub(1)) == Some(&true));
+                let remedy = if upright && ["lost_motion_gravity", "nonlinear_stiffness"].contains(&c.effect) {
+                    UPRIGHT
+                } else {
+                    remedy(c.effect)
+                };
+                all.push(Seen { effect: c.effect, site: c.site.clone(), lambda, remedy });
+            }
+        }
+    }
+    Ok((all, untestable.into_iter().map(|u| (u.effect, u.lacks)).collect()))
+}
+
+/// Where gravity has no moment about an axis.
+const UPRIGHT: &str = "nothing, and nothing need: gravity has no torque about this axis as the arm stands";
+
+/// For each joint, whether gravity has no moment about its axis at any of the touches.
+fn no_torque(model: &Model, plan: &[PlanEntry]) -> Result<Vec<bool>> {
+    let n = model.robot.dof();
+    if model.robot.require_masses().is_err() {
+        return Ok(vec![false; n]);
+    }
+    let forward = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new())?;
+    let mut ws = forward.workspace();
+    let mut most = vec![0.0_f64; n];
+    for e in plan {
+        let torques = forward.gravity_torques(&State::at(&e.joints), &mut ws)?;
+        most.iter_mut().zip(&torques).for_each(|(m, t)| *m = m.max(t.abs()));
+    }
+    Ok(most.into_iter().map(|m| m < 1e-6).collect())
+}
+
+/// What would make an effect visible, where it is not.
+fn remedy(effect: &str) -> &'static str {
+    match effect {
+        "lost_motion_gravity" | "nonlinear_stiffness" | "cross_axis_compliance" | "gravity_direction" => {
+            "a second plate, high and close to the base, so that the arm folds back over its shoulder, and a device that may \
+             tilt further (--max-tilt-deg): gravity torques must change sign"
+        }
+        "payload" => "some touches with another, known payload",
+        "lost_motion_direction" | "load_friction" => "more touches with approaches in both senses of the joint",
+        "joint_harmonic" | "gear_ratio" | "joint_coupling" | "gear_ripple" | "axis_wobble" | "axis_twist" => {
+            "touches that use more of the joint's range: balls further apart, or on a second plate"
+        }
+        "ball_position" => "an instrument besides the balls: the place of the base takes up a wrong ballbar distance",
+        "indicator_gain" | "indicator_skew" => {
+            "touches that end with readings of some tenths of a millimetre, not nulled"
+        }
+        _ => "some of the first touches repeated at the end",
+    }
+}
+
+/// The effects that would not be seen, each with its sites and their lambda, by what would help.
+pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
+    type Sites = (&'static str, Vec<String>);
+    let mut list: Vec<(&'static str, Vec<Sites>)> = Vec::new();
+    for s in seen.iter().filter(|s| s.lambda < VISIBLE) {
+        let k = list.iter().position(|l| l.0 == s.remedy).unwrap_or_else(|| {
+            list.push((s.remedy, Vec::new()));
+            list.len() - 1
+        });
+        let effects = &mut list[k].1;
+        let k = effects.iter().position(|e| e.0 == s.effect).unwrap_or_else(|| {
+            effects.push((s.effect, Vec::new()));
+            effects.len() - 1
+        });
+        effects[k].1.push(format!("{} {:.1}", site_words(&s.site), s.lambda));
+    }
+    list.into_iter()
+        .map(|(remedy, effects)| {
+            let what: Vec<String> = effects.iter().map(|(e, sites)| format!("{e} ({})", sites.join(", "))).collect();
+            (remedy.to_owned(), what.join("; "))
+        })
+        .collect()
+}
+
+/// As the contract writes it.
+pub fn blind_json(seen: &[Seen], lacking: &[Lacking]) -> Vec<Value> {
+    seen.iter()
+        .filter(|s| s.lambda < VISIBLE)
+        .map(|s| json!({ "effect": s.effect, "site": s.site, "lambda": s.lambda, "advice": s.remedy }))
+        .chain(lacking.iter().map(|(effect, lacks)| json!({ "effect": effect, "lambda": 0.0, "lacks": lacks })))
+        .collect()
+}

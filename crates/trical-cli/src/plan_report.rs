@@ -1,0 +1,193 @@
+//! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
+
+use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
+use trical_plan::{CollisionModel, PredictedError, Sphere};
+
+use crate::blindness::{self, VISIBLE};
+use crate::commands::diagnose::site_words;
+use crate::commands::plan::{Told, two_digits};
+use crate::error::Result;
+use crate::picture::{self, Scene, View};
+use crate::report::{self, Figure, Section, footer};
+
+fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(String::from).to_vec()
+}
+
+fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
+    let number = |f: fn(&PredictedError) -> f64| p.map_or_else(|| "-".into(), |p| format!("{:.3}", f(&p) * 1e3));
+    vec![name.into(), number(|p| p.mean_m), number(|p| p.rms_m), number(|p| p.worst_rms_m)]
+}
+
+/// Pictures of a plan.
+pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> {
+    let model = CollisionModel::new(robot, cell)?;
+    let touches = &told.plan.entries;
+    let sphere = told.options.sphere.or_else(|| Sphere::above(&cell.balls)).map(|s| (s.centre, s.radius));
+    // the arm itself stands at the touch that is nearest to the middle of them all
+    let middle = touches.iter().fold([0.0; trical_model::MAX_JOINTS], |mut sum, e| {
+        for (s, q) in sum.iter_mut().zip(&e.joints) {
+            *s += q / f64::from(u32::try_from(touches.len()).unwrap_or(1));
+        }
+        sum
+    });
+    let off = |q: &trical_model::Joints| q.iter().zip(&middle).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let shown = touches.iter().min_by(|a, b| off(&a.joints).total_cmp(&off(&b.joints))).map_or(middle, |e| e.joints);
+    let scene = Scene { model: &model, touches, shown, sphere };
+    Ok(vec![
+        Figure {
+            caption: format!(
+                "The cell with all {} poses, each in the colour of its ball: from base over the joints to the tool, the \
+                 last way into the ball drawn thick. Arm and device stand at one of them; the dashed circle is the sphere in \
+                 which the arm is to be accurate. Names show under the pointer.",
+                touches.len()
+            ),
+            svg: picture::draw(&scene, View::Oblique, 900.0),
+        },
+        Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
+        Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
+    ])
+}
+
+/// How far each joint's range and gravity torque are used, and the senses of approach.
+fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>> {
+    let forward = Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new())?;
+    let mut ws = forward.workspace();
+    let torques: Option<Vec<_>> = robot
+        .require_masses()
+        .is_ok()
+        .then(|| {
+            let of = |q: &trical_model::Joints| forward.gravity_torques(&State::at(q), &mut ws).ok();
+            told.plan.entries.iter().map(|e| &e.joints).map(of).collect()
+        })
+        .flatten();
+    let mut rows = vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "arrives moving down", "up"])];
+    for (k, joint) in robot.joints.iter().enumerate() {
+        let span = |values: &mut dyn Iterator<Item = f64>| {
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
+        };
+        let (low, high) = span(&mut told.plan.entries.iter().map(|e| e.joints[k]));
+        let show = |x: f64| match joint.kind {
+            JointKind::Revolute => format!("{:.0} deg", x.to_degrees()),
+            JointKind::Prismatic => format!("{:.0} mm", x * 1e3),
+        };
+        let torque = torques.as_ref().map_or_else(
+            || "-".into(),
+            |t| {
+                let (a, b) = span(&mut t.iter().map(|t| t[k]));
+                format!("{a:.1} to {b:.1}")
+            },
+        );
+        let [down, up] = told.plan.expected.senses.get(k).copied().unwrap_or_default();
+        rows.push(vec![
+            format!("{}", k + 1),
+            show(low),
+            show(high),
+            format!("{} to {}", show(joint.limits[0]), show(joint.limits[1])),
+            torque,
+            down.to_string(),
+            up.to_string(),
+        ]);
+    }
+    Ok(rows)
+}
+
+fn verdict(cell: &Cell, told: &Told) -> String {
+    let e = &told.plan.expected;
+    format!(
+        "{} touches of {} balls. With noise of {} mm they leave {} on average in the sphere and {} in the whole workspace, as \
+         far as the model is complete; {} of the effects that it may lack would not be seen.",
+        told.plan.entries.len(),
+        cell.balls.len(),
+        told.options.noise_m * 1e3,
+        e.in_sphere.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
+        e.in_workspace.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
+        told.seen.iter().filter(|s| s.lambda < VISIBLE).count()
+    )
+}
+
+/// The whole report.
+pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
+    let e = &told.plan.expected;
+    let verdict = if told.determined() {
+        verdict(cell, told)
+    } else {
+        format!(
+            "{} touches of {} balls: too few to determine the {} parameters.",
+            told.plan.entries.len(),
+            cell.balls.len(),
+            told.parameters.len()
+        )
+    };
+    let mut pictures = pictures(robot, cell, told)?;
+    let others = pictures.split_off(1);
+    let mut dropped = vec![row(["ball", "tried", "refused because of", "most contacts between"])];
+    for (k, r) in told.plan.rejected.iter().enumerate() {
+        let reasons: Vec<String> =
+            r.reasons().iter().filter(|r| r.1 > 0).map(|(reason, n)| format!("{reason} {n}")).collect();
+        let contact = r.contacts.iter().max_by_key(|c| *c.1).map_or_else(String::new, |(p, n)| format!("{p}: {n}"));
+        dropped.push(vec![format!("{}", k + 1), r.attempts.to_string(), reasons.join(", "), contact]);
+    }
+    let mut parameters = vec![row(["parameter", "nominal", "expected sd", "unit"])];
+    parameters.extend(told.parameters.iter().map(|s| {
+        vec![
+            s.name.clone(),
+            s.nominal.map_or_else(|| "-".into(), |n| format!("{n:.3}")),
+            two_digits(s.sd.unwrap_or(f64::NAN)),
+            s.unit.clone(),
+        ]
+    }));
+    let mut seen = vec![row(["effect", "site", "lambda"])];
+    let mut sorted: Vec<_> = told.seen.iter().collect();
+    sorted.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
+    seen.extend(sorted.iter().map(|s| vec![s.effect.to_owned(), site_words(&s.site), format!("{:.1}", s.lambda)]));
+    let mut advice = vec![row(["what would help", "to see"])];
+    advice.extend(blindness::advice(&told.seen).into_iter().map(|(remedy, what)| vec![remedy, what]));
+    let lacking: Vec<String> =
+        told.lacking.iter().map(|(effect, lacks)| format!("{effect}: such a recording lacks {lacks}.")).collect();
+    let expected = vec![
+        row(["position error to be expected, mm", "mean", "rms", "rms at the worst pose"]),
+        error_row("in the sphere", e.in_sphere),
+        error_row("in the whole workspace", e.in_workspace),
+    ];
+    let sections = [
+        Section { heading: "The poses".into(), figures: pictures, ..Section::default() },
+        Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
+        Section {
+            heading: "What to expect".into(),
+            text: vec![format!(
+                "From noise alone, {} mm in each of a touch's three numbers. What the model lacks comes on top, and grows \
+                 where joints leave the ranges below. The choice is {} times better for its purpose than a random one.",
+                told.options.noise_m * 1e3,
+                two_digits(e.gain_over_random)
+            )],
+            tables: vec![expected, coverage(robot, cell, told)?],
+            ..Section::default()
+        },
+        Section {
+            heading: "What would not be seen".into(),
+            text: std::iter::once(
+                "Lambda is the length of an effect's signature at a typical size, after the parameters have taken up what \
+                 they can, in standard deviations of the noise. Below 3 it is not seen, however well the fit looks."
+                    .to_owned(),
+            )
+            .chain(lacking)
+            .collect(),
+            tables: vec![advice],
+            ..Section::default()
+        },
+        Section { heading: "Candidates".into(), tables: vec![dropped], ..Section::default() },
+        Section {
+            heading: "Parameters".into(),
+            text: if e.dependent.is_empty() {
+                Vec::new()
+            } else {
+                vec![format!("Cannot be told from others by these touches: {}.", e.dependent.join(", "))]
+            },
+            tables: vec![parameters],
+            ..Section::default()
+        },
+        Section { heading: "All effects".into(), tables: vec![seen], ..Section::default() },
+    ];
+    report::render("TriCal: plan", &verdict, &sections, &footer(std::slice::from_ref(&robot.name)))
+}

@@ -8,6 +8,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`robot`], [`cell`] | the nominal arm and cell, read from TOML |
+//! | [`urdf`] | arms from URDF |
 //! | [`recording`] | what is known about a pose and what was measured there |
 //! | [`term`] | sites, bases, terms |
 //! | [`forward`] | prediction and Jacobians |
@@ -24,6 +25,7 @@ pub mod pose;
 pub mod recording;
 pub mod robot;
 pub mod term;
+pub mod urdf;
 
 pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};

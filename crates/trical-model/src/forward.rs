@@ -459,6 +459,14 @@ impl Forward {
         links
     }
 
+    /// Frames {1} to {n} of the joints in {w}.
+    pub fn world_from_joints(&self, state: &State, ws: &mut Workspace) -> Vec<Pose> {
+        let measured = Measured::Point { target: 0, position: [0.0; 3] };
+        self.frames_at(state, &measured, usize::MAX, ws);
+        let pose = |f: &crate::chain::JointFrames| Pose { rotation: f.axes.matrix(), translation: f.origin };
+        ws.moved.joints[..self.chain.dof()].iter().map(pose).collect()
+    }
+
     /// As [`Forward::world_from_links`], into a slice of n + 1 poses.
     pub fn world_from_links_into(&self, state: &State, ws: &mut Workspace, links: &mut [Pose]) {
         let measured = Measured::Point { target: 0, position: [0.0; 3] };

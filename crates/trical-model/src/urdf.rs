@@ -24,12 +24,17 @@ mod mdh;
 #[cfg(test)]
 mod tests;
 mod tree;
+mod write;
 mod xml;
 
 use std::path::{Path, PathBuf};
 
 use crate::error::{Result, read_text};
 use crate::robot::Robot;
+
+pub(crate) use mdh::robot_from_axes;
+pub(crate) use tree::Axes;
+pub use write::write;
 
 /// An arm from a URDF.
 #[derive(Clone, Debug)]
@@ -93,7 +98,6 @@ pub fn parse(text: &str, file: &str, root: Option<&str>, tip: Option<&str>) -> R
     let urdf = xml::read(text, file)?;
     let serial = tree::serial(&urdf, file, root, tip)?;
     let name = if urdf.name.is_empty() { "URDF" } else { urdf.name.as_str() };
-    let robot = mdh::robot(&serial, name);
-    let joints = serial.joints.iter().map(|j| j.name.clone()).collect();
-    Ok(Imported { robot, root: serial.root, tip: serial.tip, joints })
+    let robot = robot_from_axes(&serial.joints, &serial.root_from_tip, name);
+    Ok(Imported { robot, root: serial.root, tip: serial.tip, joints: serial.names })
 }

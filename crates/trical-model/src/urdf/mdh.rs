@@ -9,7 +9,7 @@ use nalgebra::Matrix3;
 use crate::pose::Pose;
 use crate::robot::{Joint, Robot};
 
-use super::tree::{Moving, Serial};
+use super::tree::Axes;
 
 type V3 = nalgebra::Vector3<f64>;
 
@@ -79,11 +79,9 @@ fn zeroed(x: f64, size: f64) -> f64 {
     if x.abs() <= 4.0 * f64::EPSILON * size { 0.0 } else { x }
 }
 
-/// The arm in Craig's frames.
-pub(super) fn robot(serial: &Serial, name: &str) -> Robot {
-    let list = &serial.joints;
+/// The arm in Craig's frames; `tip` is the flange at the zero position.
+pub(crate) fn robot_from_axes(list: &[Axes], tip: &Pose, name: &str) -> Robot {
     let lines: Vec<Line> = list.iter().map(|j| Line { point: j.point, z: j.axis }).collect();
-    let tip = &serial.root_from_tip;
     let mut points: Vec<V3> = vec![V3::zeros()];
     points.extend(lines.iter().map(|l| l.point));
     points.push(tip.translation);
@@ -119,7 +117,7 @@ pub(super) fn robot(serial: &Serial, name: &str) -> Robot {
                 }
             }
         };
-        robot.joints.push(parameters(joint, &before, &here, &entry, size, serial.has_masses));
+        robot.joints.push(parameters(joint, &before, &here, &entry, size));
         (before, entry) = (here, next_entry);
     }
     robot.last_from_flange = cleaned(before.inverse().compose(tip), size);
@@ -127,7 +125,7 @@ pub(super) fn robot(serial: &Serial, name: &str) -> Robot {
 }
 
 /// Parameters of joint i from frames {i-1} and {i} at the zero position.
-fn parameters(joint: &Moving, before: &Pose, here: &Pose, entry: &V3, size: f64, has_masses: bool) -> Joint {
+fn parameters(joint: &Axes, before: &Pose, here: &Pose, entry: &V3, size: f64) -> Joint {
     let z = before.rotation.transpose() * joint.axis;
     let alpha = zeroed((-z.y).atan2(z.z), 1.0);
     let beta = zeroed(z.x.atan2(z.y.hypot(z.z)), 1.0);
@@ -144,7 +142,7 @@ fn parameters(joint: &Moving, before: &Pose, here: &Pose, entry: &V3, size: f64,
         d,
         theta_offset: theta,
         limits: joint.limits,
-        mass: has_masses.then_some(joint.body.mass),
-        cog: if joint.body.mass > 0.0 { here.inverse().apply(&joint.body.cog) } else { V3::zeros() },
+        mass: joint.mass,
+        cog: if joint.mass.is_some_and(|m| m > 0.0) { here.inverse().apply(&joint.cog) } else { V3::zeros() },
     }
 }

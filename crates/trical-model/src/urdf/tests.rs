@@ -384,3 +384,61 @@ fn a_chain_of_thousands_of_fixed_links_is_one_body() {
     assert_eq!((arm.root.as_str(), arm.tip.as_str()), ("l0", "l8999"));
     assert!((arm.robot.joints[0].mass.unwrap() - 8.998).abs() < 1e-9);
 }
+
+/// Largest difference of the TCP's poses of two models at random joint values.
+fn apart(a: &Model, b: &Model, draw: &mut Draw) -> f64 {
+    let (a, b) = [a, b].map(|m| Forward::new(m.clone(), Vec::new()).unwrap()).into();
+    let (mut wa, mut wb) = (a.workspace(), b.workspace());
+    (0..10)
+        .map(|_| {
+            let q: Vec<f64> = (0..a.model().robot.dof()).map(|_| draw.n(2.0)).collect();
+            let (p, r) = (a.world_from_tool(&State::at(&q), &mut wa), b.world_from_tool(&State::at(&q), &mut wb));
+            (p.translation - r.translation).amax().max((p.rotation - r.rotation).amax())
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn the_rigid_part_of_a_model_goes_where_the_model_goes_and_comes_back_from_a_urdf() {
+    use crate::term::{Axis, Basis, Motion, Parameter, Payload, Site, Term};
+    let mut draw = Draw(StdRng::seed_from_u64(3));
+    for round in 0..300 {
+        let robot = parse(&draw.chain().text, "drawn.urdf", None, None).unwrap().robot;
+        let n = robot.dof();
+        let mut cell = Cell::bare();
+        cell.world_from_base =
+            Pose { rotation: rotation_zyx(draw.n(3.0), draw.n(1.5), draw.n(3.0)), translation: draw.v(1.0) };
+        (cell.tool.tcp, cell.tool.mass) = (draw.v(0.3), 1.5);
+        let mut model = Model::nominal(robot, cell);
+        let mut sites = Vec::new();
+        for k in 0..n {
+            sites.extend(
+                [Parameter::Alpha, Parameter::A, Parameter::Beta].map(|parameter| Site::Link { link: k, parameter }),
+            );
+            sites.extend([Parameter::Theta, Parameter::D].map(|parameter| Site::Link { link: k + 1, parameter }));
+            sites.push(Site::Joint { joint: k + 1 });
+            if round % 2 == 1 {
+                sites.extend([Axis::X, Axis::Y].map(|axis| Site::Tilt { joint: k + 1, axis }));
+            }
+        }
+        sites.extend(Motion::ALL.map(Site::Base));
+        sites.extend(Motion::ALL.map(Site::Tool));
+        sites.push(Site::Payload(Payload::Mass));
+        for site in sites {
+            let mut term = Term::new(format!("{site:?}"), "geometry", site, Basis::CONSTANT);
+            term.value = draw.n(0.02);
+            model.terms.push(term);
+        }
+        let rigid = model.rigid().unwrap();
+        assert!(rigid.left_out.is_empty());
+        assert_eq!(rigid.same_frames, round % 2 == 0);
+        let off = apart(&model, &Model::nominal(rigid.robot.clone(), rigid.cell.clone()), &mut draw);
+        assert!(off < 2e-11, "{off:e}");
+        // the URDF begins in {w} and ends in the TCP
+        let text = super::write(&rigid.robot, &rigid.cell, &["a remark -- and <more>".into()]);
+        let again = parse(&text, "written.urdf", None, None).unwrap();
+        assert_eq!((again.root.as_str(), again.tip.as_str()), ("world", "tcp"));
+        let off = apart(&model, &Model::nominal(again.robot, Cell::bare()), &mut draw);
+        assert!(off < 2e-11, "{off:e}");
+    }
+}

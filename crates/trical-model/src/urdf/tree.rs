@@ -11,26 +11,25 @@ use super::xml::{Inertial, Joint, Urdf, error};
 
 type V3 = nalgebra::Vector3<f64>;
 
-/// A moving joint of the chain at its zero position, and what moves with it.
-pub(super) struct Moving {
-    pub name: String,
+/// A moving joint of the chain at its zero position, and what moves with it; everything in the frame of the root.
+pub(crate) struct Axes {
     pub kind: JointKind,
-    /// A point of the axis and its direction, in the root link.
+    /// A point of the axis and its direction.
     pub point: V3,
     pub axis: V3,
     pub limits: [f64; 2],
-    /// Everything that this joint carries and the next does not: kg, and its centre of gravity in the root link.
-    pub body: Inertial,
+    /// Everything that this joint carries and the next does not: kg where known, and its centre of gravity.
+    pub mass: Option<f64>,
+    pub cog: V3,
 }
 
 /// The chain at its zero position.
 pub(super) struct Serial {
-    pub joints: Vec<Moving>,
+    pub joints: Vec<Axes>,
+    pub names: Vec<String>,
     pub root_from_tip: Pose,
     pub root: String,
     pub tip: String,
-    /// Whether any link that moves has a mass.
-    pub has_masses: bool,
 }
 
 struct Tree<'a> {
@@ -237,7 +236,7 @@ pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
     let root = root.map_or(Ok(top), |name| tree.find(name))?;
     let tip = tip.map_or_else(|| tree.tip(root), |name| tree.find(name))?;
     let chain = tree.chain(root, tip)?;
-    let mut joints: Vec<Moving> = Vec::new();
+    let (mut joints, mut names): (Vec<Axes>, Vec<String>) = (Vec::new(), Vec::new());
     let mut pose = Pose::identity();
     let mut has_masses = false;
     for (k, index) in chain.iter().enumerate() {
@@ -264,13 +263,14 @@ pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
         let next = chain[k + 1..].iter().find(|j| tree.moves(**j));
         let body = tree.body(child, &pose, next.map_or(&[], std::slice::from_ref));
         has_masses |= body.mass > 0.0;
-        joints.push(Moving {
-            name: joint.name.clone(),
+        names.push(joint.name.clone());
+        joints.push(Axes {
             kind,
             point: pose.translation,
             axis: pose.rotation * joint.axis,
             limits: if joint.kind == "continuous" { CONTINUOUS } else { limits(joint, file)? },
-            body,
+            mass: Some(body.mass),
+            cog: body.cog,
         });
     }
     if joints.is_empty() {
@@ -279,11 +279,9 @@ pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
             problem: format!("no joint moves between link '{}' and link '{}'", tree.name(root), tree.name(tip)),
         });
     }
-    Ok(Serial {
-        joints,
-        root_from_tip: pose,
-        root: tree.name(root).to_owned(),
-        tip: tree.name(tip).to_owned(),
-        has_masses,
-    })
+    if !has_masses {
+        joints.iter_mut().for_each(|j| j.mass = None);
+    }
+    let (root, tip) = (tree.name(root).to_owned(), tree.name(tip).to_owned());
+    Ok(Serial { joints, names, root_from_tip: pose, root, tip })
 }

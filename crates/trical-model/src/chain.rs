@@ -400,8 +400,10 @@ impl Chain {
     #[inline]
     pub fn moment(&self, frames: &Frames, loads: &Loads, i: usize, axis: Axis, gravity: &V3) -> Moment {
         let f = &frames.joints[i];
-        let e = if axis == Axis::Z { f.z_tilted } else { f.bearing.axis(axis) };
-        if axis == Axis::Z && self.joints[i].prismatic {
+        let slides = self.joints[i].prismatic;
+        // a tilt turns the axis of rotation, but not the way along which the joint slides
+        let e = if axis == Axis::Z && !slides { f.z_tilted } else { f.bearing.axis(axis) };
+        if axis == Axis::Z && slides {
             let weight = gravity * loads.mass[i];
             return Moment {
                 joint: i,
@@ -473,8 +475,8 @@ impl Moment {
     pub fn by_chain(&self, s: usize, dof: ChainDof, frames: &Frames, loads: &Loads) -> f64 {
         let behind = s > self.joint
             || (s == self.joint && matches!(dof, ChainDof::TiltX | ChainDof::TiltY | ChainDof::Theta) && {
-                // a tilt turns the axis z with it, but not the bearing's x and y
-                dof == ChainDof::Theta || self.axis != Axis::Z
+                // a tilt turns the axis z with it, but not the bearing's x and y, nor the way along which the joint slides
+                dof == ChainDof::Theta || self.axis != Axis::Z || self.slide.is_some()
             });
         let twist = frames.twist(s, dof);
         if !behind {

@@ -85,7 +85,8 @@ impl PoseFile {
         let t = &pose.translation;
         (*pose != Pose::identity()).then(|| Self {
             xyz_mm: [t.x, t.y, t.z].map(|x| tidy(x * 1e3)),
-            zyx_deg: angles_zyx(&pose.rotation).map(|a| tidy(a.to_degrees())),
+            // an angle below rounding is none
+            zyx_deg: angles_zyx(&pose.rotation).map(|a| if a.abs() < 1e-15 { 0.0 } else { tidy(a.to_degrees()) }),
         })
     }
 
@@ -325,5 +326,6 @@ impl Robot {
 #[must_use]
 pub fn tidy(x: f64) -> f64 {
     let r = (x * 1e9).round() / 1e9;
-    if (r - x).abs() <= 8.0 * f64::EPSILON * x.abs() { r } else { x }
+    // adding zero turns -0 into 0
+    (if (r - x).abs() <= 8.0 * f64::EPSILON * x.abs() { r } else { x }) + 0.0
 }

@@ -221,7 +221,6 @@ impl Naive<'_> {
         let g: V =
             std::array::from_fn(|k| self.sum(Site::Gravity(Axis::ALL[k]), None) + if k == 2 { -GRAVITY } else { 0.0 });
         let (bearing, z, o, _) = &frames[joint - 1];
-        let e = if axis == Axis::Z { *z } else { col(bearing, axis.index()) };
         let mut bodies: Vec<(D, V)> = Vec::new();
         for (j, f) in self.model.robot.joints.iter().zip(&frames).skip(joint - 1) {
             bodies.push((c(j.mass.unwrap()), plus(f.2, times(&f.3, vec(&j.cog)))));
@@ -233,6 +232,7 @@ impl Naive<'_> {
         bodies.push((mass, plus(flange_o, times(&flange_r, vec(&tool.cog)))));
         let mu: V = std::array::from_fn(|k| self.sum(Site::Payload(Payload::Moment(Axis::ALL[k])), None));
         let prismatic = self.model.robot.joints[joint - 1].kind == JointKind::Prismatic && axis == Axis::Z;
+        let e = if axis == Axis::Z && !prismatic { *z } else { col(bearing, axis.index()) };
         let mut total = c(0.0);
         for (m, at) in &bodies {
             let force = scale(g, *m);

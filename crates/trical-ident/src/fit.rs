@@ -206,13 +206,11 @@ pub fn check_observations(forward: &Forward, data: &Dataset) -> Result<()> {
     Ok(())
 }
 
-/// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
+/// Number of scalars measured.
 ///
 /// # Errors
-/// Fewer scalars than coefficients, a residual that is not finite, or a Jacobian of deficient rank.
-pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &LmParams) -> Result<LmReport> {
-    check_observations(forward, data)?;
-    let p = forward.free().len();
+/// Fewer than the `p` parameters that are to be identified.
+pub fn check_count(data: &Dataset, p: usize) -> Result<usize> {
     let scalars: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
     if scalars < p {
         return Err(IdentError::NotEnough(format!(
@@ -221,6 +219,17 @@ pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &L
             data.observations.len()
         )));
     }
+    Ok(scalars)
+}
+
+/// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
+///
+/// # Errors
+/// Fewer scalars than coefficients, a residual that is not finite, or a Jacobian of deficient rank.
+pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &LmParams) -> Result<LmReport> {
+    check_observations(forward, data)?;
+    let p = forward.free().len();
+    let scalars = check_count(data, p)?;
     let mut normal = Normal::new(p);
     normal_equations(forward, data, noise, params.huber, &mut normal);
     let mut lambda = 1e-6;

@@ -130,13 +130,27 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// The columns of the CSV; a limit has its own column for each unit, and one of them is empty.
+const COLUMNS: [&str; 11] = [
+    "joint",
+    "kind",
+    "alpha_deg",
+    "a_mm",
+    "beta_deg",
+    "d_mm",
+    "theta_offset_deg",
+    "lower_deg",
+    "upper_deg",
+    "lower_mm",
+    "upper_mm",
+];
+
 /// One line of the table: numbers by name, each with its unit.
 fn line(robot: &Robot, i: usize) -> Option<serde_json::Map<String, serde_json::Value>> {
     let j = robot.joints.get(i)?;
     let deg = |x: f64| json!(tidy(x.to_degrees()));
     let mm = |x: f64| json!(tidy(x * 1e3));
     let prismatic = j.kind == JointKind::Prismatic;
-    let limit = |k: usize| if prismatic { mm(j.limits[k]) } else { deg(j.limits[k]) };
     let mut m = serde_json::Map::new();
     m.insert("joint".into(), json!(i + 1));
     m.insert("kind".into(), json!(j.kind));
@@ -145,9 +159,13 @@ fn line(robot: &Robot, i: usize) -> Option<serde_json::Map<String, serde_json::V
     m.insert("beta_deg".into(), deg(j.beta));
     m.insert("d_mm".into(), mm(j.d));
     m.insert("theta_offset_deg".into(), deg(j.theta_offset));
-    m.insert("lower".into(), limit(0));
-    m.insert("upper".into(), limit(1));
-    m.insert("limits_unit".into(), json!(if prismatic { "mm" } else { "deg" }));
+    for (k, name) in ["lower", "upper"].iter().enumerate() {
+        let (own, value) = if prismatic { ("mm", mm(j.limits[k])) } else { ("deg", deg(j.limits[k])) };
+        for unit in ["deg", "mm"] {
+            let value = if unit == own { value.clone() } else { serde_json::Value::Null };
+            m.insert(format!("{name}_{unit}"), value);
+        }
+    }
     Some(m)
 }
 
@@ -189,14 +207,13 @@ fn table(out: &Path, model: &Model, rigid: &Rigid, left_out: &LeftOut) -> Result
             }))?)
         }
         Some("csv") => {
-            let mut text = String::new();
+            let mut text = COLUMNS.join(",") + "\n";
             for m in lines() {
-                if text.is_empty() {
-                    text.push_str(&m.keys().cloned().collect::<Vec<_>>().join(","));
-                    text.push('\n');
-                }
-                let cell = |v: &serde_json::Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
-                text.push_str(&m.values().map(cell).collect::<Vec<_>>().join(","));
+                let cell = |name: &&str| match m.get(*name) {
+                    None | Some(serde_json::Value::Null) => String::new(),
+                    Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
+                };
+                text.push_str(&COLUMNS.iter().map(cell).collect::<Vec<_>>().join(","));
                 text.push('\n');
             }
             Ok(text)

@@ -301,9 +301,18 @@ fn help_is_there_for_every_command() {
     let place = Place::new();
     let o = place.run(&["--help"]);
     let text = String::from_utf8_lossy(&o.stdout).into_owned();
-    for command in
-        ["demo", "plan", "measure", "virtual-cell", "identify", "validate", "diagnose", "compensate", "convert"]
-    {
+    for command in [
+        "demo",
+        "plan",
+        "measure",
+        "virtual-cell",
+        "identify",
+        "validate",
+        "diagnose",
+        "compensate",
+        "convert",
+        "export",
+    ] {
         assert!(text.contains(command));
         assert!(place.run(&[command, "--help"]).status.success());
     }
@@ -354,4 +363,161 @@ fn diagnosis_is_the_same_to_the_byte_and_its_model_validates() {
     // the name of the SVG language is the only address in it: nothing is loaded
     let html = html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     assert!(html.contains("<svg") && !html.contains("http://") && !html.contains("https://"));
+}
+
+/// One row of a recording: ball, six joints in deg, three readings in mm.
+fn touch_row(ball: usize, q: [f64; 6]) -> String {
+    let q = q.map(|x| x.to_string()).join(",");
+    format!("{ball},{q},0.001,0.002,0.003\n")
+}
+
+#[test]
+fn data_that_cannot_be_fitted_says_why() {
+    let place = Place::new();
+    let alike: String = (0..60).map(|k| touch_row(1 + k % 3, [10.0, 20.0, 30.0, 40.0, 50.0, 60.0])).collect();
+    let varied = |k: usize| {
+        let s = |a: f64| ((k as f64 + 1.0) * a).sin() * 40.0;
+        [s(1.3), s(2.1), s(0.7), s(3.7), s(1.9), s(2.9)]
+    };
+    let one_ball: String = (0..60).map(|k| touch_row(2, varied(k))).collect();
+    let few: String = (0..5).map(|k| touch_row(1 + k % 3, varied(k))).collect();
+    let far = touch_row(1, [1e9, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let cases: [(&str, &str, &[&str]); 4] = [
+        ("alike.csv", &alike, &["alike.csv", "60 measurements", "same pose"]),
+        ("ball.csv", &one_ball, &["ball.csv", "only ball 2 was touched"]),
+        ("few.csv", &few, &["5 measurements give 15 numbers"]),
+        ("far.csv", &far, &["far.csv", "line 2, column q1_deg", "1000000000"]),
+    ];
+    for (file, rows, words) in cases {
+        place.write(file, &format!("{HEADER}{rows}"));
+        place.refuses(&identify(file), words);
+    }
+    place.write(
+        "cell.toml",
+        &CELL.replace(
+            "distances_mm = { d12 = 300.0, d13 = 300.0, d23 = 300.0 }",
+            "positions_mm = [[0, 0, 0], [100, 0, 0], [200, 0, 0]]",
+        ),
+    );
+    let line: String = (0..60).map(|k| touch_row(1 + k % 3, varied(k))).collect();
+    place.write("line.csv", &format!("{HEADER}{line}"));
+    place.refuses(&identify("line.csv"), &["balls 1, 2, 3", "one line"]);
+}
+
+/// The IRB 120 as industrial URDFs are written, with a branch, so that the flange has to be named.
+const URDF: &str = r#"<robot name="irb120">
+<link name="base_link"/><link name="l1"/><link name="l2"/><link name="l3"/><link name="l4"/><link name="l5"/><link name="l6"/>
+<link name="tool0"/><link name="camera"/>
+<joint name="j1" type="revolute"><parent link="base_link"/><child link="l1"/><origin xyz="0 0 0.29"/><axis xyz="0 0 1"/>
+<limit lower="-2.87" upper="2.87"/></joint>
+<joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/><axis xyz="0 1 0"/><limit lower="-1.9" upper="1.9"/></joint>
+<joint name="j3" type="revolute"><parent link="l2"/><child link="l3"/><origin xyz="0 0 0.27"/><axis xyz="0 1 0"/>
+<limit lower="-1.9" upper="1.2"/></joint>
+<joint name="j4" type="revolute"><parent link="l3"/><child link="l4"/><origin xyz="0 0 0.07"/><axis xyz="1 0 0"/>
+<limit lower="-2.7" upper="2.7"/></joint>
+<joint name="j5" type="revolute"><parent link="l4"/><child link="l5"/><origin xyz="0.302 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2"/></joint>
+<joint name="j6" type="revolute"><parent link="l5"/><child link="l6"/><axis xyz="1 0 0"/><limit lower="-6.9" upper="6.9"/></joint>
+<joint name="f" type="fixed"><parent link="l6"/><child link="tool0"/><origin xyz="0.072 0 0" rpy="0 1.5707963267948966 0"/></joint>
+<joint name="c" type="fixed"><parent link="l4"/><child link="camera"/></joint>
+</robot>
+"#;
+
+#[test]
+fn an_arm_from_a_urdf_is_calibrated_and_handed_on() {
+    let place = Place::new();
+    place.write("arm.urdf", URDF);
+    place.refuses(&["convert", "arm.urdf", "--out", "out.toml"], &["several ends", "camera", "arm.urdf#base_link:"]);
+    place.refuses(&["convert", "arm.urdf#base_link:tool1", "out.toml"], &["link 'tool1'", "no such link"]);
+    place.write("broken.urdf", &URDF.replace("<limit lower=\"-2\" upper=\"2\"/>", ""));
+    place
+        .refuses(&["convert", "broken.urdf#:tool0", "out.toml"], &["broken.urdf, line 11", "j5", "<limit> is missing"]);
+    let o = place.run(&["convert", "arm.urdf#base_link:tool0", "--out", "arm.toml"]);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    // touches of the shipped arm, which is the same one
+    let q = |k: usize| {
+        let s = |a: f64, b: f64| ((k as f64 + 1.0) * a).sin() * b;
+        [s(1.3, 60.0), s(2.1, 50.0), s(0.7, 40.0), s(3.7, 90.0), s(1.9, 80.0), s(2.9, 150.0)]
+    };
+    let rows: String = (0..60)
+        .map(|k| {
+            let q = q(k);
+            format!("{},{}\n", q.map(|x| x.to_string()).join(","), tool_point(q).map(|x| x.to_string()).join(","))
+        })
+        .collect();
+    place.write("points.csv", &format!("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n{rows}"));
+    for robot in ["arm.urdf#base_link:tool0", "arm.toml", "robot.toml"] {
+        let o = place.run(&[
+            "identify",
+            "points.csv",
+            "--robot",
+            robot,
+            "--cell",
+            "cell.toml",
+            "--model",
+            "nominal",
+            "--json",
+            "--out",
+            "m.toml",
+        ]);
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+        assert!(json["max_mm"].as_f64().unwrap() < 1e-6, "{robot}: {}", json["max_mm"]);
+    }
+    let o = place.run(&[
+        "export",
+        "--model",
+        "m.toml",
+        "--robot",
+        "robot.toml",
+        "--urdf",
+        "c.urdf",
+        "--mdh",
+        "c.csv",
+        "--json",
+    ]);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    assert_eq!((json["left_out"].as_array().unwrap().len(), &json["left_out_max_mm"]), (0, &serde_json::json!(0.0)));
+    let csv = std::fs::read_to_string(place.path("c.csv")).unwrap();
+    assert!(csv.starts_with("joint,kind,alpha_deg,a_mm,beta_deg,d_mm,theta_offset_deg,"), "{csv}");
+    assert!(csv.contains("3,revolute,0.0,270.0,0.0,0.0,0.0,-110.0,70.0,,"), "{csv}");
+    // the exported arm is one again
+    assert!(place.run(&["convert", "c.urdf#base_link:flange", "again.toml"]).status.success());
+    place.refuses(&["export", "--model", "m.toml", "--robot", "arm.toml", "--mdh", "out.txt"], &["out.txt", ".csv"]);
+    place.refuses(&["export", "--model", "arm.toml", "--mdh", "out.toml"], &["arm.toml"]);
+    assert_eq!(place.run(&["export", "--model", "m.toml"]).status.code(), Some(2));
+}
+
+/// A point 100 mm off the IRB 120's flange, from its published lengths, mm.
+fn tool_point(q_deg: [f64; 6]) -> [f64; 3] {
+    type M = [[f64; 3]; 3];
+    let mul =
+        |a: M, b: M| -> M { std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum())) };
+    let turn = |axis: usize, deg: f64| -> M {
+        let (s, c) = deg.to_radians().sin_cos();
+        match axis {
+            0 => [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]],
+            1 => [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]],
+            _ => [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
+        }
+    };
+    let mut r: M = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut p = [0.0; 3];
+    let steps = [
+        ([0.0, 0.0, 290.0], 2),
+        ([0.0, 0.0, 0.0], 1),
+        ([0.0, 0.0, 270.0], 1),
+        ([0.0, 0.0, 70.0], 0),
+        ([302.0, 0.0, 0.0], 1),
+        ([0.0, 0.0, 0.0], 0),
+    ];
+    let ahead = |p: [f64; 3], r: M, v: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|i| p[i] + (0..3).map(|k| r[i][k] * v[k]).sum::<f64>())
+    };
+    for ((v, axis), q) in steps.iter().zip(q_deg) {
+        p = ahead(p, r, *v);
+        r = mul(r, turn(*axis, q));
+    }
+    ahead(p, r, [72.0 + 60.0, 70.0, -40.0])
 }

@@ -49,7 +49,9 @@ enum Command {
     VirtualCell(commands::virtual_cell::Args),
     /// Rewrite a robot program so that the real arm goes where it says
     Compensate(commands::compensate::Args),
-    /// Recordings from CSV to MCAP and back
+    /// The calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
+    Export(commands::export::Args),
+    /// Recordings from CSV to MCAP and back, an arm's URDF to robot.toml
     Convert(commands::convert::Args),
 }
 
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
         Command::Measure(args) => commands::measure::run(&args),
         Command::VirtualCell(args) => commands::virtual_cell::run(&args),
         Command::Compensate(args) => commands::compensate::run(&args),
+        Command::Export(args) => commands::export::run(&args),
         Command::Convert(args) => commands::convert::run(&args),
     };
     match result {

@@ -215,6 +215,22 @@ pub fn check_observations(forward: &Forward, data: &Dataset) -> Result<()> {
     Ok(())
 }
 
+/// Number of scalars measured.
+///
+/// # Errors
+/// Fewer than the `p` parameters that are to be identified, with what `priors` add.
+pub fn check_count(data: &Dataset, p: usize, priors: &[Option<Prior>]) -> Result<usize> {
+    let scalars: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
+    if scalars + priors.iter().flatten().count() < p {
+        return Err(IdentError::NotEnough(format!(
+            "{} measurements give {scalars} numbers, but {p} parameters are to be identified: more measurements, or a \
+             smaller --model, are needed",
+            data.observations.len()
+        )));
+    }
+    Ok(scalars)
+}
+
 /// Priors as measurements of the coefficients themselves.
 fn add_priors(priors: &[Option<Prior>], x: &[f64], normal: &mut Normal) {
     for (k, (prior, value)) in priors.iter().zip(x).enumerate() {
@@ -252,15 +268,7 @@ pub fn minimize_with_priors(
 ) -> Result<LmReport> {
     check_observations(forward, data)?;
     let p = forward.free().len();
-    let scalars: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum::<usize>()
-        + priors.iter().flatten().count();
-    if scalars < p {
-        return Err(IdentError::NotEnough(format!(
-            "{} measurements give {scalars} numbers, but {p} parameters are to be identified: more measurements, or a \
-             smaller --model, are needed",
-            data.observations.len()
-        )));
-    }
+    let scalars = check_count(data, p, priors)?;
     let mut normal = Normal::new(p);
     normal_equations(forward, data, noise, params.huber, &mut normal);
     let mut lambda = 1e-6;

@@ -3,9 +3,10 @@
 use trical_model::{Cell, Forward, Model, Robot, residual_rows};
 
 use crate::dataset::{Dataset, Rejected};
+use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
 use crate::error::{IdentError, Result};
 use crate::fit::{
-    Ended, LmParams, LmReport, Prior, minimize, minimize_with_priors, position_errors, weighted_residuals,
+    Ended, LmParams, LmReport, Prior, check_count, minimize, minimize_with_priors, position_errors, weighted_residuals,
 };
 use crate::identifiability::{
     Choice, Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
@@ -145,18 +146,16 @@ fn finish(
 ) -> Result<Identified> {
     let free = forward.free().to_vec();
     let p = free.len();
+    // first, since an iteration on data of deficient rank may also fail to converge
+    let r = r_factor(&forward, data, &noise, priors);
+    let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
+    if let Some(weak) = weakest_direction(&r, &names, CONDITION_LIMIT) {
+        return Err(rank_deficient(&forward.model().robot, data, &weak));
+    }
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
         return Err(IdentError::NotConverged(format!(
             "{:?} after {} iterations, gradient {:.1e}; are robot.toml and cell.toml those of this arm?",
             report.ended, report.iterations, report.gradient
-        )));
-    }
-    let r = r_factor(&forward, data, &noise, priors);
-    let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
-    if let Some(weak) = weakest_direction(&r, &names, CONDITION_LIMIT) {
-        return Err(IdentError::NotEnough(format!(
-            "these measurements cannot tell {} apart: more varied poses are needed",
-            weak.join(", ")
         )));
     }
     let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
@@ -177,6 +176,22 @@ fn finish(
     Ok(Identified { model, free, data: data.clone(), noise, covariance, observability, dependent, report })
 }
 
+/// Parameters that the data cannot tell apart, and what about the data may be why.
+fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> IdentError {
+    let what = match weak {
+        [one] => format!("cannot tell {one}"),
+        _ => format!("cannot tell {} apart", weak.join(", ")),
+    };
+    let resting: Vec<String> = resting_joints(robot, data).iter().map(ToString::to_string).collect();
+    let poses = different_poses(robot, data);
+    let why = if resting.is_empty() {
+        format!("{} measurements at {poses} different poses", data.observations.len())
+    } else {
+        format!("joint {} never moves", resting.join(", "))
+    };
+    IdentError::NotEnough(format!("these measurements {what} ({why}): more varied poses are needed"))
+}
+
 /// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
 /// that is far beyond the rest.
 ///
@@ -191,10 +206,23 @@ pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result
 /// # Errors
 /// As [`fit_model`].
 pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
-    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
     let mut kept = data.clone();
+    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
+    if robot.require_masses().is_ok() {
+        sets.push(ParameterSet::Compliance);
+    }
+    let mut set = sets.pop().unwrap_or(ParameterSet::Nominal);
     for _ in 0..5 {
-        let (forward, noise) = robust_fit(robot, cell, &kept, set)?;
+        let (forward, noise) = loop {
+            // few data may still do for a smaller model, and what the caller then asks of them is the caller's affair
+            match (robust_fit(robot, cell, &kept, set), sets.pop()) {
+                (Err(IdentError::NotEnough(_)), Some(smaller)) => set = smaller,
+                (fitted, last) => {
+                    sets.extend(last);
+                    break fitted?;
+                }
+            }
+        };
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
         let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
@@ -245,6 +273,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     if choice.set() >= ParameterSet::Compliance {
         robot.require_masses()?;
     }
+    check_values(robot, data)?;
     for o in &data.observations {
         if let trical_model::Measured::Touch { ball, .. } = o.measured
             && ball >= cell.balls.len()
@@ -269,12 +298,30 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
             });
         }
     }
+    check_balls(cell, data)?;
+    check_poses(robot, data)?;
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.frames = vec![trical_model::Pose::identity(); data.frames()];
-    let (terms, dependent) = independent_terms(&model, data, choice)?;
+    let (terms, dependent) = independent_terms(&judged(&model, data)?, data, choice)?;
     model.terms = terms;
+    check_count(data, model.terms.len(), &[])?;
     start(&mut model, data)?;
     Ok((model, dependent))
+}
+
+/// The model on which structure is judged: the nominal one. Where there are only lengths, which need no idea of where the base
+/// stands or the tool is, these come from the data: a tool that the cell leaves on the last axis would hide parameters.
+fn judged(nominal: &Model, data: &Dataset) -> Result<Model> {
+    if data.observations.iter().any(|o| !matches!(o.measured, trical_model::Measured::Distance { .. })) {
+        return Ok(nominal.clone());
+    }
+    let constant = |site| trical_model::Term::new("start", "start", site, trical_model::Basis::CONSTANT);
+    let mut model = nominal.clone();
+    model.terms = trical_model::Motion::ALL.map(|m| constant(trical_model::Site::Base(m))).to_vec();
+    model.terms.extend(trical_model::Motion::ALL[..3].iter().map(|m| constant(trical_model::Site::Tool(*m))));
+    start(&mut model, data)?;
+    let cell = model.rigid()?.cell;
+    Ok(Model { cell, terms: Vec::new(), ..model })
 }
 
 /// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`recording_csv`] | recordings as CSV |
 //! | [`dataset`] | observations, measuring frames, registration by references |
-//! | [`start`] | closed-form starting values |
+//! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
+//! | [`start`], [`trilateration`] | closed-form starting values |
 //! | [`fit`] | Levenberg-Marquardt |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, gross errors, cross-validation |
@@ -12,6 +13,7 @@
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod dataset;
+pub mod degenerate;
 pub mod diagnose;
 pub mod error;
 pub mod fit;
@@ -22,6 +24,7 @@ pub mod noise;
 pub mod recording_csv;
 pub mod rigid;
 pub mod start;
+pub mod trilateration;
 pub mod units;
 pub mod validate;
 

@@ -210,13 +210,21 @@ impl ModelFile {
     /// What differs.
     pub fn require_robot(&self, robot: &Robot, name: &str) -> Result<()> {
         let own = &self.model.robot;
+        let far = |a: &Pose, b: &Pose| {
+            (a.rotation - b.rotation).amax() > 1e-9 || (a.translation - b.translation).amax() > 1e-9
+        };
         let differs = if own.dof() != robot.dof() {
             Some(format!("{} joints instead of {}", own.dof(), robot.dof()))
+        } else if far(&own.root_from_zero, &robot.root_from_zero) {
+            Some("another [root]".into())
+        } else if far(&own.last_from_flange, &robot.last_from_flange) {
+            Some("another [flange]".into())
         } else {
             own.joints.iter().zip(&robot.joints).enumerate().find_map(|(i, (a, b))| {
                 let close = |x: f64, y: f64| (x - y).abs() < 1e-9;
                 let same = close(a.alpha, b.alpha)
                     && close(a.a, b.a)
+                    && close(a.beta, b.beta)
                     && close(a.d, b.d)
                     && close(a.theta_offset, b.theta_offset)
                     && a.kind == b.kind;

@@ -9,8 +9,9 @@ use crate::error::{IdentError, Result};
 
 /// Columns by their meaning; `None` where the file has no such column.
 struct Columns {
-    joints: Vec<usize>,
-    commanded: Option<Vec<usize>>,
+    /// Column, and how many SI units one of its own is.
+    joints: Vec<(usize, f64)>,
+    commanded: Option<Vec<(usize, f64)>>,
     dir: Option<Vec<usize>>,
     t: Option<usize>,
     temp: Option<usize>,
@@ -25,6 +26,10 @@ struct Columns {
     distance: Option<usize>,
     anchor: Option<usize>,
 }
+
+/// No joint turns further than 278 times, and no instrument looks further than a kilometre.
+const FAR_DEG: f64 = 1e5;
+const FAR_MM: f64 = 1e6;
 
 struct Reader<'a> {
     file: &'a str,
@@ -80,19 +85,35 @@ impl Reader<'_> {
             .map(Some)
     }
 
+    /// `q1_deg` or, for a slide, `q1_mm`; each with the size of its unit.
+    fn joint_values(&self, joints: usize, prefix: &str) -> Result<Option<Vec<(usize, f64)>>> {
+        let name = |k: usize| {
+            let (deg, mm) = (format!("{prefix}{k}_deg"), format!("{prefix}{k}_mm"));
+            if self.at(&deg).is_none() && self.at(&mm).is_some() { mm } else { deg }
+        };
+        for k in 1..=MAX_JOINTS {
+            if self.at(&format!("{prefix}{k}_deg")).is_some() && self.at(&format!("{prefix}{k}_mm")).is_some() {
+                return Err(self.error("header", format!("columns {prefix}{k}_deg and {prefix}{k}_mm are both there")));
+            }
+        }
+        let unit = |k: usize| if name(k).ends_with("_mm") { 1e-3 } else { 1.0_f64.to_radians() };
+        let found = self.per_joint(joints, name)?;
+        Ok(found.map(|columns| columns.into_iter().enumerate().map(|(k, c)| (c, unit(k + 1))).collect()))
+    }
+
     fn columns(&self, joints: usize) -> Result<Columns> {
         for (i, name) in self.header.iter().enumerate() {
             if !is_known(name) {
                 return Err(self.error(
                     "header",
-                    format!("unknown column '{name}'; known are t_s, seq, q1_deg ..., qc1_deg ..., dir1 ..., temp_c, payload_kg, ball, ix_mm, iy_mm, iz_mm, target, reference, x_mm, y_mm, z_mm, qw, qx, qy, qz, d_mm, anchor"),
+                    format!("unknown column '{name}'; known are t_s, seq, q1_deg (or q1_mm) ..., qc1_deg ..., dir1 ..., temp_c, payload_kg, ball, ix_mm, iy_mm, iz_mm, target, reference, x_mm, y_mm, z_mm, qw, qx, qy, qz, d_mm, anchor"),
                 ));
             }
             if self.header[..i].contains(name) {
                 return Err(self.error("header", format!("column {name} stands there twice")));
             }
         }
-        let Some(q) = self.per_joint(joints, |k| format!("q{k}_deg"))? else {
+        let Some(q) = self.joint_values(joints, "q")? else {
             return Err(self.error(
                 "header",
                 format!("column q1_deg is missing; expected the joint angles q1_deg to q{joints}_deg"),
@@ -100,7 +121,7 @@ impl Reader<'_> {
         };
         let c = Columns {
             joints: q,
-            commanded: self.per_joint(joints, |k| format!("qc{k}_deg"))?,
+            commanded: self.joint_values(joints, "qc")?,
             dir: self.per_joint(joints, |k| format!("dir{k}"))?,
             t: self.at("t_s"),
             temp: self.at("temp_c"),
@@ -159,7 +180,9 @@ fn is_known(name: &str) -> bool {
             .and_then(|s| s.strip_suffix(suffix))
             .is_some_and(|s| s.len() == 1 && s.chars().all(|c| ('1'..='9').contains(&c)))
     };
-    PLAIN.contains(&name) || numbered("q", "_deg") || numbered("qc", "_deg") || numbered("dir", "")
+    PLAIN.contains(&name)
+        || ["_deg", "_mm"].iter().any(|unit| numbered("q", unit) || numbered("qc", unit))
+        || numbered("dir", "")
 }
 
 struct Cells<'a, 'r> {
@@ -188,6 +211,32 @@ impl Cells<'_, '_> {
             Ok(v) if v.is_finite() && v.abs() < 1e9 => Ok(v),
             _ => Err(self.error(column, format!("found '{text}', expected a finite number"))),
         }
+    }
+
+    /// A number whose size is that of an arm or an instrument; the unit stands in the column's name.
+    fn within(&self, column: usize, limit: f64) -> Result<f64> {
+        let v = self.number(column);
+        let absurd =
+            || self.error(column, format!("found '{}', expected between -{limit} and {limit}", self.text(column)));
+        match self.text(column).parse::<f64>() {
+            Ok(v) if v.is_finite() && v.abs() > limit => Err(absurd()),
+            _ => v,
+        }
+    }
+
+    /// A joint's value, deg or mm.
+    fn joint(&self, column: usize) -> Result<f64> {
+        let slides = self.reader.header.get(column).is_some_and(|h| h.ends_with("_mm"));
+        self.within(column, if slides { FAR_MM } else { FAR_DEG })
+    }
+
+    /// Places, m.
+    fn metres<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N]> {
+        let mut out = [0.0; N];
+        for (o, c) in out.iter_mut().zip(columns) {
+            *o = self.within(c, FAR_MM)? * 1e-3;
+        }
+        Ok(out)
     }
 
     fn optional(&self, column: Option<usize>) -> Result<Option<f64>> {
@@ -219,11 +268,11 @@ impl Cells<'_, '_> {
     fn measured(&self, c: &Columns) -> Result<Measured> {
         let filled = |column: Option<usize>| column.filter(|c| !self.empty(*c));
         if let (Some(ball), Some(i)) = (filled(c.ball), c.indicators) {
-            return Ok(Measured::Touch { ball: self.count(ball)?, reading: self.numbers(i, 1e-3)? });
+            return Ok(Measured::Touch { ball: self.count(ball)?, reading: self.metres(i)? });
         }
         if let Some(d) = filled(c.distance) {
             let anchor = filled(c.anchor).map_or(Ok(0), |a| self.count(a))?;
-            let length = self.number(d)? * 1e-3;
+            let [length] = self.metres([d])?;
             if length <= 0.0 {
                 return Err(self.error(d, format!("found '{}', expected a positive length", self.text(d))));
             }
@@ -235,7 +284,7 @@ impl Cells<'_, '_> {
                 "the row has no measurement: its columns ball or d_mm are empty",
             ));
         };
-        let position = self.numbers(xyz, 1e-3)?;
+        let position = self.metres(xyz)?;
         if let Some(q) = c.quaternion
             && !self.empty(q[0])
         {
@@ -258,15 +307,15 @@ impl Cells<'_, '_> {
 
     fn row(&self, c: &Columns) -> Result<Row> {
         let mut state = State::at(&[]);
-        for (q, column) in state.q.iter_mut().zip(&c.joints) {
-            *q = self.number(*column)?.to_radians();
+        for (q, (column, unit)) in state.q.iter_mut().zip(&c.joints) {
+            *q = self.joint(*column)? * unit;
         }
         if let Some(columns) = &c.commanded
-            && !columns.iter().all(|k| self.empty(*k))
+            && !columns.iter().all(|(k, _)| self.empty(*k))
         {
             let mut q = [0.0; MAX_JOINTS];
-            for (q, column) in q.iter_mut().zip(columns) {
-                *q = self.number(*column)?.to_radians();
+            for (q, (column, unit)) in q.iter_mut().zip(columns) {
+                *q = self.joint(*column)? * unit;
             }
             state.q_commanded = Some(q);
         }

@@ -7,6 +7,7 @@ use trical_model::{Forward, Measured, Model, Motion, Pose, Site};
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
 use crate::rigid::{median, nearest_rotation, robust_rigid_from_points};
+use crate::trilateration::{Length, base_from_anchors, trilaterate};
 
 /// One observation as the closed forms see it: the flange by nominal kinematics, and the point that the tool was at.
 struct Sight {
@@ -50,6 +51,16 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
                 Measured::Distance { .. } | Measured::Reference { .. } => return None,
             };
             Some(Sight { base_from_flange, point, tool_point, offset, orientation, frame })
+        })
+        .collect();
+    let lengths: Vec<Length> = data
+        .observations
+        .iter()
+        .filter_map(|o| match o.measured {
+            Measured::Distance { anchor, length } if anchor < model.cell.anchors.len() => {
+                Some(Length { base_from_flange: forward.world_from_flange(&o.state, &mut ws), anchor, length })
+            }
+            _ => None,
         })
         .collect();
     let mut points: Vec<Vector3<f64>> =
@@ -103,8 +114,26 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
         let m = Matrix3::from_fn(|i, j| median(&orientations.iter().map(|r| r[(i, j)]).collect::<Vec<_>>()));
         tool_rotation = nearest_rotation(&m);
     }
-    let world_from_base =
+    let mut world_from_base =
         if touches { frames[data.frames()].unwrap_or(model.cell.world_from_base) } else { model.cell.world_from_base };
+    if !touches && !lengths.is_empty() {
+        let found = trilaterate(&lengths, &points[0]).ok_or_else(|| {
+            IdentError::NotEnough(format!(
+                "{}: {} lengths do not fix their anchors: at least four from each are needed, not all from places in one plane",
+                data.names.join(", "),
+                lengths.len()
+            ))
+        })?;
+        points[0] = found.tcp_in_flange;
+        let pairs: Vec<_> = model
+            .cell
+            .anchors
+            .iter()
+            .zip(&found.anchor_in_base)
+            .filter_map(|(in_world, in_base)| Some((*in_world, (*in_base)?)))
+            .collect();
+        world_from_base = base_from_anchors(&pairs, &model.cell.world_from_base);
+    }
     model.frames = (0..data.frames())
         .map(|f| {
             frames[f].map_or_else(Pose::identity, |frame_from_base| frame_from_base.compose(&world_from_base.inverse()))

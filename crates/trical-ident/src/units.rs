@@ -114,7 +114,7 @@ pub fn shown(model: &Model, term: &Term) -> Shown {
         Site::Link { link: k, parameter } => match parameter {
             Parameter::Alpha => link(k).map(|j| j.alpha),
             Parameter::A => link(k).map(|j| j.a),
-            Parameter::Beta => Some(0.0),
+            Parameter::Beta => link(k).map(|j| j.beta),
             Parameter::Theta => link(k.wrapping_sub(1)).map(|j| j.theta_offset),
             Parameter::D => link(k.wrapping_sub(1)).map(|j| j.d),
         },

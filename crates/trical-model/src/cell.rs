@@ -112,6 +112,24 @@ pub fn balls_from_distances(d12: f64, d13: f64, d23: f64) -> Option<[Vector3<f64
 }
 
 impl Cell {
+    /// No cell at all: the arm's foot is {w}, the flange is the tool, and there is nothing to measure.
+    #[must_use]
+    pub fn bare() -> Self {
+        Self {
+            world_from_base: Pose::identity(),
+            tool: Tool {
+                tcp: Vector3::zeros(),
+                rotation: Matrix3::identity(),
+                targets: vec![Vector3::zeros()],
+                mass: 0.0,
+                cog: Vector3::zeros(),
+            },
+            balls: Vec::new(),
+            anchors: Vec::new(),
+            geometry: None,
+        }
+    }
+
     /// Reads `cell.toml`.
     ///
     /// # Errors

@@ -143,6 +143,25 @@ pub(crate) struct Frames {
     /// Axes about which the base's three rotations act.
     pub base_turns: Axes,
     pub joints: [JointFrames; MAX_JOINTS],
+    /// The flange, which carries the tool: frame {n} for an arm in Craig's frames.
+    pub flange: Place,
+}
+
+/// Origin and axes of a frame in {w}.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub origin: V3,
+    pub axes: Axes,
+}
+
+impl Place {
+    fn of(pose: &Pose) -> Self {
+        Self { origin: pose.translation, axes: Axes::of(pose) }
+    }
+
+    pub fn pose(&self) -> Pose {
+        Pose { rotation: self.axes.matrix(), translation: self.origin }
+    }
 }
 
 impl Frames {
@@ -159,7 +178,13 @@ impl Frames {
             origin: zero,
             axes: NO_AXES,
         };
-        Self { base_axes: NO_AXES, base_origin: zero, base_turns: NO_AXES, joints: [joint; MAX_JOINTS] }
+        Self {
+            base_axes: NO_AXES,
+            base_origin: zero,
+            base_turns: NO_AXES,
+            joints: [joint; MAX_JOINTS],
+            flange: Place { origin: zero, axes: NO_AXES },
+        }
     }
 
     /// Twist of a motion within joint `i`.
@@ -198,6 +223,9 @@ pub(crate) struct Chain {
     reference: Pose,
     base: Pose,
     base_turns: Axes,
+    /// `robot.root_from_zero` and `robot.last_from_flange`, where they are not the identity.
+    root: Option<Pose>,
+    flange: Option<Pose>,
 }
 
 impl Chain {
@@ -224,7 +252,7 @@ impl Chain {
         let mut joints = [empty; MAX_JOINTS];
         for ((to, j), inc) in joints.iter_mut().zip(&robot.joints).zip(constant) {
             let alpha = j.alpha + inc[ChainDof::Alpha as usize];
-            let beta = inc[ChainDof::Beta as usize];
+            let beta = j.beta + inc[ChainDof::Beta as usize];
             let tilt = [inc[ChainDof::TiltX as usize], inc[ChainDof::TiltY as usize]];
             *to = Constants {
                 prismatic: j.kind == JointKind::Prismatic,
@@ -250,6 +278,8 @@ impl Chain {
                 translation: world_from_base.translation + V3::new(base[0], base[1], base[2]),
             },
             base_turns,
+            root: (robot.root_from_zero != Pose::identity()).then_some(robot.root_from_zero),
+            flange: (robot.last_from_flange != Pose::identity()).then_some(robot.last_from_flange),
         }
     }
 
@@ -260,9 +290,8 @@ impl Chain {
     /// All frames at joint values `q`, the constant terms included and the increments of this pose added.
     #[inline]
     pub fn run(&self, q: &Joints, increments: Option<&[JointIncrement; MAX_JOINTS]>, frames: &mut Frames) {
-        let (axes, origin) = (Axes::of(&self.base), self.base.translation);
         frames.base_turns = self.base_turns;
-        self.run_from(axes, origin, q, increments, frames);
+        self.run_from(&self.base, q, increments, frames);
     }
 
     /// As [`Chain::run`], with the base moved by `base` (x, y, z, rx, ry, rz in {w}) from nominal, its constant terms included.
@@ -279,21 +308,24 @@ impl Chain {
             translation: self.reference.translation + V3::new(base[0], base[1], base[2]),
         };
         frames.base_turns = turns;
-        self.run_from(Axes::of(&moved), moved.translation, q, increments, frames);
+        self.run_from(&moved, q, increments, frames);
     }
 
     #[inline]
     fn run_from(
         &self,
-        base_axes: Axes,
-        base_origin: V3,
+        base: &Pose,
         q: &Joints,
         increments: Option<&[JointIncrement; MAX_JOINTS]>,
         frames: &mut Frames,
     ) {
-        let (mut axes, mut origin) = (base_axes, base_origin);
+        let (mut axes, mut origin) = (Axes::of(base), base.translation);
         frames.base_axes = axes;
         frames.base_origin = origin;
+        if let Some(root) = &self.root {
+            let zero = Place::of(&base.compose(root));
+            (axes, origin) = (zero.axes, zero.origin);
+        }
         for i in 0..self.n {
             let c = &self.joints[i];
             let f = &mut frames.joints[i];
@@ -340,6 +372,10 @@ impl Chain {
             f.origin = origin;
             f.axes = axes;
         }
+        frames.flange = Place { origin, axes };
+        if let Some(flange) = &self.flange {
+            frames.flange = Place::of(&frames.flange.pose().compose(flange));
+        }
     }
 
     /// Masses and first moments in {w} of all that each joint carries; `payload` is mass and first moment (kg m) in the
@@ -351,7 +387,7 @@ impl Chain {
             let (c, f) = (&self.joints[i], &frames.joints[i]);
             if i + 1 == self.n {
                 mass += payload.0;
-                moment += f.origin * payload.0 + f.axes.times(&payload.1);
+                moment += frames.flange.origin * payload.0 + frames.flange.axes.times(&payload.1);
             }
             mass += c.mass;
             moment += (f.origin + f.axes.times(&c.cog)) * c.mass;
@@ -364,8 +400,10 @@ impl Chain {
     #[inline]
     pub fn moment(&self, frames: &Frames, loads: &Loads, i: usize, axis: Axis, gravity: &V3) -> Moment {
         let f = &frames.joints[i];
-        let e = if axis == Axis::Z { f.z_tilted } else { f.bearing.axis(axis) };
-        if axis == Axis::Z && self.joints[i].prismatic {
+        let slides = self.joints[i].prismatic;
+        // a tilt turns the axis of rotation, but not the way along which the joint slides
+        let e = if axis == Axis::Z && !slides { f.z_tilted } else { f.bearing.axis(axis) };
+        if axis == Axis::Z && slides {
             let weight = gravity * loads.mass[i];
             return Moment {
                 joint: i,
@@ -437,8 +475,8 @@ impl Moment {
     pub fn by_chain(&self, s: usize, dof: ChainDof, frames: &Frames, loads: &Loads) -> f64 {
         let behind = s > self.joint
             || (s == self.joint && matches!(dof, ChainDof::TiltX | ChainDof::TiltY | ChainDof::Theta) && {
-                // a tilt turns the axis z with it, but not the bearing's x and y
-                dof == ChainDof::Theta || self.axis != Axis::Z
+                // a tilt turns the axis z with it, but not the bearing's x and y, nor the way along which the joint slides
+                dof == ChainDof::Theta || self.axis != Axis::Z || self.slide.is_some()
             });
         let twist = frames.twist(s, dof);
         if !behind {

@@ -439,7 +439,7 @@ impl Forward {
         let measured = Measured::Point { target: 0, position: [0.0; 3] };
         self.frames_at(state, &measured, usize::MAX, ws);
         let (rotation, _) = self.tool_at(ws);
-        let flange = &ws.moved.joints[self.chain.dof() - 1];
+        let flange = &ws.moved.flange;
         let tcp = self.tcp_in_flange(ws);
         Pose { rotation: flange.axes.matrix() * rotation, translation: flange.origin + flange.axes.times(&tcp) }
     }
@@ -448,15 +448,23 @@ impl Forward {
     pub fn world_from_flange(&self, state: &State, ws: &mut Workspace) -> Pose {
         let measured = Measured::Point { target: 0, position: [0.0; 3] };
         self.frames_at(state, &measured, usize::MAX, ws);
-        let flange = &ws.moved.joints[self.chain.dof() - 1];
-        Pose { rotation: flange.axes.matrix(), translation: flange.origin }
+        ws.moved.flange.pose()
     }
 
-    /// Poses of the base and of every joint's frame in {w}, base first: for pictures and collision checks.
+    /// Poses of the base, of every joint's frame but the last, and of the flange in {w}, base first: for pictures and
+    /// collision checks. (The flange is the last joint's frame, unless the robot says otherwise.)
     pub fn world_from_links(&self, state: &State, ws: &mut Workspace) -> Vec<Pose> {
         let mut links = vec![Pose::identity(); self.chain.dof() + 1];
         self.world_from_links_into(state, ws, &mut links);
         links
+    }
+
+    /// Frames {1} to {n} of the joints in {w}.
+    pub fn world_from_joints(&self, state: &State, ws: &mut Workspace) -> Vec<Pose> {
+        let measured = Measured::Point { target: 0, position: [0.0; 3] };
+        self.frames_at(state, &measured, usize::MAX, ws);
+        let pose = |f: &crate::chain::JointFrames| Pose { rotation: f.axes.matrix(), translation: f.origin };
+        ws.moved.joints[..self.chain.dof()].iter().map(pose).collect()
     }
 
     /// As [`Forward::world_from_links`], into a slice of n + 1 poses.
@@ -464,10 +472,11 @@ impl Forward {
         let measured = Measured::Point { target: 0, position: [0.0; 3] };
         self.frames_at(state, &measured, usize::MAX, ws);
         let base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
-        let joints = ws.moved.joints[..self.chain.dof()]
+        let joints = ws.moved.joints[..self.chain.dof() - 1]
             .iter()
             .map(|f| Pose { rotation: f.axes.matrix(), translation: f.origin });
-        for (to, from) in links.iter_mut().zip(std::iter::once(base).chain(joints)) {
+        let flange = std::iter::once(ws.moved.flange.pose());
+        for (to, from) in links.iter_mut().zip(std::iter::once(base).chain(joints).chain(flange)) {
             *to = from;
         }
     }
@@ -531,7 +540,7 @@ impl Forward {
     }
 
     pub(crate) fn compare(&self, measured: &Measured, frame: usize, ws: &mut Workspace) -> Target {
-        let flange = ws.moved.joints[self.chain.dof() - 1];
+        let flange = ws.moved.flange;
         let nothing = Target { point: V3::zeros(), map: Map::World };
         match measured {
             Measured::Touch { ball, reading } => {

@@ -305,6 +305,8 @@ fn seeds(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Work
         let world_from_base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
         let flange_from_tool = world_from_flange.inverse().compose(&forward.world_from_tool(state, ws));
         let base_from_flange = world_from_base.inverse().compose(&world_from_tool.compose(&flange_from_tool.inverse()));
+        let base_from_flange =
+            robot.root_from_zero.inverse().compose(&base_from_flange.compose(&robot.last_from_flange.inverse()));
         let arm = Arm::of(robot);
         let start = arm.theta(&state.q);
         let mut thetas = Vec::with_capacity(8);

@@ -169,7 +169,7 @@ impl Forward {
         if self.moments.is_empty() {
             return;
         }
-        let flange = &ws.still.joints[self.chain.dof() - 1];
+        let flange = &ws.still.flange;
         let derivative: &dyn Fn(&Moment) -> f64 = &|m: &Moment| match dof {
             Dof::Chain(s, d) => m.by_chain(s, d, &ws.still, &ws.loads),
             Dof::Base(k) => m.by_base(&ws.still.base_twist(k)),
@@ -204,7 +204,7 @@ impl Forward {
     #[inline]
     fn dof_column(&self, dof: Dof, measured: &Measured, frame: usize, target: &Target, ws: &Workspace) -> [f64; 6] {
         let zero = [0.0; 6];
-        let flange = &ws.moved.joints[self.chain.dof() - 1];
+        let flange = &ws.moved.flange;
         match dof {
             Dof::Chain(i, d) => {
                 let twist = ws.moved.twist(i, d);

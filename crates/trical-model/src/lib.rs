@@ -8,9 +8,11 @@
 //! | module | holds |
 //! |---|---|
 //! | [`robot`], [`cell`] | the nominal arm and cell, read from TOML |
+//! | [`urdf`] | arms from URDF |
 //! | [`recording`] | what is known about a pose and what was measured there |
 //! | [`term`] | sites, bases, terms |
 //! | [`forward`] | prediction and Jacobians |
+//! | [`rigid`] | the rigid part of a calibrated model, for others |
 //! | [`ik`] | inverse kinematics on the full model |
 //! | [`pose`] | rigid transforms |
 
@@ -22,8 +24,10 @@ pub mod ik;
 mod jacobian;
 pub mod pose;
 pub mod recording;
+pub mod rigid;
 pub mod robot;
 pub mod term;
+pub mod urdf;
 
 pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};
@@ -31,5 +35,6 @@ pub use forward::{Forward, GRAVITY, Model, Workspace, residual_rows};
 pub use ik::{IkError, Solution, inverse_kinematics, nearest_solution};
 pub use pose::Pose;
 pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
+pub use rigid::Rigid;
 pub use robot::{Joint, JointKind, Robot};
 pub use term::{Axis, Basis, Motion, Parameter, Payload, Shape, Site, Term, Variable};

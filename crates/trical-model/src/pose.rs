@@ -71,7 +71,10 @@ pub fn angles_zyx(r: &Matrix3<f64>) -> [f64; 3] {
     let cy = r[(0, 0)].hypot(r[(1, 0)]);
     let y = (-r[(2, 0)]).atan2(cy);
     if cy > 1e-12 {
-        [r[(1, 0)].atan2(r[(0, 0)]), y, r[(2, 1)].atan2(r[(2, 2)])]
+        // x from what Rz leaves, not from its own two elements: near the singularity z is open, but z and x must fit
+        let z = r[(1, 0)].atan2(r[(0, 0)]);
+        let (s, c) = z.sin_cos();
+        [z, y, (s * r[(0, 2)] - c * r[(1, 2)]).atan2(c * r[(1, 1)] - s * r[(0, 1)])]
     } else {
         [(-r[(0, 1)]).atan2(r[(1, 1)]), y, 0.0]
     }

@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{ModelError, Result, parse_toml, read_text};
+use crate::pose::{Pose, angles_zyx, rotation_zyx};
 use crate::recording::MAX_JOINTS;
+use crate::urdf::UrdfPath;
 
 /// How a joint moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,7 +22,7 @@ pub enum JointKind {
 }
 
 /// One joint and the link behind it, Craig's convention:
-/// `T(i-1, i) = Rx(alpha) Tx(a) Rz(theta + theta_offset) Tz(d)`.
+/// `T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d)`, where beta is zero unless two axes are nearly parallel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// Revolute or prismatic.
@@ -29,6 +31,8 @@ pub struct Joint {
     pub alpha: f64,
     /// a_{i-1}, m.
     pub a: f64,
+    /// Hayati's beta_{i-1}, rad: what the other four cannot hold where axes i-1 and i are nearly parallel; else 0.
+    pub beta: f64,
     /// d_i, m.
     pub d: f64,
     /// Added to the joint's angle, rad.
@@ -48,6 +52,11 @@ pub struct Robot {
     pub name: String,
     /// The joints, base first: 1 to 9.
     pub joints: Vec<Joint>,
+    /// {0} in the frame of the arm's foot, which is what a cell places in {w}: the identity, unless the arm comes from a
+    /// description whose first axis is not the z axis of its foot.
+    pub root_from_zero: Pose,
+    /// The flange, which carries the tool, in the frame {n} of the last joint: the identity for an arm in Craig's frames.
+    pub last_from_flange: Pose,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -56,7 +65,39 @@ struct RobotFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     format_version: Option<u32>,
     name: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    root: Option<PoseFile>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    flange: Option<PoseFile>,
     joint: Vec<JointFile>,
+}
+
+/// A constant transform: `R = Rz(a) Ry(b) Rx(c)` as for the base of a cell.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoseFile {
+    xyz_mm: [f64; 3],
+    zyx_deg: [f64; 3],
+}
+
+impl PoseFile {
+    fn of(pose: &Pose) -> Option<Self> {
+        let t = &pose.translation;
+        (*pose != Pose::identity()).then(|| Self {
+            xyz_mm: [t.x, t.y, t.z].map(|x| tidy(x * 1e3)),
+            // an angle below rounding is none
+            zyx_deg: angles_zyx(&pose.rotation).map(|a| if a.abs() < 1e-15 { 0.0 } else { tidy(a.to_degrees()) }),
+        })
+    }
+
+    fn pose(&self) -> Option<Pose> {
+        let fine = |v: &[f64; 3], limit: f64| v.iter().all(|x| x.is_finite() && x.abs() <= limit);
+        let [z, y, x] = self.zyx_deg.map(f64::to_radians);
+        (fine(&self.xyz_mm, 1e5) && fine(&self.zyx_deg, 720.0)).then(|| Pose {
+            rotation: if self.zyx_deg == [0.0; 3] { Matrix3::identity() } else { rotation_zyx(z, y, x) },
+            translation: Vector3::from(self.xyz_mm) * 1e-3,
+        })
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -66,6 +107,8 @@ struct JointFile {
     kind: JointKind,
     alpha_deg: f64,
     a_mm: f64,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    beta_deg: f64,
     d_mm: f64,
     theta_offset_deg: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -81,6 +124,11 @@ struct JointFile {
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
 fn is_revolute(kind: &JointKind) -> bool {
     *kind == JointKind::Revolute
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 /// The newest version of the file formats that this program knows.
@@ -101,11 +149,26 @@ pub(crate) fn check_version(version: Option<u32>, file: &str) -> Result<()> {
 }
 
 impl Robot {
-    /// Reads `robot.toml`.
+    /// An arm without joints yet, for those who build one.
+    #[must_use]
+    pub fn empty(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            joints: Vec::new(),
+            root_from_zero: Pose::identity(),
+            last_from_flange: Pose::identity(),
+        }
+    }
+
+    /// Reads `robot.toml`, or the arm of a URDF (`arm.urdf`, `arm.xml`), where links may be named behind a `#`:
+    /// `arm.urdf#base_link:tool0` (see [`crate::urdf`]).
     ///
     /// # Errors
     /// A sentence that names the file, the line or field, what was found and what is expected.
     pub fn load(path: &Path) -> Result<Self> {
+        if let Some(source) = UrdfPath::of(path) {
+            return Ok(source.load()?.robot);
+        }
         Self::parse(&read_text(path)?, &path.display().to_string())
     }
 
@@ -129,6 +192,7 @@ impl Robot {
             for (field, value, limit) in [
                 ("alpha_deg", j.alpha_deg, 360.0),
                 ("a_mm", j.a_mm, 1e5),
+                ("beta_deg", j.beta_deg, 360.0),
                 ("d_mm", j.d_mm, 1e5),
                 ("theta_offset_deg", j.theta_offset_deg, 720.0),
             ] {
@@ -177,6 +241,7 @@ impl Robot {
                 kind: j.kind,
                 alpha: j.alpha_deg.to_radians(),
                 a: j.a_mm * 1e-3,
+                beta: j.beta_deg.to_radians(),
                 d: j.d_mm * 1e-3,
                 theta_offset: j.theta_offset_deg.to_radians(),
                 limits: limits.map(|l| l * unit),
@@ -184,7 +249,21 @@ impl Robot {
                 cog: Vector3::from(cog) * 1e-3,
             });
         }
-        Ok(Self { name: raw.name, joints })
+        let pose = |table: Option<PoseFile>, name: &str| match table {
+            None => Ok(Pose::identity()),
+            Some(p) => p.pose().ok_or_else(|| {
+                bad(
+                    name.into(),
+                    "expected xyz_mm between -100000 and 100000 and zyx_deg between -720 and 720, all finite".into(),
+                )
+            }),
+        };
+        Ok(Self {
+            name: raw.name,
+            joints,
+            root_from_zero: pose(raw.root, "[root]")?,
+            last_from_flange: pose(raw.flange, "[flange]")?,
+        })
     }
 
     /// The robot as the text of a `robot.toml`.
@@ -199,6 +278,7 @@ impl Robot {
                     kind: j.kind,
                     alpha_deg: tidy(j.alpha.to_degrees()),
                     a_mm: tidy(j.a * 1e3),
+                    beta_deg: tidy(j.beta.to_degrees()),
                     d_mm: tidy(j.d * 1e3),
                     theta_offset_deg: tidy(j.theta_offset.to_degrees()),
                     limits_deg: (!prismatic).then(|| j.limits.map(|l| tidy(l.to_degrees()))),
@@ -208,7 +288,13 @@ impl Robot {
                 }
             })
             .collect();
-        let file = RobotFile { format_version: Some(FORMAT_VERSION), name: self.name.clone(), joint };
+        let file = RobotFile {
+            format_version: Some(FORMAT_VERSION),
+            name: self.name.clone(),
+            root: PoseFile::of(&self.root_from_zero),
+            flange: PoseFile::of(&self.last_from_flange),
+            joint,
+        };
         toml::to_string(&file).unwrap_or_default()
     }
 
@@ -240,5 +326,6 @@ impl Robot {
 #[must_use]
 pub fn tidy(x: f64) -> f64 {
     let r = (x * 1e9).round() / 1e9;
-    if (r - x).abs() <= 8.0 * f64::EPSILON * x.abs() { r } else { x }
+    // adding zero turns -0 into 0
+    (if (r - x).abs() <= 8.0 * f64::EPSILON * x.abs() { r } else { x }) + 0.0
 }

@@ -183,6 +183,8 @@ impl Naive<'_> {
         let mut r = mul(&zyx(&base), &mat(&self.model.cell.world_from_base.rotation));
         let mut p = plus(vec(&self.model.cell.world_from_base.translation), [base[0], base[1], base[2]]);
         let (base_r, base_p) = (r, p);
+        p = plus(p, times(&r, vec(&robot.root_from_zero.translation)));
+        r = mul(&r, &mat(&robot.root_from_zero.rotation));
         let mut out = Vec::new();
         for (i, j) in robot.joints.iter().enumerate() {
             let link = |parameter| {
@@ -195,7 +197,7 @@ impl Naive<'_> {
             let d = link(Parameter::D) + j.d + if prismatic { own } else { c(0.0) };
             p = plus(p, scale(col(&r, 0), link(Parameter::A) + j.a));
             r = mul(&r, &rot(0, link(Parameter::Alpha) + j.alpha));
-            r = mul(&r, &rot(1, link(Parameter::Beta)));
+            r = mul(&r, &rot(1, link(Parameter::Beta) + j.beta));
             p = plus(p, scale(col(&r, 2), d));
             let bearing = r;
             r = mul(&r, &rot(0, self.sum(Site::Tilt { joint: i + 1, axis: Axis::X }, with)));
@@ -207,31 +209,37 @@ impl Naive<'_> {
         (base_r, base_p, out)
     }
 
+    /// Origin and axes of the flange.
+    fn flange(&self, frames: &[JointFrames]) -> (V, M) {
+        let (_, _, o, r) = frames.last().unwrap();
+        let own = &self.model.robot.last_from_flange;
+        (plus(*o, times(r, vec(&own.translation))), mul(r, &mat(&own.rotation)))
+    }
+
     fn moment(&self, state: &State, joint: usize, axis: Axis) -> D {
         let (_, _, frames) = self.frames(None);
-        let n = frames.len();
         let g: V =
             std::array::from_fn(|k| self.sum(Site::Gravity(Axis::ALL[k]), None) + if k == 2 { -GRAVITY } else { 0.0 });
         let (bearing, z, o, _) = &frames[joint - 1];
-        let e = if axis == Axis::Z { *z } else { col(bearing, axis.index()) };
         let mut bodies: Vec<(D, V)> = Vec::new();
         for (j, f) in self.model.robot.joints.iter().zip(&frames).skip(joint - 1) {
             bodies.push((c(j.mass.unwrap()), plus(f.2, times(&f.3, vec(&j.cog)))));
         }
-        let last = &frames[n - 1];
+        let (flange_o, flange_r) = self.flange(&frames);
         let tool = &self.model.cell.tool;
         let extra = state.payload_kg.unwrap_or(0.0);
         let mass = self.sum(Site::Payload(Payload::Mass), None) + (tool.mass + extra);
-        bodies.push((mass, plus(last.2, times(&last.3, vec(&tool.cog)))));
+        bodies.push((mass, plus(flange_o, times(&flange_r, vec(&tool.cog)))));
         let mu: V = std::array::from_fn(|k| self.sum(Site::Payload(Payload::Moment(Axis::ALL[k])), None));
         let prismatic = self.model.robot.joints[joint - 1].kind == JointKind::Prismatic && axis == Axis::Z;
+        let e = if axis == Axis::Z && !prismatic { *z } else { col(bearing, axis.index()) };
         let mut total = c(0.0);
         for (m, at) in &bodies {
             let force = scale(g, *m);
             total += if prismatic { dot(e, force) } else { dot(e, cross(minus(*at, *o), force)) };
         }
         if !prismatic {
-            total += dot(e, cross(times(&last.3, mu), g));
+            total += dot(e, cross(times(&flange_r, mu), g));
         }
         total
     }
@@ -240,7 +248,7 @@ impl Naive<'_> {
         let moment = |j: usize, a: Axis| self.moment(state, j, a);
         let with: Option<At<'_>> = Some((state, measured, &moment));
         let (_, _, frames) = self.frames(with);
-        let (_, _, o, r) = frames.last().unwrap();
+        let (o, r) = &self.flange(&frames);
         let cell = &self.model.cell;
         let tool: [D; 6] = std::array::from_fn(|k| self.sum(Site::Tool(Motion::ALL[k]), with));
         let still: [D; 3] = std::array::from_fn(|k| self.sum(Site::Tool(Motion::ALL[k]), None));
@@ -311,6 +319,7 @@ impl Draw {
                 kind: if self.below(4) == 0 { JointKind::Prismatic } else { JointKind::Revolute },
                 alpha: self.n(3.0),
                 a: self.n(0.5),
+                beta: if self.below(3) == 0 { self.n(1.0) } else { 0.0 },
                 d: self.n(0.5),
                 theta_offset: self.n(3.0),
                 limits: [-3.0, 3.0],
@@ -318,7 +327,10 @@ impl Draw {
                 cog: self.v(0.2),
             })
             .collect();
-        Robot { name: "random".into(), joints }
+        let mut constant =
+            || Pose { rotation: rotation_zyx(self.n(3.0), self.n(1.5), self.n(3.0)), translation: self.v(0.3) };
+        let (root_from_zero, last_from_flange) = (constant(), constant());
+        Robot { name: "random".into(), joints, root_from_zero, last_from_flange }
     }
 
     fn cell(&mut self) -> Cell {
@@ -531,7 +543,7 @@ fn the_joint_jacobian_agrees_with_automatic_differentiation() {
             let moment = |j: usize, a: Axis| naive.moment(&state, j, a);
             let with: Option<At<'_>> = Some((&state, &touch, &moment));
             let (_, _, frames) = naive.frames(with);
-            let (_, _, o, r) = frames.last().unwrap();
+            let (o, r) = &naive.flange(&frames);
             let tool: [D; 6] = std::array::from_fn(|m| naive.sum(Site::Tool(Motion::ALL[m]), with));
             let tcp = plus(vec(&model.cell.tool.tcp), [tool[0], tool[1], tool[2]]);
             let x = plus(*o, times(r, tcp));

@@ -10,7 +10,7 @@ use trical_ident::{
     Dataset, ErrorSummary, IdentError, Identified, JointSource, ModelFile, ParameterSet, cross_validate, identify,
     load_csv, reject_gross_errors, shown, validate,
 };
-use trical_model::{Cell, Forward, Model, ModelError, Robot, State};
+use trical_model::{Cell, Forward, JointKind, Model, ModelError, Pose, Rigid, Robot, State, urdf};
 
 pyo3::create_exception!(_native, TricalError, PyValueError, "Bad input; the message is one sentence.");
 pyo3::create_exception!(_native, NotConvergedError, PyRuntimeError, "A fit did not reach a minimum.");
@@ -26,6 +26,21 @@ fn ident_error(e: IdentError) -> PyErr {
         IdentError::NotConverged(_) => NotConvergedError::new_err(e.to_string()),
         _ => TricalError::new_err(e.to_string()),
     }
+}
+
+/// Positions and rotations of poses 0 to n - 1.
+fn arrays(n: usize, mut pose: impl FnMut(usize) -> Pose) -> (Array2<f64>, Array3<f64>) {
+    let (mut p, mut r) = (Array2::zeros((n, 3)), Array3::zeros((n, 3, 3)));
+    for k in 0..n {
+        let pose = pose(k);
+        for i in 0..3 {
+            p[(k, i)] = pose.translation[i];
+            for j in 0..3 {
+                r[(k, i, j)] = pose.rotation[(i, j)];
+            }
+        }
+    }
+    (p, r)
 }
 
 /// A model ready to predict where the tool is.
@@ -59,11 +74,13 @@ impl PyModel {
 
 #[pymethods]
 impl PyModel {
-    /// The nominal arm of a robot.toml in the cell of a cell.toml.
+    /// The nominal arm of a robot.toml (or of a URDF: "arm.urdf#base_link:tool0") in the cell of a cell.toml; without a
+    /// cell, the arm's foot is {w} and its flange is the tool.
     #[staticmethod]
-    fn nominal(robot: PathBuf, cell: PathBuf) -> PyResult<Self> {
+    #[pyo3(signature = (robot, cell=None))]
+    fn nominal(robot: PathBuf, cell: Option<PathBuf>) -> PyResult<Self> {
         let robot = Robot::load(&robot).map_err(model_error)?;
-        let cell = Cell::load(&cell).map_err(model_error)?;
+        let cell = cell.map_or_else(|| Ok(Cell::bare()), |c| Cell::load(&c)).map_err(model_error)?;
         Self::new(ModelFile {
             model: Model::nominal(robot, cell),
             joints: JointSource::Read,
@@ -108,6 +125,47 @@ impl PyModel {
         self.file.model.robot.dof()
     }
 
+    /// Lower and upper limits of the joints (joints, 2), rad (m for prismatic joints).
+    #[getter]
+    fn limits<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let joints = &self.file.model.robot.joints;
+        Array2::from_shape_fn((joints.len(), 2), |(i, k)| joints[i].limits[k]).into_pyarray(py)
+    }
+
+    /// "revolute" or "prismatic" for each joint.
+    #[getter]
+    fn kinds(&self) -> Vec<&'static str> {
+        let word = |k| if k == JointKind::Prismatic { "prismatic" } else { "revolute" };
+        self.file.model.robot.joints.iter().map(|j| word(j.kind)).collect()
+    }
+
+    /// The nominal arm as the text of a robot.toml.
+    fn robot_toml(&self) -> String {
+        self.file.model.robot.to_toml()
+    }
+
+    /// The model with its constant terms built into arm and cell, and its other terms (compliance ...) left out.
+    fn rigid(&self) -> PyResult<Self> {
+        let Rigid { robot, cell, .. } = self.file.model.rigid().map_err(model_error)?;
+        let mut file = self.file.clone();
+        file.model = Model { frames: file.model.frames, ..Model::nominal(robot, cell) };
+        Self::new(file)
+    }
+
+    /// Names of the terms that `rigid` and `to_urdf` leave out.
+    fn not_rigid(&self) -> PyResult<Vec<String>> {
+        let rigid = self.file.model.rigid().map_err(model_error)?;
+        Ok(rigid.left_out.into_iter().map(|t| t.name).collect())
+    }
+
+    /// The rigid part as the text of a URDF, from link "world" over "base_link", "link_1" ... to "flange" and "tcp".
+    fn to_urdf(&self) -> PyResult<String> {
+        let rigid = self.file.model.rigid().map_err(model_error)?;
+        let left_out: Vec<String> = rigid.left_out.iter().map(|t| t.name.clone()).collect();
+        let remark = if left_out.is_empty() { vec![] } else { vec![format!("Left out: {}", left_out.join(", "))] };
+        Ok(urdf::write(&rigid.robot, &rigid.cell, &remark))
+    }
+
     /// Terms as JSON text.
     fn _terms_json(&self) -> String {
         let m = &self.file.model;
@@ -115,7 +173,7 @@ impl PyModel {
         serde_json::to_string(&list).unwrap_or_default()
     }
 
-    /// Positions (n, 3) in m and rotations (n, 3, 3) of the tool in {w} for joint values (n, joints) in rad.
+    /// Positions (n, 3) in m and rotations (n, 3, 3) of the tool in {w} for joint values (n, joints) in rad (m for prismatic joints).
     #[expect(clippy::type_complexity, reason = "a pair of arrays")]
     fn forward<'py>(
         &self,
@@ -125,23 +183,28 @@ impl PyModel {
         let states = self.states(&q)?;
         let (p, r) = py.detach(|| {
             let mut ws = self.forward.workspace();
-            let mut p = Array2::zeros((states.len(), 3));
-            let mut r = Array3::zeros((states.len(), 3, 3));
-            for (k, state) in states.iter().enumerate() {
-                let pose = self.forward.world_from_tool(state, &mut ws);
-                for i in 0..3 {
-                    p[(k, i)] = pose.translation[i];
-                    for j in 0..3 {
-                        r[(k, i, j)] = pose.rotation[(i, j)];
-                    }
-                }
-            }
-            (p, r)
+            arrays(states.len(), |k| self.forward.world_from_tool(&states[k], &mut ws))
         });
         Ok((p.into_pyarray(py), r.into_pyarray(py)))
     }
 
-    /// Jacobians (n, 6, joints): velocity (m) and angular velocity (rad) of the tool in {w} per joint.
+    /// Positions (n, 3) in m and rotations (n, 3, 3) of the flange in {w} for joint values (n, joints) in rad (m).
+    #[expect(clippy::type_complexity, reason = "a pair of arrays")]
+    fn flange<'py>(
+        &self,
+        py: Python<'py>,
+        q: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+        let states = self.states(&q)?;
+        let (p, r) = py.detach(|| {
+            let mut ws = self.forward.workspace();
+            arrays(states.len(), |k| self.forward.world_from_flange(&states[k], &mut ws))
+        });
+        Ok((p.into_pyarray(py), r.into_pyarray(py)))
+    }
+
+    /// Jacobians (n, 6, joints): velocity (m) of the TCP, then angular velocity (rad), in the axes of {w}, per rad (m) of each
+    /// joint, for joint values (n, joints) in rad (m).
     fn jacobian<'py>(&self, py: Python<'py>, q: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let states = self.states(&q)?;
         let n = self.dof();
@@ -162,7 +225,8 @@ impl PyModel {
         Ok(all.into_pyarray(py))
     }
 
-    /// Gravity torques (n, joints) in N m for joint values (n, joints) in rad.
+    /// What gravity does at each joint (n, joints), in N m about its axis (N along it for a prismatic joint), for joint
+    /// values (n, joints) in rad (m): the tool's mass is counted, compliance is not.
     fn gravity_torques<'py>(
         &self,
         py: Python<'py>,

@@ -1,10 +1,12 @@
-//! `trical convert`: CSV and MCAP, either way.
+//! `trical convert`: CSV and MCAP, either way; an arm's URDF to robot.toml.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use trical_device::Header;
 use trical_device::record::write_recording;
 use trical_ident::{load_csv, write_csv, write_whole};
+
+use trical_model::urdf::UrdfPath;
 
 use crate::error::{CliError, Result};
 use crate::{input, say};
@@ -12,12 +14,15 @@ use crate::{input, say};
 /// Arguments of `trical convert`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A recording: CSV or MCAP
-    #[arg(value_name = "REC")]
+    /// A recording (CSV or MCAP), or an arm (URDF, as in arm.urdf#base_link:tool0)
+    #[arg(value_name = "FILE")]
     input: PathBuf,
-    /// Where to write it: .csv or .mcap
-    #[arg(value_name = "OUT")]
-    output: PathBuf,
+    /// Where to write it: .csv or .mcap, .toml for an arm
+    #[arg(value_name = "OUT", required_unless_present = "out")]
+    output: Option<PathBuf>,
+    /// The same as OUT
+    #[arg(long, value_name = "OUT", conflicts_with = "output")]
+    out: Option<PathBuf>,
     /// Number of the arm's joints, for a CSV
     #[arg(long, default_value_t = 6)]
     joints: usize,
@@ -25,7 +30,13 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_output(&args.output)?;
+    let Some(output) = args.output.as_ref().or(args.out.as_ref()) else {
+        return Err(CliError::Input("expected the name of a file to write".into()));
+    };
+    input::check_output(output)?;
+    if let Some(source) = UrdfPath::of(&args.input) {
+        return arm(&source, output);
+    }
     let recording = if input::is_mcap(&args.input)? {
         let (recording, lost) = input::recovered(&args.input)?;
         if let Some(lost) = lost {
@@ -35,17 +46,40 @@ pub fn run(args: &Args) -> Result<()> {
     } else {
         load_csv(&args.input, args.joints)?
     };
-    match args.output.extension().and_then(|e| e.to_str()) {
+    match output.extension().and_then(|e| e.to_str()) {
         Some("csv") => {
             let mut text = Vec::new();
             write_csv(&recording, &mut text).map_err(|e| CliError::Failed(e.to_string()))?;
-            write_whole(&args.output, &text)?;
+            write_whole(output, &text)?;
         }
-        Some("mcap") => write_recording(&args.output, &recording, &Header::for_joints(recording.joints))
+        Some("mcap") => write_recording(output, &recording, &Header::for_joints(recording.joints))
             .map_err(|e| CliError::Failed(e.to_string()))?,
         _ => {
-            return Err(CliError::Input(format!("{}: the name must end in .csv or .mcap", args.output.display())));
+            return Err(CliError::Input(format!("{}: the name must end in .csv or .mcap", output.display())));
         }
     }
-    say(format!("{} rows written to {}", recording.rows.len(), args.output.display()))
+    say(format!("{} rows written to {}", recording.rows.len(), output.display()))
+}
+
+/// Writes a URDF's arm as robot.toml.
+fn arm(source: &UrdfPath, output: &Path) -> Result<()> {
+    let arm = source.load()?;
+    if output.extension().is_none_or(|e| e != "toml") {
+        return Err(CliError::Input(format!("{}: an arm is written as .toml", output.display())));
+    }
+    let head = format!(
+        "# The arm of {} from link {} to link {}; joints: {}.\n",
+        source.path.display(),
+        arm.root,
+        arm.tip,
+        arm.joints.join(", ")
+    );
+    write_whole(output, (head + &arm.robot.to_toml()).as_bytes())?;
+    say(format!(
+        "{} joints, from link {} to link {}, written to {}",
+        arm.robot.dof(),
+        arm.root,
+        arm.tip,
+        output.display()
+    ))
 }

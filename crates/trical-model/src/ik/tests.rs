@@ -69,6 +69,7 @@ fn robot(rows: &[Row]) -> Robot {
             kind: JointKind::Revolute,
             alpha: r.0.to_radians(),
             a: r.1 * 1e-3,
+            beta: 0.0,
             d: r.2 * 1e-3,
             theta_offset: r.3.to_radians(),
             limits: [r.4.to_radians(), r.5.to_radians()],
@@ -76,7 +77,7 @@ fn robot(rows: &[Row]) -> Robot {
             cog: Vector3::new(0.02, -0.01, 0.03),
         })
         .collect();
-    Robot { name: "test arm".into(), joints }
+    Robot { joints, ..Robot::empty("test arm") }
 }
 
 fn cell() -> Cell {

@@ -1,0 +1,171 @@
+//! Data that cannot be fitted whatever the solver does, each with its own sentence: before a solver says something else.
+
+use std::collections::BTreeSet;
+
+use nalgebra::Vector3;
+use trical_model::{Cell, JointKind, MAX_JOINTS, Measured, Robot};
+
+use crate::dataset::{Dataset, Observation};
+use crate::error::{IdentError, Result};
+
+/// Joint values and places beyond these are no arm's: 278 turns, and a kilometre.
+const FAR_RAD: f64 = 1745.4;
+const FAR_M: f64 = 1000.0;
+
+/// Poses whose joints differ by less than this (0.1 deg, or 0.1 mm) are the same pose to a calibration.
+const SAME_RAD: f64 = 1.745e-3;
+const SAME_M: f64 = 1e-4;
+
+fn error(data: &Dataset, o: &Observation, problem: String) -> IdentError {
+    IdentError::Recording { file: data.names[o.recording].clone(), place: format!("line {}", o.line), problem }
+}
+
+/// Checks that every number is one that an arm or an instrument can give.
+///
+/// # Errors
+/// The first that is not, with its file and line.
+pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
+    for o in &data.observations {
+        for (k, (q, joint)) in o.state.q.iter().zip(&robot.joints).enumerate() {
+            let (shown, limit, unit) = match joint.kind {
+                JointKind::Revolute => (q.to_degrees(), FAR_RAD.to_degrees().round(), "deg"),
+                JointKind::Prismatic => (q * 1e3, FAR_M * 1e3, "mm"),
+            };
+            if !(q.is_finite() && shown.abs() <= limit) {
+                let problem = format!("joint {}: found {shown} {unit}, expected between -{limit} and {limit}", k + 1);
+                return Err(error(data, o, problem));
+            }
+        }
+        let (numbers, what): (&[f64], _) = match &o.measured {
+            Measured::Touch { reading, .. } => (reading, "indicators"),
+            Measured::Point { position, .. }
+            | Measured::Reference { position, .. }
+            | Measured::Pose { position, .. } => (position, "measured point"),
+            Measured::Distance { length, .. } => (std::slice::from_ref(length), "measured length"),
+        };
+        if let Some(x) = numbers.iter().find(|x| !(x.is_finite() && x.abs() <= FAR_M)) {
+            let problem = format!("{what}: found {} mm, expected less than a kilometre", x * 1e3);
+            return Err(error(data, o, problem));
+        }
+        if let Measured::Pose { quaternion, .. } = &o.measured {
+            let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+            // NaN too
+            if (length - 1.0).abs() > 1e-2 || length.is_nan() {
+                return Err(error(data, o, format!("quaternion: found length {length}, expected 1")));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Number of poses that differ by more than [`SAME_RAD`] (or [`SAME_M`]) in some joint, roughly: joints are sorted into bins.
+#[must_use]
+pub fn different_poses(robot: &Robot, data: &Dataset) -> usize {
+    let mut seen = BTreeSet::new();
+    for o in &data.observations {
+        let mut key = [0_i64; MAX_JOINTS];
+        for ((k, q), joint) in key.iter_mut().zip(&o.state.q).zip(&robot.joints) {
+            let step = if joint.kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
+            #[expect(clippy::cast_possible_truncation, reason = "values were checked: a few million bins")]
+            {
+                *k = (q / step).round() as i64;
+            }
+        }
+        seen.insert(key);
+    }
+    seen.len()
+}
+
+/// Joints (1-based) that stay where they are throughout.
+#[must_use]
+pub fn resting_joints(robot: &Robot, data: &Dataset) -> Vec<usize> {
+    (0..robot.dof())
+        .filter(|k| {
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            for o in &data.observations {
+                low = low.min(o.state.q[*k]);
+                high = high.max(o.state.q[*k]);
+            }
+            let same = if robot.joints[*k].kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
+            high - low < same
+        })
+        .map(|k| k + 1)
+        .collect()
+}
+
+/// Refuses poses that are all alike.
+///
+/// # Errors
+/// One sentence with the number of measurements.
+pub fn check_poses(robot: &Robot, data: &Dataset) -> Result<()> {
+    if resting_joints(robot, data).len() == robot.dof() {
+        return Err(IdentError::NotEnough(format!(
+            "{}: all {} measurements were taken in the same pose (no joint moves by 0.1 deg or 0.1 mm); varied poses are \
+             needed",
+            data.names.join(", "),
+            data.observations.len()
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses balls and anchors that leave {w} open where nothing else fixes it: fewer than three touched, two in one place, all on
+/// one line.
+///
+/// # Errors
+/// One sentence that names the balls.
+pub fn check_balls(cell: &Cell, data: &Dataset) -> Result<()> {
+    let touched: BTreeSet<usize> = data
+        .observations
+        .iter()
+        .filter_map(|o| match o.measured {
+            Measured::Touch { ball, .. } => Some(ball),
+            _ => None,
+        })
+        .collect();
+    if touched.is_empty() {
+        return Ok(());
+    }
+    let numbers: Vec<String> = touched.iter().map(|b| (b + 1).to_string()).collect();
+    let bad = |problem: String| {
+        Err(IdentError::NotEnough(format!(
+            "{problem}; three balls that are not on one line are needed to fix the base"
+        )))
+    };
+    let places: Vec<(usize, Vector3<f64>)> = touched.iter().filter_map(|b| Some((*b, *cell.balls.get(*b)?))).collect();
+    // a ball has a diameter of millimetres: two centres closer than one are a mistake in the file
+    const LEAST: f64 = 1e-3;
+    for (i, (a, p)) in places.iter().enumerate() {
+        for (b, q) in &places[..i] {
+            if (p - q).norm() < LEAST {
+                let apart = (p - q).norm() * 1e3;
+                return bad(format!(
+                    "[balls] of the cell: balls {} and {} stand in the same place ({apart:.3} mm apart)",
+                    b + 1,
+                    a + 1
+                ));
+            }
+        }
+    }
+    if touched.len() < 3 {
+        return bad(format!(
+            "{}: only ball{} {} {} touched",
+            data.names.join(", "),
+            if touched.len() == 1 { "" } else { "s" },
+            numbers.join(" and "),
+            if touched.len() == 1 { "was" } else { "were" }
+        ));
+    }
+    let Some(((_, first), rest)) = places.split_first() else { return Ok(()) };
+    let far = rest.iter().map(|(_, p)| p - first).max_by(|a, b| a.norm().total_cmp(&b.norm()));
+    let Some(along) = far.map(|v| v.normalize()) else { return Ok(()) };
+    let off = rest.iter().map(|(_, p)| (p - first).cross(&along).norm()).fold(0.0, f64::max);
+    if off < LEAST {
+        return bad(format!(
+            "[balls] of the cell: balls {} stand on one line (none is {} mm off it)",
+            numbers.join(", "),
+            LEAST * 1e3
+        ));
+    }
+    Ok(())
+}

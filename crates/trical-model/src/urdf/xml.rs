@@ -1,0 +1,272 @@
+//! The part of a URDF that kinematics and gravity need, with the line that each thing stands on.
+
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
+
+use crate::error::{ModelError, Result};
+use crate::pose::{Pose, rotation_zyx};
+
+type V3 = nalgebra::Vector3<f64>;
+
+/// A robot of a few hundred links is 1 MB; meshes are files of their own.
+const LARGEST: usize = 20_000_000;
+const MOST_LINKS: usize = 10_000;
+const DEEPEST: usize = 100;
+
+/// Mass and centre of gravity in the link's frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Inertial {
+    pub mass: f64,
+    pub cog: V3,
+}
+
+#[derive(Debug)]
+pub(super) struct Link {
+    pub name: String,
+    pub line: usize,
+    pub inertial: Inertial,
+}
+
+#[derive(Debug)]
+pub(super) struct Joint {
+    pub name: String,
+    pub line: usize,
+    pub kind: String,
+    pub parent: String,
+    pub child: String,
+    pub parent_from_joint: Pose,
+    pub axis: V3,
+    /// `<limit>`: line, lower, upper.
+    pub limit: Option<(usize, Option<f64>, Option<f64>)>,
+    pub mimics: Option<String>,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Urdf {
+    pub name: String,
+    pub links: Vec<Link>,
+    pub joints: Vec<Joint>,
+}
+
+pub(super) fn error(file: &str, line: usize, problem: impl Into<String>) -> ModelError {
+    ModelError::Input { file: file.to_owned(), place: format!("line {line}"), problem: problem.into() }
+}
+
+/// One element with its line and, for messages, whose it is.
+struct Element<'a> {
+    file: &'a str,
+    line: usize,
+    /// "joint 'elbow': " or nothing.
+    owner: String,
+    tag: String,
+    start: &'a BytesStart<'a>,
+}
+
+impl Element<'_> {
+    fn error(&self, problem: impl std::fmt::Display) -> ModelError {
+        error(self.file, self.line, format!("{}{problem}", self.owner))
+    }
+
+    fn get(&self, name: &str) -> Result<Option<String>> {
+        let tag = &self.tag;
+        for a in self.start.attributes() {
+            let a = a.map_err(|e| self.error(format!("<{tag}> has a broken attribute: {e}")))?;
+            if a.key.as_ref() == name {
+                let value = a.normalized_value(XmlVersion::Implicit1_0);
+                return value
+                    .map(|v| Some(v.trim().to_owned()))
+                    .map_err(|e| self.error(format!("<{tag}> {name} cannot be read: {e}")));
+            }
+        }
+        Ok(None)
+    }
+
+    fn required(&self, name: &str) -> Result<String> {
+        match self.get(name)? {
+            Some(v) if !v.is_empty() => Ok(v),
+            _ => Err(self.error(format!("<{}> has no {name}", self.tag))),
+        }
+    }
+
+    /// A finite number no larger than `limit`; the unit is for messages.
+    fn number(&self, name: &str, text: &str, limit: f64, unit: &str) -> Result<f64> {
+        match text.parse::<f64>() {
+            Ok(v) if v.is_finite() && v.abs() <= limit => Ok(v),
+            _ => Err(self.error(format!(
+                "<{}> {name}: found '{text}', expected a number between -{limit} and {limit} {unit}",
+                self.tag
+            ))),
+        }
+    }
+
+    fn three(&self, name: &str, limit: f64, unit: &str) -> Result<Option<V3>> {
+        let Some(text) = self.get(name)? else { return Ok(None) };
+        let parts: Vec<&str> = text.split_whitespace().collect();
+        let [x, y, z] = parts[..] else {
+            return Err(self.error(format!("<{}> {name}: found '{text}', expected three numbers", self.tag)));
+        };
+        let one = |t| self.number(name, t, limit, unit);
+        Ok(Some(V3::new(one(x)?, one(y)?, one(z)?)))
+    }
+
+    /// `xyz` in m and `rpy` in rad: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+    fn origin(&self) -> Result<Pose> {
+        if self.get("quat_xyzw")?.is_some() {
+            return Err(self.error("<origin> quat_xyzw is not understood, expected rpy"));
+        }
+        let rpy = self.three("rpy", 1e3, "rad")?.unwrap_or_default();
+        Ok(Pose {
+            rotation: rotation_zyx(rpy.z, rpy.y, rpy.x),
+            translation: self.three("xyz", 100.0, "m")?.unwrap_or_default(),
+        })
+    }
+}
+
+/// Counts lines up to a place that only moves on.
+struct Lines<'a> {
+    text: &'a str,
+    at: usize,
+    line: usize,
+}
+
+impl Lines<'_> {
+    fn of(&mut self, position: u64) -> usize {
+        let to = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
+        if to > self.at {
+            self.line += self.text.as_bytes()[self.at..to].iter().filter(|b| **b == b'\n').count();
+            self.at = to;
+        }
+        self.line
+    }
+}
+
+/// Reads the text of a URDF.
+pub(super) fn read(text: &str, file: &str) -> Result<Urdf> {
+    if text.len() > LARGEST {
+        let problem = format!("has {} bytes, expected a URDF of at most {LARGEST}", text.len());
+        return Err(ModelError::Unreadable { file: file.to_owned(), problem });
+    }
+    let mut reader = Reader::from_str(text);
+    let mut lines = Lines { text, at: 0, line: 1 };
+    let mut urdf = Urdf::default();
+    let mut path: Vec<String> = Vec::new();
+    let mut seen_robot = false;
+    loop {
+        let event = reader.read_event();
+        let line = lines.of(reader.buffer_position());
+        let event = event.map_err(|e| error(file, line, format!("is not well-formed XML: {e}")))?;
+        match event {
+            Event::Start(start) => {
+                if path.len() >= DEEPEST {
+                    return Err(error(file, line, format!("elements are nested more than {DEEPEST} deep")));
+                }
+                element(&mut urdf, &path, &start, file, line)?;
+                seen_robot = true;
+                path.push(start.name().as_ref().to_owned());
+            }
+            Event::Empty(start) => {
+                element(&mut urdf, &path, &start, file, line)?;
+                seen_robot = true;
+            }
+            Event::End(_) => {
+                path.pop();
+            }
+            Event::DocType(_) => {
+                return Err(error(file, line, "has a DOCTYPE, which a URDF has no use for: entities are not expanded"));
+            }
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    if !path.is_empty() {
+        return Err(error(file, lines.line, format!("ends within <{}>", path.join("> <"))));
+    }
+    if !seen_robot {
+        return Err(ModelError::Unreadable { file: file.to_owned(), problem: "holds no <robot>".into() });
+    }
+    Ok(urdf)
+}
+
+fn element(urdf: &mut Urdf, path: &[String], start: &BytesStart<'_>, file: &str, line: usize) -> Result<()> {
+    let name = start.name();
+    let tag = name.as_ref();
+    if tag.starts_with("xacro:") {
+        return Err(error(
+            file,
+            line,
+            format!("<{tag}>: this is a xacro file, which must be expanded to a URDF first"),
+        ));
+    }
+    let path: Vec<&str> = path.iter().map(String::as_str).collect();
+    let mut e = Element { file, line, owner: String::new(), tag: tag.to_owned(), start };
+    match (path.as_slice(), tag) {
+        ([], "robot") => urdf.name = e.get("name")?.unwrap_or_default(),
+        ([], _) => return Err(e.error(format!("found <{tag}>, expected <robot>: this is not a URDF"))),
+        (["robot"], "link") => {
+            if urdf.links.len() >= MOST_LINKS {
+                return Err(e.error(format!("has more than {MOST_LINKS} links")));
+            }
+            urdf.links.push(Link { name: e.required("name")?, line, inertial: Inertial::default() });
+        }
+        (["robot"], "joint") => {
+            if urdf.joints.len() >= MOST_LINKS {
+                return Err(e.error(format!("has more than {MOST_LINKS} joints")));
+            }
+            let name = e.required("name")?;
+            e.owner = format!("joint '{name}': ");
+            urdf.joints.push(Joint {
+                kind: e.required("type")?,
+                name,
+                line,
+                parent: String::new(),
+                child: String::new(),
+                parent_from_joint: Pose::identity(),
+                axis: V3::x(),
+                limit: None,
+                mimics: None,
+            });
+        }
+        (["robot", "link", "inertial"], _) => {
+            let Some(link) = urdf.links.last_mut() else { return Ok(()) };
+            e.owner = format!("link '{}': ", link.name);
+            match tag {
+                "origin" => link.inertial.cog = e.origin()?.translation,
+                "mass" => {
+                    let mass = e.number("value", &e.required("value")?, 1e5, "kg")?;
+                    if mass < 0.0 {
+                        return Err(e.error(format!("<mass> value: found {mass}, expected a mass of 0 to 100000 kg")));
+                    }
+                    link.inertial.mass = mass;
+                }
+                _ => {}
+            }
+        }
+        (["robot", "joint"], _) => {
+            let Some(joint) = urdf.joints.last_mut() else { return Ok(()) };
+            e.owner = format!("joint '{}': ", joint.name);
+            match tag {
+                "parent" => joint.parent = e.required("link")?,
+                "child" => joint.child = e.required("link")?,
+                "origin" => joint.parent_from_joint = e.origin()?,
+                "mimic" => joint.mimics = Some(e.required("joint")?),
+                "axis" => {
+                    let axis = e.three("xyz", 1e6, "")?.unwrap_or_else(V3::x);
+                    let length = axis.norm();
+                    if length < 1e-6 {
+                        return Err(e.error("<axis> xyz has no length, expected a direction"));
+                    }
+                    joint.axis = axis / length;
+                }
+                "limit" => {
+                    let number = |name| -> Result<Option<f64>> {
+                        e.get(name)?.map(|t| e.number(name, &t, 1e4, "rad (m)")).transpose()
+                    };
+                    joint.limit = Some((line, number("lower")?, number("upper")?));
+                }
+                _ => {}
+            }
+        }
+        _ => {}
+    }
+    Ok(())
+}

@@ -38,8 +38,9 @@ pub(super) struct Work {
     pub(super) candidates: Vec<Candidate>,
     /// Indices into the candidates.
     pub(super) chosen: Vec<usize>,
-    /// Correlation of residuals that follow each other.
-    memory: f64,
+    /// Correlation of residuals that follow each other, the smallest that any choice has left so far: what a choice leaves
+    /// undone remembers itself too, and is not noise.
+    memory: Option<f64>,
     pub(super) untestable: Vec<Untestable>,
     /// Terms about the readings' own noise, and which of them are in the baseline.
     pub(super) nuisances: Vec<Candidate>,
@@ -62,7 +63,7 @@ impl Work {
             baseline_terms: fitted.model.terms.len(),
             candidates: Vec::new(),
             chosen: Vec::new(),
-            memory: 0.0,
+            memory: None,
             untestable: Vec::new(),
             believed: vec![false; nuisances.len()],
             nuisances,
@@ -88,7 +89,6 @@ impl Work {
             self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             let design = self.design()?;
-            self.memory = memory(&self.fitted, &self.kept)?;
             let before = std::mem::take(&mut self.chosen);
             self.chosen = self.searcher(&design).choose(&design.stage(), &before);
             self.refine();
@@ -98,6 +98,8 @@ impl Work {
                 self.refit()?;
                 break;
             }
+            let left = memory(&self.fitted, &self.kept)?;
+            self.memory = Some(self.memory.map_or(left, |m| m.min(left)));
             // with the effects out of the way the readings' noise may show
             if self.believe()? {
                 continue;
@@ -217,7 +219,7 @@ impl Work {
     }
 
     pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        let memory = (1.0 - self.memory) / (1.0 + self.memory);
+        let memory = self.memory.map_or(1.0, |m| (1.0 - m) / (1.0 + m));
         let trust = self.candidates.iter().map(|c| if c.slow() { memory } else { 1.0 }).collect();
         Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept) }
     }

@@ -54,7 +54,6 @@ impl Candidate {
     /// Whether it only changes slowly, with time or temperature: noise that remembers itself looks like that.
     #[must_use]
     pub fn slow(&self) -> bool {
-        let slow = |b: &Basis| matches!(b.of, Variable::Time | Variable::Temperature { .. }) && b.sense.is_none();
         self.terms.iter().all(|t| slow(&t.basis))
     }
 
@@ -63,6 +62,11 @@ impl Candidate {
     pub fn scanned(&self) -> bool {
         self.terms.iter().all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. }))
     }
+}
+
+/// Whether a basis changes with time or temperature alone.
+fn slow(basis: &Basis) -> bool {
+    matches!(basis.of, Variable::Time | Variable::Temperature { .. }) && basis.sense.is_none()
 }
 
 /// A family of the catalogue that this data cannot test, and what is missing.
@@ -497,7 +501,10 @@ fn torque_effects(b: &mut Builder<'_>, loads: &[f64]) {
     let n = b.dof();
     for joint in 1..=n {
         let at = Site::Joint { joint };
-        for scale in [0.05, 0.15, 0.4] {
+        let load = loads[joint - 1];
+        // Nm; what softens the change of flank is friction and preload, a small part of what the joint bears
+        let softness: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.5];
+        for scale in softness.into_iter().filter(|s| *s <= softness[0].max(load / 4.0)) {
             b.add(
                 "lost_motion_gravity",
                 joint_site(joint),
@@ -507,7 +514,6 @@ fn torque_effects(b: &mut Builder<'_>, loads: &[f64]) {
             );
         }
         // half of what the joint gives way in proportion to its torque, at the torque that it usually bears
-        let load = loads[joint - 1];
         let usual = b.compliance(joint) * load;
         let stiffness = [
             ("square", Shape::SignedSquare),

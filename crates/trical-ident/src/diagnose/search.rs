@@ -23,7 +23,7 @@ pub struct Search<'a> {
     pub design: &'a Design,
     /// The candidates, as the design has them.
     pub candidates: &'a [Candidate],
-    /// Share of what each removes that counts: less than 1 for slow effects where the noise remembers itself.
+    /// Share of the rows that counts for each: less than 1 for slow effects where the noise remembers itself.
     pub trust: Vec<f64>,
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
@@ -58,8 +58,8 @@ impl Search<'_> {
             return None;
         }
         let n = self.freedom(stage);
-        let share = (gain.dss * self.trust[candidate] / stage.ss).min(1.0 - 1e-12);
-        let evidence = -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
+        let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
+        let evidence = -0.5 * n * self.trust[candidate] * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }
 
@@ -248,27 +248,25 @@ impl Search<'_> {
         }
     }
 
-    /// Replaces two chosen candidates by one that says as much (two drifting indicators are a drifting tool).
+    /// Replaces two chosen candidates, or all of one effect, by one that says as much (drifting indicators are a drifting
+    /// tool).
     fn merge(&self, start: &Stage, chosen: &mut Vec<usize>) {
         if chosen.len() > MERGED {
             return;
         }
         loop {
             let mut best: Option<(f64, Vec<usize>)> = None;
-            for i in 0..chosen.len() {
-                for j in 0..i {
-                    let pair = [chosen[j], chosen[i]];
-                    let rest: Vec<usize> = chosen.iter().copied().filter(|c| !pair.contains(c)).collect();
-                    let stage = self.with(start, &rest);
-                    let now = self.total(&stage, &pair);
-                    let one = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate));
-                    if let Some(one) = one
-                        && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
-                    {
-                        let mut proposal = rest;
-                        proposal.push(one.candidate);
-                        best = Some((one.evidence - now, proposal));
-                    }
+            for some in self.mergeable(chosen) {
+                let rest: Vec<usize> = chosen.iter().copied().filter(|c| !some.contains(c)).collect();
+                let stage = self.with(start, &rest);
+                let now = self.total(&stage, &some);
+                let one = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate));
+                if let Some(one) = one
+                    && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
+                {
+                    let mut proposal = rest;
+                    proposal.push(one.candidate);
+                    best = Some((one.evidence - now, proposal));
                 }
             }
             match best {
@@ -276,6 +274,20 @@ impl Search<'_> {
                 None => break,
             }
         }
+    }
+
+    /// Pairs, and three or more of one effect.
+    fn mergeable(&self, chosen: &[usize]) -> Vec<Vec<usize>> {
+        let mut sets: Vec<Vec<usize>> = Vec::new();
+        for (i, a) in chosen.iter().enumerate() {
+            sets.extend(chosen[..i].iter().map(|b| vec![*b, *a]));
+            let effect = self.candidates[*a].effect;
+            let alike: Vec<usize> = chosen.iter().copied().filter(|c| self.candidates[*c].effect == effect).collect();
+            if alike.len() > 2 && alike[0] == *a {
+                sets.push(alike);
+            }
+        }
+        sets
     }
 
     /// Replaces all that was chosen at one place by a single candidate there, if that says as much.

@@ -219,13 +219,17 @@ impl Work {
     }
 
     pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        let memory = self.memory.map_or(1.0, |m| (1.0 - m) / (1.0 + m));
-        let trust = self.candidates.iter().map(|c| if c.slow() { memory } else { 1.0 }).collect();
+        let trust = self.candidates.iter().map(|c| if c.slow() { self.slow() } else { 1.0 }).collect();
         Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept) }
     }
 
     pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
-        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
+        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept), slow: self.slow() }
+    }
+
+    /// Of rows whose noise remembers itself, the share that counts for what changes slowly.
+    fn slow(&self) -> f64 {
+        self.memory.map_or(1.0, |m| (1.0 - m) / (1.0 + m))
     }
 
     /// The exact joint fit of the baseline and what was chosen.

@@ -7,8 +7,8 @@ use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{Forward, Measured, Model, Recording, Row, State};
 use trical_plan::PlanEntry;
 
-use crate::commands::diagnose::site_words;
 use crate::error::Result;
+use trical_ident::site_words;
 
 /// Signatures below this many standard deviations are not seen.
 pub const VISIBLE: f64 = 3.0;

@@ -2,6 +2,7 @@
 
 mod blindness;
 mod commands;
+mod diagnosis_report;
 mod error;
 mod input;
 mod picture;

@@ -4,11 +4,11 @@ use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
 use crate::blindness::{self, VISIBLE};
-use crate::commands::diagnose::site_words;
 use crate::commands::plan::{Told, two_digits};
 use crate::error::Result;
 use crate::picture::{self, Scene, View};
 use crate::report::{self, Figure, Section, footer};
+use trical_ident::site_words;
 
 fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
     cells.map(String::from).to_vec()

@@ -278,7 +278,10 @@ pub fn reading_noise(model: &Model, data: &Dataset, sigma: f64) -> Vec<Candidate
     b.families.into_iter().flat_map(|f| f.1).collect()
 }
 
-/// Root mean square of each joint's gravity torque over the data, N m; at least 0.1.
+/// Loads below this (N m) are none.
+const UNLOADED: f64 = 0.1;
+
+/// Root mean square of each joint's gravity torque over the data, N m; at least [`UNLOADED`].
 fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
     let n = model.robot.dof();
     let mut squares = vec![0.0; n];
@@ -293,7 +296,7 @@ fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
     }
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let count = data.observations.len().max(1) as f64;
-    squares.into_iter().map(|s| (s / count).sqrt().max(0.1)).collect()
+    squares.into_iter().map(|s| (s / count).sqrt().max(UNLOADED)).collect()
 }
 
 /// How the device is turned about the last axis: touches that were nulled do not see it, deflected ones do, and a zero of the
@@ -482,16 +485,22 @@ fn direction_effects(b: &mut Builder<'_>, has: &Has, loads: &[f64]) {
         );
         if has.masses {
             let load = Basis { sense: Some(joint), ..Basis::torque(joint, Shape::Absolute) };
+            let by_load = (format!("friction_by_load_{joint}"), at, load, -1);
+            let always = (format!("friction_{joint}"), at, Basis::direction(joint), -1);
+            let size = arcsec(30.0);
+            // an axis that gravity does not turn has no load: what is left of the effect is another one
+            let (terms, scales) = if loads[joint - 1] <= UNLOADED {
+                (vec![by_load], vec![size / UNLOADED])
+            } else {
+                (vec![always, by_load], vec![size, size / loads[joint - 1]])
+            };
             b.add_scaled(
                 "load_friction",
                 joint_site(joint),
                 format!("changes sign with the sense of joint {joint}'s last motion, and grows with its load"),
                 arcsec(15.0),
-                vec![
-                    (format!("friction_{joint}"), at, Basis::direction(joint), -1),
-                    (format!("friction_by_load_{joint}"), at, load, -1),
-                ],
-                vec![arcsec(30.0), arcsec(30.0) / loads[joint - 1]],
+                terms,
+                scales,
             );
         }
     }

@@ -59,7 +59,8 @@ impl Search<'_> {
         }
         let n = self.freedom(stage);
         let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
-        let evidence = -0.5 * n * self.trust[candidate] * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
+        let evidence =
+            -0.5 * n * self.trust[candidate] * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }
 

@@ -32,6 +32,8 @@ pub(super) struct Work {
     pub(super) kept: Dataset,
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
     pub(super) fitted: Identified,
+    /// Of its terms.
+    pub(super) priors: Vec<Option<Prior>>,
     /// How many of its terms are the baseline's.
     baseline_terms: usize,
     /// What can be tried; grows as frequencies are found.
@@ -61,6 +63,7 @@ impl Work {
             kept: all.clone(),
             all,
             baseline_terms: fitted.model.terms.len(),
+            priors: vec![None; fitted.model.terms.len()],
             candidates: Vec::new(),
             chosen: Vec::new(),
             memory: None,
@@ -227,6 +230,10 @@ impl Work {
         Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept), slow: self.slow() }
     }
 
+    pub(super) fn touch_sigma(&self) -> f64 {
+        touch_sigma(&self.fitted)
+    }
+
     /// Of rows whose noise remembers itself, the share that counts for what changes slowly.
     fn slow(&self) -> f64 {
         self.memory.map_or(1.0, |m| (1.0 - m) / (1.0 + m))
@@ -248,6 +255,7 @@ impl Work {
             }
         }
         self.fitted = fit_model_with_priors(model, &self.kept, &self.fitted.noise, &priors, Vec::new())?;
+        self.priors = priors;
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
+use trical_ident::site_words;
 use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
@@ -8,7 +9,6 @@ use crate::commands::plan::{Told, two_digits};
 use crate::error::Result;
 use crate::picture::{self, Scene, View};
 use crate::report::{self, Figure, Section, footer};
-use trical_ident::site_words;
 
 fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
     cells.map(String::from).to_vec()

@@ -3,7 +3,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`catalogue`] | what can be tried |
+//! | [`effects`] | the effects, one file each |
+//! | [`recorded`], [`catalogue`] | what the recordings have; what can be tried on them |
 //! | [`locators`] | what finds a mismatch without a name |
 //! | [`periodogram`] | which frequencies a joint's error has |
 //! | [`misfit`] | whether a name says all that happens at its place |
@@ -16,11 +17,13 @@ pub mod alternatives;
 mod answer;
 pub mod catalogue;
 pub mod design;
+pub mod effects;
 mod explain;
 pub mod hygiene;
 pub mod locators;
 pub mod misfit;
 pub mod periodogram;
+pub mod recorded;
 pub mod search;
 mod work;
 

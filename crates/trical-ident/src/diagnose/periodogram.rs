@@ -4,8 +4,9 @@
 use rayon::prelude::*;
 use trical_model::{Basis, Shape, Site, Term, Variable};
 
-use super::catalogue::{Candidate, ripple};
+use super::catalogue::Candidate;
 use super::design::Design;
+use super::effects::gear_ripple::ripple;
 use super::locators::{LARGE, PRICE, UNEXPLAINED, name};
 use crate::dataset::Dataset;
 use crate::error::Result;

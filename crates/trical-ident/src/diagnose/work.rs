@@ -7,6 +7,7 @@ use super::design::Design;
 use super::explain::at_same_place;
 use super::locators::{self, locators};
 use super::misfit::{CONSIDERABLE, Judge, LEFT, Probes, probes};
+use super::recorded::Recorded;
 use super::search::{self, Search};
 use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
@@ -58,7 +59,7 @@ impl Work {
         let (start, _) = prepared(robot, cell, &all, &Choice::from(set))?;
         let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
         let sigma = touch_sigma(&fitted);
-        let nuisances = reading_noise(&fitted.model, &all, sigma);
+        let nuisances = reading_noise(&Recorded::new(&fitted.model, &all, sigma));
         let mut work = Self {
             kept: all.clone(),
             all,
@@ -72,13 +73,13 @@ impl Work {
             nuisances,
             fitted,
         };
-        if let Some(term) = device_orientation(&work.fitted.model, &work.all, sigma) {
+        if let Some(term) = device_orientation(&Recorded::new(&work.fitted.model, &work.all, sigma)) {
             work.fitted.model.terms.push(term);
             work.baseline_terms += 1;
             work.refit()?;
         }
         work.believe()?;
-        (work.candidates, work.untestable) = catalogue(&work.fitted.model, &work.all, sigma);
+        (work.candidates, work.untestable) = catalogue(&Recorded::new(&work.fitted.model, &work.all, sigma));
         work.candidates.extend(locators(&work.fitted.model, &work.all));
         Ok(work)
     }

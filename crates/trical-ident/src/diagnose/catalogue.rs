@@ -18,6 +18,8 @@ pub struct Candidate {
     pub terms: Vec<Term>,
     /// Sign that each coefficient must have to be physics; 0 where both are possible.
     pub signs: Vec<i8>,
+    /// Whether coefficients of these values (or proportional ones) are physics.
+    pub physical: fn(&[f64]) -> bool,
     /// Typical size of a coefficient, SI, for saying beforehand what the data could show.
     pub typical: f64,
     /// Prior standard deviation of each coefficient, SI: half of the large end of what is usual. A coefficient beyond that is not
@@ -63,6 +65,12 @@ impl Candidate {
     pub fn scanned(&self) -> bool {
         self.terms.iter().all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. }))
     }
+}
+
+/// No relation between coefficients is asked for.
+#[must_use]
+pub fn anything(_: &[f64]) -> bool {
+    true
 }
 
 /// Whether a basis changes with time or temperature alone.
@@ -117,6 +125,7 @@ pub fn reading_noise(recorded: &Recorded<'_>) -> Vec<Candidate> {
         site,
         located: located.into(),
         signs: vec![sign; terms.len()],
+        physical: anything,
         typical: 0.0,
         scales: vec![0.5; terms.len()],
         log_prior: 0.0,

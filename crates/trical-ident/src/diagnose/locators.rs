@@ -4,7 +4,7 @@
 
 use trical_model::{Basis, Model, Shape, Site, State, Term, Variable};
 
-use super::catalogue::Candidate;
+use super::catalogue::{Candidate, anything};
 use crate::dataset::Dataset;
 
 /// The "effect" of what has no name.
@@ -105,6 +105,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             site: serde_json::json!({ "joint": joint }),
             located: format!("joint {joint} is off in a way that {what} tells"),
             signs: vec![0; terms.len()],
+            physical: anything,
             scales: vec![LARGE; terms.len()],
             terms,
             typical: 0.0,

@@ -5,7 +5,7 @@
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use trical_model::{Axis, Basis, Model, Motion, Shape, Site, Term, Variable};
 
-use super::catalogue::Candidate;
+use super::catalogue::{Candidate, anything};
 use super::design::{Design, Stage};
 use super::locators::{UNEXPLAINED, knots, name, tents, value};
 use crate::dataset::Dataset;
@@ -225,6 +225,7 @@ fn probe(site: &serde_json::Value, variable: String, terms: Vec<Term>) -> Candid
         site: site.clone(),
         located: variable,
         signs: vec![0; terms.len()],
+        physical: anything,
         scales: vec![1.0; terms.len()],
         terms,
         typical: 0.0,

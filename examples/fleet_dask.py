@@ -144,7 +144,7 @@ def cluster(workers: int) -> Iterator[Any]:
 
 
 def calibrate_fleet(client: Any, arms: int, folder: Path) -> list[tuple[int, trical.Identified | str, Array | None]]:
-    """Records and calibrates arms 0 to arms - 1: number, result, errors where it never touched (None without a model)."""
+    """Records and calibrates arms 0 to arms - 1: number, result, errors elsewhere (None without a model)."""
     numbers = list(range(arms))
     files = {"robot": IRB120 / "robot.toml", "cell": IRB120 / "cell.toml"}
     recordings = client.map(record, numbers, folder=folder)

@@ -154,3 +154,11 @@ def test_links_lead_somewhere(page: str) -> None:
 def test_the_guide_is_in_its_summary() -> None:
     listed = set(LINK.findall((GUIDE / "SUMMARY.md").read_text()))
     assert listed == set(CHAPTERS)
+
+
+def test_the_python_of_the_readme_runs(shell) -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+    prepare = "trical demo --out d; cp d/robot.toml d/cell.toml .; trical convert d/run.mcap touches.csv"
+    done = shell(f"({prepare}) > /dev/null; python - <<'END'\n{block}assert positions.shape == (1, 3)\nEND")
+    assert done.returncode == 0, done.stdout
+    assert 0 < float(done.stdout) < 0.02

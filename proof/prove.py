@@ -124,7 +124,9 @@ def main() -> int:
     parser.add_argument("--binary", type=Path, default=HERE.parent / "target" / "release" / "trical")
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument(
-        "--again", action="store_true", help="cases are there from an earlier run, with the same seals: diagnose them anew"
+        "--again",
+        action="store_true",
+        help="cases are there from an earlier run, with the same seals: diagnose them anew",
     )
     a = parser.parse_args()
     if not a.binary.is_file():

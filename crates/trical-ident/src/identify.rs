@@ -1,15 +1,17 @@
 //! Identification: from recordings to a model with uncertainties.
 
-use trical_model::{Cell, Forward, Model, Robot, residual_rows};
+use faer::Mat;
+use trical_model::{Cell, Forward, Model, Robot};
 
 use crate::dataset::{Dataset, Rejected};
 use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
 use crate::error::{IdentError, Result};
 use crate::fit::{
-    Ended, LmParams, LmReport, Prior, check_count, minimize, minimize_with_priors, position_errors, weighted_residuals,
+    Ended, LmParams, LmReport, Prior, Solver, check_count, check_observations, factor, minimize, position_errors,
+    weighted_residuals,
 };
 use crate::identifiability::{
-    Choice, Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
+    Choice, Dependent, Observability, ParameterSet, covariance, independent_terms, indices, spectrum, weakest_direction,
 };
 use crate::noise::Noise;
 use crate::rigid::median;
@@ -125,31 +127,60 @@ pub fn fit_model_with_priors(
     dependent: Vec<Dependent>,
 ) -> Result<Identified> {
     let free: Vec<usize> = (0..model.terms.len()).collect();
-    let mut forward = Forward::new(model, free.clone())?;
+    let p = free.len();
+    let mut forward = Forward::new(model, free)?;
+    check_observations(&forward, data)?;
     let mut noise = start_noise.clone();
     let params = LmParams::default();
-    let mut report = minimize_with_priors(&mut forward, data, &noise, priors, &params)?;
+    let mut solver = Solver::new(p);
+    let mut report = solver.minimize(&mut forward, data, &noise, priors, &params)?;
+    let mut residuals = weighted_residuals(&forward, data, &noise);
+    let mut said = noise.clone();
     for _ in 0..2 {
-        noise.update(data, &weighted_residuals(&forward, data, &noise), free.len());
-        report = minimize_with_priors(&mut forward, data, &noise, priors, &params)?;
+        let mut updated = noise.clone();
+        let factor = updated.update(data, &residuals, p);
+        if let Some(factor) = factor
+            && priors.iter().flatten().next().is_none()
+        {
+            // one standard deviation for all: its size moves nothing
+            report.cost /= factor * factor;
+            said = updated;
+            break;
+        }
+        noise = updated;
+        said = noise.clone();
+        report = solver.minimize(&mut forward, data, &noise, priors, &params)?;
+        residuals = weighted_residuals(&forward, data, &noise);
     }
-    finish(forward, data, noise, priors, dependent, report)
+    // of the Jacobian itself, not of J'J; the rows of the last step where they are all still there
+    let r = solver.factor().unwrap_or_else(|| factor(&forward, data, &noise, priors));
+    let fitted = Fitted { r, residuals, noise: said, report, dependent };
+    finish(forward, data, fitted)
 }
 
-fn finish(
-    forward: Forward,
-    data: &Dataset,
+/// Where a fit ended.
+struct Fitted {
+    /// Factor of `[J r]`.
+    r: Mat<f64>,
+    /// In the same units.
+    residuals: Vec<([f64; 6], usize)>,
     noise: Noise,
-    priors: &[Option<Prior>],
-    dependent: Vec<Dependent>,
     report: LmReport,
-) -> Result<Identified> {
+    dependent: Vec<Dependent>,
+}
+
+fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified> {
+    let Fitted { r, residuals, noise, report, dependent } = fitted;
     let free = forward.free().to_vec();
     let p = free.len();
+    let r = r.submatrix(0, 0, p, p).to_owned();
+    let spectrum = spectrum(&r);
     // first, since an iteration on data of deficient rank may also fail to converge
-    let r = r_factor(&forward, data, &noise, priors);
-    let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
-    if let Some(weak) = weakest_direction(&r, &names, CONDITION_LIMIT) {
+    let sound =
+        |s: &[f64]| s.last().zip(s.first()).is_none_or(|(smallest, largest)| smallest * CONDITION_LIMIT > *largest);
+    if !spectrum.as_ref().is_some_and(|(_, s)| sound(s)) {
+        let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
+        let weak = weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
         return Err(rank_deficient(&forward.model().robot, data, &weak));
     }
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
@@ -158,14 +189,12 @@ fn finish(
             report.ended, report.iterations, report.gradient
         )));
     }
-    let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
-    let (observability, mut covariance) = observability(&r, rows);
-    let square: f64 = weighted_residuals(&forward, data, &noise)
-        .iter()
-        .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>())
-        .sum();
+    let rows: usize = residuals.iter().map(|(_, n)| n).sum();
+    let square: f64 = residuals.iter().map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>()).sum();
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let variance = square / (rows - p).max(1) as f64;
+    let (scale, singular) = spectrum.unwrap_or_default();
+    let mut covariance = covariance(&r, &scale);
     for c in &mut covariance {
         *c *= variance;
     }
@@ -173,6 +202,7 @@ fn finish(
     for (k, index) in free.iter().enumerate() {
         model.terms[*index].sd = Some(covariance[k * p + k].max(0.0).sqrt());
     }
+    let observability = indices(&singular, rows);
     Ok(Identified { model, free, data: data.clone(), noise, covariance, observability, dependent, report })
 }
 
@@ -254,7 +284,7 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
     let (model, _) = prepared(robot, cell, data, &set.into())?;
     let free = (0..model.terms.len()).collect();
     let mut forward = Forward::new(model, free)?;
-    crate::fit::check_observations(&forward, data)?;
+    check_observations(&forward, data)?;
     let mut noise = Noise::usual(data.names.len());
     noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
     for _ in 0..6 {

@@ -6,7 +6,7 @@
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`start`], [`trilateration`] | closed-form starting values |
-//! | [`fit`] | Levenberg-Marquardt |
+//! | [`fit`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, gross errors, cross-validation |
 //! | [`validate`] | a model on data that it was not fitted to |
@@ -21,6 +21,7 @@ pub mod identifiability;
 pub mod identify;
 pub mod model_file;
 pub mod noise;
+mod normal;
 pub mod recording_csv;
 pub mod rigid;
 pub mod start;

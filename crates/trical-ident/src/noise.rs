@@ -48,8 +48,9 @@ impl Noise {
     }
 
     /// Re-estimates each group's standard deviation from weighted residuals (`residuals` in units of the present sigma,
-    /// one slice of 6 an observation), each group paying its share of the `parameters` that were fitted.
-    pub fn update(&mut self, data: &Dataset, residuals: &[([f64; 6], usize)], parameters: usize) {
+    /// one slice of 6 an observation), each group paying its share of the `parameters` that were fitted. Returns by which
+    /// factor all of them grew, if it is one factor (there is but one group): then no fit would come out otherwise.
+    pub fn update(&mut self, data: &Dataset, residuals: &[([f64; 6], usize)], parameters: usize) -> Option<f64> {
         let mut sums = vec![[(0.0, 0.0); 5]; self.sigma.len()];
         let mut total = 0.0;
         for (o, (r, rows)) in data.observations.iter().zip(residuals) {
@@ -62,13 +63,20 @@ impl Noise {
         }
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let share = (1.0 - parameters as f64 / total).max(0.1);
+        let (mut factor, mut groups) = (1.0, 0);
         for (sigma, sums) in self.sigma.iter_mut().zip(&sums) {
             for (s, (square, n)) in sigma.iter_mut().zip(sums) {
+                if *n > 0.0 {
+                    groups += 1;
+                }
                 if *n >= 6.0 {
+                    let before = *s;
                     *s = (*s * (square / (n * share)).sqrt()).max(SMALLEST);
+                    factor = *s / before;
                 }
             }
         }
+        (groups <= 1).then_some(factor)
     }
 
     /// Re-estimates each group's standard deviation from the median of its absolute weighted residuals, so that gross

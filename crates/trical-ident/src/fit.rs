@@ -214,11 +214,11 @@ impl Solver {
             }
             // predicted decrease of the cost, and the step in units of what the data can tell
             let (mut predicted, mut size) = (0.0, 0.0_f64);
-            for i in 0..p {
+            for (i, ((to, from), scale)) in self.proposal.iter_mut().zip(&x).zip(&self.scale).enumerate() {
                 let step = self.rhs[(i, 0)];
-                predicted += 0.5 * step * (lambda * step - self.at.g(i) / self.scale[i]);
+                predicted += 0.5 * step * (lambda * step - self.at.g(i) / scale);
                 size = size.max(step.abs());
-                self.proposal[i] = x[i] + step / self.scale[i];
+                *to = from + step / scale;
             }
             if fresh && predicted <= params.cost_tolerance * self.at.cost && size < NEGLIGIBLE {
                 report.ended = Ended::Cost;

@@ -87,6 +87,15 @@ impl Twist {
         }
     }
 
+    /// Change of the first moment of what joint `s` carries, when all of it moves.
+    #[inline]
+    pub fn load(&self, s: usize, loads: &Loads) -> V3 {
+        match self {
+            Self::About { axis, through } => axis.cross(&(loads.first[s] - through * loads.mass[s])),
+            Self::Along(v) => v * loads.mass[s],
+        }
+    }
+
     /// Angular velocity.
     #[inline]
     pub fn angular(&self) -> V3 {
@@ -464,10 +473,22 @@ pub(crate) struct Moment {
 }
 
 impl Moment {
-    /// Derivative to a motion of the base.
+    /// The joint (0-based) about which it acts.
     #[inline]
-    pub fn by_base(&self, twist: &Twist) -> f64 {
-        -twist.angular().dot(&self.turn)
+    pub fn joint(&self) -> usize {
+        self.joint
+    }
+
+    /// Minus its derivative to a rotation of everything from before its joint.
+    #[inline]
+    pub fn turn(&self) -> &V3 {
+        &self.turn
+    }
+
+    /// Its derivative to the first moment of what its joint carries.
+    #[inline]
+    pub fn carry(&self) -> &V3 {
+        &self.carry
     }
 
     /// Derivative to a motion within joint `s`.
@@ -482,11 +503,7 @@ impl Moment {
         if !behind {
             return -twist.angular().dot(&self.turn);
         }
-        let b = match twist {
-            Twist::About { axis, through } => axis.cross(&(loads.first[s] - through * loads.mass[s])),
-            Twist::Along(v) => v * loads.mass[s],
-        };
-        b.dot(&self.carry)
+        twist.load(s, loads).dot(&self.carry)
     }
 
     /// Derivative to the mass of a body at `place` in {w} on the flange.

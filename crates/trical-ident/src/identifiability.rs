@@ -310,8 +310,12 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
 pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Result<(Vec<Term>, Vec<Dependent>)> {
     let terms = candidates(nominal, data, choice);
     let p = terms.len();
-    let mut model = nominal.clone();
-    model.terms.clone_from(&terms);
+    let model = Model {
+        robot: nominal.robot.clone(),
+        cell: nominal.cell.without_geometry(),
+        frames: nominal.frames.clone(),
+        terms: terms.clone(),
+    };
     let forward = Forward::new(model, (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];

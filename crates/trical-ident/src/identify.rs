@@ -1,5 +1,7 @@
 //! Identification: from recordings to a model with uncertainties.
 
+use std::borrow::Cow;
+
 use faer::Mat;
 use trical_model::{Cell, Forward, Model, Robot};
 
@@ -332,7 +334,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     check_poses(robot, data)?;
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.frames = vec![trical_model::Pose::identity(); data.frames()];
-    let (terms, dependent) = independent_terms(&judged(&model, data)?, data, choice)?;
+    let (terms, dependent) = independent_terms(judged(&model, data)?.as_ref(), data, choice)?;
     model.terms = terms;
     check_count(data, model.terms.len(), &[])?;
     start(&mut model, data)?;
@@ -341,9 +343,9 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
 
 /// The model on which structure is judged: the nominal one. Where there are only lengths, which need no idea of where the base
 /// stands or the tool is, these come from the data: a tool that the cell leaves on the last axis would hide parameters.
-fn judged(nominal: &Model, data: &Dataset) -> Result<Model> {
+fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
     if data.observations.iter().any(|o| !matches!(o.measured, trical_model::Measured::Distance { .. })) {
-        return Ok(nominal.clone());
+        return Ok(Cow::Borrowed(nominal));
     }
     let constant = |site| trical_model::Term::new("start", "start", site, trical_model::Basis::CONSTANT);
     let mut model = nominal.clone();
@@ -351,7 +353,7 @@ fn judged(nominal: &Model, data: &Dataset) -> Result<Model> {
     model.terms.extend(trical_model::Motion::ALL[..3].iter().map(|m| constant(trical_model::Site::Tool(*m))));
     start(&mut model, data)?;
     let cell = model.rigid()?.cell;
-    Ok(Model { cell, terms: Vec::new(), ..model })
+    Ok(Cow::Owned(Model { cell, terms: Vec::new(), ..model }))
 }
 
 /// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].

@@ -31,7 +31,7 @@ const SETTLED: f64 = 1e-4;
 /// # Errors
 /// Too few measurements, or all of them at one place or on one line.
 pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
-    let mut plain = Model::nominal(model.robot.clone(), model.cell.clone());
+    let mut plain = Model::nominal(model.robot.clone(), model.cell.without_geometry());
     plain.cell.world_from_base = Pose::identity();
     let forward = Forward::new(plain, Vec::new())?;
     let mut ws = forward.workspace();

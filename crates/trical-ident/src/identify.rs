@@ -21,10 +21,10 @@ use crate::start::start;
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
-const GROSS: f64 = 10.0;
+pub(crate) const GROSS: f64 = 10.0;
 
 /// Columns with a condition above this cannot be told apart by the data.
-const CONDITION_LIMIT: f64 = 1e9;
+pub(crate) const CONDITION_LIMIT: f64 = 1e9;
 
 /// A fitted model and what the fit knows about itself.
 #[derive(Clone, Debug)]
@@ -178,9 +178,7 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     let r = r.submatrix(0, 0, p, p).to_owned();
     let spectrum = spectrum(&r);
     // first, since an iteration on data of deficient rank may also fail to converge
-    let sound =
-        |s: &[f64]| s.last().zip(s.first()).is_none_or(|(smallest, largest)| smallest * CONDITION_LIMIT > *largest);
-    if !spectrum.as_ref().is_some_and(|(_, s)| sound(s)) {
+    if !spectrum.as_ref().is_some_and(|(_, s)| tells_apart(s)) {
         let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
         let weak = weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
         return Err(rank_deficient(&forward.model().robot, data, &weak));
@@ -208,8 +206,13 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     Ok(Identified { model, free, data: data.clone(), noise, covariance, observability, dependent, report })
 }
 
+/// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.
+pub(crate) fn tells_apart(singular: &[f64]) -> bool {
+    singular.last().zip(singular.first()).is_none_or(|(smallest, largest)| smallest * CONDITION_LIMIT > *largest)
+}
+
 /// Parameters that the data cannot tell apart, and what about the data may be why.
-fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> IdentError {
+pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> IdentError {
     let what = match weak {
         [one] => format!("cannot tell {one}"),
         _ => format!("cannot tell {} apart", weak.join(", ")),
@@ -239,22 +242,9 @@ pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result
 /// As [`fit_model`].
 pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
     let mut kept = data.clone();
-    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
-    if robot.require_masses().is_ok() {
-        sets.push(ParameterSet::Compliance);
-    }
-    let mut set = sets.pop().unwrap_or(ParameterSet::Nominal);
+    let mut sets = sets_of(robot);
     for _ in 0..5 {
-        let (forward, noise) = loop {
-            // few data may still do for a smaller model, and what the caller then asks of them is the caller's affair
-            match (robust_fit(robot, cell, &kept, set), sets.pop()) {
-                (Err(IdentError::NotEnough(_)), Some(smaller)) => set = smaller,
-                (fitted, last) => {
-                    sets.extend(last);
-                    break fitted?;
-                }
-            }
-        };
+        let (forward, noise) = richest(robot, cell, &kept, &mut sets)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
         let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
@@ -268,11 +258,7 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
                 recording: kept.names[o.recording].clone(),
                 line: o.line,
                 row: o.row,
-                reason: format!(
-                    "is {:.3} mm off, {:.0} times what is usual here: a gross error",
-                    errors[*i] * 1e3,
-                    length(&residuals[*i])
-                ),
+                reason: gross_error(errors[*i], length(&residuals[*i])),
             });
         }
         let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
@@ -280,6 +266,39 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
     }
     kept.rejected.sort_by_key(|r| r.row);
     Ok(kept)
+}
+
+/// Why a row is rejected that is `error` m off, `times` what is usual.
+pub(crate) fn gross_error(error: f64, times: f64) -> String {
+    format!("is {:.3} mm off, {times:.0} times what is usual here: a gross error", error * 1e3)
+}
+
+/// The sets of parameters that the robot allows, the richest last.
+fn sets_of(robot: &Robot) -> Vec<ParameterSet> {
+    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
+    if robot.require_masses().is_ok() {
+        sets.push(ParameterSet::Compliance);
+    }
+    sets
+}
+
+/// A robust fit of the richest of `sets` that the data allows; those that it does not are dropped. Few data may still do for
+/// a smaller model, and what the caller then asks of them is the caller's affair.
+fn richest(robot: &Robot, cell: &Cell, data: &Dataset, sets: &mut Vec<ParameterSet>) -> Result<(Forward, Noise)> {
+    loop {
+        let set = sets.last().copied().unwrap_or(ParameterSet::Nominal);
+        match robust_fit(robot, cell, data, set) {
+            Err(IdentError::NotEnough(_)) if sets.len() > 1 => {
+                sets.pop();
+            }
+            fitted => return fitted,
+        }
+    }
+}
+
+/// A robust fit of the richest model that the data and the robot allow, and the noise about it.
+pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<(Forward, Noise)> {
+    richest(robot, cell, data, &mut sets_of(robot))
 }
 
 fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {

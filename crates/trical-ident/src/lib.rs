@@ -9,6 +9,7 @@
 //! | [`fit`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, gross errors, cross-validation |
+//! | [`stream`] | identification from files of any size, in bounded memory |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
@@ -25,6 +26,7 @@ mod normal;
 pub mod recording_csv;
 pub mod rigid;
 pub mod start;
+pub mod stream;
 pub mod trilateration;
 pub mod units;
 pub mod validate;
@@ -37,5 +39,6 @@ pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};
+pub use stream::{CsvStream, Sample, Streamed, identify_stream};
 pub use units::{Shown, shown, site_json, unit};
 pub use validate::{Refit, Region, Validation, validate};

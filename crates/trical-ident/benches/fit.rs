@@ -7,7 +7,10 @@ use rand_distr::Distribution;
 use rand_pcg::Pcg64Mcg;
 use trical_ident::identifiability::{independent_terms, r_factor};
 use trical_ident::identify::prepared;
-use trical_ident::{Choice, Dataset, JointSource, Noise, ParameterSet, fit_model, identify, reject_gross_errors};
+use trical_ident::{
+    Choice, CsvStream, Dataset, JointSource, Noise, ParameterSet, fit_model, identify, identify_stream,
+    reject_gross_errors,
+};
 use trical_model::{Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Recording, Robot, Row, State};
 
 const ROBOT: &str = include_str!("../../../cells/irb120/robot.toml");
@@ -73,6 +76,34 @@ fn whole_fit_of_31_parameters(bencher: Bencher, touched: usize) {
 fn gross_errors(bencher: Bencher, touched: usize) {
     let (data, model) = (touches(touched), nominal());
     bencher.bench_local(|| reject_gross_errors(&model.robot, &model.cell, &data).unwrap().observations.len());
+}
+
+/// A CSV of tracker points, read in passes: ten times as long for a million.
+#[divan::bench(sample_count = 5)]
+fn stream_of_100_000_points(bencher: Bencher) {
+    use std::io::Write;
+    let mut model = nominal();
+    model.cell.tool.targets = vec![model.cell.tool.tcp];
+    model.frames = vec![Pose::identity()];
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let (mut ws, mut rng) = (forward.workspace(), Pcg64Mcg::seed_from_u64(2));
+    let normal = rand_distr::Normal::new(0.0, 2e-5).unwrap();
+    let mut file = std::io::BufWriter::new(tempfile::NamedTempFile::new().unwrap());
+    writeln!(file, "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,x_mm,y_mm,z_mm").unwrap();
+    for k in 0..100_000 {
+        let q: Vec<f64> = model.robot.joints.iter().map(|j| rng.random_range(j.limits[0]..j.limits[1])).collect();
+        let p = forward.world_from_tool(&State::at(&q), &mut ws).translation.map(|v| v + normal.sample(&mut rng));
+        let q: Vec<String> = q.iter().map(|q| format!("{:.4}", q.to_degrees())).collect();
+        writeln!(file, "{k},{},1,{:.4},{:.4},{:.4}", q.join(","), p.x * 1e3, p.y * 1e3, p.z * 1e3).unwrap();
+    }
+    let file = file.into_inner().unwrap();
+    bencher.bench_local(|| {
+        let stream = CsvStream::open(&[file.path().to_owned()], 6).unwrap();
+        let data = Dataset::build(&stream.sample().unwrap().recordings, JointSource::Read, None).unwrap();
+        let data = reject_gross_errors(&model.robot, &model.cell, &data).unwrap();
+        let set = ParameterSet::Compliance;
+        identify_stream(&model.robot, &model.cell, &stream, &data, set, false).unwrap().observations
+    });
 }
 
 #[divan::bench]

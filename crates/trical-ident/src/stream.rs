@@ -48,8 +48,8 @@ const NAMED: usize = 1000;
 /// Passes over the files before it is given up.
 const PASSES: usize = 10;
 
-/// A step below this fraction of what the data can tell ends the passes.
-const SMALL: f64 = 1e-3;
+/// Steps below this fraction of every parameter's standard deviation end the passes.
+const SMALL: f64 = 1e-2;
 
 /// CSV recordings of one arm, opened to be read several times.
 #[derive(Debug)]
@@ -460,14 +460,18 @@ pub fn identify_stream(
             let weak = crate::identifiability::weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
             return Err(rank_deficient(robot, data, &weak));
         };
-        // Gauss-Newton: R dx = -Q'r, and how far the data can tell
+        // Gauss-Newton: R dx = -Q'r
         let mut step: Vec<f64> = (0..p).map(|i| -whole[(i, p)]).collect();
         for i in (0..p).rev() {
             let sum: f64 = (i + 1..p).map(|j| r[(i, j)] * step[j]).sum();
             step[i] = (step[i] - sum) / r[(i, i)];
         }
-        let size = step.iter().zip(&scale).map(|(d, s)| (d * s).abs()).fold(0.0, f64::max);
+        let covariance = covariance(&r, &scale);
         let cost = 0.5 * sums.squares.total();
+        let freedom = (sums.squares.count() - f64::from(u32::try_from(p).unwrap_or(u32::MAX))).max(1.0);
+        let variance = 2.0 * cost / freedom;
+        let sd: Vec<f64> = (0..p).map(|k| (covariance[k * p + k] * variance).max(0.0).sqrt()).collect();
+        let size = step.iter().zip(&sd).map(|(d, sd)| d.abs() / sd.max(1e-300)).fold(0.0, f64::max);
         let mut updated = noise.clone();
         let one_group = updated.update_from(&sums.squares, p).is_some();
         if size < SMALL && (one_group || pass > 2) {
@@ -475,14 +479,12 @@ pub fn identify_stream(
             let gradient = (0..p)
                 .map(|j| ((0..=j).map(|i| r[(i, j)] * whole[(i, p)]).sum::<f64>() / (scale[j] * length)).abs())
                 .fold(0.0, f64::max);
-            let freedom = (sums.squares.count() - f64::from(u32::try_from(p).unwrap_or(u32::MAX))).max(1.0);
-            let variance = 2.0 * cost / freedom;
-            let covariance: Vec<f64> = covariance(&r, &scale).iter().map(|c| c * variance).collect();
+            let covariance: Vec<f64> = covariance.iter().map(|c| c * variance).collect();
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
             let scalars = sums.squares.count() as usize;
             let mut model = fit.into_model();
             for (k, index) in start.free.iter().enumerate() {
-                model.terms[*index].sd = Some(covariance[k * p + k].max(0.0).sqrt());
+                model.terms[*index].sd = Some(sd[k]);
             }
             let after = crate::fit::position_errors(&Forward::new(model.clone(), Vec::new())?, data);
             let report = LmReport { iterations: pass, cost, gradient, ended: Ended::Step };
@@ -561,8 +563,7 @@ fn add_up(judges: &Judges<'_>, data: &Dataset, index: usize, parser: &Parser<'_>
             let rows = robust.residual(&o.state, &o.measured, o.frame, ws);
             let r = ws.residual();
             let off = (0..rows).map(|k| (r[k] / noise.sigma(index, &o.measured, k)).powi(2)).sum::<f64>().sqrt();
-            // not a number, too
-            if !(off <= GROSS) {
+            if off > GROSS || off.is_nan() {
                 sums.rejected += 1;
                 if sums.named.len() < NAMED {
                     sums.named.push(Rejected {

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::cell::Cell;
-use crate::chain::{Axes, Chain, Frames, JointIncrement, Loads, Moment, small_rotation};
+use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, small_rotation};
 use crate::error::{ModelError, Result};
 use crate::jacobian::{Map, Target, Through};
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
@@ -385,10 +385,12 @@ impl Forward {
                 _ => {}
             }
         }
+        let still = (!self.moments.is_empty()).then_some(&ws.still);
+        let increments = Increments { by_joint: &ws.increments, still };
         if self.moves_base {
-            self.chain.run_with_base(&ws.base, &state.q, Some(&ws.increments), &mut ws.moved);
+            self.chain.run_with_base(&ws.base, &state.q, Some(&increments), &mut ws.moved);
         } else {
-            self.chain.run(&state.q, Some(&ws.increments), &mut ws.moved);
+            self.chain.run(&state.q, Some(&increments), &mut ws.moved);
         }
     }
 

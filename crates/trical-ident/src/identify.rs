@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use faer::Mat;
-use trical_model::{Cell, Forward, Model, Robot};
+use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
 use crate::dataset::{Dataset, Rejected};
 use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
@@ -88,6 +88,39 @@ impl Identified {
     /// None for a model that was fitted.
     pub fn errors(&self) -> Result<Vec<f64>> {
         Ok(position_errors(&Forward::new(self.model.clone(), Vec::new())?, &self.data))
+    }
+
+    /// Covariance of what the model predicts at any pose for a measurement such as `measured` (its values do not matter) in
+    /// measuring frame `frame` (0-based), m^2 and rad^2, rows and columns in the axes of that measurement's residual: world for
+    /// touches, the measuring frame for points, one length for distances, position and the tool's rotation vector for poses.
+    /// It is what the uncertainty of the parameters does to a prediction; the noise of a new measurement comes on top.
+    ///
+    /// # Errors
+    /// A ball, target, anchor or frame that the model does not have, or a term that needs what `state` does not know.
+    pub fn prediction_covariance(&self, state: &State, measured: &Measured, frame: usize) -> Result<[[f64; 6]; 6]> {
+        let forward = Forward::new(self.model.clone(), self.free.clone())?;
+        forward.check(state, measured, frame)?;
+        let mut ws = forward.workspace();
+        let mut measured = *measured;
+        if let Measured::Pose { quaternion, .. } = &mut measured {
+            // derivatives at the predicted orientation itself
+            let tool = forward.world_from_tool(state, &mut ws).rotation;
+            let seen = forward.frame_from_world(frame).map_or(tool, |f| f.rotation * tool);
+            *quaternion = trical_model::pose::quaternion_from_rotation(&seen);
+        }
+        let p = self.free.len();
+        let mut jacobian = vec![0.0; 6 * p];
+        let rows = forward.linearize(state, &measured, frame, &mut ws, &mut jacobian);
+        let mut out = [[0.0; 6]; 6];
+        for (i, to) in out.iter_mut().enumerate().take(rows) {
+            for (j, to) in to.iter_mut().enumerate().take(rows) {
+                for a in 0..p {
+                    let sum: f64 = (0..p).map(|b| self.covariance[a * p + b] * jacobian[j * p + b]).sum();
+                    *to += jacobian[i * p + a] * sum;
+                }
+            }
+        }
+        Ok(out)
     }
 
     /// Pairs of parameters with a correlation beyond `limit`.

@@ -359,7 +359,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     }
     check_values(robot, data)?;
     for o in &data.observations {
-        if let trical_model::Measured::Touch { ball, .. } = o.measured
+        if let Measured::Touch { ball, .. } = o.measured
             && ball >= cell.balls.len()
         {
             return Err(IdentError::Recording {
@@ -368,7 +368,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
                 problem: format!("found ball {}, but the cell has {}", ball + 1, cell.balls.len()),
             });
         }
-        if let trical_model::Measured::Point { target, .. } = o.measured
+        if let Measured::Point { target, .. } = o.measured
             && target >= cell.tool.targets.len()
         {
             return Err(IdentError::Recording {
@@ -396,7 +396,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
 /// The model on which structure is judged: the nominal one. Where there are only lengths, which need no idea of where the base
 /// stands or the tool is, these come from the data: a tool that the cell leaves on the last axis would hide parameters.
 fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
-    if data.observations.iter().any(|o| !matches!(o.measured, trical_model::Measured::Distance { .. })) {
+    if data.observations.iter().any(|o| !matches!(o.measured, Measured::Distance { .. })) {
         return Ok(Cow::Borrowed(nominal));
     }
     let constant = |site| trical_model::Term::new("start", "start", site, trical_model::Basis::CONSTANT);
@@ -451,4 +451,38 @@ pub fn cross_validate(
         }
     }
     Ok(errors)
+}
+
+/// Errors (m) of the last `percent` of each recording's poses, by a fit to the poses before them: what a calibration is worth
+/// later. Order is that of the recordings, which is time's.
+///
+/// # Errors
+/// As [`fit_model`], and a share that leaves nothing on either side.
+pub fn forward_in_time(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    choice: impl Into<Choice>,
+    percent: usize,
+) -> Result<Vec<f64>> {
+    let mut first_held = vec![usize::MAX; data.names.len()];
+    for (recording, first) in first_held.iter_mut().enumerate() {
+        let mut poses: Vec<usize> =
+            data.observations.iter().filter(|o| o.recording == recording).map(|o| o.pose).collect();
+        poses.dedup();
+        let held = poses.len() * percent.min(100) / 100;
+        if held == 0 || held == poses.len() {
+            return Err(IdentError::NotEnough(format!(
+                "{}: the last {percent} % of {} poses are {held}; expected a share that leaves poses to fit and to score",
+                data.names[recording],
+                poses.len()
+            )));
+        }
+        if let Some(pose) = poses.get(poses.len() - held) {
+            *first = *pose;
+        }
+    }
+    let later = |o: &crate::dataset::Observation| o.pose >= first_held[o.recording];
+    let fitted = identify(robot, cell, &data.filtered(|o| !later(o)), choice)?;
+    Ok(position_errors(&Forward::new(fitted.model, Vec::new())?, &data.filtered(later)))
 }

@@ -35,7 +35,9 @@ pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, diagnose};
 pub use error::{IdentError, Result};
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
-pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify, reject_gross_errors};
+pub use identify::{
+    ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify, reject_gross_errors,
+};
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};

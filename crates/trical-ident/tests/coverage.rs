@@ -93,6 +93,26 @@ fn intervals_of_95_percent_cover_the_truth_in_93_to_97_percent_of_runs() {
     assert!((0.93..0.97).contains(&predictions), "{predictions}");
 }
 
+#[test]
+fn the_last_poses_are_scored_by_a_fit_that_has_not_seen_them() {
+    let (truth, mut data) = one_run(7);
+    // a ball that is bumped by 1 mm before the last fifth shows in full, since nothing is fitted to it
+    let score = |data: &Dataset| {
+        let e = trical_ident::forward_in_time(&truth.robot, &truth.cell, data, ParameterSet::Compliance, 20).unwrap();
+        assert_eq!(e.len(), 9);
+        e.iter().sum::<f64>() / 9.0
+    };
+    assert!(score(&data) < 1e-4);
+    for o in data.observations.iter_mut().skip(36) {
+        if let Measured::Touch { reading, .. } = &mut o.measured {
+            reading[0] += 1e-3;
+        }
+    }
+    assert!((score(&data) / 1e-3 - 1.0).abs() < 0.1);
+    let all = trical_ident::forward_in_time(&truth.robot, &truth.cell, &data, ParameterSet::Compliance, 100);
+    assert!(all.unwrap_err().to_string().contains("the last 100 % of 45 poses are 45"));
+}
+
 /// The full number, for reports: `cargo test --release -p trical-ident --test coverage -- --ignored --nocapture`.
 #[test]
 #[ignore = "the small version above runs in every test; this is the number that is reported"]

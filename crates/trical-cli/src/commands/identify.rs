@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
     CsvStream, Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Streamed,
-    cross_validate, identify, identify_stream, reject_gross_errors, shown,
+    cross_validate, forward_in_time, identify, identify_stream, reject_gross_errors, shown,
 };
 use trical_model::{Cell, Recording, Robot};
 
@@ -61,11 +61,14 @@ pub struct Args {
     /// Also score every pose by a fit without it, in K folds
     #[arg(long, value_name = "K")]
     cross_validate: Option<usize>,
+    /// Also score the last PERCENT of each recording's poses by a fit to those before: forward in time
+    #[arg(long, value_name = "PERCENT")]
+    hold_out_last: Option<usize>,
     /// Keep gross errors instead of rejecting them
     #[arg(long)]
     keep_outliers: bool,
     /// Read CSV recordings in passes, in memory that does not grow with their rows; by itself above 32 MB
-    #[arg(long, conflicts_with = "cross_validate")]
+    #[arg(long, conflicts_with_all = ["cross_validate", "hold_out_last"])]
     stream: bool,
     /// A machine-readable summary on standard output
     #[arg(long)]
@@ -94,7 +97,7 @@ fn stream(args: &Args, joints: usize) -> Result<Option<CsvStream>> {
     if args.stream {
         return Ok(Some(CsvStream::open(&args.recordings, joints)?));
     }
-    if bytes <= LARGE || args.cross_validate.is_some() {
+    if bytes <= LARGE || args.cross_validate.is_some() || args.hold_out_last.is_some() {
         return Ok(None);
     }
     // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
@@ -148,6 +151,10 @@ pub fn run(args: &Args) -> Result<()> {
             let data = prepare(args, &robot, &cell, &recordings)?;
             let fitted = identify(&robot, &cell, &data, options.clone())?;
             let nominal = identify(&robot, &cell, &data, ParameterSet::Nominal)?;
+            let later = args
+                .hold_out_last
+                .map(|k| forward_in_time(&robot, &cell, &data, options.clone(), k).map(|e| ErrorSummary::of(&e)))
+                .transpose()?;
             let held_out = args
                 .cross_validate
                 .map(|k| cross_validate(&robot, &cell, &data, options, k).map(|e| ErrorSummary::of(&e)))
@@ -156,6 +163,7 @@ pub fn run(args: &Args) -> Result<()> {
                 errors: ErrorSummary::of(&fitted.errors()?),
                 before: ErrorSummary::of(&nominal.errors()?),
                 held_out,
+                later,
                 observations: data.observations.len(),
                 places: format!("{} measurements at {} poses", data.observations.len(), data.used_poses().len()),
                 rejected: data.rejected.len(),
@@ -176,7 +184,7 @@ pub fn run(args: &Args) -> Result<()> {
         .save(out)?;
     }
     if args.json {
-        return say(serde_json::to_string_pretty(&summary(&found, args.cross_validate)?)?);
+        return say(serde_json::to_string_pretty(&summary(&found, args)?)?);
     }
     print(args, &found)
 }
@@ -187,6 +195,8 @@ struct Found {
     errors: ErrorSummary,
     before: ErrorSummary,
     held_out: Option<ErrorSummary>,
+    /// Of the last poses, by a fit to those before.
+    later: Option<ErrorSummary>,
     observations: usize,
     /// "45 measurements at 45 poses".
     places: String,
@@ -203,6 +213,7 @@ impl Found {
             errors: s.errors,
             before: s.before,
             held_out: None,
+            later: None,
             observations: s.observations,
             places: format!("{} measurements, read in {} passes,", s.observations, s.passes + 1),
             rejected: s.rejected,
@@ -213,7 +224,7 @@ impl Found {
     }
 }
 
-fn summary(found: &Found, folds: Option<usize>) -> Result<serde_json::Value> {
+fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
     let Found { fitted, errors, before, .. } = found;
     let parameters: Vec<_> = fitted.free.iter().map(|k| shown(&fitted.model, &fitted.model.terms[*k])).collect();
     let not_identifiable: Vec<Vec<String>> = fitted
@@ -243,7 +254,16 @@ fn summary(found: &Found, folds: Option<usize>) -> Result<serde_json::Value> {
         map.insert("passes".into(), json!(passes));
         map.insert("rejected_rows".into(), json!(found.rejected));
     }
-    if let (Some((folds, held_out)), Some(map)) = (folds.zip(found.held_out.as_ref()), out.as_object_mut()) {
+    if let (Some((percent, later)), Some(map)) = (args.hold_out_last.zip(found.later.as_ref()), out.as_object_mut()) {
+        let mut entry = serde_json::to_value(later)?;
+        if let Some(e) = entry.as_object_mut() {
+            e.insert("last_percent".into(), json!(percent));
+        }
+        map.insert("forward_in_time".into(), entry);
+    }
+    if let (Some((folds, held_out)), Some(map)) =
+        (args.cross_validate.zip(found.held_out.as_ref()), out.as_object_mut())
+    {
         let mut entry = serde_json::to_value(held_out)?;
         if let Some(e) = entry.as_object_mut() {
             e.insert("folds".into(), json!(folds));
@@ -303,6 +323,9 @@ fn print(args: &Args, found: &Found) -> Result<()> {
     add("identified", &found.errors);
     if let (Some(k), Some(e)) = (args.cross_validate, &found.held_out) {
         add(&format!("identified, poses not used in the fit ({k} folds)"), e);
+    }
+    if let (Some(percent), Some(e)) = (args.hold_out_last, &found.later) {
+        add(&format!("last {percent} % of the poses, by a fit to those before"), e);
     }
     say("")?;
     for line in table::lines(&rows) {

@@ -1,17 +1,27 @@
 //! Levenberg-Marquardt on normal equations, solved by faer.
 //!
-//! Normal equations are accumulated observation by observation, so memory does not grow with the rows; columns are scaled to
-//! unit length before the Cholesky factorization, which keeps the digits (what is reported, rank and covariance, comes from a
-//! QR factorization of J itself, see [`crate::identifiability`]).
+//! Normal equations are accumulated block by block, so memory does not grow with the rows; columns are scaled to unit length
+//! before the Cholesky factorization, which keeps the digits (what is reported, rank and covariance, comes from a QR
+//! factorization of J itself, see [`crate::identifiability`]).
 
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::cholesky::llt::solve::{solve_in_place, solve_in_place_scratch};
+use faer::{Mat, Par};
 use rayon::prelude::*;
-use trical_model::{Forward, Workspace};
+use trical_model::Forward;
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
 use crate::noise::Noise;
+use crate::normal::{CHUNK, Keep, Rows};
+
+/// Damping at the start (columns have unit length): small, since starts from closed forms are good, and Newton's steps are fast.
+const LAMBDA: f64 = 1e-8;
+
+/// A step by less than this fraction of what the data can tell is not worth another pass over it, where the cost would not
+/// fall either.
+const NEGLIGIBLE: f64 = 1e-3;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -70,136 +80,6 @@ pub struct LmReport {
     pub ended: Ended,
 }
 
-/// Normal equations: `H = J'J` (lower triangle, row by row) and `g = J'r`, weighted.
-struct Normal {
-    p: usize,
-    h: Vec<f64>,
-    g: Vec<f64>,
-    cost: f64,
-}
-
-/// Observations a chunk; sums are formed chunk by chunk in order, so that the number of threads changes no bit.
-const CHUNK: usize = 1024;
-
-impl Normal {
-    fn new(p: usize) -> Self {
-        Self { p, h: vec![0.0; p * p], g: vec![0.0; p], cost: 0.0 }
-    }
-
-    fn clear(&mut self) {
-        self.h.fill(0.0);
-        self.g.fill(0.0);
-        self.cost = 0.0;
-    }
-
-    fn add_row(&mut self, row: &[f64], r: f64, weight: f64) {
-        let p = self.p;
-        for (a, ja) in row.iter().enumerate() {
-            let w = ja * weight;
-            self.g[a] += w * r;
-            for (h, jb) in self.h[a * p..=a * p + a].iter_mut().zip(row) {
-                *h += w * jb;
-            }
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        for (a, b) in self.h.iter_mut().zip(&other.h) {
-            *a += b;
-        }
-        for (a, b) in self.g.iter_mut().zip(&other.g) {
-            *a += b;
-        }
-        self.cost += other.cost;
-    }
-}
-
-/// Huber's loss of a squared norm: its value and the weight of the rows.
-#[inline]
-fn huber(square: f64, k: f64) -> (f64, f64) {
-    let norm = square.sqrt();
-    if norm <= k { (0.5 * square, 1.0) } else { (k * norm - 0.5 * k * k, k / norm) }
-}
-
-fn accumulate(
-    forward: &Forward,
-    ws: &mut Workspace,
-    jacobian: &mut [f64],
-    chunk: &[Observation],
-    noise: &Noise,
-    limit: f64,
-    normal: &mut Normal,
-) {
-    let p = normal.p;
-    for o in chunk {
-        let rows = forward.linearize(&o.state, &o.measured, o.frame, ws, jacobian);
-        let mut scaled = [0.0; 6];
-        let mut square = 0.0;
-        for (k, s) in scaled.iter_mut().enumerate().take(rows) {
-            let inverse = 1.0 / noise.sigma(o.recording, &o.measured, k);
-            *s = ws.residual()[k] * inverse;
-            square += *s * *s;
-            for v in &mut jacobian[k * p..(k + 1) * p] {
-                *v *= inverse;
-            }
-        }
-        let (cost, weight) = huber(square, limit);
-        normal.cost += cost;
-        for (k, s) in scaled.iter().enumerate().take(rows) {
-            normal.add_row(&jacobian[k * p..(k + 1) * p], *s, weight);
-        }
-    }
-}
-
-fn normal_equations(forward: &Forward, data: &Dataset, noise: &Noise, limit: f64, total: &mut Normal) {
-    total.clear();
-    let p = total.p;
-    let run = |chunk: &[Observation], normal: &mut Normal| {
-        let mut ws = forward.workspace();
-        let mut jacobian = vec![0.0; 6 * p];
-        accumulate(forward, &mut ws, &mut jacobian, chunk, noise, limit, normal);
-    };
-    if data.observations.len() <= CHUNK {
-        run(&data.observations, total);
-        return;
-    }
-    // as many chunks at a time as keep all threads busy; memory stays bounded
-    for batch in data.observations.chunks(CHUNK * 64) {
-        let parts: Vec<Normal> = batch
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                let mut normal = Normal::new(p);
-                run(chunk, &mut normal);
-                normal
-            })
-            .collect();
-        for part in &parts {
-            total.add(part);
-        }
-    }
-}
-
-/// Half the weighted (robust) sum of squares.
-fn cost(forward: &Forward, data: &Dataset, noise: &Noise, limit: f64) -> f64 {
-    let run = |chunk: &[Observation]| {
-        let mut ws = forward.workspace();
-        chunk
-            .iter()
-            .map(|o| {
-                let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
-                let square: f64 =
-                    (0..rows).map(|k| (ws.residual()[k] / noise.sigma(o.recording, &o.measured, k)).powi(2)).sum();
-                huber(square, limit).0
-            })
-            .sum::<f64>()
-    };
-    if data.observations.len() <= CHUNK {
-        return run(&data.observations);
-    }
-    let parts: Vec<f64> = data.observations.par_chunks(CHUNK).map(run).collect();
-    parts.iter().sum()
-}
-
 /// Checks that every observation can be predicted.
 ///
 /// # Errors
@@ -231,20 +111,233 @@ pub fn check_count(data: &Dataset, p: usize, priors: &[Option<Prior>]) -> Result
     Ok(scalars)
 }
 
-/// Priors as measurements of the coefficients themselves.
-fn add_priors(priors: &[Option<Prior>], x: &[f64], normal: &mut Normal) {
-    for (k, (prior, value)) in priors.iter().zip(x).enumerate() {
-        if let Some(prior) = prior {
-            let r = (value - prior.value) / prior.sd;
-            normal.h[k * normal.p + k] += prior.sd.powi(-2);
-            normal.g[k] += r / prior.sd;
-            normal.cost += 0.5 * r * r;
+/// Levenberg-Marquardt with its working memory, so that refits allocate nothing anew.
+pub(crate) struct Solver {
+    /// Sums at the present coefficients.
+    at: Rows,
+    /// Sums at those that are tried.
+    tried: Rows,
+    damped: Mat<f64>,
+    rhs: Mat<f64>,
+    scale: Vec<f64>,
+    proposal: Vec<f64>,
+    memory: MemBuffer,
+}
+
+impl Solver {
+    /// For `p` free coefficients.
+    pub fn new(p: usize) -> Self {
+        let scratch = cholesky_in_place_scratch::<f64>(p, Par::Seq, faer::Spec::default())
+            .or(solve_in_place_scratch::<f64>(p, 1, Par::Seq));
+        Self {
+            at: Rows::new(p, Keep::Products),
+            tried: Rows::new(p, Keep::Products),
+            damped: Mat::zeros(p, p),
+            rhs: Mat::zeros(p, 1),
+            scale: vec![1.0; p],
+            proposal: vec![0.0; p],
+            memory: MemBuffer::new(scratch),
+        }
+    }
+
+    /// The factor of `[J r]` where the fit ended, if all rows are still there.
+    pub fn factor(&self) -> Option<Mat<f64>> {
+        self.at.factor()
+    }
+
+    /// Scales, solves for the step at damping `lambda` into `rhs` (scaled); false where the matrix is not positive.
+    fn step(&mut self, lambda: f64) -> bool {
+        let p = self.scale.len();
+        for j in 0..p {
+            for i in j..p {
+                self.damped[(i, j)] =
+                    self.at.h(i, j) / (self.scale[i] * self.scale[j]) + if i == j { lambda } else { 0.0 };
+            }
+            self.rhs[(j, 0)] = -self.at.g(j) / self.scale[j];
+        }
+        let stack = MemStack::new(&mut self.memory);
+        let factored = cholesky_in_place(
+            self.damped.as_mut(),
+            LltRegularization::default(),
+            Par::Seq,
+            stack,
+            faer::Spec::default(),
+        );
+        if factored.is_err() {
+            return false;
+        }
+        let stack = MemStack::new(&mut self.memory);
+        solve_in_place(self.damped.as_ref(), self.rhs.as_mut(), Par::Seq, stack);
+        true
+    }
+
+    /// As [`minimize_with_priors`].
+    pub fn minimize(
+        &mut self,
+        forward: &mut Forward,
+        data: &Dataset,
+        noise: &Noise,
+        priors: &[Option<Prior>],
+        params: &LmParams,
+    ) -> Result<LmReport> {
+        let p = forward.free().len();
+        let scalars = check_count(data, p, priors)?;
+        let mut x = forward.coefficients();
+        evaluate(forward, data, noise, priors, params.huber, &mut self.at);
+        let mut lambda = LAMBDA;
+        let mut report = LmReport { iterations: 0, cost: self.at.cost, gradient: 0.0, ended: Ended::Iterations };
+        if !self.at.cost.is_finite() {
+            return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
+        }
+        if p == 0 {
+            report.ended = Ended::Step;
+            return Ok(report);
+        }
+        let mut fresh = true;
+        while report.iterations < params.max_iterations {
+            report.iterations += 1;
+            if fresh {
+                report.gradient = self.rescale(forward)?;
+            }
+            if self.at.cost < 1e-22 * (1.0 + f64::from(u32::try_from(scalars).unwrap_or(u32::MAX))) {
+                report.ended = Ended::Zero;
+                break;
+            }
+            if !self.step(lambda) {
+                lambda = (lambda * 10.0).max(1e-9);
+                fresh = false;
+                if lambda > 1e6 {
+                    report.ended = Ended::Stuck;
+                    break;
+                }
+                continue;
+            }
+            // predicted decrease of the cost, and the step in units of what the data can tell
+            let (mut predicted, mut size) = (0.0, 0.0_f64);
+            for (i, ((to, from), scale)) in self.proposal.iter_mut().zip(&x).zip(&self.scale).enumerate() {
+                let step = self.rhs[(i, 0)];
+                predicted += 0.5 * step * (lambda * step - self.at.g(i) / scale);
+                size = size.max(step.abs());
+                *to = from + step / scale;
+            }
+            if fresh && predicted <= params.cost_tolerance * self.at.cost && size < NEGLIGIBLE {
+                report.ended = Ended::Cost;
+                break;
+            }
+            forward.set_coefficients(&self.proposal);
+            evaluate(forward, data, noise, priors, params.huber, &mut self.tried);
+            let new_cost = self.tried.cost;
+            if new_cost.is_finite() && new_cost <= self.at.cost * (1.0 + 1e-14) {
+                let fell = self.at.cost - new_cost;
+                let gain = fell / predicted.max(1e-300);
+                x.copy_from_slice(&self.proposal);
+                let small_step = size < params.step_tolerance;
+                let small_fall =
+                    fell <= params.cost_tolerance * new_cost && predicted <= params.cost_tolerance * new_cost;
+                std::mem::swap(&mut self.at, &mut self.tried);
+                fresh = true;
+                report.cost = new_cost;
+                if gain > 0.75 {
+                    lambda = (lambda * 0.1).max(1e-15);
+                } else if gain < 0.25 {
+                    lambda *= 4.0;
+                }
+                if small_step || small_fall {
+                    report.ended = if small_step { Ended::Step } else { Ended::Cost };
+                    report.gradient = self.rescale(forward)?;
+                    break;
+                }
+            } else {
+                forward.set_coefficients(&x);
+                fresh = false;
+                if predicted <= params.cost_tolerance * self.at.cost || size < params.step_tolerance {
+                    report.ended = Ended::Cost;
+                    break;
+                }
+                lambda = (lambda * 10.0).max(1e-9);
+                if lambda > 1e9 {
+                    report.ended = Ended::Stuck;
+                    break;
+                }
+            }
+        }
+        forward.set_coefficients(&x);
+        report.cost = self.at.cost;
+        Ok(report)
+    }
+
+    /// Lengths of the columns where the fit stands; returns the largest cosine between one and the residual.
+    fn rescale(&mut self, forward: &Forward) -> Result<f64> {
+        let r = (2.0 * self.at.cost).sqrt().max(1e-300);
+        let mut gradient = 0.0_f64;
+        for (a, s) in self.scale.iter_mut().enumerate() {
+            let d = self.at.h(a, a);
+            if d <= 0.0 || !d.is_finite() {
+                let name = &forward.model().terms[forward.free()[a]].name;
+                return Err(IdentError::NotEnough(format!(
+                    "parameter {name} has no effect on any measurement of this data set"
+                )));
+            }
+            *s = d.sqrt();
+            gradient = gradient.max((self.at.g(a) / (*s * r)).abs());
+        }
+        Ok(gradient)
+    }
+}
+
+/// All rows at the present coefficients, priors as measurements of the coefficients themselves.
+fn evaluate(forward: &Forward, data: &Dataset, noise: &Noise, priors: &[Option<Prior>], limit: f64, total: &mut Rows) {
+    total.clear();
+    sum_rows(forward, &data.observations, noise, limit, total);
+    add_priors(forward, priors, total);
+    total.finish();
+}
+
+/// Adds all observations: one after the other where they are few, else chunks in parallel that are added up in order.
+fn sum_rows(forward: &Forward, observations: &[Observation], noise: &Noise, limit: f64, total: &mut Rows) {
+    let run = |chunk: &[Observation], rows: &mut Rows| {
+        let mut ws = forward.workspace();
+        for o in chunk {
+            rows.observe(forward, &mut ws, o, noise, limit);
+        }
+    };
+    if observations.len() <= CHUNK {
+        run(observations, total);
+        return;
+    }
+    // so many chunks at a time keep all threads busy, and memory stays bounded
+    for batch in observations.chunks(CHUNK * 64) {
+        let parts: Vec<Rows> = batch
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                let mut rows = total.empty();
+                run(chunk, &mut rows);
+                rows.finish();
+                rows
+            })
+            .collect();
+        for part in &parts {
+            total.add(part);
         }
     }
 }
 
-fn cost_of_priors(priors: &[Option<Prior>], x: &[f64]) -> f64 {
-    priors.iter().zip(x).filter_map(|(p, v)| p.map(|p| 0.5 * ((v - p.value) / p.sd).powi(2))).sum()
+fn add_priors(forward: &Forward, priors: &[Option<Prior>], total: &mut Rows) {
+    for (k, (prior, term)) in priors.iter().zip(forward.free()).enumerate() {
+        if let Some(prior) = prior {
+            let value = forward.model().terms[*term].value;
+            total.observe_parameter(k, 1.0 / prior.sd, (value - prior.value) / prior.sd);
+        }
+    }
+}
+
+/// The factor `R` of the weighted `[J r]`, the residual as the last column, accumulated block by block.
+pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, priors: &[Option<Prior>]) -> Mat<f64> {
+    let mut total = Rows::new(forward.free().len(), Keep::Factor);
+    sum_rows(forward, &data.observations, noise, f64::INFINITY, &mut total);
+    add_priors(forward, priors, &mut total);
+    total.finish();
+    total.factor().unwrap_or_else(|| Mat::zeros(0, 0))
 }
 
 /// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
@@ -267,100 +360,7 @@ pub fn minimize_with_priors(
     params: &LmParams,
 ) -> Result<LmReport> {
     check_observations(forward, data)?;
-    let p = forward.free().len();
-    let scalars = check_count(data, p, priors)?;
-    let mut normal = Normal::new(p);
-    normal_equations(forward, data, noise, params.huber, &mut normal);
-    let mut lambda = 1e-6;
-    let mut x = forward.coefficients();
-    add_priors(priors, &x, &mut normal);
-    let mut report = LmReport { iterations: 0, cost: normal.cost, gradient: 0.0, ended: Ended::Iterations };
-    if !normal.cost.is_finite() {
-        return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
-    }
-    if p == 0 {
-        report.ended = Ended::Step;
-        return Ok(report);
-    }
-    let mut scale = vec![1.0; p];
-    let mut fresh = true;
-    while report.iterations < params.max_iterations {
-        report.iterations += 1;
-        if fresh {
-            for (a, s) in scale.iter_mut().enumerate() {
-                let d = normal.h[a * p + a];
-                if d <= 0.0 || !d.is_finite() {
-                    let name = &forward.model().terms[forward.free()[a]].name;
-                    return Err(IdentError::NotEnough(format!(
-                        "parameter {name} has no effect on any measurement of this data set"
-                    )));
-                }
-                *s = d.sqrt();
-            }
-            let r = (2.0 * normal.cost).sqrt();
-            report.gradient = (0..p).map(|a| (normal.g[a] / (scale[a] * r.max(1e-300))).abs()).fold(0.0, f64::max);
-        }
-        if normal.cost < 1e-22 * (1.0 + f64::from(u32::try_from(scalars).unwrap_or(u32::MAX))) {
-            report.ended = Ended::Zero;
-            break;
-        }
-        let a = Mat::from_fn(p, p, |i, j| {
-            let (i, j) = if i >= j { (i, j) } else { (j, i) };
-            normal.h[i * p + j] / (scale[i] * scale[j]) + if i == j { lambda } else { 0.0 }
-        });
-        let Ok(llt) = a.llt(Side::Lower) else {
-            lambda = (lambda * 10.0).max(1e-9);
-            fresh = false;
-            if lambda > 1e6 {
-                report.ended = Ended::Stuck;
-                break;
-            }
-            continue;
-        };
-        let rhs = Mat::from_fn(p, 1, |i, _| -normal.g[i] / scale[i]);
-        let step = llt.solve(&rhs);
-        let proposal: Vec<f64> = (0..p).map(|i| x[i] + step[(i, 0)] / scale[i]).collect();
-        // predicted decrease of the cost, and the step in units of what the data can tell
-        let predicted: f64 = (0..p).map(|i| 0.5 * step[(i, 0)] * (lambda * step[(i, 0)] + rhs[(i, 0)])).sum();
-        let size = (0..p).map(|i| step[(i, 0)].abs()).fold(0.0, f64::max);
-        forward.set_coefficients(&proposal);
-        let new_cost = cost(forward, data, noise, params.huber) + cost_of_priors(priors, &proposal);
-        if new_cost.is_finite() && new_cost <= normal.cost * (1.0 + 1e-14) {
-            let gain = (normal.cost - new_cost) / predicted.max(1e-300);
-            let fell = normal.cost - new_cost;
-            x = proposal;
-            let small_step = size < params.step_tolerance;
-            let small_fall = fell <= params.cost_tolerance * new_cost && predicted <= params.cost_tolerance * new_cost;
-            normal_equations(forward, data, noise, params.huber, &mut normal);
-            add_priors(priors, &x, &mut normal);
-            fresh = true;
-            report.cost = normal.cost;
-            if gain > 0.75 {
-                lambda = (lambda * 0.1).max(1e-15);
-            } else if gain < 0.25 {
-                lambda *= 4.0;
-            }
-            if small_step || small_fall {
-                report.ended = if small_step { Ended::Step } else { Ended::Cost };
-                break;
-            }
-        } else {
-            forward.set_coefficients(&x);
-            fresh = false;
-            if predicted <= params.cost_tolerance * normal.cost || size < params.step_tolerance {
-                report.ended = Ended::Cost;
-                break;
-            }
-            lambda = (lambda * 10.0).max(1e-9);
-            if lambda > 1e9 {
-                report.ended = Ended::Stuck;
-                break;
-            }
-        }
-    }
-    forward.set_coefficients(&x);
-    report.cost = normal.cost;
-    Ok(report)
+    Solver::new(forward.free().len()).minimize(forward, data, noise, priors, params)
 }
 
 /// Weighted residual of every observation (units of sigma) and its number of scalars.

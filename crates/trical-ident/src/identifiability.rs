@@ -7,50 +7,17 @@ use trical_model::{Forward, Measured, Model, Motion, Parameter, Site, State, Ter
 
 use crate::dataset::Dataset;
 use crate::error::Result;
-use crate::fit::Prior;
+use crate::fit::{Prior, factor};
 use crate::noise::Noise;
 use crate::rigid::median;
-
-/// Rows of the weighted Jacobian at a time.
-const BLOCK: usize = 512;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
 pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, priors: &[Option<Prior>]) -> Mat<f64> {
     let p = forward.free().len();
-    let mut ws = forward.workspace();
-    let mut jacobian = vec![0.0; 6 * p];
-    let mut r = Mat::<f64>::zeros(p, p);
-    let mut rows: Vec<f64> = Vec::with_capacity((BLOCK * 6) * p);
-    let flush = |r: &mut Mat<f64>, rows: &mut Vec<f64>| {
-        if rows.is_empty() || p == 0 {
-            return;
-        }
-        let n = rows.len() / p;
-        let stacked = Mat::from_fn(p + n, p, |i, j| if i < p { r[(i, j)] } else { rows[(i - p) * p + j] });
-        let qr = stacked.qr();
-        let upper = qr.thin_R();
-        *r = Mat::from_fn(p, p, |i, j| if i <= j { upper[(i, j)] } else { 0.0 });
-        rows.clear();
-    };
-    for o in &data.observations {
-        let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut jacobian);
-        for k in 0..n {
-            let s = 1.0 / noise.sigma(o.recording, &o.measured, k);
-            rows.extend(jacobian[k * p..(k + 1) * p].iter().map(|v| v * s));
-        }
-        if rows.len() >= BLOCK * 6 * p {
-            flush(&mut r, &mut rows);
-        }
-    }
-    for (k, prior) in priors.iter().enumerate().take(p) {
-        if let Some(prior) = prior {
-            rows.extend((0..p).map(|j| if j == k { 1.0 / prior.sd } else { 0.0 }));
-        }
-    }
-    flush(&mut r, &mut rows);
-    r
+    let r = factor(forward, data, noise, priors);
+    r.submatrix(0, 0, p, p).to_owned()
 }
 
 /// Observability of the parameters from the singular values of the weighted Jacobian with columns of unit length.
@@ -72,6 +39,24 @@ pub struct Observability {
     pub rows: usize,
 }
 
+/// Lengths of the columns of `R`, and the singular values of `R` with columns of unit length, largest first. `None` where a
+/// column is zero or not finite, or the iteration for the values failed.
+#[must_use]
+pub fn spectrum(r: &Mat<f64>) -> Option<(Vec<f64>, Vec<f64>)> {
+    let p = r.ncols();
+    let scale = column_lengths(r);
+    let reference = median(&scale);
+    if scale.iter().any(|s| *s < 1e-12 * reference || *s <= 0.0 || !s.is_finite()) {
+        return None;
+    }
+    let s = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]).singular_values().ok()?;
+    Some((scale, s))
+}
+
+fn column_lengths(r: &Mat<f64>) -> Vec<f64> {
+    (0..r.ncols()).map(|j| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt()).collect()
+}
+
 /// Observability indices, and covariance of the parameters for unit weights (p x p, row by row, SI).
 ///
 /// # Errors
@@ -79,19 +64,20 @@ pub struct Observability {
 #[must_use]
 pub fn observability(r: &Mat<f64>, rows: usize) -> (Observability, Vec<f64>) {
     let p = r.ncols();
-    let scale: Vec<f64> = (0..p).map(|j| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt().max(1e-300)).collect();
-    let scaled = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]);
-    let Ok(svd) = scaled.thin_svd() else {
+    let Some((scale, s)) = spectrum(r) else {
         let nothing = Observability { o1: 0.0, o2: 0.0, o3: 0.0, o4: 0.0, o5: 0.0, condition: f64::INFINITY, rows };
         return (nothing, vec![f64::INFINITY; p * p]);
     };
-    let s: Vec<f64> = (0..p).map(|k| svd.S().column_vector()[k]).collect();
-    let v = svd.V();
+    (indices(&s, rows), covariance(r, &scale))
+}
+
+/// The indices from the singular values of the scaled Jacobian of `rows` scalars, largest first.
+pub(crate) fn indices(s: &[f64], rows: usize) -> Observability {
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let (pf, m) = (p.max(1) as f64, rows.max(1) as f64);
+    let (pf, m) = (s.len().max(1) as f64, rows.max(1) as f64);
     let largest = s.first().copied().unwrap_or(0.0);
     let smallest = s.last().copied().unwrap_or(0.0);
-    let indices = Observability {
+    Observability {
         o1: (s.iter().map(|x| x.max(1e-300).ln()).sum::<f64>() / pf).exp() / m.sqrt(),
         o2: smallest / largest,
         o3: smallest,
@@ -99,15 +85,40 @@ pub fn observability(r: &Mat<f64>, rows: usize) -> (Observability, Vec<f64>) {
         o5: 1.0 / s.iter().map(|x| 1.0 / x).sum::<f64>(),
         condition: largest / smallest,
         rows,
-    };
-    let mut covariance = vec![0.0; p * p];
-    for i in 0..p {
-        for j in 0..p {
-            covariance[i * p + j] =
-                (0..p).map(|k| v[(i, k)] * v[(j, k)] / (s[k] * s[k])).sum::<f64>() / (scale[i] * scale[j]);
+    }
+}
+
+/// `(R'R)^-1`, row by row, by back substitution on the columns of unit length.
+pub(crate) fn covariance(r: &Mat<f64>, scale: &[f64]) -> Vec<f64> {
+    let p = r.ncols();
+    // row i of the inverse, which is upper triangular: X[i, j] for j >= i
+    let mut inverse = vec![0.0; p * p];
+    for i in (0..p).rev() {
+        let (upper, lower) = inverse.split_at_mut((i + 1) * p);
+        let row = &mut upper[i * p..];
+        row[i] = 1.0;
+        for k in i + 1..p {
+            let u = r[(i, k)] / scale[k];
+            let below = &lower[(k - i - 1) * p..(k - i) * p];
+            for (x, y) in row[k..].iter_mut().zip(&below[k..]) {
+                *x -= u * y;
+            }
+        }
+        let diagonal = r[(i, i)] / scale[i];
+        for x in &mut row[i..] {
+            *x /= diagonal;
         }
     }
-    (indices, covariance)
+    let mut out = vec![0.0; p * p];
+    for i in 0..p {
+        for j in 0..=i {
+            let sum: f64 =
+                inverse[i * p + i..(i + 1) * p].iter().zip(&inverse[j * p + i..(j + 1) * p]).map(|(a, b)| a * b).sum();
+            out[i * p + j] = sum / (scale[i] * scale[j]);
+            out[j * p + i] = out[i * p + j];
+        }
+    }
+    out
 }
 
 /// Which parameters a fit is to have.
@@ -270,12 +281,13 @@ fn random_states(model: &Model, count: usize) -> Vec<State> {
         .collect()
 }
 
-/// One measurement of each sort that the data has: ball, target, anchor, frame.
+/// One measurement of each sort that the data has: target, anchor, frame. Touches are one sort, since no candidate moves a
+/// single ball: which ball it is changes no derivative.
 fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
     let mut seen: Vec<(Measured, usize)> = Vec::new();
     for o in &data.observations {
         let blank = match o.measured {
-            Measured::Touch { ball, .. } => Measured::Touch { ball, reading: [0.0; 3] },
+            Measured::Touch { .. } => Measured::Touch { ball: 0, reading: [0.0; 3] },
             Measured::Point { target, .. } => Measured::Point { target, position: [0.0; 3] },
             Measured::Distance { anchor, .. } => Measured::Distance { anchor, length: 1.0 },
             Measured::Pose { .. } => Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] },
@@ -290,22 +302,31 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
 
 /// The independent ones among the candidates of `set`, in order of preference, and what was left out.
 ///
-/// Independence is structural: it is judged on the nominal arm at 80 random poses, with the sorts of measurement that the
-/// data has, so that it does not depend on where the data happens to be.
+/// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
+/// has, so that it does not depend on where the data happens to be.
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for.
 pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Result<(Vec<Term>, Vec<Dependent>)> {
     let terms = candidates(nominal, data, choice);
     let p = terms.len();
-    let mut model = nominal.clone();
-    model.terms.clone_from(&terms);
+    let model = Model {
+        robot: nominal.robot.clone(),
+        cell: nominal.cell.without_geometry(),
+        frames: nominal.frames.clone(),
+        terms: terms.clone(),
+    };
     let forward = Forward::new(model, (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];
     let sorts = sorts(data);
-    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); p];
-    for state in random_states(nominal, 80) {
+    // twice as many rows as columns
+    let rows_of_a_state: usize = sorts.iter().map(|(m, _)| residual_rows(m)).sum();
+    let states = (2 * p).div_ceil(rows_of_a_state.max(1)).max(24);
+    let height = states * rows_of_a_state;
+    let mut columns = vec![0.0; p * height];
+    let mut row = 0;
+    for state in random_states(nominal, states) {
         for (measured, frame) in &sorts {
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
             let measured = match measured {
@@ -321,54 +342,57 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
             };
             forward.check(&state, &measured, *frame)?;
             let rows = forward.linearize(&state, &measured, *frame, &mut ws, &mut jacobian);
-            debug_assert_eq!(rows, residual_rows(&measured));
             for k in 0..rows {
-                for (c, column) in columns.iter_mut().enumerate() {
-                    column.push(jacobian[k * p + c]);
+                for c in 0..p {
+                    columns[c * height + row + k] = jacobian[k * p + c];
                 }
             }
+            row += rows;
         }
     }
+    // Householder's reflections of the columns that are kept, one after the other; a column of which they leave nothing
+    // below their triangle is a sum of them
     let mut kept: Vec<usize> = Vec::new();
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    // columns of kept terms in the orthonormal basis, to put dependence into words
-    let mut in_basis: Vec<Vec<f64>> = Vec::new();
+    let mut reflectors: Vec<f64> = Vec::new();
+    // kept columns in the triangle, to put dependence into words
+    let mut triangle: Vec<Vec<f64>> = Vec::new();
     let mut dependent = Vec::new();
-    for (c, column) in columns.iter().enumerate() {
-        let norm = dot(column, column).sqrt();
+    for (c, v) in columns.chunks_exact_mut(height.max(1)).enumerate() {
+        let norm = dot(v, v).sqrt();
         if norm < 1e-9 {
             if terms[c].effect != "compliance" {
                 dependent.push(Dependent { name: terms[c].name.clone(), with: Vec::new() });
             }
             continue;
         }
-        let mut v: Vec<f64> = column.iter().map(|x| x / norm).collect();
-        let mut coefficients = vec![0.0; basis.len()];
-        for _ in 0..2 {
-            for (b, q) in basis.iter().enumerate() {
-                let d = dot(&v, q);
-                coefficients[b] += d;
-                for (x, y) in v.iter_mut().zip(q) {
-                    *x -= d * y;
-                }
+        for x in &mut *v {
+            *x /= norm;
+        }
+        for (k, u) in reflectors.chunks_exact(height).enumerate() {
+            let d = 2.0 * dot(&u[k..], &v[k..]);
+            for (x, y) in v[k..].iter_mut().zip(&u[k..]) {
+                *x -= d * y;
             }
         }
-        let left = dot(&v, &v).sqrt();
+        let k = kept.len();
+        let left = if k < height { dot(&v[k..], &v[k..]).sqrt() } else { 0.0 };
         if left > 1e-6 {
-            for x in &mut v {
-                *x /= left;
-            }
-            basis.push(v);
-            coefficients.push(left);
-            in_basis.push(coefficients);
+            let mut u = vec![0.0; height];
+            u[k..].copy_from_slice(&v[k..]);
+            let pivot = if v[k] > 0.0 { -left } else { left };
+            u[k] -= pivot;
+            let length = dot(&u[k..], &u[k..]).sqrt();
+            reflectors.extend(u.iter().map(|x| x / length));
+            let mut above = v[..k].to_vec();
+            above.push(pivot);
+            triangle.push(above);
             kept.push(c);
         } else {
             // back substitution: the column as a sum of kept columns
-            let k = basis.len();
             let mut share = vec![0.0; k];
             for i in (0..k).rev() {
-                let above: f64 = (i + 1..k).map(|j| in_basis[j].get(i).copied().unwrap_or(0.0) * share[j]).sum();
-                share[i] = (coefficients[i] - above) / in_basis[i][i];
+                let above: f64 = (i + 1..k).map(|j| triangle[j][i] * share[j]).sum();
+                share[i] = (v[i] - above) / triangle[i][i];
             }
             let with =
                 share.iter().zip(&kept).filter(|(s, _)| s.abs() > 1e-3).map(|(_, k)| terms[*k].name.clone()).collect();
@@ -378,8 +402,17 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
     Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))
 }
 
+/// In four sums, which a compiler can do at once.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in a4.zip(b4) {
+        for (s, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
+            *s += x * y;
+        }
+    }
+    sums[0] + sums[1] + sums[2] + sums[3] + rest
 }
 
 /// The smallest singular direction of `R` (scaled columns) where the data cannot tell parameters apart: names of those that
@@ -390,7 +423,7 @@ pub fn weakest_direction(r: &Mat<f64>, names: &[String], limit: f64) -> Option<V
     if p == 0 {
         return None;
     }
-    let scale: Vec<f64> = (0..p).map(|j| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt()).collect();
+    let scale = column_lengths(r);
     let reference = median(&scale);
     if let Some(k) = scale.iter().position(|s| *s < 1e-12 * reference || !s.is_finite()) {
         return Some(vec![names[k].clone()]);

@@ -1,15 +1,19 @@
 //! Identification: from recordings to a model with uncertainties.
 
-use trical_model::{Cell, Forward, Model, Robot, residual_rows};
+use std::borrow::Cow;
+
+use faer::Mat;
+use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
 use crate::dataset::{Dataset, Rejected};
 use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
 use crate::error::{IdentError, Result};
 use crate::fit::{
-    Ended, LmParams, LmReport, Prior, check_count, minimize, minimize_with_priors, position_errors, weighted_residuals,
+    Ended, LmParams, LmReport, Prior, Solver, check_count, check_observations, factor, minimize, position_errors,
+    weighted_residuals,
 };
 use crate::identifiability::{
-    Choice, Dependent, Observability, ParameterSet, independent_terms, observability, r_factor, weakest_direction,
+    Choice, Dependent, Observability, ParameterSet, covariance, independent_terms, indices, spectrum, weakest_direction,
 };
 use crate::noise::Noise;
 use crate::rigid::median;
@@ -17,10 +21,10 @@ use crate::start::start;
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
-const GROSS: f64 = 10.0;
+pub(crate) const GROSS: f64 = 10.0;
 
 /// Columns with a condition above this cannot be told apart by the data.
-const CONDITION_LIMIT: f64 = 1e9;
+pub(crate) const CONDITION_LIMIT: f64 = 1e9;
 
 /// A fitted model and what the fit knows about itself.
 #[derive(Clone, Debug)]
@@ -86,6 +90,39 @@ impl Identified {
         Ok(position_errors(&Forward::new(self.model.clone(), Vec::new())?, &self.data))
     }
 
+    /// Covariance of what the model predicts at any pose for a measurement such as `measured` (its values do not matter) in
+    /// measuring frame `frame` (0-based), m^2 and rad^2, rows and columns in the axes of that measurement's residual: world for
+    /// touches, the measuring frame for points, one length for distances, position and the tool's rotation vector for poses.
+    /// It is what the uncertainty of the parameters does to a prediction; the noise of a new measurement comes on top.
+    ///
+    /// # Errors
+    /// A ball, target, anchor or frame that the model does not have, or a term that needs what `state` does not know.
+    pub fn prediction_covariance(&self, state: &State, measured: &Measured, frame: usize) -> Result<[[f64; 6]; 6]> {
+        let forward = Forward::new(self.model.clone(), self.free.clone())?;
+        forward.check(state, measured, frame)?;
+        let mut ws = forward.workspace();
+        let mut measured = *measured;
+        if let Measured::Pose { quaternion, .. } = &mut measured {
+            // derivatives at the predicted orientation itself
+            let tool = forward.world_from_tool(state, &mut ws).rotation;
+            let seen = forward.frame_from_world(frame).map_or(tool, |f| f.rotation * tool);
+            *quaternion = trical_model::pose::quaternion_from_rotation(&seen);
+        }
+        let p = self.free.len();
+        let mut jacobian = vec![0.0; 6 * p];
+        let rows = forward.linearize(state, &measured, frame, &mut ws, &mut jacobian);
+        let mut out = [[0.0; 6]; 6];
+        for (i, to) in out.iter_mut().enumerate().take(rows) {
+            for (j, to) in to.iter_mut().enumerate().take(rows) {
+                for a in 0..p {
+                    let sum: f64 = (0..p).map(|b| self.covariance[a * p + b] * jacobian[j * p + b]).sum();
+                    *to += jacobian[i * p + a] * sum;
+                }
+            }
+        }
+        Ok(out)
+    }
+
     /// Pairs of parameters with a correlation beyond `limit`.
     #[must_use]
     pub fn correlated(&self, limit: f64) -> Vec<(String, String, f64)> {
@@ -125,31 +162,58 @@ pub fn fit_model_with_priors(
     dependent: Vec<Dependent>,
 ) -> Result<Identified> {
     let free: Vec<usize> = (0..model.terms.len()).collect();
-    let mut forward = Forward::new(model, free.clone())?;
+    let p = free.len();
+    let mut forward = Forward::new(model, free)?;
+    check_observations(&forward, data)?;
     let mut noise = start_noise.clone();
     let params = LmParams::default();
-    let mut report = minimize_with_priors(&mut forward, data, &noise, priors, &params)?;
+    let mut solver = Solver::new(p);
+    let mut report = solver.minimize(&mut forward, data, &noise, priors, &params)?;
+    let mut residuals = weighted_residuals(&forward, data, &noise);
+    let mut said = noise.clone();
     for _ in 0..2 {
-        noise.update(data, &weighted_residuals(&forward, data, &noise), free.len());
-        report = minimize_with_priors(&mut forward, data, &noise, priors, &params)?;
+        let mut updated = noise.clone();
+        let factor = updated.update(data, &residuals, p);
+        if let Some(factor) = factor
+            && priors.iter().flatten().next().is_none()
+        {
+            // one standard deviation for all: its size moves nothing
+            report.cost /= factor * factor;
+            said = updated;
+            break;
+        }
+        noise = updated;
+        said = noise.clone();
+        report = solver.minimize(&mut forward, data, &noise, priors, &params)?;
+        residuals = weighted_residuals(&forward, data, &noise);
     }
-    finish(forward, data, noise, priors, dependent, report)
+    // of the Jacobian itself, not of J'J; the rows of the last step where they are all still there
+    let r = solver.factor().unwrap_or_else(|| factor(&forward, data, &noise, priors));
+    let fitted = Fitted { r, residuals, noise: said, report, dependent };
+    finish(forward, data, fitted)
 }
 
-fn finish(
-    forward: Forward,
-    data: &Dataset,
+/// Where a fit ended.
+struct Fitted {
+    /// Factor of `[J r]`.
+    r: Mat<f64>,
+    /// In the same units.
+    residuals: Vec<([f64; 6], usize)>,
     noise: Noise,
-    priors: &[Option<Prior>],
-    dependent: Vec<Dependent>,
     report: LmReport,
-) -> Result<Identified> {
+    dependent: Vec<Dependent>,
+}
+
+fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified> {
+    let Fitted { r, residuals, noise, report, dependent } = fitted;
     let free = forward.free().to_vec();
     let p = free.len();
+    let r = r.submatrix(0, 0, p, p).to_owned();
+    let spectrum = spectrum(&r);
     // first, since an iteration on data of deficient rank may also fail to converge
-    let r = r_factor(&forward, data, &noise, priors);
-    let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
-    if let Some(weak) = weakest_direction(&r, &names, CONDITION_LIMIT) {
+    if !spectrum.as_ref().is_some_and(|(_, s)| tells_apart(s)) {
+        let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
+        let weak = weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
         return Err(rank_deficient(&forward.model().robot, data, &weak));
     }
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
@@ -158,14 +222,12 @@ fn finish(
             report.ended, report.iterations, report.gradient
         )));
     }
-    let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
-    let (observability, mut covariance) = observability(&r, rows);
-    let square: f64 = weighted_residuals(&forward, data, &noise)
-        .iter()
-        .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>())
-        .sum();
+    let rows: usize = residuals.iter().map(|(_, n)| n).sum();
+    let square: f64 = residuals.iter().map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>()).sum();
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let variance = square / (rows - p).max(1) as f64;
+    let (scale, singular) = spectrum.unwrap_or_default();
+    let mut covariance = covariance(&r, &scale);
     for c in &mut covariance {
         *c *= variance;
     }
@@ -173,11 +235,17 @@ fn finish(
     for (k, index) in free.iter().enumerate() {
         model.terms[*index].sd = Some(covariance[k * p + k].max(0.0).sqrt());
     }
+    let observability = indices(&singular, rows);
     Ok(Identified { model, free, data: data.clone(), noise, covariance, observability, dependent, report })
 }
 
+/// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.
+pub(crate) fn tells_apart(singular: &[f64]) -> bool {
+    singular.last().zip(singular.first()).is_none_or(|(smallest, largest)| smallest * CONDITION_LIMIT > *largest)
+}
+
 /// Parameters that the data cannot tell apart, and what about the data may be why.
-fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> IdentError {
+pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> IdentError {
     let what = match weak {
         [one] => format!("cannot tell {one}"),
         _ => format!("cannot tell {} apart", weak.join(", ")),
@@ -207,22 +275,9 @@ pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result
 /// As [`fit_model`].
 pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
     let mut kept = data.clone();
-    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
-    if robot.require_masses().is_ok() {
-        sets.push(ParameterSet::Compliance);
-    }
-    let mut set = sets.pop().unwrap_or(ParameterSet::Nominal);
+    let mut sets = sets_of(robot);
     for _ in 0..5 {
-        let (forward, noise) = loop {
-            // few data may still do for a smaller model, and what the caller then asks of them is the caller's affair
-            match (robust_fit(robot, cell, &kept, set), sets.pop()) {
-                (Err(IdentError::NotEnough(_)), Some(smaller)) => set = smaller,
-                (fitted, last) => {
-                    sets.extend(last);
-                    break fitted?;
-                }
-            }
-        };
+        let (forward, noise) = richest(robot, cell, &kept, &mut sets)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
         let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
@@ -236,11 +291,7 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
                 recording: kept.names[o.recording].clone(),
                 line: o.line,
                 row: o.row,
-                reason: format!(
-                    "is {:.3} mm off, {:.0} times what is usual here: a gross error",
-                    errors[*i] * 1e3,
-                    length(&residuals[*i])
-                ),
+                reason: gross_error(errors[*i], length(&residuals[*i])),
             });
         }
         let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
@@ -250,11 +301,44 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
     Ok(kept)
 }
 
+/// Why a row is rejected that is `error` m off, `times` what is usual.
+pub(crate) fn gross_error(error: f64, times: f64) -> String {
+    format!("is {:.3} mm off, {times:.0} times what is usual here: a gross error", error * 1e3)
+}
+
+/// The sets of parameters that the robot allows, the richest last.
+fn sets_of(robot: &Robot) -> Vec<ParameterSet> {
+    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
+    if robot.require_masses().is_ok() {
+        sets.push(ParameterSet::Compliance);
+    }
+    sets
+}
+
+/// A robust fit of the richest of `sets` that the data allows; those that it does not are dropped. Few data may still do for
+/// a smaller model, and what the caller then asks of them is the caller's affair.
+fn richest(robot: &Robot, cell: &Cell, data: &Dataset, sets: &mut Vec<ParameterSet>) -> Result<(Forward, Noise)> {
+    loop {
+        let set = sets.last().copied().unwrap_or(ParameterSet::Nominal);
+        match robust_fit(robot, cell, data, set) {
+            Err(IdentError::NotEnough(_)) if sets.len() > 1 => {
+                sets.pop();
+            }
+            fitted => return fitted,
+        }
+    }
+}
+
+/// A robust fit of the richest model that the data and the robot allow, and the noise about it.
+pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<(Forward, Noise)> {
+    richest(robot, cell, data, &mut sets_of(robot))
+}
+
 fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
     let (model, _) = prepared(robot, cell, data, &set.into())?;
     let free = (0..model.terms.len()).collect();
     let mut forward = Forward::new(model, free)?;
-    crate::fit::check_observations(&forward, data)?;
+    check_observations(&forward, data)?;
     let mut noise = Noise::usual(data.names.len());
     noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
     for _ in 0..6 {
@@ -275,7 +359,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     }
     check_values(robot, data)?;
     for o in &data.observations {
-        if let trical_model::Measured::Touch { ball, .. } = o.measured
+        if let Measured::Touch { ball, .. } = o.measured
             && ball >= cell.balls.len()
         {
             return Err(IdentError::Recording {
@@ -284,7 +368,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
                 problem: format!("found ball {}, but the cell has {}", ball + 1, cell.balls.len()),
             });
         }
-        if let trical_model::Measured::Point { target, .. } = o.measured
+        if let Measured::Point { target, .. } = o.measured
             && target >= cell.tool.targets.len()
         {
             return Err(IdentError::Recording {
@@ -302,7 +386,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     check_poses(robot, data)?;
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.frames = vec![trical_model::Pose::identity(); data.frames()];
-    let (terms, dependent) = independent_terms(&judged(&model, data)?, data, choice)?;
+    let (terms, dependent) = independent_terms(judged(&model, data)?.as_ref(), data, choice)?;
     model.terms = terms;
     check_count(data, model.terms.len(), &[])?;
     start(&mut model, data)?;
@@ -311,9 +395,9 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
 
 /// The model on which structure is judged: the nominal one. Where there are only lengths, which need no idea of where the base
 /// stands or the tool is, these come from the data: a tool that the cell leaves on the last axis would hide parameters.
-fn judged(nominal: &Model, data: &Dataset) -> Result<Model> {
-    if data.observations.iter().any(|o| !matches!(o.measured, trical_model::Measured::Distance { .. })) {
-        return Ok(nominal.clone());
+fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
+    if data.observations.iter().any(|o| !matches!(o.measured, Measured::Distance { .. })) {
+        return Ok(Cow::Borrowed(nominal));
     }
     let constant = |site| trical_model::Term::new("start", "start", site, trical_model::Basis::CONSTANT);
     let mut model = nominal.clone();
@@ -321,7 +405,7 @@ fn judged(nominal: &Model, data: &Dataset) -> Result<Model> {
     model.terms.extend(trical_model::Motion::ALL[..3].iter().map(|m| constant(trical_model::Site::Tool(*m))));
     start(&mut model, data)?;
     let cell = model.rigid()?.cell;
-    Ok(Model { cell, terms: Vec::new(), ..model })
+    Ok(Cow::Owned(Model { cell, terms: Vec::new(), ..model }))
 }
 
 /// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].
@@ -367,4 +451,38 @@ pub fn cross_validate(
         }
     }
     Ok(errors)
+}
+
+/// Errors (m) of the last `percent` of each recording's poses, by a fit to the poses before them: what a calibration is worth
+/// later. Order is that of the recordings, which is time's.
+///
+/// # Errors
+/// As [`fit_model`], and a share that leaves nothing on either side.
+pub fn forward_in_time(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    choice: impl Into<Choice>,
+    percent: usize,
+) -> Result<Vec<f64>> {
+    let mut first_held = vec![usize::MAX; data.names.len()];
+    for (recording, first) in first_held.iter_mut().enumerate() {
+        let mut poses: Vec<usize> =
+            data.observations.iter().filter(|o| o.recording == recording).map(|o| o.pose).collect();
+        poses.dedup();
+        let held = poses.len() * percent.min(100) / 100;
+        if held == 0 || held == poses.len() {
+            return Err(IdentError::NotEnough(format!(
+                "{}: the last {percent} % of {} poses are {held}; expected a share that leaves poses to fit and to score",
+                data.names[recording],
+                poses.len()
+            )));
+        }
+        if let Some(pose) = poses.get(poses.len() - held) {
+            *first = *pose;
+        }
+    }
+    let later = |o: &crate::dataset::Observation| o.pose >= first_held[o.recording];
+    let fitted = identify(robot, cell, &data.filtered(|o| !later(o)), choice)?;
+    Ok(position_errors(&Forward::new(fitted.model, Vec::new())?, &data.filtered(later)))
 }

@@ -6,9 +6,10 @@
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`start`], [`trilateration`] | closed-form starting values |
-//! | [`fit`] | Levenberg-Marquardt |
+//! | [`fit`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, gross errors, cross-validation |
+//! | [`stream`] | identification from files of any size, in bounded memory |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
@@ -21,9 +22,11 @@ pub mod identifiability;
 pub mod identify;
 pub mod model_file;
 pub mod noise;
+mod normal;
 pub mod recording_csv;
 pub mod rigid;
 pub mod start;
+pub mod stream;
 pub mod trilateration;
 pub mod units;
 pub mod validate;
@@ -32,9 +35,12 @@ pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, Finding, Undecided, diagnose};
 pub use error::{IdentError, Result};
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
-pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify, reject_gross_errors};
+pub use identify::{
+    ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify, reject_gross_errors,
+};
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};
+pub use stream::{CsvStream, Sample, Streamed, identify_stream};
 pub use units::{Shown, shown, site_json, site_words, unit};
 pub use validate::{Refit, Region, Validation, validate};

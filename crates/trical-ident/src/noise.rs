@@ -48,27 +48,34 @@ impl Noise {
     }
 
     /// Re-estimates each group's standard deviation from weighted residuals (`residuals` in units of the present sigma,
-    /// one slice of 6 an observation), each group paying its share of the `parameters` that were fitted.
-    pub fn update(&mut self, data: &Dataset, residuals: &[([f64; 6], usize)], parameters: usize) {
-        let mut sums = vec![[(0.0, 0.0); 5]; self.sigma.len()];
-        let mut total = 0.0;
+    /// one slice of 6 an observation), each group paying its share of the `parameters` that were fitted. Returns by which
+    /// factor all of them grew, if it is one factor (there is but one group): then no fit would come out otherwise.
+    pub fn update(&mut self, data: &Dataset, residuals: &[([f64; 6], usize)], parameters: usize) -> Option<f64> {
+        let mut squares = Squares::new(self.sigma.len());
         for (o, (r, rows)) in data.observations.iter().zip(residuals) {
-            for (k, v) in r.iter().enumerate().take(*rows) {
-                let s = &mut sums[o.recording][kind(&o.measured, k) as usize];
-                s.0 += v * v;
-                s.1 += 1.0;
-                total += 1.0;
-            }
+            squares.add(o.recording, &o.measured, &r[..*rows]);
         }
+        self.update_from(&squares, parameters)
+    }
+
+    /// As [`Noise::update`], from sums of squares.
+    pub(crate) fn update_from(&mut self, squares: &Squares, parameters: usize) -> Option<f64> {
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let share = (1.0 - parameters as f64 / total).max(0.1);
-        for (sigma, sums) in self.sigma.iter_mut().zip(&sums) {
+        let share = (1.0 - parameters as f64 / squares.count()).max(0.1);
+        let (mut factor, mut groups) = (1.0, 0);
+        for (sigma, sums) in self.sigma.iter_mut().zip(&squares.sums) {
             for (s, (square, n)) in sigma.iter_mut().zip(sums) {
+                if *n > 0.0 {
+                    groups += 1;
+                }
                 if *n >= 6.0 {
+                    let before = *s;
                     *s = (*s * (square / (n * share)).sqrt()).max(SMALLEST);
+                    factor = *s / before;
                 }
             }
         }
+        (groups <= 1).then_some(factor)
     }
 
     /// Re-estimates each group's standard deviation from the median of its absolute weighted residuals, so that gross
@@ -87,5 +94,44 @@ impl Noise {
                 }
             }
         }
+    }
+}
+
+/// Sums of squared weighted residuals, per recording and kind of scalar.
+#[derive(Clone, Debug)]
+pub(crate) struct Squares {
+    sums: Vec<[(f64, f64); 5]>,
+}
+
+impl Squares {
+    pub fn new(recordings: usize) -> Self {
+        Self { sums: vec![[(0.0, 0.0); 5]; recordings] }
+    }
+
+    /// The scalars of one measurement.
+    pub fn add(&mut self, recording: usize, measured: &Measured, weighted: &[f64]) {
+        for (k, v) in weighted.iter().enumerate() {
+            let s = &mut self.sums[recording][kind(measured, k) as usize];
+            s.0 += v * v;
+            s.1 += 1.0;
+        }
+    }
+
+    /// Those of another part of the data.
+    pub fn join(&mut self, other: &Self) {
+        for (a, b) in self.sums.iter_mut().flatten().zip(other.sums.iter().flatten()) {
+            a.0 += b.0;
+            a.1 += b.1;
+        }
+    }
+
+    /// Sum of all squares.
+    pub fn total(&self) -> f64 {
+        self.sums.iter().flatten().map(|s| s.0).sum()
+    }
+
+    /// Number of scalars.
+    pub fn count(&self) -> f64 {
+        self.sums.iter().flatten().map(|s| s.1).sum()
     }
 }

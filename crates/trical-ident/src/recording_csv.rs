@@ -206,21 +206,24 @@ impl Cells<'_, '_> {
     }
 
     fn number(&self, column: usize) -> Result<f64> {
-        let text = self.text(column);
-        match text.parse::<f64>() {
+        match self.text(column).parse::<f64>() {
             Ok(v) if v.is_finite() && v.abs() < 1e9 => Ok(v),
-            _ => Err(self.error(column, format!("found '{text}', expected a finite number"))),
+            _ => Err(self.no_number(column)),
         }
+    }
+
+    fn no_number(&self, column: usize) -> IdentError {
+        self.error(column, format!("found '{}', expected a finite number", self.text(column)))
     }
 
     /// A number whose size is that of an arm or an instrument; the unit stands in the column's name.
     fn within(&self, column: usize, limit: f64) -> Result<f64> {
-        let v = self.number(column);
-        let absurd =
-            || self.error(column, format!("found '{}', expected between -{limit} and {limit}", self.text(column)));
         match self.text(column).parse::<f64>() {
-            Ok(v) if v.is_finite() && v.abs() > limit => Err(absurd()),
-            _ => v,
+            Ok(v) if v.abs() <= limit => Ok(v),
+            Ok(v) if v.is_finite() => {
+                Err(self.error(column, format!("found '{}', expected between -{limit} and {limit}", self.text(column))))
+            }
+            _ => Err(self.no_number(column)),
         }
     }
 
@@ -353,6 +356,68 @@ impl Cells<'_, '_> {
     }
 }
 
+/// What a header says about the rows below it.
+pub(crate) struct Parser<'a> {
+    reader: Reader<'a>,
+    columns: Columns,
+}
+
+impl<'a> Parser<'a> {
+    /// Reads a header.
+    pub fn new(file: &'a str, header: &csv::StringRecord, joints: usize) -> Result<Self> {
+        let reader = Reader { file, header: header.iter().map(|h| h.trim().to_owned()).collect() };
+        let columns = reader.columns(joints)?;
+        Ok(Self { reader, columns })
+    }
+
+    /// Whether the file has fixed references.
+    pub fn has_references(&self) -> bool {
+        self.columns.reference.is_some()
+    }
+
+    /// Hands on every row; lines are counted from `lines_before`.
+    pub fn each_row<R: std::io::Read>(
+        &self,
+        csv: &mut csv::Reader<R>,
+        lines_before: usize,
+        take: &mut dyn FnMut(Row) -> Result<()>,
+    ) -> Result<()> {
+        let mut record = csv::StringRecord::new();
+        loop {
+            match csv.read_record(&mut record) {
+                Ok(false) => return Ok(()),
+                Ok(true) => {}
+                Err(e) => {
+                    let line = e.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
+                    return Err(self.reader.error(format!("line {line}"), format!("cannot be read as CSV: {e}")));
+                }
+            }
+            let line = record.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
+            if record.len() != self.reader.header.len() {
+                return Err(self.reader.error(
+                    format!("line {line}"),
+                    format!("found {} fields, expected {} as in the header", record.len(), self.reader.header.len()),
+                ));
+            }
+            take(Cells { reader: &self.reader, record: &record, line }.row(&self.columns)?)?;
+        }
+    }
+
+    /// Refuses a row that goes back in time.
+    pub fn in_order(&self, row: &Row, last_t: &mut f64) -> Result<()> {
+        if let Some(t) = row.state.t {
+            if t < *last_t {
+                return Err(self.reader.error(
+                    format!("line {}, column t_s", row.line),
+                    format!("found {t} after {last_t}; expected rows in the order of time"),
+                ));
+            }
+            *last_t = t;
+        }
+        Ok(())
+    }
+}
+
 /// Reads a CSV recording of an arm with `joints` joints.
 ///
 /// # Errors
@@ -379,42 +444,15 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
         return Err(problem("is not a text file; expected a CSV recording"));
     }
     let mut csv = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
-    let header: Vec<String> = csv
-        .headers()
-        .map_err(|e| problem(&format!("the header cannot be read: {e}")))?
-        .iter()
-        .map(|h| h.trim().to_owned())
-        .collect();
-    let reader = Reader { file, header };
-    let columns = reader.columns(joints)?;
+    let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
+    let parser = Parser::new(file, &header, joints)?;
     let mut rows = Vec::new();
-    let mut record = csv::StringRecord::new();
     let mut last_t = f64::NEG_INFINITY;
-    loop {
-        match csv.read_record(&mut record) {
-            Ok(false) => break,
-            Ok(true) => {}
-            Err(e) => return Err(problem(&format!("cannot be read as CSV: {e}"))),
-        }
-        let line = record.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0));
-        if record.len() != reader.header.len() {
-            return Err(reader.error(
-                format!("line {line}"),
-                format!("found {} fields, expected {} as in the header", record.len(), reader.header.len()),
-            ));
-        }
-        let row = Cells { reader: &reader, record: &record, line }.row(&columns)?;
-        if let Some(t) = row.state.t {
-            if t < last_t {
-                return Err(reader.error(
-                    format!("line {line}, column t_s"),
-                    format!("found {t} after {last_t}; expected rows in the order of time"),
-                ));
-            }
-            last_t = t;
-        }
+    parser.each_row(&mut csv, 0, &mut |row| {
+        parser.in_order(&row, &mut last_t)?;
         rows.push(row);
-    }
+        Ok(())
+    })?;
     if rows.is_empty() {
         return Err(problem("has a header but no rows"));
     }

@@ -8,8 +8,14 @@ use trical_model::Pose;
 pub fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {
     let svd = m.svd(true, true);
     let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
-    let sign = (u.determinant() * vt.determinant()).signum();
-    u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * vt
+    proper(&u, &vt, svd.singular_values.imin())
+}
+
+/// `U V'`, the direction of the smallest singular value turned round where that would be a reflection.
+fn proper(u: &Matrix3<f64>, vt: &Matrix3<f64>, smallest: usize) -> Matrix3<f64> {
+    let mut signs = Vector3::new(1.0, 1.0, 1.0);
+    signs[smallest] = (u.determinant() * vt.determinant()).signum();
+    u * Matrix3::from_diagonal(&signs) * vt
 }
 
 /// `a_from_b` that minimizes the sum of squares of `a_from_b * b - a`. `None` for fewer than three points, or points on
@@ -30,20 +36,16 @@ pub fn rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Pose>
     for (a, b) in pairs {
         h += (a - ca) * (b - cb).transpose();
     }
-    let s = h.svd(false, false).singular_values;
-    let (mut largest, mut middle): (f64, f64) = (0.0, 0.0);
-    for v in s.iter() {
-        if *v > largest {
-            middle = largest;
-            largest = *v;
-        } else if *v > middle {
-            middle = *v;
-        }
-    }
+    let svd = h.svd(true, true);
+    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return None };
+    let s = svd.singular_values;
+    let largest = s.max();
+    // of three, the one that is neither the largest nor the smallest
+    let middle = s.sum() - largest - s.min();
     if middle <= 1e-9 * largest || largest <= 0.0 {
         return None;
     }
-    let rotation = nearest_rotation(&h);
+    let rotation = proper(&u, &vt, s.imin());
     Some(Pose { rotation, translation: ca - rotation * cb })
 }
 
@@ -54,6 +56,9 @@ pub fn robust_rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Optio
     for _ in 0..3 {
         let d: Vec<f64> = pairs.iter().map(|(a, b)| (pose.apply(b) - a).norm()).collect();
         let limit = 8.0 * median(&d) + 1e-9;
+        if d.iter().all(|d| *d <= limit) {
+            break;
+        }
         let kept: Vec<_> = pairs.iter().zip(&d).filter(|(_, d)| **d <= limit).map(|(p, _)| *p).collect();
         match rigid_from_points(&kept) {
             Some(p) => pose = p,
@@ -67,10 +72,13 @@ pub fn robust_rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Optio
 #[must_use]
 pub fn median(values: &[f64]) -> f64 {
     let mut v = values.to_vec();
-    v.sort_by(f64::total_cmp);
-    match v.len() {
-        0 => 0.0,
-        n if n % 2 == 1 => v[n / 2],
-        n => 0.5 * (v[n / 2 - 1] + v[n / 2]),
+    let n = v.len();
+    if n == 0 {
+        return 0.0;
     }
+    let (below, upper, _) = v.select_nth_unstable_by(n / 2, f64::total_cmp);
+    if n % 2 == 1 {
+        return *upper;
+    }
+    0.5 * (below.iter().copied().fold(f64::NEG_INFINITY, f64::max) + *upper)
 }

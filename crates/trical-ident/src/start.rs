@@ -23,12 +23,15 @@ struct Sight {
     frame: Option<usize>,
 }
 
+/// Frames and tool points are found in turn until no point moves further, m: the fit does the rest.
+const SETTLED: f64 = 1e-4;
+
 /// Sets `model.frames`, the base (a term at [`Site::Base`], if there is one) and tool points from the data.
 ///
 /// # Errors
 /// Too few measurements, or all of them at one place or on one line.
 pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
-    let mut plain = Model::nominal(model.robot.clone(), model.cell.clone());
+    let mut plain = Model::nominal(model.robot.clone(), model.cell.without_geometry());
     plain.cell.world_from_base = Pose::identity();
     let forward = Forward::new(plain, Vec::new())?;
     let mut ws = forward.workspace();
@@ -88,6 +91,7 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
                 ))
             })?);
         }
+        let mut moved = 0.0_f64;
         for (k, point) in points.iter_mut().enumerate() {
             let in_flange: Vec<Vector3<f64>> = sights
                 .iter()
@@ -99,8 +103,13 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
                 })
                 .collect();
             if in_flange.len() >= 3 {
-                *point = Vector3::from_fn(|i, _| median(&in_flange.iter().map(|p| p[i]).collect::<Vec<_>>()));
+                let found = Vector3::from_fn(|i, _| median(&in_flange.iter().map(|p| p[i]).collect::<Vec<_>>()));
+                moved = moved.max((found - *point).norm());
+                *point = found;
             }
+        }
+        if moved < SETTLED {
+            break;
         }
     }
     let orientations: Vec<Matrix3<f64>> = sights

@@ -112,6 +112,18 @@ pub fn balls_from_distances(d12: f64, d13: f64, d23: f64) -> Option<[Vector3<f64
 }
 
 impl Cell {
+    /// The same without what only collision checks need, which may be large.
+    #[must_use]
+    pub fn without_geometry(&self) -> Self {
+        Self {
+            world_from_base: self.world_from_base,
+            tool: self.tool.clone(),
+            balls: self.balls.clone(),
+            anchors: self.anchors.clone(),
+            geometry: None,
+        }
+    }
+
     /// No cell at all: the arm's foot is {w}, the flange is the tool, and there is nothing to measure.
     #[must_use]
     pub fn bare() -> Self {

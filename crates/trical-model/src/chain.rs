@@ -87,6 +87,15 @@ impl Twist {
         }
     }
 
+    /// Change of the first moment of what joint `s` carries, when all of it moves.
+    #[inline]
+    pub fn load(&self, s: usize, loads: &Loads) -> V3 {
+        match self {
+            Self::About { axis, through } => axis.cross(&(loads.first[s] - through * loads.mass[s])),
+            Self::Along(v) => v * loads.mass[s],
+        }
+    }
+
     /// Angular velocity.
     #[inline]
     pub fn angular(&self) -> V3 {
@@ -99,6 +108,26 @@ impl Twist {
 
 /// The seven motions of one joint, in the order of [`ChainDof`].
 pub(crate) type JointIncrement = [f64; 7];
+
+/// What moves the joints at one pose beyond the constant terms.
+pub(crate) struct Increments<'a> {
+    pub by_joint: &'a [JointIncrement; MAX_JOINTS],
+    /// Frames of the same pose without them, where they are known.
+    pub still: Option<&'a Frames>,
+}
+
+/// Below this (rad) the series of [`turned_by`] are exact to the last bit.
+const SMALL_TURN: f64 = 1e-2;
+
+/// Sine and cosine of an angle whose own are known, plus a small one: terms left out are below 1e-20.
+#[inline]
+fn turned_by((s, c): (f64, f64), d: f64) -> (f64, f64) {
+    let d2 = d * d;
+    let sine = d * (1.0 - d2 / 6.0 * (1.0 - d2 / 20.0 * (1.0 - d2 / 42.0)));
+    // 1 - cos, so that nothing is lost beside 1
+    let versine = d2 / 2.0 * (1.0 - d2 / 12.0 * (1.0 - d2 / 30.0));
+    (s - s * versine + c * sine, c - c * versine - s * sine)
+}
 
 /// Constants of one joint with the constant terms included.
 #[derive(Clone, Copy, Debug)]
@@ -131,6 +160,8 @@ pub(crate) struct JointFrames {
     pub origin: V3,
     /// Axes of frame {i}.
     pub axes: Axes,
+    /// Sine and cosine of the joint's angle.
+    turn: (f64, f64),
 }
 
 const NO_AXES: Axes = Axes { x: V3::new(1.0, 0.0, 0.0), y: V3::new(0.0, 1.0, 0.0), z: V3::new(0.0, 0.0, 1.0) };
@@ -177,6 +208,7 @@ impl Frames {
             z_tilted: zero,
             origin: zero,
             axes: NO_AXES,
+            turn: (0.0, 1.0),
         };
         Self {
             base_axes: NO_AXES,
@@ -289,19 +321,13 @@ impl Chain {
 
     /// All frames at joint values `q`, the constant terms included and the increments of this pose added.
     #[inline]
-    pub fn run(&self, q: &Joints, increments: Option<&[JointIncrement; MAX_JOINTS]>, frames: &mut Frames) {
+    pub fn run(&self, q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
         frames.base_turns = self.base_turns;
         self.run_from(&self.base, q, increments, frames);
     }
 
     /// As [`Chain::run`], with the base moved by `base` (x, y, z, rx, ry, rz in {w}) from nominal, its constant terms included.
-    pub fn run_with_base(
-        &self,
-        base: &[f64; 6],
-        q: &Joints,
-        increments: Option<&[JointIncrement; MAX_JOINTS]>,
-        frames: &mut Frames,
-    ) {
+    pub fn run_with_base(&self, base: &[f64; 6], q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
         let (turns, turn) = small_rotation(base);
         let moved = Pose {
             rotation: turn * self.reference.rotation,
@@ -312,13 +338,7 @@ impl Chain {
     }
 
     #[inline]
-    fn run_from(
-        &self,
-        base: &Pose,
-        q: &Joints,
-        increments: Option<&[JointIncrement; MAX_JOINTS]>,
-        frames: &mut Frames,
-    ) {
+    fn run_from(&self, base: &Pose, q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
         let (mut axes, mut origin) = (Axes::of(base), base.translation);
         frames.base_axes = axes;
         frames.base_origin = origin;
@@ -331,9 +351,12 @@ impl Chain {
             let f = &mut frames.joints[i];
             let (mut theta, mut d) = if c.prismatic { (c.theta, c.d + q[i]) } else { (c.theta + q[i], c.d) };
             let (mut a, mut beta, mut tilt, mut alpha_sc, mut plain) = (c.a, c.beta, c.tilt, c.alpha_sc, c.plain);
-            if let Some(inc) = increments {
-                let inc = &inc[i];
-                theta += inc[ChainDof::Theta as usize];
+            let mut known = None;
+            if let Some(Increments { by_joint, still }) = increments {
+                let inc = &by_joint[i];
+                let turned = inc[ChainDof::Theta as usize];
+                theta += turned;
+                known = still.filter(|_| turned.abs() < SMALL_TURN).map(|s| turned_by(s.joints[i].turn, turned));
                 d += inc[ChainDof::D as usize];
                 a += inc[ChainDof::A as usize];
                 if inc[ChainDof::Alpha as usize] != 0.0 {
@@ -348,6 +371,7 @@ impl Chain {
                     plain = false;
                 }
             }
+            f.turn = known.unwrap_or_else(|| theta.sin_cos());
             f.x_before = axes.x;
             f.o_before = origin;
             let turned = axes.rx(alpha_sc);
@@ -359,7 +383,7 @@ impl Chain {
                 f.y_tilt = turned.y;
                 f.z_tilted = turned.z;
                 origin += turned.z * d;
-                axes = turned.rz(theta.sin_cos());
+                axes = turned.rz(f.turn);
             } else {
                 f.bearing = turned.ry(beta.sin_cos());
                 origin += f.bearing.z * d;
@@ -367,7 +391,7 @@ impl Chain {
                 f.y_tilt = half.y;
                 let tilted = half.ry(tilt[1].sin_cos());
                 f.z_tilted = tilted.z;
-                axes = tilted.rz(theta.sin_cos());
+                axes = tilted.rz(f.turn);
             }
             f.origin = origin;
             f.axes = axes;
@@ -464,10 +488,22 @@ pub(crate) struct Moment {
 }
 
 impl Moment {
-    /// Derivative to a motion of the base.
+    /// The joint (0-based) about which it acts.
     #[inline]
-    pub fn by_base(&self, twist: &Twist) -> f64 {
-        -twist.angular().dot(&self.turn)
+    pub fn joint(&self) -> usize {
+        self.joint
+    }
+
+    /// Minus its derivative to a rotation of everything from before its joint.
+    #[inline]
+    pub fn turn(&self) -> &V3 {
+        &self.turn
+    }
+
+    /// Its derivative to the first moment of what its joint carries.
+    #[inline]
+    pub fn carry(&self) -> &V3 {
+        &self.carry
     }
 
     /// Derivative to a motion within joint `s`.
@@ -482,11 +518,7 @@ impl Moment {
         if !behind {
             return -twist.angular().dot(&self.turn);
         }
-        let b = match twist {
-            Twist::About { axis, through } => axis.cross(&(loads.first[s] - through * loads.mass[s])),
-            Twist::Along(v) => v * loads.mass[s],
-        };
-        b.dot(&self.carry)
+        twist.load(s, loads).dot(&self.carry)
     }
 
     /// Derivative to the mass of a body at `place` in {w} on the flange.

@@ -7,9 +7,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::cell::Cell;
-use crate::chain::{Axes, Chain, Frames, JointIncrement, Loads, Moment, small_rotation};
+use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, small_rotation};
 use crate::error::{ModelError, Result};
-use crate::jacobian::{Map, Target};
+use crate::jacobian::{Map, Target, Through};
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
 use crate::robot::Robot;
@@ -93,6 +93,9 @@ pub struct Workspace {
     pub(crate) moments: Vec<Moment>,
     /// Derivative of the residual to each moment.
     pub(crate) elastic: Vec<[f64; 6]>,
+    /// What a motion before, or behind, the joints of the moments does to the residual through them: of joint s, and of the
+    /// base at the end.
+    pub(crate) through: [Through; MAX_JOINTS + 1],
     pub(crate) columns: Vec<[f64; 6]>,
     pub(crate) increments: [JointIncrement; MAX_JOINTS],
     pub(crate) base: [f64; 6],
@@ -240,6 +243,7 @@ impl Forward {
             loads: Loads::new(),
             moments: Vec::with_capacity(self.moments.len()),
             elastic: vec![[0.0; 6]; self.moments.len()],
+            through: [Through::default(); MAX_JOINTS + 1],
             columns: vec![[0.0; 6]; self.dofs.len()],
             increments: [JointIncrement::default(); MAX_JOINTS],
             base: [0.0; 6],
@@ -381,10 +385,12 @@ impl Forward {
                 _ => {}
             }
         }
+        let still = (!self.moments.is_empty()).then_some(&ws.still);
+        let increments = Increments { by_joint: &ws.increments, still };
         if self.moves_base {
-            self.chain.run_with_base(&ws.base, &state.q, Some(&ws.increments), &mut ws.moved);
+            self.chain.run_with_base(&ws.base, &state.q, Some(&increments), &mut ws.moved);
         } else {
-            self.chain.run(&state.q, Some(&ws.increments), &mut ws.moved);
+            self.chain.run(&state.q, Some(&increments), &mut ws.moved);
         }
     }
 

@@ -63,6 +63,15 @@ impl Map {
     }
 }
 
+/// Sums over gravity moments of `elastic (x) turn` and `elastic (x) carry` (see [`Moment`]): columns to x, y, z.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Through {
+    /// Of moments about joints behind: they turn with what moves.
+    turn: [[f64; 6]; 3],
+    /// Of moments about joints before: what moves is a load to them.
+    carry: [[f64; 6]; 3],
+}
+
 const E: [V3; 3] = [V3::new(1.0, 0.0, 0.0), V3::new(0.0, 1.0, 0.0), V3::new(0.0, 0.0, 1.0)];
 
 impl Forward {
@@ -146,6 +155,40 @@ impl Forward {
             let column = ws.columns[b.dof];
             add(&mut ws.elastic[m], &column, factor);
         }
+        self.sum_moments(ws);
+    }
+
+    /// What each joint's motions do through the moments of other joints, summed once for all of its motions.
+    #[inline]
+    fn sum_moments(&self, ws: &mut Workspace) {
+        let n = self.chain.dof();
+        for s in 0..=n {
+            ws.through[s] = Through::default();
+        }
+        for (m, elastic) in ws.moments.iter().zip(&ws.elastic) {
+            let (at, turn, carry) = (m.joint(), m.turn(), m.carry());
+            // into the slots of the neighbours, to be carried on below; the base's slot is the last
+            let before = if at == 0 { n } else { at - 1 };
+            for k in 0..3 {
+                add(&mut ws.through[before].turn[k], elastic, turn[k]);
+                if at + 1 < n {
+                    add(&mut ws.through[at + 1].carry[k], elastic, carry[k]);
+                }
+            }
+        }
+        for s in (0..n).rev() {
+            let next = if s == 0 { n } else { s - 1 };
+            let turn = ws.through[s].turn;
+            for (to, from) in ws.through[next].turn.iter_mut().zip(&turn) {
+                add(to, from, 1.0);
+            }
+        }
+        for s in 1..n {
+            let carry = ws.through[s - 1].carry;
+            for (to, from) in ws.through[s].carry.iter_mut().zip(&carry) {
+                add(to, from, 1.0);
+            }
+        }
     }
 
     /// Adds the derivative to the coefficient of one action.
@@ -170,33 +213,44 @@ impl Forward {
             return;
         }
         let flange = &ws.still.flange;
-        let derivative: &dyn Fn(&Moment) -> f64 = &|m: &Moment| match dof {
-            Dof::Chain(s, d) => m.by_chain(s, d, &ws.still, &ws.loads),
-            Dof::Base(k) => m.by_base(&ws.still.base_twist(k)),
-            Dof::Gravity(k) => m.arm[k],
-            Dof::PayloadMass => {
-                m.by_mass(&(flange.origin + flange.axes.times(&self.model.cell.tool.cog)), &self.gravity)
+        let each = |derivative: &dyn Fn(&Moment) -> f64, sum: &mut [f64; 6]| {
+            for (m, elastic) in ws.moments.iter().zip(&ws.elastic) {
+                add(sum, elastic, derivative(m) * factor);
             }
-            Dof::PayloadMoment(k) => m.by_first_moment(&flange.axes.times(&E[k])),
-            _ => 0.0,
         };
-        if matches!(
-            dof,
-            Dof::Tool(_)
-                | Dof::Target(..)
-                | Dof::Fixture(_)
-                | Dof::Ball(..)
-                | Dof::Frame(..)
-                | Dof::Anchor(..)
-                | Dof::LengthZero(_)
-        ) {
-            return;
-        }
-        for (m, elastic) in ws.moments.iter().zip(&ws.elastic) {
-            let d = derivative(m) * factor;
-            if d != 0.0 {
-                add(sum, elastic, d);
+        match dof {
+            Dof::Chain(s, d) => {
+                let twist = ws.still.twist(s, d);
+                let through = &ws.through[s];
+                let (turn, load) = (twist.angular() * -factor, twist.load(s, &ws.loads) * factor);
+                for k in 0..3 {
+                    add(sum, &through.turn[k], turn[k]);
+                    add(sum, &through.carry[k], load[k]);
+                }
+                for (m, elastic) in ws.moments.iter().zip(&ws.elastic).filter(|(m, _)| m.joint() == s) {
+                    add(sum, elastic, m.by_chain(s, d, &ws.still, &ws.loads) * factor);
+                }
             }
+            Dof::Base(k) => {
+                let turn = ws.still.base_twist(k).angular() * -factor;
+                let through = &ws.through[self.chain.dof()];
+                for k in 0..3 {
+                    add(sum, &through.turn[k], turn[k]);
+                }
+            }
+            Dof::Gravity(k) => each(&|m| m.arm[k], sum),
+            Dof::PayloadMass => {
+                let place = flange.origin + flange.axes.times(&self.model.cell.tool.cog);
+                each(&|m| m.by_mass(&place, &self.gravity), sum);
+            }
+            Dof::PayloadMoment(k) => each(&|m| m.by_first_moment(&flange.axes.times(&E[k])), sum),
+            Dof::Tool(_)
+            | Dof::Target(..)
+            | Dof::Fixture(_)
+            | Dof::Ball(..)
+            | Dof::Frame(..)
+            | Dof::Anchor(..)
+            | Dof::LengthZero(_) => {}
         }
     }
 

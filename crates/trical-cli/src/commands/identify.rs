@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
-    Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, cross_validate, identify,
-    reject_gross_errors, shown,
+    CsvStream, Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Streamed,
+    cross_validate, forward_in_time, identify, identify_stream, reject_gross_errors, shown,
 };
 use trical_model::{Cell, Recording, Robot};
 
@@ -61,12 +61,47 @@ pub struct Args {
     /// Also score every pose by a fit without it, in K folds
     #[arg(long, value_name = "K")]
     cross_validate: Option<usize>,
+    /// Also score the last PERCENT of each recording's poses by a fit to those before: forward in time
+    #[arg(long, value_name = "PERCENT")]
+    hold_out_last: Option<usize>,
     /// Keep gross errors instead of rejecting them
     #[arg(long)]
     keep_outliers: bool,
+    /// Read CSV recordings in passes, in memory that does not grow with their rows; by itself above 32 MB
+    #[arg(long, conflicts_with_all = ["cross_validate", "hold_out_last"])]
+    stream: bool,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
+}
+
+/// Recordings beyond this are read in passes, bytes: some 300 000 touches.
+const LARGE: u64 = 32 << 20;
+
+/// The recordings to be read in passes, where they are large and of a kind that can be.
+fn stream(args: &Args, joints: usize) -> Result<Option<CsvStream>> {
+    let mut bytes = 0;
+    for path in &args.recordings {
+        let named_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+        if named_mcap || input::is_mcap(path)? {
+            return match args.stream {
+                false => Ok(None),
+                true => Err(CliError::Input(format!(
+                    "{}: --stream reads CSV recordings only; trical convert makes one of an MCAP recording",
+                    path.display()
+                ))),
+            };
+        }
+        bytes += std::fs::metadata(path).map_or(0, |m| m.len());
+    }
+    if args.stream {
+        return Ok(Some(CsvStream::open(&args.recordings, joints)?));
+    }
+    if bytes <= LARGE || args.cross_validate.is_some() || args.hold_out_last.is_some() {
+        return Ok(None);
+    }
+    // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
+    Ok(CsvStream::open(&args.recordings, joints).ok())
 }
 
 /// Reads, cleans and chooses the joints.
@@ -104,19 +139,44 @@ pub fn run(args: &Args) -> Result<()> {
         robot.require_masses()?;
     }
     let options = trical_ident::Choice::new(set, &args.compliant, robot.dof())?;
-    let recordings = input::recordings(&args.recordings, robot.dof())?;
-    let data = prepare(args, &robot, &cell, &recordings)?;
-    let fitted = identify(&robot, &cell, &data, options.clone())?;
-    let nominal = identify(&robot, &cell, &data, ParameterSet::Nominal)?;
-    let errors = ErrorSummary::of(&fitted.errors()?);
-    let before = ErrorSummary::of(&nominal.errors()?);
-    let held_out = args
-        .cross_validate
-        .map(|k| cross_validate(&robot, &cell, &data, options, k).map(|e| ErrorSummary::of(&e)))
-        .transpose()?;
+    let found = match stream(args, robot.dof())? {
+        Some(stream) => {
+            let sample = stream.sample()?;
+            let data = prepare(args, &robot, &cell, &sample.recordings)?;
+            let streamed = identify_stream(&robot, &cell, &stream, &data, options, args.keep_outliers)?;
+            Found::of_stream(streamed)
+        }
+        None => {
+            let recordings = input::recordings(&args.recordings, robot.dof())?;
+            let data = prepare(args, &robot, &cell, &recordings)?;
+            let fitted = identify(&robot, &cell, &data, options.clone())?;
+            let nominal = identify(&robot, &cell, &data, ParameterSet::Nominal)?;
+            let later = args
+                .hold_out_last
+                .map(|k| forward_in_time(&robot, &cell, &data, options.clone(), k).map(|e| ErrorSummary::of(&e)))
+                .transpose()?;
+            let held_out = args
+                .cross_validate
+                .map(|k| cross_validate(&robot, &cell, &data, options, k).map(|e| ErrorSummary::of(&e)))
+                .transpose()?;
+            Found {
+                errors: ErrorSummary::of(&fitted.errors()?),
+                before: ErrorSummary::of(&nominal.errors()?),
+                held_out,
+                later,
+                observations: data.observations.len(),
+                places: format!("{} measurements at {} poses", data.observations.len(), data.used_poses().len()),
+                rejected: data.rejected.len(),
+                named: data.rejected,
+                passes: None,
+                fitted,
+            }
+        }
+    };
     if let Some(out) = &args.out {
+        let data = &found.fitted.data;
         ModelFile {
-            model: fitted.model.clone(),
+            model: found.fitted.model.clone(),
             joints: data.joints,
             references: data.references.clone(),
             recordings: data.names.clone(),
@@ -124,18 +184,48 @@ pub fn run(args: &Args) -> Result<()> {
         .save(out)?;
     }
     if args.json {
-        let summary = summary(&fitted, &errors, &before, args.cross_validate.zip(held_out.as_ref()))?;
-        return say(serde_json::to_string_pretty(&summary)?);
+        return say(serde_json::to_string_pretty(&summary(&found, args)?)?);
     }
-    print(args, &fitted, &errors, &before, held_out.as_ref())
+    print(args, &found)
 }
 
-fn summary(
-    fitted: &Identified,
-    errors: &ErrorSummary,
-    before: &ErrorSummary,
-    held_out: Option<(usize, &ErrorSummary)>,
-) -> Result<serde_json::Value> {
+/// What was identified, in memory or in passes.
+struct Found {
+    fitted: Identified,
+    errors: ErrorSummary,
+    before: ErrorSummary,
+    held_out: Option<ErrorSummary>,
+    /// Of the last poses, by a fit to those before.
+    later: Option<ErrorSummary>,
+    observations: usize,
+    /// "45 measurements at 45 poses".
+    places: String,
+    rejected: usize,
+    /// Those of the rejected rows that are named.
+    named: Vec<Rejected>,
+    /// Passes over the files, where they were not read at once.
+    passes: Option<usize>,
+}
+
+impl Found {
+    fn of_stream(s: Streamed) -> Self {
+        Self {
+            errors: s.errors,
+            before: s.before,
+            held_out: None,
+            later: None,
+            observations: s.observations,
+            places: format!("{} measurements, read in {} passes,", s.observations, s.passes + 1),
+            rejected: s.rejected,
+            named: s.named,
+            passes: Some(s.passes + 1),
+            fitted: s.identified,
+        }
+    }
+}
+
+fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
+    let Found { fitted, errors, before, .. } = found;
     let parameters: Vec<_> = fitted.free.iter().map(|k| shown(&fitted.model, &fitted.model.terms[*k])).collect();
     let not_identifiable: Vec<Vec<String>> = fitted
         .dependent
@@ -145,9 +235,9 @@ fn summary(
     let mut out = json!({
         "recordings": fitted.data.names,
         "joints": fitted.data.joints,
-        "observations": fitted.data.observations.len(),
-        "outliers": fitted.data.rejected.iter().map(|r| r.row).collect::<Vec<_>>(),
-        "rejected": fitted.data.rejected,
+        "observations": found.observations,
+        "outliers": found.named.iter().map(|r| r.row).collect::<Vec<_>>(),
+        "rejected": found.named,
         "parameters": parameters,
         "not_identifiable": not_identifiable,
         "correlated": fitted.correlated(0.9),
@@ -160,7 +250,20 @@ fn summary(
         "max_nominal_mm": before.max_mm,
         "mean_nominal_mm": before.mean_mm,
     });
-    if let (Some((folds, held_out)), Some(map)) = (held_out, out.as_object_mut()) {
+    if let (Some(passes), Some(map)) = (found.passes, out.as_object_mut()) {
+        map.insert("passes".into(), json!(passes));
+        map.insert("rejected_rows".into(), json!(found.rejected));
+    }
+    if let (Some((percent, later)), Some(map)) = (args.hold_out_last.zip(found.later.as_ref()), out.as_object_mut()) {
+        let mut entry = serde_json::to_value(later)?;
+        if let Some(e) = entry.as_object_mut() {
+            e.insert("last_percent".into(), json!(percent));
+        }
+        map.insert("forward_in_time".into(), entry);
+    }
+    if let (Some((folds, held_out)), Some(map)) =
+        (args.cross_validate.zip(found.held_out.as_ref()), out.as_object_mut())
+    {
         let mut entry = serde_json::to_value(held_out)?;
         if let Some(e) = entry.as_object_mut() {
             e.insert("folds".into(), json!(folds));
@@ -187,22 +290,11 @@ pub fn parameter_rows(fitted: &Identified) -> Vec<Vec<String>> {
     rows
 }
 
-fn print(
-    args: &Args,
-    fitted: &Identified,
-    errors: &ErrorSummary,
-    before: &ErrorSummary,
-    held_out: Option<&ErrorSummary>,
-) -> Result<()> {
+fn print(args: &Args, found: &Found) -> Result<()> {
+    let fitted = &found.fitted;
     let data = &fitted.data;
-    say(format!(
-        "{} measurements at {} poses from {}; {} rows rejected",
-        data.observations.len(),
-        data.used_poses().len(),
-        data.names.join(", "),
-        data.rejected.len()
-    ))?;
-    for line in rejected_lines(data) {
+    say(format!("{} from {}; {} rows rejected", found.places, data.names.join(", "), found.rejected))?;
+    for line in rejected_lines(&found.named, found.rejected) {
         say(line)?;
     }
     say(format!("\n{} parameters, joints as {:?}:", fitted.free.len(), data.joints).to_lowercase())?;
@@ -227,10 +319,13 @@ fn print(
             format!("{:.3}", e.max_mm),
         ]);
     };
-    add("nominal arm", before);
-    add("identified", errors);
-    if let (Some(k), Some(e)) = (args.cross_validate, held_out) {
+    add("nominal arm", &found.before);
+    add("identified", &found.errors);
+    if let (Some(k), Some(e)) = (args.cross_validate, &found.held_out) {
         add(&format!("identified, poses not used in the fit ({k} folds)"), e);
+    }
+    if let (Some(percent), Some(e)) = (args.hold_out_last, &found.later) {
+        add(&format!("last {percent} % of the poses, by a fit to those before"), e);
     }
     say("")?;
     for line in table::lines(&rows) {
@@ -242,12 +337,12 @@ fn print(
     }
 }
 
-/// What was rejected, reason by reason, at most a dozen lines.
-pub fn rejected_lines(data: &Dataset) -> Vec<String> {
+/// What was rejected, reason by reason, at most a dozen lines; `named` may be the first of `all`.
+pub fn rejected_lines(named: &[Rejected], all: usize) -> Vec<String> {
     let mut lines: Vec<String> =
-        data.rejected.iter().take(12).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)).collect();
-    if data.rejected.len() > 12 {
-        lines.push(format!("  and {} more (see --json)", data.rejected.len() - 12));
+        named.iter().take(12).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)).collect();
+    if all > 12 {
+        lines.push(format!("  and {} more (see --json)", all - 12));
     }
     lines
 }

@@ -1,0 +1,211 @@
+//! Sums over weighted rows `[J r]`: normal equations and the factor of a QR decomposition, block by block, so that neither
+//! grows with the data, and chunk by chunk in order, so that the number of threads changes no bit.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use trical_model::{Forward, Workspace};
+
+use crate::dataset::Observation;
+use crate::noise::Noise;
+
+/// Rows of a block: a calibration by touches fits into one.
+const BLOCK: usize = 192;
+
+/// Observations a chunk.
+pub(crate) const CHUNK: usize = 1024;
+
+/// What becomes of the rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keep {
+    /// `[J r]'[J r]`.
+    Products,
+    /// The upper triangular factor of `[J r]`.
+    Factor,
+}
+
+/// Sums over rows, `p` parameters wide and the residual as column `p`.
+pub(crate) struct Rows {
+    p: usize,
+    keep: Keep,
+    /// Rows of the present block, one after the other.
+    block: Vec<f64>,
+    /// All rows that were added are still in the block.
+    whole: bool,
+    /// Lower triangle of the products, or the upper triangular factor; (p + 1) x (p + 1), column by column.
+    sum: Vec<f64>,
+    /// Half the sum of squares, robust where asked for.
+    pub cost: f64,
+    jacobian: Vec<f64>,
+}
+
+/// Huber's loss of a squared norm: its value and the weight of the rows.
+#[inline]
+pub(crate) fn huber(square: f64, k: f64) -> (f64, f64) {
+    let norm = square.sqrt();
+    if norm <= k { (0.5 * square, 1.0) } else { (k * norm - 0.5 * k * k, k / norm) }
+}
+
+impl Rows {
+    pub fn new(p: usize, keep: Keep) -> Self {
+        let width = p + 1;
+        Self {
+            p,
+            keep,
+            block: Vec::with_capacity((BLOCK + 6) * width),
+            whole: true,
+            sum: vec![0.0; width * width],
+            cost: 0.0,
+            jacobian: vec![0.0; 6 * p],
+        }
+    }
+
+    /// Nothing yet, of the same kind.
+    pub fn empty(&self) -> Self {
+        Self::new(self.p, self.keep)
+    }
+
+    pub fn clear(&mut self) {
+        self.block.clear();
+        self.whole = true;
+        self.sum.fill(0.0);
+        self.cost = 0.0;
+    }
+
+    /// Adds an observation: its rows in units of their standard deviations, weighted by Huber's loss beyond `limit`.
+    pub fn observe(&mut self, forward: &Forward, ws: &mut Workspace, o: &Observation, noise: &Noise, limit: f64) {
+        let p = self.p;
+        let rows = forward.linearize(&o.state, &o.measured, o.frame, ws, &mut self.jacobian);
+        let mut inverse = [0.0; 6];
+        let mut square = 0.0;
+        for (k, s) in inverse.iter_mut().enumerate().take(rows) {
+            *s = 1.0 / noise.sigma(o.recording, &o.measured, k);
+            square += (ws.residual()[k] * *s).powi(2);
+        }
+        let (cost, weight) = huber(square, limit);
+        self.cost += cost;
+        let weight = weight.sqrt();
+        for (k, s) in inverse.iter().enumerate().take(rows) {
+            let w = s * weight;
+            self.block.extend(self.jacobian[k * p..(k + 1) * p].iter().map(|v| v * w));
+            self.block.push(ws.residual()[k] * w);
+        }
+        if self.block.len() >= BLOCK * (p + 1) {
+            self.flush();
+        }
+    }
+
+    /// Adds one row, `parameter` times `factor` and the residual `r`.
+    pub fn observe_parameter(&mut self, parameter: usize, factor: f64, r: f64) {
+        self.block.extend((0..self.p).map(|k| if k == parameter { factor } else { 0.0 }));
+        self.block.push(r);
+        self.cost += 0.5 * r * r;
+        if self.block.len() >= BLOCK * (self.p + 1) {
+            self.flush();
+        }
+    }
+
+    /// Brings the rows of the block into the sum.
+    fn absorb(&mut self) {
+        let width = self.p + 1;
+        let n = self.block.len() / width;
+        if n == 0 {
+            return;
+        }
+        let rows = MatRef::from_row_major_slice(&self.block[..n * width], n, width);
+        match self.keep {
+            Keep::Products => matmul(
+                MatMut::from_column_major_slice_mut(&mut self.sum, width, width),
+                BlockStructure::TriangularLower,
+                Accum::Add,
+                rows.transpose(),
+                BlockStructure::Rectangular,
+                rows,
+                BlockStructure::Rectangular,
+                1.0,
+                Par::Seq,
+            ),
+            Keep::Factor => {
+                let above = MatRef::from_column_major_slice(&self.sum, width, width);
+                let mut stacked =
+                    Mat::from_fn(width + n, width, |i, j| if i < width { above[(i, j)] } else { rows[(i - width, j)] });
+                triangularize(&mut stacked);
+                for j in 0..width {
+                    for i in 0..=j {
+                        self.sum[j * width + i] = stacked[(i, j)];
+                    }
+                }
+            }
+        }
+    }
+
+    fn flush(&mut self) {
+        self.absorb();
+        self.block.clear();
+        self.whole = false;
+    }
+
+    /// Brings what is left into the sum; once, after the last row. Rows that were never more than a block stay for `factor`.
+    pub fn finish(&mut self) {
+        if self.keep == Keep::Products && self.whole { self.absorb() } else { self.flush() }
+    }
+
+    /// Adds the sums of another part of the data.
+    pub fn add(&mut self, other: &Self) {
+        self.cost += other.cost;
+        match self.keep {
+            Keep::Products => {
+                for (a, b) in self.sum.iter_mut().zip(&other.sum) {
+                    *a += b;
+                }
+                self.whole = false;
+            }
+            Keep::Factor => {
+                let width = self.p + 1;
+                for i in 0..width {
+                    self.block.extend((0..width).map(|j| if i <= j { other.sum[j * width + i] } else { 0.0 }));
+                }
+                self.flush();
+            }
+        }
+    }
+
+    /// `J'J` at row `i` and column `j`.
+    #[inline]
+    pub fn h(&self, i: usize, j: usize) -> f64 {
+        let (i, j) = if i >= j { (i, j) } else { (j, i) };
+        self.sum[j * (self.p + 1) + i]
+    }
+
+    /// `J'r` at `i`.
+    #[inline]
+    pub fn g(&self, i: usize) -> f64 {
+        self.sum[i * (self.p + 1) + self.p]
+    }
+
+    /// The factor `R` of `[J r]`, (p + 1) x (p + 1): of the sum, or of the rows where they are all still there.
+    pub fn factor(&self) -> Option<Mat<f64>> {
+        let width = self.p + 1;
+        if self.keep == Keep::Factor {
+            return Some(Mat::from_fn(width, width, |i, j| if i <= j { self.sum[j * width + i] } else { 0.0 }));
+        }
+        if !self.whole {
+            return None;
+        }
+        let n = self.block.len() / width;
+        let rows = MatRef::from_row_major_slice(&self.block[..n * width], n, width);
+        let mut stacked = Mat::from_fn(n.max(width), width, |i, j| if i < n { rows[(i, j)] } else { 0.0 });
+        triangularize(&mut stacked);
+        Some(Mat::from_fn(width, width, |i, j| if i <= j { stacked[(i, j)] } else { 0.0 }))
+    }
+}
+
+/// Householder: the upper triangle becomes `R`, what is below is of no use.
+fn triangularize(a: &mut Mat<f64>) {
+    let (rows, columns) = a.shape();
+    let block = 8.min(columns).max(1);
+    let mut householder = Mat::<f64>::zeros(block, columns.min(rows));
+    let mut memory = MemBuffer::new(qr_in_place_scratch::<f64>(rows, columns, block, Par::Seq, faer::Spec::default()));
+    qr_in_place(a.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut memory), faer::Spec::default());
+}

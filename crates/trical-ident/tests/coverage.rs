@@ -1,0 +1,144 @@
+//! Intervals that say 95 % cover 95 %: of parameters, and of predictions where nothing was measured.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
+
+use rand::{RngExt, SeedableRng};
+use rand_distr::Distribution;
+use rand_pcg::Pcg64Mcg;
+use trical_ident::identifiability::independent_terms;
+use trical_ident::{Choice, Dataset, JointSource, ParameterSet, identify};
+use trical_model::{Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Recording, Robot, Row, State};
+
+const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
+const CELL: &str = include_str!("../../trical-model/tests/data/cell.toml");
+const NOISE: f64 = 1e-5;
+
+fn build(rows: Vec<Row>) -> Dataset {
+    let recording = Recording { name: "made".into(), joints: 6, rows };
+    Dataset::build(&[recording], JointSource::Read, None).unwrap()
+}
+
+fn random_joints(model: &Model, rng: &mut Pcg64Mcg) -> State {
+    let q: Vec<f64> = model.robot.joints.iter().map(|j| rng.random_range(j.limits[0]..j.limits[1])).collect();
+    State::at(&q)
+}
+
+/// 45 touches of an arm with other parameters in each run.
+fn one_run(seed: u64) -> (Model, Dataset) {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut model = Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap());
+    let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+    let shape = build(vec![Row { state: State::at(&[]), measured: touch, seq: None, line: 2 }]);
+    model.terms = independent_terms(&model, &shape, &Choice::from(ParameterSet::Compliance)).unwrap().0;
+    for t in &mut model.terms {
+        let size = if t.effect == "compliance" { 2e-5 } else { 1e-3 };
+        t.value = rng.random_range(-size..size);
+    }
+    let normal = rand_distr::Normal::new(0.0, NOISE).unwrap();
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let (mut ws, mut rows) = (forward.workspace(), Vec::new());
+    while rows.len() < 45 {
+        let ball = rows.len() % 3;
+        let turn = trical_model::pose::rotation_z(rng.random_range(-3.0..3.0))
+            * trical_model::pose::rotation_x(3.1 + rng.random_range(-0.9..0.9))
+            * trical_model::pose::rotation_z(rng.random_range(-3.0..3.0));
+        let at = Pose { rotation: turn, translation: model.cell.balls[ball] };
+        let mut state = State::at(&[0.0; MAX_JOINTS]);
+        let Ok(all) = trical_model::ik::inverse_kinematics(&forward, &at, &state, &mut ws) else { continue };
+        state.q = all[rng.random_range(0..all.len())].joints;
+        let pose = forward.world_from_tool(&state, &mut ws);
+        let i = pose.rotation.transpose() * (model.cell.balls[ball] - pose.translation);
+        let reading = std::array::from_fn(|a| i[a] + normal.sample(&mut rng));
+        rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: rows.len() + 2 });
+    }
+    (model, build(rows))
+}
+
+/// Shares of 95 % intervals that hold the truth: of parameters, and of the tool's place at poses anywhere.
+fn covered(runs: u64) -> (f64, f64) {
+    let t = 1.987; // Student's with 104 degrees of freedom, 97.5 %
+    let (mut inside, mut all, mut inside_predicted, mut all_predicted) = (0, 0, 0, 0);
+    for seed in 0..runs {
+        let (truth, data) = one_run(1000 + seed);
+        let found = identify(&truth.robot, &truth.cell, &data, ParameterSet::Compliance).unwrap();
+        for a in &truth.terms {
+            let b = found.model.terms.iter().find(|b| b.name == a.name).unwrap();
+            inside += u32::from((a.value - b.value).abs() < t * b.sd.unwrap());
+            all += 1;
+        }
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let (true_arm, our_arm) =
+            (Forward::new(truth.clone(), Vec::new()).unwrap(), Forward::new(found.model.clone(), Vec::new()).unwrap());
+        let (mut true_ws, mut our_ws) = (true_arm.workspace(), our_arm.workspace());
+        for _ in 0..10 {
+            let state = random_joints(&truth, &mut rng);
+            let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+            let covariance = found.prediction_covariance(&state, &touch, 0).unwrap();
+            let off = our_arm.world_from_tool(&state, &mut our_ws).translation
+                - true_arm.world_from_tool(&state, &mut true_ws).translation;
+            for k in 0..3 {
+                inside_predicted += u32::from(off[k].abs() < t * covariance[k][k].sqrt());
+                all_predicted += 1;
+            }
+        }
+    }
+    let shares = (f64::from(inside) / f64::from(all), f64::from(inside_predicted) / f64::from(all_predicted));
+    println!("{runs} runs: {:.4} of parameters, {:.4} of predictions", shares.0, shares.1);
+    shares
+}
+
+#[test]
+fn intervals_of_95_percent_cover_the_truth_in_93_to_97_percent_of_runs() {
+    let (parameters, predictions) = covered(150);
+    assert!((0.93..0.97).contains(&parameters), "{parameters}");
+    assert!((0.93..0.97).contains(&predictions), "{predictions}");
+}
+
+#[test]
+fn the_last_poses_are_scored_by_a_fit_that_has_not_seen_them() {
+    let (truth, mut data) = one_run(7);
+    // a ball that is bumped by 1 mm before the last fifth shows in full, since nothing is fitted to it
+    let score = |data: &Dataset| {
+        let e = trical_ident::forward_in_time(&truth.robot, &truth.cell, data, ParameterSet::Compliance, 20).unwrap();
+        assert_eq!(e.len(), 9);
+        e.iter().sum::<f64>() / 9.0
+    };
+    assert!(score(&data) < 1e-4);
+    for o in data.observations.iter_mut().skip(36) {
+        if let Measured::Touch { reading, .. } = &mut o.measured {
+            reading[0] += 1e-3;
+        }
+    }
+    assert!((score(&data) / 1e-3 - 1.0).abs() < 0.1);
+    let all = trical_ident::forward_in_time(&truth.robot, &truth.cell, &data, ParameterSet::Compliance, 100);
+    assert!(all.unwrap_err().to_string().contains("the last 100 % of 45 poses are 45"));
+}
+
+/// The full number, for reports: `cargo test --release -p trical-ident --test coverage -- --ignored --nocapture`.
+#[test]
+#[ignore = "the small version above runs in every test; this is the number that is reported"]
+fn intervals_of_95_percent_in_1000_runs() {
+    let (parameters, predictions) = covered(1000);
+    assert!((0.93..0.97).contains(&parameters), "{parameters}");
+    assert!((0.93..0.97).contains(&predictions), "{predictions}");
+}
+
+#[test]
+fn the_covariance_of_a_pose_has_the_position_of_a_touch_and_stays_symmetric() {
+    let (truth, data) = one_run(1);
+    let mut found = identify(&truth.robot, &truth.cell, &data, ParameterSet::Compliance).unwrap();
+    found.model.frames = vec![Pose::identity()];
+    let state = random_joints(&truth, &mut Pcg64Mcg::seed_from_u64(2));
+    let pose = Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] };
+    let by_pose = found.prediction_covariance(&state, &pose, 0).unwrap();
+    let by_touch = found.prediction_covariance(&state, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0).unwrap();
+    for i in 0..6 {
+        assert!(by_pose[i][i] > 0.0);
+        for j in 0..6 {
+            let size = (by_pose[i][i] * by_pose[j][j]).sqrt();
+            assert!((by_pose[i][j] - by_pose[j][i]).abs() < 1e-9 * size);
+            if i < 3 && j < 3 {
+                assert!((by_pose[i][j] - by_touch[i][j]).abs() < 1e-9 * size);
+            }
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Files that are read pass by pass give what the same rows give in memory.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use rand::{RngExt, SeedableRng};
+use rand_distr::Distribution;
+use rand_pcg::Pcg64Mcg;
+use trical_ident::identifiability::independent_terms;
+use trical_ident::{
+    Choice, CsvStream, Dataset, JointSource, ParameterSet, Streamed, identify, identify_stream, load_csv,
+    reject_gross_errors,
+};
+use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State};
+
+const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
+const CELL: &str = "[base]\nxyz_mm = [100.0, 200.0, 50.0]\nzyx_deg = [30.0, 5.0, -4.0]\n[tool]\ntcp_mm = [31.0, -22.0, 118.0]\n\
+                    mass_kg = 1.5\ncog_mm = [0.0, 0.0, 50.0]\n\
+                    targets_mm = [[31.0, -22.0, 118.0], [-31.0, 40.0, 90.0]]\n";
+
+fn nominal() -> Model {
+    Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap())
+}
+
+/// An arm with compliance that is off by chance, in a tracker's frame.
+fn truth(frame: Pose) -> Model {
+    let mut model = nominal();
+    model.frames = vec![frame];
+    let rows = (0..2)
+        .map(|target| Row {
+            state: State::at(&[]),
+            measured: Measured::Point { target, position: [0.0; 3] },
+            seq: None,
+            line: 2,
+        })
+        .collect();
+    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+    model.terms = independent_terms(&model, &data, &Choice::from(ParameterSet::Compliance)).unwrap().0;
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    for t in &mut model.terms {
+        let size = if t.effect == "compliance" { 1e-5 } else { 1e-3 };
+        t.value = rng.random_range(-size..size);
+    }
+    model
+}
+
+/// Tracker points of two targets, `noise` m; rows of `bad` are off by 2 mm.
+fn write(
+    name: &str,
+    model: &Model,
+    count: usize,
+    noise: f64,
+    seed: u64,
+    bad: &[usize],
+) -> (tempfile::TempDir, PathBuf) {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let normal = rand_distr::Normal::new(0.0, noise).unwrap();
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let mut text = String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,x_mm,y_mm,z_mm\n");
+    for k in 0..count {
+        let q: Vec<f64> =
+            model.robot.joints.iter().map(|j| rng.random_range(0.7 * j.limits[0]..0.7 * j.limits[1])).collect();
+        let target = k % 2;
+        let state = State::at(&q);
+        forward.residual(&state, &Measured::Point { target, position: [0.0; 3] }, 0, &mut ws);
+        write!(text, "{k}").unwrap();
+        for v in &q {
+            write!(text, ",{}", v.to_degrees()).unwrap();
+        }
+        write!(text, ",{}", target + 1).unwrap();
+        for r in &ws.residual()[..3] {
+            let off = if bad.contains(&k) { 2.0 } else { 0.0 };
+            write!(text, ",{}", (r + normal.sample(&mut rng)) * 1e3 + off).unwrap();
+        }
+        text.push('\n');
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    (dir, path)
+}
+
+fn frame() -> Pose {
+    Pose {
+        rotation: trical_model::pose::rotation_zyx(0.4, -0.2, 0.1),
+        translation: nalgebra::Vector3::new(1.5, -0.3, 0.2),
+    }
+}
+
+fn streamed(paths: &[PathBuf]) -> Streamed {
+    let model = nominal();
+    let stream = CsvStream::open(paths, 6).unwrap();
+    let sample = stream.sample().unwrap();
+    let data = Dataset::build(&sample.recordings, JointSource::Read, None).unwrap();
+    let data = reject_gross_errors(&model.robot, &model.cell, &data).unwrap();
+    identify_stream(&model.robot, &model.cell, &stream, &data, ParameterSet::Compliance, false).unwrap()
+}
+
+/// Largest difference of two results, in standard deviations, and of their standard deviations, relative.
+fn compare(paths: &[PathBuf]) -> (f64, f64) {
+    let model = nominal();
+    let recordings: Vec<_> = paths.iter().map(|p| load_csv(p, 6).unwrap()).collect();
+    let data = Dataset::build(&recordings, JointSource::Read, None).unwrap();
+    let data = reject_gross_errors(&model.robot, &model.cell, &data).unwrap();
+    let whole = identify(&model.robot, &model.cell, &data, ParameterSet::Compliance).unwrap();
+    let parts = streamed(paths);
+    assert_eq!(parts.observations, data.observations.len());
+    assert_eq!(parts.rejected, data.rejected.len());
+    let lines = |r: &[trical_ident::Rejected]| r.iter().map(|r| (r.line, r.row)).collect::<Vec<_>>();
+    assert_eq!(lines(&parts.named), lines(&data.rejected));
+    let (mut off, mut sd_off) = (0.0_f64, 0.0_f64);
+    for k in &whole.free {
+        let (a, b) = (&whole.model.terms[*k], &parts.identified.model.terms[*k]);
+        assert_eq!(a.name, b.name);
+        let sd = a.sd.unwrap();
+        // the places of frames and targets that the fit starts from are part of the result
+        if a.effect == "geometry" || a.effect == "compliance" {
+            off = off.max((a.value - b.value).abs() / sd);
+        }
+        sd_off = sd_off.max((b.sd.unwrap() / sd - 1.0).abs());
+    }
+    (off, sd_off)
+}
+
+#[test]
+fn a_file_read_in_blocks_gives_what_memory_gives_and_finds_the_same_gross_errors() {
+    let (_dir, path) = write("points.csv", &truth(frame()), 40_000, 2e-5, 1, &[7, 12_345, 39_999]);
+    assert!(std::fs::metadata(&path).unwrap().len() > 3 << 20, "several blocks are needed");
+    let (off, sd_off) = compare(&[path]);
+    assert!(off < 1e-3 && sd_off < 1e-5, "{off} {sd_off}");
+}
+
+#[test]
+fn two_instruments_of_different_noise_are_weighted_as_in_memory() {
+    let (_a, fine) = write("fine.csv", &truth(frame()), 12_000, 1e-5, 2, &[]);
+    let (_b, coarse) = write("coarse.csv", &truth(Pose::identity()), 12_000, 8e-5, 3, &[]);
+    let (off, sd_off) = compare(&[fine, coarse]);
+    assert!(off < 1e-2 && sd_off < 1e-3, "{off} {sd_off}");
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let (_dir, path) = write("points.csv", &truth(frame()), 24_000, 2e-5, 4, &[]);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let found = pool.install(|| streamed(std::slice::from_ref(&path))).identified;
+        let values: Vec<u64> = found.model.terms.iter().map(|t| t.value.to_bits()).collect();
+        (values, found.covariance.iter().map(|c| c.to_bits()).collect::<Vec<_>>())
+    };
+    let one = with(1);
+    assert_eq!(one, with(2));
+    assert_eq!(one, with(5));
+}
+
+#[test]
+fn a_bad_row_far_down_is_named_with_its_line() {
+    let (_dir, path) = write("points.csv", &truth(frame()), 24_000, 2e-5, 5, &[]);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    let refused = |lines: &[&str]| {
+        std::fs::write(&path, lines.join("\n")).unwrap();
+        CsvStream::open(std::slice::from_ref(&path), 6).and_then(|s| s.sample()).unwrap_err().to_string()
+    };
+    let good = lines[20_000];
+    let bad = good.replacen(',', ",x", 1);
+    lines[20_000] = &bad;
+    let message = refused(&lines);
+    assert!(message.contains("line 20001, column q1_deg: found 'x"), "{message}");
+    lines[20_000] = lines[19_990];
+    let message = refused(&lines);
+    assert!(message.contains("line 20001, column t_s: found 19989 after 19998"), "{message}");
+    lines[20_000] = "1,2,3";
+    let message = refused(&lines);
+    assert!(message.contains("line 20001: found 3 fields, expected 11"), "{message}");
+}
+
+#[test]
+fn recordings_with_references_are_not_streamed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("r.csv");
+    std::fs::write(&path, "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,reference,x_mm,y_mm,z_mm\n").unwrap();
+    let message = CsvStream::open(&[path], 6).unwrap_err().to_string();
+    assert!(message.contains("column reference"), "{message}");
+}

@@ -4,6 +4,7 @@ mod blindness;
 mod commands;
 mod error;
 mod input;
+mod interrupt;
 mod picture;
 mod plan_report;
 mod plant;
@@ -47,6 +48,10 @@ enum Command {
     Measure(commands::measure::Args),
     /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
     VirtualCell(commands::virtual_cell::Args),
+    /// Try the gauge: list ports, watch, test, master
+    Gauge(commands::gauge::Args),
+    /// Try the robot controller: ping, read joints, jog
+    Robot(commands::robot::Args),
     /// Rewrite a robot program so that the real arm goes where it says
     Compensate(commands::compensate::Args),
     /// The calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
@@ -66,6 +71,8 @@ fn main() -> ExitCode {
         Command::Study(args) => commands::study::run(&args),
         Command::Measure(args) => commands::measure::run(&args),
         Command::VirtualCell(args) => commands::virtual_cell::run(&args),
+        Command::Gauge(args) => commands::gauge::run(&args),
+        Command::Robot(args) => commands::robot::run(&args),
         Command::Compensate(args) => commands::compensate::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Convert(args) => commands::convert::run(&args),

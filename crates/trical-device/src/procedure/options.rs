@@ -33,6 +33,11 @@ pub struct ProcedureLimits {
     pub growth: f64,
     /// A channel that shows the very same value after a correction of more than this along it is stale.
     pub stale: f64,
+    /// How far the TCP goes aside along each axis, and back, where a channel showed the same after a smaller correction:
+    /// it has to follow before the touch is accepted. Long enough for a gap in a joint of 0.01 deg at 0.5 m.
+    pub confirm: f64,
+    /// Largest speed of the TCP that is asked for, m/s: that of manual mode.
+    pub speed: f64,
 }
 
 impl Default for ProcedureLimits {
@@ -47,6 +52,8 @@ impl Default for ProcedureLimits {
             joint_change: 5.0_f64.to_radians(),
             growth: 1.2,
             stale: 20e-6,
+            confirm: 0.2e-3,
+            speed: 0.25,
         }
     }
 }

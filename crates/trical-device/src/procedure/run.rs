@@ -49,7 +49,11 @@ pub fn run(
         report: RunReport::default(),
         retreating: false,
     };
-    runner.start().map_err(|violation| ProcedureError::Start { violation: Box::new(violation) })?;
+    let not_begun = |violation| ProcedureError::Start { violation: Box::new(violation) };
+    runner.start().map_err(not_begun)?;
+    if plan.iter().any(|entry| !options.skip.contains(&entry.index)) {
+        runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
+    }
     let total = plan.len();
     for entry in plan {
         let done = runner.report.measured + runner.report.skipped;
@@ -115,6 +119,26 @@ impl Runner<'_, '_> {
         self.note_joints()
     }
 
+    /// Where an earlier run was broken off in a touch, the arm still stands there: it goes back to the point before.
+    fn leave_a_touch(&mut self, plan: &[PlanEntry]) -> Result<(), Violation> {
+        let near = self.options.limits.joint_change;
+        let found = plan.iter().find(|entry| largest_difference(&entry.joints, &self.at).1 <= near);
+        let Some((entry, before)) = found.and_then(|entry| Some((entry, entry.via.last()?))) else {
+            return Ok(());
+        };
+        if largest_difference(before, &self.at).1 <= largest_difference(&entry.joints, &self.at).1 {
+            return Ok(());
+        }
+        self.warn(format!(
+            "the arm stands at touch {} (ball {}), where an earlier run was broken off: it goes back to its approach point first",
+            entry.index,
+            entry.ball + 1
+        ));
+        check_joints(before, self.options)?;
+        self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
+        self.drive(before)
+    }
+
     /// Steps (a) to (g): to the ball, read and correct, record.
     fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
         let options = self.options;
@@ -123,17 +147,47 @@ impl Runner<'_, '_> {
             self.go(q)?;
         }
         self.check_cancelled()?;
-        let free = if options.check_release && !entry.via.is_empty() { Some(self.gauge.read()?) } else { None };
+        let free = if options.check_release && !entry.via.is_empty() { Some(self.settled_reading()?) } else { None };
 
         self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
         self.go(&entry.joints)?;
         let mut reading = self.read(entry, 0)?;
-        if free.is_some_and(|free| free.iter().zip(&reading).all(|(a, b)| is_same(*a, *b))) {
-            return Err(Violation::StaleTouch);
+        // channels that may repeat an old value: no motion has shown yet that they live
+        let mut doubtful = options.check_release;
+        if let Some(free) = free {
+            let same: Vec<usize> = (0..3).filter(|axis| is_same(free[*axis], reading[*axis])).collect();
+            match same.as_slice() {
+                [] => doubtful = false,
+                [_, _, _] => return Err(Violation::StaleTouch),
+                // a stem that was free at the approach point cannot read there what it reads at the ball
+                [axis, ..] => {
+                    return Err(Violation::StaleAxis { axis: AXES[*axis], reading_mm: reading[*axis] * 1e3 });
+                }
+            }
         }
         let mut corrections = 0;
         let mut total_length = 0.0;
-        while norm(&reading) >= options.epsilon {
+        while norm(&reading) >= options.epsilon || doubtful {
+            if norm(&reading) < options.epsilon {
+                // a little aside along all axes: each channel has to follow, and the loop goes back
+                let aside = [options.limits.confirm; 3];
+                total_length += norm(&aside);
+                self.correct(aside, total_length)?;
+                corrections += 1;
+                let after = self.read(entry, corrections)?;
+                for (axis, (before, after)) in AXES.into_iter().zip(reading.iter().zip(&after)) {
+                    if (before - after).abs() < 0.25 * options.limits.confirm {
+                        return Err(Violation::Stale {
+                            axis,
+                            reading_mm: after * 1e3,
+                            moved_mm: options.limits.confirm * 1e3,
+                        });
+                    }
+                }
+                doubtful = false;
+                reading = after;
+                continue;
+            }
             if corrections >= options.limits.iterations {
                 return Err(Violation::Iterations {
                     iterations: corrections,
@@ -146,16 +200,22 @@ impl Runner<'_, '_> {
             corrections += 1;
             let after = self.read(entry, corrections)?;
             self.check_change(&reading, &after)?;
+            doubtful = options.check_release && reading.iter().zip(&after).any(|(a, b)| is_same(*a, *b));
             reading = after;
         }
         self.record(entry, reading, corrections, total)
     }
 
-    fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
-        self.check_cancelled()?;
+    fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {
         let settle = self.options.settle.clone().unwrap_or_else(|| self.gauge.settle());
         let reading = settled_reading(self.gauge, &settle, self.cancel)?;
         self.take_warnings();
+        Ok(reading)
+    }
+
+    fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
+        self.check_cancelled()?;
+        let reading = self.settled_reading()?;
         let t = self.time()?;
         self.log.indicators(t, &reading, true)?;
         (self.progress)(Progress::Reading { index: entry.index, corrections, reading });

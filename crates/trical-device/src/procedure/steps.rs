@@ -88,6 +88,15 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
             return Err(ProcedureError::Options(format!("{name} is {value}; expected a positive number")));
         }
     }
+    for (name, value) in [("travel speed", options.travel_speed), ("touch speed", options.touch_speed)] {
+        if value > options.limits.speed {
+            return Err(ProcedureError::Options(format!(
+                "{name} is {:.0} mm/s, the limit is {:.0} mm/s",
+                value * 1e3,
+                options.limits.speed * 1e3
+            )));
+        }
+    }
     for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
         let wrong =
             |violation| ProcedureError::Plan { index: entry.index, ball: entry.ball, violation: Box::new(violation) };

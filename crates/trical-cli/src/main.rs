@@ -5,6 +5,7 @@ mod commands;
 mod error;
 mod input;
 mod interrupt;
+mod measure_view;
 mod picture;
 mod plan_report;
 mod plant;

@@ -43,6 +43,8 @@ pub mod virtual_cell;
 pub use controller::{Controller, ControllerError, open_controller};
 pub use gauge::{Gauge, GaugeError, open_gauge};
 pub use motion::{JointSample, MotionSense};
-pub use procedure::{PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run};
+pub use procedure::{
+    PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run, visits,
+};
 pub use record::{Header, ReadRecording, RecordError, RecordingWriter, RunLog, read_recording};
 pub use virtual_cell::{CellError, CellOptions, Fault, Plant, VirtualCell};

@@ -6,6 +6,7 @@ pub mod demo;
 pub mod diagnose;
 pub mod export;
 pub mod gauge;
+pub mod guided;
 pub mod identify;
 pub mod measure;
 pub mod plan;

@@ -121,12 +121,13 @@ impl Runner<'_, '_> {
 
     /// Where an earlier run was broken off in a touch, the arm still stands there: it goes back to the point before.
     fn leave_a_touch(&mut self, plan: &[PlanEntry]) -> Result<(), Violation> {
-        let near = self.options.limits.joint_change;
-        let found = plan.iter().find(|entry| largest_difference(&entry.joints, &self.at).1 <= near);
-        let Some((entry, before)) = found.and_then(|entry| Some((entry, entry.via.last()?))) else {
+        let far = |q: &Joints| largest_difference(q, &self.at).1;
+        let nearest = plan.iter().min_by(|a, b| far(&a.joints).total_cmp(&far(&b.joints)));
+        let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else {
             return Ok(());
         };
-        if largest_difference(before, &self.at).1 <= largest_difference(&entry.joints, &self.at).1 {
+        let to_a_free_place = plan.iter().flat_map(|entry| &entry.via).map(&far).fold(f64::INFINITY, f64::min);
+        if far(&entry.joints) > self.options.limits.joint_change || to_a_free_place <= far(&entry.joints) {
             return Ok(());
         }
         self.warn(format!(

@@ -47,6 +47,8 @@ enum Command {
     Study(commands::study::Args),
     /// Drive robot and indicators through a plan, and record
     Measure(commands::measure::Args),
+    /// How far repeat visits scatter: by ball, by sense of approach, over the session
+    Repeatability(commands::repeatability::Args),
     /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
     VirtualCell(commands::virtual_cell::Args),
     /// Try the gauge: list ports, watch, test, master
@@ -71,6 +73,7 @@ fn main() -> ExitCode {
         Command::Plan(args) => commands::plan::run(&args),
         Command::Study(args) => commands::study::run(&args),
         Command::Measure(args) => commands::measure::run(&args),
+        Command::Repeatability(args) => commands::repeatability::run(&args),
         Command::VirtualCell(args) => commands::virtual_cell::run(&args),
         Command::Gauge(args) => commands::gauge::run(&args),
         Command::Robot(args) => commands::robot::run(&args),

@@ -138,6 +138,7 @@ pub fn run(args: &Args) -> Result<()> {
         robot: &robot,
         cell: &cell,
         plan: &entries,
+        stride: None,
         gauge: &running.gauge_url(),
         controller: &running.controller_url(),
         out: &recording,

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::{Matrix3, Vector3};
 use trical_device::controller::wait_settled;
 use trical_device::gauge::{settled_reading, with_zero};
-use trical_device::procedure::{FlangeTouch, base_from_balls, tcp_from_touches};
+use trical_device::procedure::{FlangeTouch, base_from_balls, stride, tcp_from_touches};
 use trical_device::{PlanEntry, Progress, RecordingWriter, open_controller, open_gauge, visits};
 use trical_ident::write_whole;
 use trical_model::{Cell, Forward, JointKind, Joints, Measured, Model, Pose, Robot, Row, State};
@@ -85,7 +85,7 @@ impl Guided<'_> {
         write_whole(&self.beside("cell.toml"), self.cell.to_toml().as_bytes())?;
         tell(&format!("The cell as it was found is in {}.", self.beside("cell.toml").display()))?;
         let entries = self.planned()?;
-        self.measure(&visits(&entries, self.settings.visits as usize))
+        self.measure(&visits(&entries, self.settings.visits as usize), stride(&entries))
     }
 
     fn beside(&self, what: &str) -> PathBuf {
@@ -98,6 +98,7 @@ impl Guided<'_> {
             robot: self.robot,
             cell: &self.cell,
             plan: entries,
+            stride: None,
             gauge: &self.gauge,
             controller: self.controller,
             out,
@@ -377,7 +378,7 @@ impl Guided<'_> {
         }
     }
 
-    fn measure(&self, entries: &[PlanEntry]) -> Result<()> {
+    fn measure(&self, entries: &[PlanEntry], stride: u64) -> Result<()> {
         tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it and makes it go back the way it came.")?;
         let mut resume = false;
         let mut text = format!("{} touches. Is everybody out of the cell?", entries.len());
@@ -385,7 +386,7 @@ impl Guided<'_> {
             if !matches!(self.ask(&text)?, Answer::Go) {
                 return Err(CliError::Failed("ended by the user; nothing moves".into()));
             }
-            let session = self.session(entries, self.out, resume);
+            let session = Session { stride: Some(stride), ..self.session(entries, self.out, resume) };
             let mut view = View::new();
             let result = perform(&session, &mut |p| view.show(&p));
             view.end();

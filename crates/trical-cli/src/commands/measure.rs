@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde_json::json;
-use trical_device::procedure::Retreat;
+use trical_device::procedure::{Retreat, stride};
 use trical_device::record::Attachment;
 use trical_device::{
     ControllerError, GaugeError, Header, PlanEntry, ProcedureOptions, Progress, RecordingWriter, RunReport, dry_run,
@@ -69,7 +69,7 @@ pub struct Settings {
     /// Repeatability of the arm: an --epsilon-mm below it is warned about
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     pub repeatability_mm: f64,
-    /// Visit every touch so many times, every other round backward; see trical repeatability
+    /// Visit every touch so many times, every other round backward and from beyond; see trical repeatability
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub visits: u32,
     /// Speed of the tool between the balls
@@ -156,8 +156,10 @@ pub struct Session<'a> {
     pub robot: &'a Robot,
     /// The cell.
     pub cell: &'a Cell,
-    /// The plan.
+    /// The plan, with all visits.
     pub plan: &'a [PlanEntry],
+    /// Numbers of one round of visits.
+    pub stride: Option<u64>,
     /// Gauge URL.
     pub gauge: &'a str,
     /// Controller URL.
@@ -229,6 +231,7 @@ pub fn perform(s: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunRe
     let guard = |from: &trical_model::Joints, to: &trical_model::Joints| guard(s, &model, from, to);
     let mut options = s.settings.options(s.robot, s.cell)?;
     options.go = s.go;
+    options.stride = s.stride;
     options.guard = Some(&guard);
     if !s.go {
         return rehearse(s, &options);
@@ -252,6 +255,11 @@ pub fn perform(s: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunRe
                 watch(Progress::Warning(lost.clone()));
             }
             options.skip = before.done();
+            for row in &before.recording.rows {
+                if let (Some(seq), Some(stride)) = (row.seq, s.stride) {
+                    options.known.entry(seq % stride).or_insert(row.state.q);
+                }
+            }
             // warm-up and creep go on while nobody measures
             #[expect(clippy::cast_precision_loss, reason = "s since the recording began")]
             let since = s.start_ns.saturating_sub(before.start_ns) as f64 * 1e-9;
@@ -318,11 +326,13 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(CliError::Input("--plan: expected a file, as trical plan writes it".into()));
     };
     let entries = plan::load(path, &robot, cell.balls.len())?;
+    let stride = Some(stride(&entries));
     let entries = visits(&entries, args.settings.visits as usize);
     let session = Session {
         robot: &robot,
         cell: &cell,
         plan: &entries,
+        stride,
         gauge: &args.gauge,
         controller: &args.controller,
         out: &args.out,

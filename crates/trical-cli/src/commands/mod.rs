@@ -10,6 +10,7 @@ pub mod guided;
 pub mod identify;
 pub mod measure;
 pub mod plan;
+pub mod repeatability;
 pub mod robot;
 pub mod study;
 pub mod validate;

@@ -4,12 +4,12 @@ use super::PlanEntry;
 
 /// A plan whose touches are visited so many times, for [`super::Retreat::Approach`].
 ///
-/// Every other round goes the same ways backward: motions that the plan allows, touches that are approached from the
-/// other side, and visits that are spread over the session. Touch `i` has number `i` in the first round, and that plus a
-/// multiple of (largest number + 1) in the others.
+/// Every other round goes the same ways backward: motions that the plan allows, and visits that are spread over the
+/// session. Touch `i` has number `i` in the first round, and that plus a multiple of [`stride`] in the others; with
+/// [`super::ProcedureOptions::stride`], those of every other round are approached from beyond.
 #[must_use]
 pub fn visits(plan: &[PlanEntry], rounds: usize) -> Vec<PlanEntry> {
-    let stride = plan.iter().map(|entry| entry.index + 1).max().unwrap_or(1);
+    let stride = stride(plan);
     let mut all = Vec::with_capacity(plan.len() * rounds);
     for round in 0..rounds {
         let number = |entry: &PlanEntry| entry.index + stride * round as u64;
@@ -33,6 +33,12 @@ pub fn visits(plan: &[PlanEntry], rounds: usize) -> Vec<PlanEntry> {
         }
     }
     all
+}
+
+/// Numbers of one round: the largest of the plan, plus 1.
+#[must_use]
+pub fn stride(plan: &[PlanEntry]) -> u64 {
+    plan.iter().map(|entry| entry.index + 1).max().unwrap_or(1)
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 mod blindness;
 mod commands;
 mod error;
+mod fault_script;
+mod hidden;
 mod input;
 mod interrupt;
 mod measure_view;

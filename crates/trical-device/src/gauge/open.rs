@@ -95,8 +95,7 @@ fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
 }
 
 pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlError> {
-    let mut settings = UWaveSettings::default();
-    settings.groups = [two_digits(url, "group", 0)?; 3];
+    let mut settings = UWaveSettings { groups: [two_digits(url, "group", 0)?; 3], ..UWaveSettings::default() };
     for (axis, (channel, group)) in AXES.iter().zip(settings.channels.iter_mut().zip(&mut settings.groups)) {
         let Some(value) = url.take(&axis.to_string()) else { continue };
         let (own, number) = value.split_once('.').map_or((None, value.as_str()), |(g, c)| (Some(g), c));

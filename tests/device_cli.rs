@@ -245,7 +245,7 @@ fn scripted_faults_stop_the_run_and_resume_completes_it() {
     let before = place.rows("run.mcap");
     drop(cell);
     // another cell of the same seed, as after a restart of the controller
-    let cell = place.cell(&[]);
+    let cell = place.cell(&["--radio-ms", "3"]);
     let told = json(&place.measure(&cell, &["--go", "--resume", "--json"]));
     assert_eq!(told["skipped"].as_u64().unwrap() + told["measured"].as_u64().unwrap(), 9);
     let after = place.rows("run.mcap");
@@ -295,8 +295,14 @@ fn ctrl_c_makes_the_arm_go_back_and_a_second_one_ends_at_once() {
         Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     };
     let started = |args: &[&str]| {
+        use std::os::unix::fs::MetadataExt;
+        let file = || std::fs::metadata(place.path("run.mcap")).ok().map(|m| m.ino());
+        let before = file();
         let child = place.command(&measure_args(&cell, args)).stderr(Stdio::piped()).spawn().unwrap();
-        std::thread::sleep(Duration::from_millis(700));
+        // Ctrl-C is watched before the recording begins
+        while file() == before {
+            std::thread::sleep(Duration::from_millis(2));
+        }
         child
     };
     let child = started(&["--go"]);

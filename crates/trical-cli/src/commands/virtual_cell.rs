@@ -54,6 +54,9 @@ pub struct Args {
     /// Where the arm stands at first; all zero without it
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
     start_deg: Vec<f64>,
+    /// The two addresses as JSON, in one line
+    #[arg(long)]
+    json: bool,
 }
 
 impl Args {
@@ -130,7 +133,12 @@ pub fn run(args: &Args) -> Result<()> {
     let plant = ArmPlant::new(&truth)?;
     let options = args.options(&truth)?;
     let running = VirtualCell::start(Box::new(plant), options).map_err(|e| CliError::Input(e.to_string()))?;
-    say(format!("--gauge '{}' --controller '{}'", running.gauge_url(), running.controller_url()))?;
+    let (gauge, controller) = (running.gauge_url(), running.controller_url());
+    say(if args.json {
+        serde_json::json!({ "gauge": gauge, "controller": controller }).to_string()
+    } else {
+        format!("--gauge '{gauge}' --controller '{controller}'")
+    })?;
     eprintln!("the virtual cell answers until it is ended with Ctrl-C");
     while running.is_running() {
         std::thread::sleep(std::time::Duration::from_millis(200));

@@ -13,7 +13,8 @@ use crate::url::{DeviceUrl, UrlError};
 ///
 /// - `uwave:///dev/ttyUSB0?x=00&y=01&z=02&group=00`: Mitutoyo U-WAVE-R. A channel of another group is `x=03.00` (group,
 ///   channel). Further options: `flip` (axes that read with the opposite sign, e.g. `xz`), `timeout_ms`, `interval_ms`
-///   (pause between requests), `attempts`, `unit=mm` (take values without a unit as mm).
+///   (pause between requests), `attempts`, `unit=mm` (take values without a unit as mm), `clear=1` (the receiver forgets
+///   what was read; not for measuring).
 /// - `itn://`, `opto://`, `tesa://`, `millimar://`, `pico://`, `line://` and a port, or three ports `/dev/a,/dev/b,/dev/c`
 ///   for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
 ///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
@@ -120,9 +121,14 @@ pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlEr
         Some("mm") => true,
         Some(other) => return Err(url.error(format!("option unit={other:?}; expected mm"))),
     };
+    settings.clear = match url.take("clear").as_deref() {
+        None | Some("0") => false,
+        Some("1") => true,
+        Some(other) => return Err(url.error(format!("option clear={other:?}; expected 0 or 1"))),
+    };
     settings.settle = settle(url, settings.settle)?;
     url.finish(
-        "x, y, z, group, flip, timeout_ms, interval_ms, attempts, unit, settle_ms, repeats, settle_um, zero_mm",
+        "x, y, z, group, flip, timeout_ms, interval_ms, attempts, clear, unit, settle_ms, repeats, settle_um, zero_mm",
     )?;
     Ok(settings)
 }

@@ -22,6 +22,10 @@ pub struct UWaveSettings {
     pub attempts: u32,
     /// Pause between requests. In use elsewhere: 0.25 s.
     pub interval: Duration,
+    /// Make the receiver forget each value that was read (`w` = 1): then only a value that has changed since is
+    /// answered, and a spindle that stands still reads as "no data". For looking at a receiver; a measurement, which
+    /// waits for readings that repeat, keeps the values.
+    pub clear: bool,
     /// When a reading stands still.
     pub settle: Settle,
     /// Take a value without a unit (`0`) as mm. Off: such a value is an error.
@@ -37,6 +41,7 @@ impl Default for UWaveSettings {
             timeout: Duration::from_millis(1500),
             attempts: 3,
             interval: Duration::from_millis(250),
+            clear: false,
             settle: Settle::default(),
             assume_mm: false,
         }
@@ -54,7 +59,7 @@ impl UWaveSettings {
 /// Three indicators behind one receiver.
 ///
 /// The receiver also sends by itself (buttons, batteries), so records are told apart by kind and channel, and what came
-/// before a request is no answer to it. Values are read with `w` = 0: with `w` = 1 a still spindle may then answer
+/// before a request is no answer to it. Values are read with `w` = 0 unless told otherwise: with `w` = 1 a still spindle may then answer
 /// "no data" \[I\]; and "no data" is never taken for zero.
 pub struct UWave<P> {
     port: P,
@@ -197,7 +202,7 @@ impl<P: Port> UWave<P> {
 
     fn attempt(&mut self, axis: usize, channel: u8) -> Result<Attempt, GaugeError> {
         let group = self.settings.groups.get(axis).copied().unwrap_or(0);
-        self.send(&protocol::data_request(channel, group, false))?;
+        self.send(&protocol::data_request(channel, group, self.settings.clear))?;
         let deadline = Instant::now() + self.settings.timeout;
         let mut garbage = None;
         while let Some(line) = self.wait(deadline)? {
@@ -253,7 +258,11 @@ impl<P: Port> UWave<P> {
                 },
                 Attempt::Nothing => self.silent(
                     axis_name(axis),
-                    &protocol::data_request(channel, self.settings.groups.get(axis).copied().unwrap_or(0), false),
+                    &protocol::data_request(
+                        channel,
+                        self.settings.groups.get(axis).copied().unwrap_or(0),
+                        self.settings.clear,
+                    ),
                 ),
             });
         }

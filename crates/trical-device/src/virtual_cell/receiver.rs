@@ -69,7 +69,7 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
     let mut out = String::new();
     match protocol::parse_request(line) {
         None => out.push_str(&protocol::status_record(group, 0, Status::BadRequest).replace("ST10000", "ST1FFFF")),
-        Some(Request::Data { channel, group: asked_group, .. }) => {
+        Some(Request::Data { channel, group: asked_group, clear }) => {
             let asked = |c: u8| channel.is_none_or(|channel| channel == c) && asked_group == group;
             let axes: Vec<usize> = (0..3).filter(|axis| asked(channels[*axis])).collect();
             if axes.is_empty() {
@@ -85,6 +85,7 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
                     out.push('\r');
                 }
                 out.push_str(&data_or_fault(world, axis));
+                world.cleared[axis] |= clear;
                 out.push('\r');
             }
             return out.into_bytes();
@@ -130,6 +131,10 @@ fn data_or_fault(world: &mut World, axis: usize) -> String {
     if world.has(&Fault::BatteryLow { axis }) {
         out.push_str(&protocol::status_record(group, channel, Status::BatteryLow));
         out.push('\r');
+    }
+    // event mode: a value that was forgotten comes again once it has changed
+    if world.cleared[axis] {
+        return protocol::status_record(group, channel, Status::NoData);
     }
     // a resolution of zero shows what the record can hold
     let decimals = if world.options.resolution >= 1e-6 { 3 } else { 6 };

@@ -30,6 +30,8 @@ pub(super) struct World {
     before: [f64; 3],
     /// When the last motion ended, in real time.
     stopped: Instant,
+    /// Values that the receiver was told to forget.
+    pub(super) cleared: [bool; 3],
     pub(super) readings: u64,
     pub(super) commands: u64,
     linear_speed: f64,
@@ -57,6 +59,7 @@ impl World {
             indicators: [0.0; 3],
             before: [0.0; 3],
             stopped: Instant::now(),
+            cleared: [false; 3],
             readings: 0,
             commands: 0,
             linear_speed: 0.1,
@@ -309,6 +312,7 @@ impl World {
         };
         for (axis, value) in shown.into_iter().enumerate() {
             if !self.has(&Fault::Stale { axis }) {
+                self.cleared[axis] &= self.indicators[axis] == value;
                 self.indicators[axis] = value;
             }
         }

@@ -22,10 +22,11 @@ use crate::{interrupt, say};
 
 /// Arguments of `trical measure`.
 #[derive(clap::Args)]
-#[command(after_help = "Nothing moves without --go: the whole run is printed instead.\n\
-    Ctrl-C ends a run in order: the motion under way ends, the arm goes back the way it came. A second Ctrl-C ends the\n\
-    program at once; the controller still ends the motion under way. --resume goes on in both cases.\n\
-    What each stop means: docs/cell.md")]
+#[command(
+    after_help = "Nothing moves without --go: the whole run is printed instead. Ctrl-C ends a run in order: the motion under way \
+    ends, the arm goes back the way it came. A second Ctrl-C ends the program at once; the controller still ends the motion \
+    under way. --resume goes on in both cases. What each stop means: docs/cell.md."
+)]
 pub struct Args {
     #[command(flatten)]
     cell: RobotAndCell,

@@ -28,6 +28,7 @@ enum What {
         json: bool,
     },
     /// Show the three indicators until Ctrl-C
+    #[command(after_help = URLS)]
     Watch {
         #[command(flatten)]
         link: Link,
@@ -42,6 +43,7 @@ enum What {
         json: bool,
     },
     /// What the device says of itself, how fast it answers and how still it stands
+    #[command(after_help = URLS)]
     Test {
         #[command(flatten)]
         link: Link,
@@ -59,6 +61,7 @@ enum What {
         json: bool,
     },
     /// Master the device: with all stems on the calibrator, read what it shows there and print the URL to use from now on
+    #[command(after_help = URLS)]
     Zero {
         #[command(flatten)]
         link: Link,
@@ -67,6 +70,16 @@ enum What {
         json: bool,
     },
 }
+
+/// What `--gauge` takes.
+const URLS: &str = "Gauges:
+  uwave:///dev/ttyUSB0?x=00&y=01&z=02   Mitutoyo U-WAVE-R; &group=03, or x=03.00 (group, channel)
+  itn://PORT,PORT,PORT                  Mitutoyo USB-ITN; opto, tesa, millimar, pico likewise
+  line://PORT?request=%3F%0D&pattern={v};{v};{v}     anything that answers a line
+Options of all: flip=xz, settle_ms, repeats, settle_um, timeout_ms, attempts, zero_mm=x,y,z
+  uwave:  interval_ms, unit=mm, clear=1 (not for measuring)
+  others: baud, framing=7E2, x=, y=, z= (a request for each axis), unit=mm|um|in, scale
+More: docs/cell.md";
 
 /// The gauge.
 #[derive(clap::Args)]

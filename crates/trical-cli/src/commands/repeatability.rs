@@ -18,8 +18,8 @@ use crate::{input, say, table};
 /// Arguments of `trical repeatability`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "RP = mean(l) + 3 S, where l is the distance of a visit from the barycentre of all visits of its place and S\n\
-    their standard deviation (n - 1). Formulas of ISO 9283; no conformity is claimed. A touch counts with what the three\n\
+    after_help = "RP = mean(l) + 3 S, where l is the distance of a visit from the barycentre of all visits of its place and S \
+    their standard deviation (n - 1). Formulas of ISO 9283; no conformity is claimed. A touch counts with what the three \
     indicators had left: its place is where the arm, by its nominal geometry, says that the ball is."
 )]
 pub struct Args {

@@ -5,7 +5,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_device::controller::{rapid_protocol, rws_protocol};
+use trical_device::controller::{rapid_protocol, rtde, rws_protocol};
 use trical_device::gauge::line_protocol::{LineReply, Pattern, parse_line};
 use trical_device::gauge::uwave_protocol::{self, Record};
 use trical_device::record::cdr::JointState;
@@ -157,6 +157,24 @@ fn messages_of_the_controllers() {
             let _ = DeviceUrl::parse(text);
         }
     });
+}
+
+#[test]
+fn packages_of_the_real_time_data_exchange() {
+    let mut content = vec![1];
+    [1.5, 0.1, -0.2, 0.3, -0.4, 0.5, -0.6_f64].iter().for_each(|v| content.extend(v.to_be_bytes()));
+    content.extend([0, 0, 0, 7, 0, 0, 0, 1]);
+    let mut states = 0;
+    Mutants::new(&[rtde::package(rtde::kind::DATA, &content)], &[0, 1, 3, 68, b'U', 127, 255]).each(CASES, |bytes| {
+        let mut bytes = bytes.to_vec();
+        while let Ok(Some((_, content))) = rtde::take(&mut bytes) {
+            if let Some(state) = rtde::parse_state(&content, 1) {
+                assert!(state.t.is_finite() && state.q.iter().all(|q| q.is_finite()));
+                states += 1;
+            }
+        }
+    });
+    assert!(states > CASES / 20, "{states} were states");
 }
 
 #[test]

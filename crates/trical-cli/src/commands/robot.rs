@@ -39,7 +39,8 @@ enum What {
 /// The controller.
 #[derive(clap::Args)]
 pub struct Link {
-    /// The robot controller: rapid://192.168.125.1:5000 (rapid/TriCal.mod), or rws://192.168.125.1 (Web Services)
+    /// The robot controller: rapid://192.168.125.1:5000 (ABB, rapid/TriCal.mod), rws://192.168.125.1 (ABB, Robot Web
+    /// Services), ur://192.168.0.2 (Universal Robots)
     #[arg(long, value_name = "URL")]
     controller: String,
     /// A machine-readable summary on standard output

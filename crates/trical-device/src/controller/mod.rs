@@ -2,8 +2,10 @@
 
 pub mod rapid;
 pub mod rapid_protocol;
+pub mod rtde;
 pub mod rws;
 pub mod rws_protocol;
+pub mod ur;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -16,6 +18,7 @@ use crate::url::{DeviceUrl, UrlError};
 
 pub use rapid::{RapidClient, RapidSettings};
 pub use rws::{RwsClient, RwsSettings};
+pub use ur::{UrClient, UrSettings};
 
 /// A robot controller.
 ///
@@ -192,6 +195,9 @@ pub enum ControllerError {
 /// `rapid/TriCalRws.mod`, reading the joints does not. Options: `user`, `password`, `task`, `module`, `unit`,
 /// `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
 ///
+/// `ur://host` is a Universal Robots controller in remote control: URScript and RTDE. Options: `timeout_s`,
+/// `move_timeout_s`, `settle_ms`, `max_correction_mm`, `rtde_port`, `script_port`.
+///
 /// # Errors
 /// A URL that cannot be used, no connection, or something else that answers there.
 pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError> {
@@ -205,7 +211,11 @@ pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError
             let settings = rws_settings(&mut url)?;
             Ok(Box::new(RwsClient::connect(&with_port(&url.place, 80), settings)?))
         }
-        _ => Err(url.error(format!("unknown controller {:?}; known are rapid and rws", url.scheme)).into()),
+        "ur" => {
+            let settings = ur_settings(&mut url)?;
+            Ok(Box::new(UrClient::connect(&url.place, settings)?))
+        }
+        _ => Err(url.error(format!("unknown controller {:?}; known are rapid, rws and ur", url.scheme)).into()),
     }
 }
 
@@ -258,6 +268,23 @@ fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
         settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
     };
     url.finish("user, password, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms")?;
+    Ok(settings)
+}
+
+fn ur_settings(url: &mut DeviceUrl) -> Result<UrSettings, UrlError> {
+    let defaults = UrSettings::default();
+    let settings = UrSettings {
+        rtde_port: url.take_number("rtde_port", f64::from(defaults.rtde_port), 1.0..=65_535.0)? as u16,
+        script_port: url.take_number("script_port", f64::from(defaults.script_port), 1.0..=65_535.0)? as u16,
+        timeout: seconds(url, "timeout_s", defaults.timeout)?,
+        move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
+        correction_limit: url.take_number("max_correction_mm", defaults.correction_limit * 1e3, 0.0..=10.0)? * 1e-3,
+        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+    };
+    url.finish("timeout_s, move_timeout_s, settle_ms, max_correction_mm, rtde_port, script_port")?;
+    if url.place.contains(':') {
+        return Err(url.error("a port behind the host; expected rtde_port= and script_port="));
+    }
     Ok(settings)
 }
 

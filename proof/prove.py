@@ -60,7 +60,19 @@ def version(package: str) -> str:
         return "not installed"
 
 
-def prove(size: str, seed: int, out: Path, binary: Path, processes: int) -> Path:
+def unbroken_seal(where: Path, count: int) -> str:
+    """The hash of a truth that was sealed before; earlier answers go."""
+    digest = (where / "truth.sha256").read_text().strip()
+    if hashlib.sha256((where / "sealed" / "truth.json").read_bytes()).hexdigest() != digest:
+        raise SystemExit(f"{where}: the sealed truth is not what its hash says")
+    cases = len(list((where / "cases").iterdir()))
+    if cases != count:
+        raise SystemExit(f"{where}: found {cases} cases, expected {count}")
+    shutil.rmtree(where / "answers", ignore_errors=True)
+    return digest
+
+
+def prove(size: str, seed: int, out: Path, binary: Path, processes: int, again: bool = False) -> Path:
     """Everything; returns the path of the table."""
     started, clock = datetime.datetime.now(datetime.timezone.utc), time.monotonic()
     counts = dict(COUNTS[size])
@@ -70,7 +82,10 @@ def prove(size: str, seed: int, out: Path, binary: Path, processes: int) -> Path
     came_from = origin(binary)
     dirs = []
     for kind, count in counts.items():
-        digest = make.make(kind, seed, count, out / kind, TOUCHES, processes)
+        if again:
+            digest = unbroken_seal(out / kind, count)
+        else:
+            digest = make.make(kind, seed, count, out / kind, TOUCHES, processes)
         print(f"{kind:9} {count:4} cases, truth sealed, SHA-256 {digest}", flush=True)
         dirs.append(out / kind)
     made = time.monotonic() - clock
@@ -85,7 +100,8 @@ def prove(size: str, seed: int, out: Path, binary: Path, processes: int) -> Path
         f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} --size {size}`",
         f"- binary: {came_from}",
         f"- {', '.join(f'{kind} {count}' for kind, count in counts.items())}; touches {TOUCHES} in turn",
-        f"- {minutes:.1f} minutes on {os.cpu_count()} cores ({processes} processes), {made / 60:.1f} of them to draw",
+        f"- {minutes:.1f} minutes on {os.cpu_count()} cores ({processes} processes), "
+        + ("cases drawn before" if again else f"{made / 60:.1f} of them to draw"),
         f"- Python {platform.python_version()}, NumPy {version('numpy')}, MuJoCo {version('mujoco-core')}",
         "",
         "What the words mean, and what this cannot show: [README.md](README.md).",
@@ -107,15 +123,18 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="default: proof/runs/SIZE-SEED; must not hold another run")
     parser.add_argument("--binary", type=Path, default=HERE.parent / "target" / "release" / "trical")
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
+    parser.add_argument(
+        "--again", action="store_true", help="cases are there from an earlier run, with the same seals: diagnose them anew"
+    )
     a = parser.parse_args()
     if not a.binary.is_file():
         print(f"{a.binary} is missing: cargo build --release --bin trical", file=sys.stderr)
         return 2
     out = a.out or HERE / "runs" / f"{a.size}-{a.seed}"
-    if out.exists() and any(out.iterdir()):
+    if not a.again and out.exists() and any(out.iterdir()):
         print(f"{out} is not empty: answers of another run would be scored", file=sys.stderr)
         return 2
-    table = prove(a.size, a.seed, out, a.binary.resolve(), a.processes)
+    table = prove(a.size, a.seed, out, a.binary.resolve(), a.processes, a.again)
     if a.size == "full":
         shutil.copy(table, HERE / "results.md")
         table = HERE / "results.md"

@@ -3,19 +3,20 @@
 use serde_json::{Value, json};
 use trical_ident::diagnose::catalogue::catalogue;
 use trical_ident::diagnose::design::Design;
-use trical_ident::{Dataset, JointSource, Noise};
+use trical_ident::diagnose::effects::gear_ripple::ripple;
+use trical_ident::diagnose::recorded::Recorded;
+use trical_ident::{Dataset, JointSource, Noise, site_words};
 use trical_model::{Forward, Measured, Model, Recording, Row, State};
 use trical_plan::PlanEntry;
 
-use crate::commands::diagnose::site_words;
 use crate::error::Result;
 
 /// Signatures below this many standard deviations are not seen.
 pub const VISIBLE: f64 = 3.0;
 /// Time of one touch, s (paper: a fix costs about 20 s).
 const TOUCH_TIME: f64 = 20.0;
-/// Of the scan over ripple frequencies, every so many is looked at: they differ little.
-const RIPPLES: usize = 29;
+/// Of the frequencies that a gear's ripple may have, cycles per turn, some are looked at: they differ little.
+const RIPPLES: [f64; 3] = [31.0, 100.0, 241.0];
 
 /// An effect at a place, and how visible it would be.
 pub struct Seen {
@@ -51,12 +52,9 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
         .collect();
     let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let (mut candidates, untestable) = catalogue(model, &data, noise);
-    let mut ripples = 0;
-    candidates.retain(|c| {
-        ripples += usize::from(c.effect == "gear_ripple");
-        c.effect != "gear_ripple" || ripples % RIPPLES == 0
-    });
+    let (mut candidates, untestable) = catalogue(&Recorded::new(model, &data, noise));
+    let joints = model.robot.dof();
+    candidates.extend((1..=joints).flat_map(|joint| RIPPLES.map(|cycles| ripple(joint, cycles, joints))));
     let weights = Noise::usual(1);
     let sigma = weights.sigma(0, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0);
     let design = Design::new(model, &candidates, &data, &weights)?;

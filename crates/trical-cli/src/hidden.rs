@@ -1,6 +1,8 @@
 //! Effects of the catalogue, hidden in a virtual arm.
 
-use trical_ident::diagnose::catalogue::{Candidate, catalogue, ripple};
+use trical_ident::diagnose::catalogue::{Candidate, catalogue};
+use trical_ident::diagnose::effects::gear_ripple::ripple;
+use trical_ident::diagnose::recorded::Recorded;
 use trical_ident::{Dataset, JointSource};
 use trical_model::{Joints, MAX_JOINTS, Measured, Model, Recording, Row, State, Term};
 
@@ -107,7 +109,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
         .collect();
     let recording = Recording { name: "catalogue".into(), joints: dof, rows };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    Ok(catalogue(model, &data, 1e-5).0)
+    Ok(catalogue(&Recorded::new(model, &data, 1e-5)).0)
 }
 
 #[cfg(test)]

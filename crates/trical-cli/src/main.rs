@@ -2,6 +2,7 @@
 
 mod blindness;
 mod commands;
+mod diagnosis_report;
 mod error;
 mod fault_script;
 mod hidden;
@@ -41,6 +42,8 @@ enum Command {
     Validate(commands::validate::Args),
     /// Say which physics the model lacks: locate the mismatch, name it, model it, prove it on held-out data
     Diagnose(commands::diagnose::Args),
+    /// The catalogue of effects that a diagnosis can name
+    Effects(commands::effects::Args),
     /// The whole story on a virtual cell: plan, measure, identify, validate, compensate, report
     Demo(commands::demo::Args),
     /// Plan collision-free, informative touches
@@ -71,6 +74,7 @@ fn main() -> ExitCode {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
+        Command::Effects(args) => commands::effects::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
         Command::Plan(args) => commands::plan::run(&args),
         Command::Study(args) => commands::study::run(&args),

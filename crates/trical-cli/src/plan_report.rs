@@ -1,10 +1,10 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
+use trical_ident::site_words;
 use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
 use crate::blindness::{self, VISIBLE};
-use crate::commands::diagnose::site_words;
 use crate::commands::plan::{Told, two_digits};
 use crate::error::Result;
 use crate::picture::{self, Scene, View};

@@ -97,10 +97,16 @@ pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, seri
     })
 }
 
-/// A staircase: bars from left to right, each with its label below (numbered) and its value on top.
-pub fn staircase(y_label: &str, values: &[f64]) -> Result<String> {
+/// A staircase: bars from left to right, each with its label below.
+pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Result<String> {
     draw((620, 320), |root| {
-        let high = values.iter().copied().fold(0.0, f64::max) * 1.15;
+        let high = values.iter().map(|v| v.1).fold(0.0, f64::max) * 1.15;
+        let label = |x: &f64| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
+            let k = x.round().max(0.0) as usize;
+            let whole = (x - x.round()).abs() < 0.01;
+            values.get(k).filter(|_| whole).map_or_else(String::new, |v| v.0.clone())
+        };
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let n = values.len() as f64;
         let mut chart = ChartBuilder::on(root)
@@ -114,16 +120,16 @@ pub fn staircase(y_label: &str, values: &[f64]) -> Result<String> {
             .disable_x_mesh()
             .light_line_style(WHITE)
             .bold_line_style(RGBColor(225, 225, 225))
-            .x_labels(values.len().min(20) + 1)
-            .x_label_formatter(&|x| if (x - x.round()).abs() < 0.01 { format!("{x:.0}") } else { String::new() })
-            .x_desc("number of the last finding that is modelled (0: none)")
+            .x_labels(2 * values.len() + 1)
+            .x_label_formatter(&label)
+            .x_desc(x_label)
             .y_desc(y_label)
             .label_style(("sans-serif", 13))
             .axis_desc_style(("sans-serif", 14))
             .draw()
             .map_err(failed)?;
         chart
-            .draw_series(values.iter().enumerate().map(|(k, v)| {
+            .draw_series(values.iter().enumerate().map(|(k, (_, v))| {
                 #[expect(clippy::cast_precision_loss, reason = "a small count")]
                 let x = k as f64;
                 Rectangle::new([(x - 0.38, 0.0), (x + 0.38, *v)], if k == 0 { BEFORE } else { AFTER }.filled())

@@ -29,12 +29,12 @@ pub mod units;
 pub mod validate;
 
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
-pub use diagnose::{Diagnosis, diagnose};
+pub use diagnose::{Diagnosis, Finding, Undecided, diagnose};
 pub use error::{IdentError, Result};
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
 pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, identify, reject_gross_errors};
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};
-pub use units::{Shown, shown, site_json, unit};
+pub use units::{Shown, shown, site_json, site_words, unit};
 pub use validate::{Refit, Region, Validation, validate};

@@ -80,6 +80,23 @@ pub struct Shown {
     pub nominal: Option<f64>,
 }
 
+/// A site of the contract in words: "joint 3", "joint 5 from joint 4", "fixture".
+#[must_use]
+pub fn site_words(site: &serde_json::Value) -> String {
+    let Some(map) = site.as_object() else { return String::new() };
+    if let (Some(joint), Some(from)) = (map.get("joint"), map.get("from")) {
+        return format!("joint {joint} from joint {from}");
+    }
+    map.iter()
+        .map(|(k, v)| match v {
+            serde_json::Value::Bool(_) => k.clone(),
+            serde_json::Value::String(s) => format!("{k} {s}"),
+            other => format!("{k} {other}"),
+        })
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
 /// A site as the contract writes it: `{"joint": 3}`, `{"link": 2}`, `{"frame": true}` ...
 #[must_use]
 pub fn site_json(site: Site) -> serde_json::Value {

@@ -25,7 +25,7 @@
 //! | [`collision`] | checks of configurations and of whole motions |
 //! | [`generate`] | candidates at a ball, and why others were refused |
 //! | [`choose`], [`criterion`] | the best subsets of any Jacobian blocks, by determinant, variances, weakest direction, region |
-//! | [`discriminate`] | subsets that tell rival explanations apart |
+//! | [`discriminate`], [`next`] | subsets that tell rival explanations apart; touches that do |
 //! | [`predict`] | position errors that a plan leaves to be expected |
 //! | [`route`] | lengths of ways in joint space |
 //! | [`plan_csv`] | plans as files |
@@ -41,6 +41,7 @@ pub mod discriminate;
 pub mod error;
 pub mod generate;
 pub mod geometry;
+pub mod next;
 pub mod options;
 pub mod parameters;
 pub mod plan;
@@ -56,6 +57,7 @@ pub use criterion::{Criterion, Goal};
 pub use discriminate::{Discrimination, choose_to_discriminate};
 pub use error::PlanError;
 pub use generate::{Candidate, Rejected};
+pub use next::{Next, Question, plan_to_discriminate};
 pub use options::PlanOptions;
 pub use plan::{Chosen, Expected, Plan, PlanEntry, choose_touches, nominal_forward, plan_touches};
 pub use plan_csv::{PlanFileError, read_plan, write_plan};

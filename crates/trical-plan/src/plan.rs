@@ -223,7 +223,7 @@ fn expect(
     (sd, error(&regions.sphere), error(&regions.workspace))
 }
 
-fn check_start(model: &CollisionModel, options: &PlanOptions) -> Result<()> {
+pub(crate) fn check_start(model: &CollisionModel, options: &PlanOptions) -> Result<()> {
     let Some(q) = &options.start else { return Ok(()) };
     let robot = &model.forward().model().robot;
     let problem = if !robot.within_limits(q, 0.0) {
@@ -405,14 +405,14 @@ fn balance_senses(model: &CollisionModel, mut touches: Vec<Candidate>, options: 
 }
 
 /// How often a touch that cannot be reached from the others is given up for another.
-const ROUNDS: usize = 8;
+pub(crate) const ROUNDS: usize = 8;
 /// Tours that are tried when a way between two neighbours cannot be found.
 const TOURS: usize = 5;
 /// Cost of a way that does not exist.
 const BLOCKED: f64 = 1e3;
 
 /// Orders the touches and finds the ways between them; or tells what went wrong, and the touch that is hardest to get to.
-fn visit(
+pub(crate) fn visit(
     model: &CollisionModel,
     touches: &[Candidate],
     options: &PlanOptions,

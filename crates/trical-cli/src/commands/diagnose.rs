@@ -2,11 +2,23 @@
 
 use std::path::PathBuf;
 
-use trical_ident::{Diagnosis, JointSource, ModelFile, diagnose};
+use serde_json::json;
+use trical_ident::{Diagnosis, Finding, JointSource, ModelFile, Undecided, diagnose, site_words, write_whole};
+use trical_model::{Cell, Robot};
+use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate, write_plan};
 
-use crate::error::Result;
+use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::say;
+use crate::{progress, say, table};
+
+/// So many findings are told in full on the terminal.
+const IN_FULL: usize = 5;
+
+/// Touches that set explanations apart by less than this many standard deviations decide nothing.
+const TELLING: f64 = 1.0;
+
+/// Candidates at each ball from which deciding touches are chosen.
+const POOL: usize = 150;
 
 /// Arguments of `trical diagnose`.
 #[derive(clap::Args)]
@@ -25,6 +37,12 @@ pub struct Args {
     /// Where to write the report
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Plan this many touches that decide between the least sure finding and its rivals
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    next: Option<u16>,
+    /// Where to write the touches of --next
+    #[arg(long, value_name = "FILE", default_value = "next.csv")]
+    next_out: PathBuf,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -32,16 +50,19 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    for file in [&args.out, &args.report].into_iter().flatten() {
+    for file in [&args.out, &args.report].into_iter().flatten().chain(args.next.map(|_| &args.next_out)) {
         input::check_output(file)?;
     }
     let (robot, cell) = args.cell.load()?;
+    if args.next.is_some() && cell.balls.is_empty() {
+        return Err(CliError::Input("--next: found no [balls] in the cell, expected balls that can be touched".into()));
+    }
     let recordings = input::recordings(&args.recordings, robot.dof())?;
-    let bar = crate::progress::bar("diagnosing");
-    let mut progress = |fraction: f64, what: &str| crate::progress::at(&bar, fraction, what);
+    let bar = progress::bar("diagnosing");
+    let mut at = |fraction: f64, what: &str| progress::at(&bar, fraction, what);
     let mut one = |source| -> Result<(Diagnosis, JointSource)> {
         let data = input::dataset(&recordings, source, None)?;
-        Ok((diagnose(&robot, &cell, &data, &mut progress)?, source))
+        Ok((diagnose(&robot, &cell, &data, &mut at)?, source))
     };
     let (diagnosis, source) = match args.joints {
         Joints::Read => one(JointSource::Read)?,
@@ -57,6 +78,16 @@ pub fn run(args: &Args) -> Result<()> {
             }
         }
     };
+    let next = match (args.next, diagnosis.undecided()?) {
+        (Some(n), Some(undecided)) => {
+            progress::at(&bar, 0.0, "planning what would decide");
+            let planned = plan_next(&robot, &cell, &undecided, usize::from(n), &mut |f| {
+                progress::at(&bar, f, "planning what would decide");
+            })?;
+            Some((undecided, planned))
+        }
+        _ => None,
+    };
     bar.finish_and_clear();
     if let Some(out) = &args.out {
         ModelFile {
@@ -68,94 +99,181 @@ pub fn run(args: &Args) -> Result<()> {
         .save(out)?;
     }
     if let Some(report) = &args.report {
-        let html = crate::report::diagnosis(&diagnosis, source)?;
-        trical_ident::write_whole(report, html.as_bytes())?;
+        write_whole(report, crate::diagnosis_report::render(&diagnosis, source)?.as_bytes())?;
+    }
+    if let Some((_, next)) = next.as_ref().filter(|(_, next)| next.lambda >= TELLING) {
+        write_whole(&args.next_out, write_plan(&robot, &next.entries).as_bytes())?;
     }
     if args.json {
         let mut value = serde_json::to_value(&diagnosis)?;
         if let Some(map) = value.as_object_mut() {
             map.insert("recordings".into(), serde_json::to_value(&diagnosis.data.names)?);
             map.insert("joints".into(), serde_json::to_value(source)?);
+            if args.next.is_some() {
+                map.insert(
+                    "next".into(),
+                    next.as_ref().map_or(serde_json::Value::Null, |(u, n)| next_json(args, u, n)),
+                );
+            }
         }
         return say(serde_json::to_string_pretty(&value)?);
     }
-    print(&diagnosis)
+    for line in lines(&diagnosis) {
+        say(line)?;
+    }
+    if args.joints == Joints::Auto {
+        say(format!("The {} joints were believed: held out, they leave less.", source_words(source)))?;
+    }
+    if args.next.is_some() {
+        for line in next_lines(args, next.as_ref()) {
+            say(line)?;
+        }
+    }
+    Ok(())
 }
 
-/// A site in words: "joint 3".
-pub fn site_words(site: &serde_json::Value) -> String {
-    let Some(map) = site.as_object() else { return String::new() };
-    map.iter()
-        .map(|(k, v)| match v {
-            serde_json::Value::Bool(_) => k.clone(),
-            serde_json::Value::String(s) => format!("{k} {s}"),
-            other => format!("{k} {other}"),
-        })
-        .collect::<Vec<_>>()
-        .join(" ")
+fn source_words(source: JointSource) -> &'static str {
+    match source {
+        JointSource::Read => "read",
+        JointSource::Commanded => "commanded",
+    }
 }
 
-fn print(d: &Diagnosis) -> Result<()> {
-    say(format!(
+fn plan_next(
+    robot: &Robot,
+    cell: &Cell,
+    undecided: &Undecided<'_>,
+    count: usize,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Next> {
+    let rivals = undecided.forwards()?;
+    let question = Question {
+        rivals: &rivals,
+        information: &undecided.information,
+        sigma: undecided.sigma,
+        state: &undecided.state,
+    };
+    let options = PlanOptions { pool_per_ball: POOL, noise_m: undecided.sigma, ..PlanOptions::default() };
+    Ok(plan_to_discriminate(robot, cell, &options, &question, count, progress)?)
+}
+
+fn next_json(args: &Args, undecided: &Undecided<'_>, next: &Next) -> serde_json::Value {
+    json!({
+        "effect": undecided.finding.effect,
+        "site": undecided.finding.site,
+        "explanations": undecided.names,
+        "touches": next.entries.len(),
+        "lambda": next.lambda,
+        "random_lambda": next.random_lambda,
+        "file": (next.lambda >= TELLING).then(|| args.next_out.display().to_string()),
+    })
+}
+
+fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> {
+    let Some((undecided, next)) = next else {
+        return vec!["Nothing is undecided: no further touches were planned.".into()];
+    };
+    if next.lambda < TELLING {
+        let text = format!(
+            "No {} touches that this arm can make here decide between {}: the best differ by {:.1} standard deviations. Nothing \
+             was written; another load on the flange, or balls elsewhere, may help.",
+            next.entries.len(),
+            undecided.names.join(" and "),
+            next.lambda
+        );
+        return table::wrapped(&text, 108, "");
+    }
+    let text = format!(
+        "{} touches in {} would decide between {}: they set any two of them at least {:.1} standard deviations apart (as many \
+         random touches: {:.1}){}. Measure them in the same cell, and diagnose both recordings together.",
+        next.entries.len(),
+        args.next_out.display(),
+        undecided.names.join(" and "),
+        next.lambda,
+        next.random_lambda,
+        if next.lambda < 3.0 { "; that is little, and more touches may be needed" } else { "" }
+    );
+    table::wrapped(&text, 108, "")
+}
+
+/// One finding in two or three lines.
+fn finding_lines(f: &Finding) -> Vec<String> {
+    let values: Vec<String> = f.coefficients.iter().map(|c| number(&c.name, c.value, &c.unit)).collect();
+    let mut out = vec![format!(
+        "  {} at {}: {:.0} % sure, lambda {:.1}, held out {:.4} -> {:.4} mm",
+        f.effect,
+        site_words(&f.site),
+        f.confidence * 100.0,
+        f.lambda,
+        f.evidence.holdout_rms_before_mm,
+        f.evidence.holdout_rms_after_mm,
+    )];
+    out.extend(table::wrapped(&format!("{}; {}", f.located, values.join(", ")), 104, "    "));
+    if !f.rivals.is_empty() {
+        let rivals: Vec<String> = f.rivals.iter().map(|r| format!("{} at {}", r.effect, site_words(&r.site))).collect();
+        out.extend(table::wrapped(&format!("could also be {}", rivals.join(", ")), 104, "    "));
+    }
+    out
+}
+
+/// "beta_2 = 0.0255 deg"; numbers of no dimension have no unit.
+pub fn number(name: &str, value: f64, unit: &str) -> String {
+    let size = value.abs();
+    let digits =
+        if size != 0.0 && !(1e-3..1e4).contains(&size) { format!("{value:.3e}") } else { format!("{value:.4}") };
+    if unit == "1" { format!("{name} = {digits}") } else { format!("{name} = {digits} {unit}") }
+}
+
+fn lines(d: &Diagnosis) -> Vec<String> {
+    let mut out = vec![format!(
         "{} measurements, {} rows not believed. {} parameters leave {:.4} mm (held out {:.4}).",
         d.data.observations.len(),
         d.rejected.len(),
         d.baseline.parameters,
         d.baseline.rms_mm,
         d.baseline.holdout_rms_mm
-    ))?;
+    )];
     if d.findings.is_empty() && d.unexplained.is_none() {
-        say("The model explains the data: nothing is asked for that would earn its place.")?;
+        out.push("The model explains the data: nothing is asked for that would earn its place.".into());
     }
-    for f in &d.findings {
-        let values: Vec<String> =
-            f.coefficients.iter().map(|c| format!("{} = {:.3e} {}", c.name, c.value, c.unit)).collect();
-        say(format!(
-            "  {} at {} ({:.0} % sure, lambda {:.1}): {}; {}; held out {:.4} -> {:.4} mm{}",
-            f.effect,
-            site_words(&f.site),
-            f.confidence * 100.0,
-            f.lambda,
-            f.located,
-            values.join(", "),
-            f.evidence.holdout_rms_before_mm,
-            f.evidence.holdout_rms_after_mm,
-            if f.rivals.is_empty() {
-                String::new()
-            } else {
-                format!(
-                    "; could also be {}",
-                    f.rivals
-                        .iter()
-                        .map(|r| format!("{} at {}", r.effect, site_words(&r.site)))
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                )
-            }
-        ))?;
+    out.extend(d.findings.iter().take(IN_FULL).flat_map(finding_lines));
+    if d.findings.len() > IN_FULL {
+        let rest: Vec<String> = d.findings[IN_FULL..]
+            .iter()
+            .map(|f| format!("{} at {} ({:.0} %)", f.effect, site_words(&f.site), f.confidence * 100.0))
+            .collect();
+        let text = format!("and, smaller (all about them is in --report and --json): {}", rest.join(", "));
+        out.extend(table::wrapped(&text, 108, "  "));
     }
     for u in d.unexplained.iter().chain(&d.more_unexplained) {
-        say(format!(
+        out.push(format!(
             "  no name: {} is off for {} ({:.4} mm; held out {:.4} -> {:.4} mm)",
             site_words(&u.site),
             u.region,
             u.rms_mm,
             u.holdout_rms_before_mm,
             u.holdout_rms_after_mm
-        ))?;
+        ));
     }
-    say(format!(
-        "With all of it {} parameters leave {:.4} mm; held out {:.4} mm rms, {:.4} mean; last quarter of the poses {:.4} mean.",
-        d.after.parameters, d.after.rms_mm, d.after.holdout_rms_mm, d.after.holdout_mean_mm, d.after.forward_mean_mm
-    ))?;
-    let mut blind: Vec<String> = Vec::new();
+    if !(d.findings.is_empty() && d.unexplained.is_none()) {
+        out.push(format!(
+            "With all of it {} parameters leave {:.4} mm; held out {:.4} mm rms, {:.4} mean; last quarter of the poses {:.4} mean.",
+            d.after.parameters,
+            d.after.rms_mm,
+            d.after.holdout_rms_mm,
+            d.after.holdout_mean_mm,
+            d.after.forward_mean_mm
+        ));
+    }
+    let mut blind: Vec<&str> = Vec::new();
     for b in &d.blind_to {
-        if !blind.contains(&b.effect) {
-            blind.push(b.effect.clone());
+        if !blind.contains(&b.effect.as_str()) {
+            blind.push(&b.effect);
         }
     }
     if !blind.is_empty() {
-        say(format!("This data could not show, at some sites at least: {}.", blind.join(", ")))?;
+        let text = format!("This data could not show, at some sites at least: {}.", blind.join(", "));
+        out.extend(table::wrapped(&text, 108, ""));
     }
-    Ok(())
+    out
 }

@@ -4,6 +4,7 @@ pub mod compensate;
 pub mod convert;
 pub mod demo;
 pub mod diagnose;
+pub mod effects;
 pub mod export;
 pub mod gauge;
 pub mod guided;

@@ -3,6 +3,7 @@
 use serde::Serialize;
 use trical_model::Model;
 
+use super::alternatives::Grounds;
 use crate::dataset::{Dataset, Rejected};
 
 /// A coefficient in its unit.
@@ -161,4 +162,7 @@ pub struct Diagnosis {
     /// The baseline fit.
     #[serde(skip)]
     pub before: Model,
+    /// For [`Diagnosis::undecided`].
+    #[serde(skip)]
+    pub grounds: Grounds,
 }

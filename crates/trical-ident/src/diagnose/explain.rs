@@ -100,6 +100,7 @@ pub(super) fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: f64) ->
     FisherSnedecor::new(k, n.max(1.0)).map_or(1.0, |d| d.sf(f * search.temper))
 }
 
+/// A finding, and the best candidate of each of its rivals.
 pub(super) fn finding(
     search: &Search<'_>,
     stage: &Stage,
@@ -107,7 +108,7 @@ pub(super) fn finding(
     others: &[usize],
     model: &Model,
     held_out: (f64, f64),
-) -> Finding {
+) -> (Finding, Vec<Candidate>) {
     let first = group.members[0];
     let local = search.candidates;
     let with = search.with(stage, &group.members);
@@ -120,6 +121,7 @@ pub(super) fn finding(
     let ranked: Vec<Ranked> = search.rank(stage).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
     let own = search.total(stage, &group.members);
     let mut rivals: Vec<Rival> = Vec::new();
+    let mut best: Vec<Candidate> = Vec::new();
     let mut rival_weight = 0.0;
     let mut own_weight = 1.0;
     for r in &ranked {
@@ -138,6 +140,7 @@ pub(super) fn finding(
             && !rivals.iter().any(|v| v.effect == c.effect && v.site == c.site)
             && rivals.len() < 8
         {
+            best.push(c.clone());
             rivals.push(Rival {
                 effect: c.effect.to_owned(),
                 site: c.site.clone(),
@@ -149,13 +152,13 @@ pub(super) fn finding(
     let confidence = (own_weight / (own_weight + rival_weight + nothing)).min(SUREST);
     let next_measurements = (!rivals.is_empty()).then(|| {
         format!(
-            "poses that tell {} from {}: vary what they do not share",
+            "touches that tell {} from {}: trical diagnose --next 8 plans them",
             local[first].effect,
             rivals.iter().map(|r| r.effect.as_str()).collect::<Vec<_>>().join(", ")
         )
     });
     let variance = with.ss / search.freedom(&with);
-    Finding {
+    let finding = Finding {
         effect: local[first].effect.to_owned(),
         site: local[first].site.clone(),
         located: group.members.iter().map(|m| local[*m].located.as_str()).collect::<Vec<_>>().join("; "),
@@ -170,7 +173,8 @@ pub(super) fn finding(
         },
         rivals,
         next_measurements,
-    }
+    };
+    (finding, best)
 }
 
 pub(super) fn unexplained_from(

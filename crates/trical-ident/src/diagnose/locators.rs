@@ -1,10 +1,10 @@
-//! Locators: what finds a mismatch without knowing its name. A stump (a joint is off where some variable is below a threshold)
-//! and a free curve (a linear spline of some variable at a joint). They compete with the catalogue, at a price: a name is
+//! Locators: what finds a mismatch without knowing its name. A stump (a joint is off where some variable is below a threshold),
+//! a ramp (it is off more and more beyond one) and a free curve (a linear spline of some variable at a joint). They compete with the catalogue, at a price: a name is
 //! preferred until it is beaten by [`PRICE`] nats.
 
 use trical_model::{Basis, Model, Shape, Site, State, Term, Variable};
 
-use super::catalogue::Candidate;
+use super::catalogue::{Candidate, anything};
 use crate::dataset::Dataset;
 
 /// The "effect" of what has no name.
@@ -18,6 +18,9 @@ pub const LARGE: f64 = 0.02 * std::f64::consts::PI / 180.0;
 
 /// Thresholds tried for each variable.
 const THRESHOLDS: usize = 30;
+
+/// Thresholds tried for growth.
+const RAMPS: usize = 12;
 
 /// Knots of a free curve.
 const KNOTS: usize = 8;
@@ -69,6 +72,18 @@ pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]
         .collect()
 }
 
+/// Growth from a threshold to the least or the largest value: one at the end, zero from the threshold on.
+fn ramps(sorted: &[f64]) -> Vec<Shape> {
+    let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
+    let up = |at| Shape::Tent { left: at, centre: high, right: f64::INFINITY };
+    let down = |at| Shape::Tent { left: f64::NEG_INFINITY, centre: low, right: at };
+    (1..RAMPS)
+        .map(|k| sorted[(k * (sorted.len() - 1)) / RAMPS])
+        .filter(|at| *at > low && *at < high)
+        .flat_map(|at| [up(at), down(at)])
+        .collect()
+}
+
 /// Knots of a curve of a joint's own angle that is narrow.
 const FINE_KNOTS: usize = 16;
 
@@ -90,6 +105,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             site: serde_json::json!({ "joint": joint }),
             located: format!("joint {joint} is off in a way that {what} tells"),
             signs: vec![0; terms.len()],
+            physical: anything,
             scales: vec![LARGE; terms.len()],
             terms,
             typical: 0.0,
@@ -105,6 +121,10 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                     let basis =
                         Basis::new(*variable, Shape::Step { at: sorted[(k * (sorted.len() - 1)) / THRESHOLDS] });
                     out.push(candidate(vec![Term::new(format!("step_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
+                }
+                for shape in ramps(&sorted) {
+                    let basis = Basis::new(*variable, shape);
+                    out.push(candidate(vec![Term::new(format!("ramp_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
                 }
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
@@ -186,6 +206,12 @@ pub fn describe<'a>(
                 let below = values.iter().filter(|v| **v < at).count();
                 let sign = if 2 * below <= values.len() { "<" } else { ">" };
                 format!("{n} {sign} {:.1} {units}", at * factor)
+            }
+            Shape::Tent { left, right, .. } if right.is_infinite() => {
+                format!("{n} > {:.1} {units}, growing", left * factor)
+            }
+            Shape::Tent { left, right, .. } if left.is_infinite() => {
+                format!("{n} < {:.1} {units}, growing", right * factor)
             }
             _ => format!("{n} from {:.1} to {:.1} {units}", low * factor, high * factor),
         },

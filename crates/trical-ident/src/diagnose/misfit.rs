@@ -5,7 +5,7 @@
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use trical_model::{Axis, Basis, Model, Motion, Shape, Site, Term, Variable};
 
-use super::catalogue::Candidate;
+use super::catalogue::{Candidate, anything};
 use super::design::{Design, Stage};
 use super::locators::{UNEXPLAINED, knots, name, tents, value};
 use crate::dataset::Dataset;
@@ -62,9 +62,17 @@ pub struct Judge<'a> {
     pub first: usize,
     /// Share of the rows that is independent.
     pub temper: f64,
+    /// Share of what a slow probe removes that counts: less than 1 where the noise remembers itself.
+    pub slow: f64,
 }
 
 impl Judge<'_> {
+    /// What a probe would still remove, as far as it counts, and with how many numbers.
+    fn gain(&self, stage: &Stage, probe: usize) -> (f64, usize) {
+        let (dss, rank) = self.design.plain_gain(stage, self.first + probe);
+        (if self.probes.candidates[probe].slow() { dss * self.slow } else { dss }, rank)
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     fn p_value(&self, stage: &Stage, (dss, rank): (f64, usize)) -> f64 {
         let k = rank as f64;
@@ -81,7 +89,7 @@ impl Judge<'_> {
     pub fn places(&self, stage: &Stage) -> Vec<Misfit> {
         let mut places: Vec<(Misfit, f64)> = Vec::new();
         for (k, probe) in self.probes.candidates.iter().enumerate() {
-            let gain = self.design.plain_gain(stage, self.first + k);
+            let gain = self.gain(stage, k);
             let found = Misfit {
                 site: probe.site.clone(),
                 variable: probe.located.clone(),
@@ -114,9 +122,9 @@ impl Judge<'_> {
         let asked = here.len() as f64;
         let mut most = 0.0_f64;
         for k in here {
-            let left = self.design.plain_gain(stage, self.first + k);
+            let left = self.gain(stage, k);
             let odds = odds((self.p_value(stage, left) * asked).min(1.0));
-            let alone = self.design.plain_gain(without, self.first + k).0;
+            let alone = self.gain(without, k).0;
             let share = left.0 / own.max(1e-300);
             let same = ((alone - left.0) / own.max(1e-300)).clamp(0.0, 1.0);
             most = most.max(odds / (1.0 + odds) * share / (share + CONSIDERABLE) * same);
@@ -217,6 +225,7 @@ fn probe(site: &serde_json::Value, variable: String, terms: Vec<Term>) -> Candid
         site: site.clone(),
         located: variable,
         signs: vec![0; terms.len()],
+        physical: anything,
         scales: vec![1.0; terms.len()],
         terms,
         typical: 0.0,

@@ -3,25 +3,31 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`catalogue`] | what can be tried |
+//! | [`effects`] | the effects, one file each |
+//! | [`recorded`], [`catalogue`] | what the recordings have; what can be tried on them |
 //! | [`locators`] | what finds a mismatch without a name |
 //! | [`periodogram`] | which frequencies a joint's error has |
 //! | [`misfit`] | whether a name says all that happens at its place |
 //! | [`design`] | the linear picture: signatures after projection, evidence, held-out errors |
 //! | [`search`] | which candidates the residual asks for |
 //! | [`hygiene`] | rows that must not be believed |
+//! | [`alternatives`] | between what the data cannot decide |
 
+pub mod alternatives;
 mod answer;
 pub mod catalogue;
 pub mod design;
+pub mod effects;
 mod explain;
 pub mod hygiene;
 pub mod locators;
 pub mod misfit;
 pub mod periodogram;
+pub mod recorded;
 pub mod search;
 mod work;
 
+pub use alternatives::Undecided;
 pub use answer::{Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Rival, Unexplained};
 
 use trical_model::{Cell, Forward, Model, Robot, Site};
@@ -31,6 +37,7 @@ use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identify::ErrorSummary;
 
+use alternatives::Grounds;
 use explain::{
     at_same_place, beside_unknown, blind, finding, grouped, held_out, lack_of_fit, left_over, noise_of, of_one_kind,
     ordered, unexplained_from, unknowns,
@@ -67,6 +74,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
 
     let unknown = unknowns(&search, &start, &full, chosen);
     let mut findings = Vec::new();
+    let mut grounds = Vec::new();
     let mut unexplained = Vec::new();
     let mut so_far: Vec<usize> = Vec::new();
     let none = cv(&[]);
@@ -81,12 +89,14 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         if candidates[group.members[0]].effect == locators::UNEXPLAINED {
             unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, (before_rms, after_rms), kept));
         } else {
-            let mut f = finding(&search, &stage, group, &others, &fitted.model, (before_rms, after_rms));
+            let (mut f, rivals) = finding(&search, &stage, group, &others, &fitted.model, (before_rms, after_rms));
             let own = stage.ss - full.ss;
             let doubt = judge.doubt(&full, &stage, own, &|site| at_same_place(site, &f.site));
             let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, candidates);
             f.confidence = (f.confidence * trust * 1e4).round() / 1e4;
             findings.push(f);
+            let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
+            grounds.push((members, rivals));
         }
         before_rms = after_rms;
     }
@@ -149,6 +159,12 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         model: fitted.model.clone(),
         data: kept.clone(),
         before: baseline,
+        grounds: Grounds {
+            noise: fitted.noise.clone(),
+            priors: work.priors.clone(),
+            findings: grounds,
+            sigma: work.touch_sigma(),
+        },
     };
     progress(1.0, "done");
     Ok(diagnosis)

@@ -4,8 +4,9 @@
 use rayon::prelude::*;
 use trical_model::{Basis, Shape, Site, Term, Variable};
 
-use super::catalogue::{Candidate, ripple};
+use super::catalogue::{Candidate, anything};
 use super::design::Design;
+use super::effects::gear_ripple::ripple;
 use super::locators::{LARGE, PRICE, UNEXPLAINED, name};
 use crate::dataset::Dataset;
 use crate::error::Result;
@@ -66,6 +67,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
                 Term::new(name, UNEXPLAINED, Site::Joint { joint }, Basis::new(variable, shape))
             };
             Candidate {
+                physical: anything,
                 effect: UNEXPLAINED,
                 site: serde_json::json!({ "joint": joint }),
                 located: format!(
@@ -86,6 +88,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
 fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
     let columns: Vec<Candidate> = (1..=joints_of(fitted))
         .map(|joint| Candidate {
+            physical: anything,
             effect: UNEXPLAINED,
             site: serde_json::Value::Null,
             located: String::new(),

@@ -23,10 +23,12 @@ pub struct Search<'a> {
     pub design: &'a Design,
     /// The candidates, as the design has them.
     pub candidates: &'a [Candidate],
-    /// Share of what each removes that counts: less than 1 for slow effects where the noise remembers itself.
+    /// Share of the rows that counts for each: less than 1 for slow effects where the noise remembers itself.
     pub trust: Vec<f64>,
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
+    /// Candidates that turned out to be no physics.
+    pub banned: Vec<usize>,
 }
 
 /// A candidate with its evidence.
@@ -58,20 +60,21 @@ impl Search<'_> {
             return None;
         }
         let n = self.freedom(stage);
-        let share = (gain.dss * self.trust[candidate] / stage.ss).min(1.0 - 1e-12);
-        let evidence = -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
+        let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
+        let evidence =
+            -0.5 * n * self.trust[candidate] * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }
 
     fn plausible(&self, stage: &Stage, candidate: usize) -> bool {
-        let signs = &self.candidates[candidate].signs;
-        if signs.iter().all(|s| *s == 0) {
+        let own = &self.candidates[candidate];
+        if own.signs.iter().all(|s| *s == 0) && own.terms.len() == 1 {
             return true;
         }
         let c = self.design.coefficients(stage, candidate);
         let largest = c.iter().map(|v| v.abs()).fold(0.0, f64::max);
         // a coefficient of the wrong sign counts only if it is not a small part of the whole
-        signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest)
+        own.signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest) && (own.physical)(&c)
     }
 
     /// All candidates at a stage, best first; those with forbidden signs left out.
@@ -82,7 +85,7 @@ impl Search<'_> {
         // plausibility costs a solve: only where it matters
         let mut kept = Vec::with_capacity(all.len());
         for (k, r) in all.into_iter().enumerate() {
-            if k > 200 || self.plausible(stage, r.candidate) {
+            if !self.banned.contains(&r.candidate) && (k > 200 || self.plausible(stage, r.candidate)) {
                 kept.push(r);
             }
         }
@@ -122,10 +125,11 @@ impl Search<'_> {
 
     /// Chooses a set, in the order of selection.
     #[must_use]
-    pub fn choose(&self, start: &Stage, initial: &[usize]) -> Vec<usize> {
+    pub fn choose(&mut self, start: &Stage, initial: &[usize]) -> Vec<usize> {
         let mut chosen: Vec<usize> = initial.to_vec();
         for _ in 0..3 {
             let before = chosen.clone();
+            self.drop_implausible(start, &mut chosen);
             self.forward(start, &mut chosen);
             if chosen.len() <= 1 {
                 self.try_pairs(start, &mut chosen);
@@ -139,7 +143,26 @@ impl Search<'_> {
                 break;
             }
         }
+        while self.drop_implausible(start, &mut chosen) {
+            self.forward(start, &mut chosen);
+        }
         chosen
+    }
+
+    /// What was physics alone need not be beside what was found since: it goes, and does not come back in this search.
+    fn drop_implausible(&mut self, start: &Stage, chosen: &mut Vec<usize>) -> bool {
+        let mut bad = None;
+        self.without_each(start, chosen, &mut |own, stage| {
+            // one at a time: without it the others may be
+            if bad.is_none() && !self.plausible(stage, own) {
+                bad = Some(own);
+            }
+        });
+        if let Some(bad) = bad {
+            chosen.retain(|c| *c != bad);
+            self.banned.push(bad);
+        }
+        bad.is_some()
     }
 
     fn forward(&self, start: &Stage, chosen: &mut Vec<usize>) {
@@ -248,27 +271,25 @@ impl Search<'_> {
         }
     }
 
-    /// Replaces two chosen candidates by one that says as much (two drifting indicators are a drifting tool).
+    /// Replaces two chosen candidates, or all of one effect, by one that says as much (drifting indicators are a drifting
+    /// tool).
     fn merge(&self, start: &Stage, chosen: &mut Vec<usize>) {
         if chosen.len() > MERGED {
             return;
         }
         loop {
             let mut best: Option<(f64, Vec<usize>)> = None;
-            for i in 0..chosen.len() {
-                for j in 0..i {
-                    let pair = [chosen[j], chosen[i]];
-                    let rest: Vec<usize> = chosen.iter().copied().filter(|c| !pair.contains(c)).collect();
-                    let stage = self.with(start, &rest);
-                    let now = self.total(&stage, &pair);
-                    let one = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate));
-                    if let Some(one) = one
-                        && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
-                    {
-                        let mut proposal = rest;
-                        proposal.push(one.candidate);
-                        best = Some((one.evidence - now, proposal));
-                    }
+            for some in self.mergeable(chosen) {
+                let rest: Vec<usize> = chosen.iter().copied().filter(|c| !some.contains(c)).collect();
+                let stage = self.with(start, &rest);
+                let now = self.total(&stage, &some);
+                let one = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate));
+                if let Some(one) = one
+                    && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
+                {
+                    let mut proposal = rest;
+                    proposal.push(one.candidate);
+                    best = Some((one.evidence - now, proposal));
                 }
             }
             match best {
@@ -276,6 +297,20 @@ impl Search<'_> {
                 None => break,
             }
         }
+    }
+
+    /// Pairs, and three or more of one effect.
+    fn mergeable(&self, chosen: &[usize]) -> Vec<Vec<usize>> {
+        let mut sets: Vec<Vec<usize>> = Vec::new();
+        for (i, a) in chosen.iter().enumerate() {
+            sets.extend(chosen[..i].iter().map(|b| vec![*b, *a]));
+            let effect = self.candidates[*a].effect;
+            let alike: Vec<usize> = chosen.iter().copied().filter(|c| self.candidates[*c].effect == effect).collect();
+            if alike.len() > 2 && alike[0] == *a {
+                sets.push(alike);
+            }
+        }
+        sets
     }
 
     /// Replaces all that was chosen at one place by a single candidate there, if that says as much.

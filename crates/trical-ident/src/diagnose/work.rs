@@ -7,6 +7,7 @@ use super::design::Design;
 use super::explain::at_same_place;
 use super::locators::{self, locators};
 use super::misfit::{CONSIDERABLE, Judge, LEFT, Probes, probes};
+use super::recorded::Recorded;
 use super::search::{self, Search};
 use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
@@ -32,14 +33,17 @@ pub(super) struct Work {
     pub(super) kept: Dataset,
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
     pub(super) fitted: Identified,
+    /// Of its terms.
+    pub(super) priors: Vec<Option<Prior>>,
     /// How many of its terms are the baseline's.
     baseline_terms: usize,
     /// What can be tried; grows as frequencies are found.
     pub(super) candidates: Vec<Candidate>,
     /// Indices into the candidates.
     pub(super) chosen: Vec<usize>,
-    /// Correlation of residuals that follow each other.
-    memory: f64,
+    /// Correlation of residuals that follow each other, the smallest that any choice has left so far: what a choice leaves
+    /// undone remembers itself too, and is not noise.
+    memory: Option<f64>,
     pub(super) untestable: Vec<Untestable>,
     /// Terms about the readings' own noise, and which of them are in the baseline.
     pub(super) nuisances: Vec<Candidate>,
@@ -55,26 +59,27 @@ impl Work {
         let (start, _) = prepared(robot, cell, &all, &Choice::from(set))?;
         let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
         let sigma = touch_sigma(&fitted);
-        let nuisances = reading_noise(&fitted.model, &all, sigma);
+        let nuisances = reading_noise(&Recorded::new(&fitted.model, &all, sigma));
         let mut work = Self {
             kept: all.clone(),
             all,
             baseline_terms: fitted.model.terms.len(),
+            priors: vec![None; fitted.model.terms.len()],
             candidates: Vec::new(),
             chosen: Vec::new(),
-            memory: 0.0,
+            memory: None,
             untestable: Vec::new(),
             believed: vec![false; nuisances.len()],
             nuisances,
             fitted,
         };
-        if let Some(term) = device_orientation(&work.fitted.model, &work.all, sigma) {
+        if let Some(term) = device_orientation(&Recorded::new(&work.fitted.model, &work.all, sigma)) {
             work.fitted.model.terms.push(term);
             work.baseline_terms += 1;
             work.refit()?;
         }
         work.believe()?;
-        (work.candidates, work.untestable) = catalogue(&work.fitted.model, &work.all, sigma);
+        (work.candidates, work.untestable) = catalogue(&Recorded::new(&work.fitted.model, &work.all, sigma));
         work.candidates.extend(locators(&work.fitted.model, &work.all));
         Ok(work)
     }
@@ -88,7 +93,6 @@ impl Work {
             self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             let design = self.design()?;
-            self.memory = memory(&self.fitted, &self.kept)?;
             let before = std::mem::take(&mut self.chosen);
             self.chosen = self.searcher(&design).choose(&design.stage(), &before);
             self.refine();
@@ -98,6 +102,8 @@ impl Work {
                 self.refit()?;
                 break;
             }
+            let left = memory(&self.fitted, &self.kept)?;
+            self.memory = Some(self.memory.map_or(left, |m| m.min(left)));
             // with the effects out of the way the readings' noise may show
             if self.believe()? {
                 continue;
@@ -217,13 +223,21 @@ impl Work {
     }
 
     pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        let memory = (1.0 - self.memory) / (1.0 + self.memory);
-        let trust = self.candidates.iter().map(|c| if c.slow() { memory } else { 1.0 }).collect();
-        Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept) }
+        let trust = self.candidates.iter().map(|c| if c.slow() { self.slow() } else { 1.0 }).collect();
+        Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept), banned: Vec::new() }
     }
 
     pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
-        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
+        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept), slow: self.slow() }
+    }
+
+    pub(super) fn touch_sigma(&self) -> f64 {
+        touch_sigma(&self.fitted)
+    }
+
+    /// Of rows whose noise remembers itself, the share that counts for what changes slowly.
+    fn slow(&self) -> f64 {
+        self.memory.map_or(1.0, |m| (1.0 - m) / (1.0 + m))
     }
 
     /// The exact joint fit of the baseline and what was chosen.
@@ -242,6 +256,7 @@ impl Work {
             }
         }
         self.fitted = fit_model_with_priors(model, &self.kept, &self.fitted.noise, &priors, Vec::new())?;
+        self.priors = priors;
         Ok(())
     }
 
@@ -254,8 +269,13 @@ impl Work {
             }
             let one = std::slice::from_ref(&self.nuisances[k]);
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
-            let search =
-                Search { design: &design, candidates: one, trust: vec![1.0], temper: temper(&self.fitted.data) };
+            let search = Search {
+                design: &design,
+                candidates: one,
+                trust: vec![1.0],
+                temper: temper(&self.fitted.data),
+                banned: Vec::new(),
+            };
             if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;

@@ -1,0 +1,32 @@
+//! `trical effects`: the catalogue.
+
+use trical_ident::diagnose::effects::EFFECTS;
+
+use crate::error::Result;
+use crate::{say, table};
+
+/// Arguments of `trical effects`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A machine-readable list on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    if args.json {
+        return say(serde_json::to_string_pretty(&EFFECTS)?);
+    }
+    for e in EFFECTS {
+        say(format!("{} (site: {})", e.name, e.site))?;
+        for (what, text) in [("", e.form), ("needs: ", e.needs), ("typical: ", e.typical), ("rivals: ", e.rivals)] {
+            if text != "-" {
+                for line in table::wrapped(&format!("{what}{text}"), 104, "    ") {
+                    say(line)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,428 @@
+//! The report of a diagnosis: verdict, where on the arm, each finding against the variable that reveals it, what could not be
+//! seen.
+
+use std::fmt::Write;
+
+use nalgebra::Vector3;
+use trical_ident::{Diagnosis, Finding, JointSource, site_words};
+use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
+
+use crate::commands::diagnose::number;
+use crate::error::Result;
+use crate::plots::{self, AFTER, BEFORE, Series};
+use crate::report::{self, Figure, Section, footer};
+
+/// Findings with a figure of their own.
+const SHOWN: usize = 12;
+
+/// A mark that more than so many pixels lie apart from is not crowded.
+const CROWDED: f64 = 24.0;
+
+fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(String::from).to_vec()
+}
+
+fn rivals(f: &Finding) -> String {
+    f.rivals.iter().map(|r| format!("{} at {}", r.effect, site_words(&r.site))).collect::<Vec<_>>().join(", ")
+}
+
+/// What one finding does to every measurement, seen along the direction in which it acts.
+struct Seen {
+    /// Error without it, all else modelled, mm.
+    before: Vec<f64>,
+    /// And with it.
+    after: Vec<f64>,
+    /// Its own part, mm.
+    part: Vec<f64>,
+}
+
+/// Residuals of up to three numbers an observation.
+fn residuals(model: &Model, d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
+    let forward = Forward::new(model.clone(), Vec::new())?;
+    let mut ws = forward.workspace();
+    let of = |o: &trical_ident::Observation| {
+        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws).min(3);
+        Vector3::from_fn(|k, _| if k < rows { ws.residual()[k] * 1e3 } else { 0.0 })
+    };
+    Ok(d.data.observations.iter().map(of).collect())
+}
+
+fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
+    let own = |name: &str| f.coefficients.iter().any(|c| c.name == name);
+    let mut without = d.model.clone();
+    for t in without.terms.iter_mut().filter(|t| own(&t.name)) {
+        t.value = 0.0;
+    }
+    // the direction in which it acts, whatever its variables say
+    let mut always = d.model.clone();
+    for t in always.terms.iter_mut().filter(|t| own(&t.name)) {
+        t.basis = Basis::CONSTANT;
+    }
+    let with = residuals(&d.model, d)?;
+    let without = residuals(&without, d)?;
+    let always = residuals(&always, d).ok();
+    let mut out = Seen { before: Vec::new(), after: Vec::new(), part: Vec::new() };
+    for k in 0..with.len() {
+        let part = with[k] - without[k];
+        let along = always
+            .as_ref()
+            .and_then(|a| (a[k] - without[k]).try_normalize(1e-9))
+            .or_else(|| part.try_normalize(1e-9))
+            .unwrap_or_else(Vector3::zeros);
+        out.before.push(without[k].dot(&along));
+        out.after.push(with[k].dot(&along));
+        out.part.push(-part.dot(&along));
+    }
+    Ok(out)
+}
+
+/// The variable that reveals a finding, at every observation; `None` where only what it does itself tells.
+fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
+    let term = d.model.terms.iter().find(|t| f.coefficients.iter().any(|c| c.name == t.name))?;
+    if term.site == Site::AllJoints {
+        return None;
+    }
+    let o = &d.data.observations;
+    let of = |value: &dyn Fn(&State) -> f64| o.iter().map(|o| value(&o.state)).collect::<Vec<f64>>();
+    if let Some(joint) = term.basis.sense {
+        // scattered a little, so that points do not hide each other
+        let spread = |k: usize| f64::from(u32::try_from(k * 37 % 100).unwrap_or(0)) / 400.0 - 0.125;
+        let sense = |(k, o): (usize, &trical_ident::Observation)| {
+            o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
+        };
+        return Some((
+            format!("sense of joint {joint}'s last motion (-1, 1; scattered)"),
+            o.iter().enumerate().map(sense).collect(),
+        ));
+    }
+    match (term.basis.of, term.basis.shape) {
+        (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
+            let turn = 360.0 / cycles;
+            Some((
+                format!("angle of joint {joint} within a cycle of {turn:.3} deg, deg"),
+                of(&|s| s.q[joint - 1].to_degrees().rem_euclid(turn)),
+            ))
+        }
+        (Variable::Joint { joint }, _) => {
+            Some((format!("angle of joint {joint}, deg"), of(&|s| s.q[joint - 1].to_degrees())))
+        }
+        (Variable::Moment { joint, .. }, _) if f.effect != "cross_axis_compliance" => {
+            let forward = Forward::new(d.model.clone(), Vec::new()).ok()?;
+            let mut ws = forward.workspace();
+            let torque =
+                o.iter().map(|o| forward.gravity_torques(&o.state, &mut ws).map_or(0.0, |t| t[joint - 1])).collect();
+            Some((format!("gravity torque about joint {joint}, Nm"), torque))
+        }
+        (Variable::Lag { joint }, _) => Some((
+            format!("commanded minus read angle of joint {joint}, deg"),
+            of(&|s| s.q_commanded.map_or(0.0, |c| (c[joint - 1] - s.q[joint - 1]).to_degrees())),
+        )),
+        (Variable::Time, _) => Some(("time, min".into(), of(&|s| s.t.unwrap_or(0.0) / 60.0))),
+        (Variable::Temperature { .. }, _) => Some(("temperature, degC".into(), of(&|s| s.temp_c.unwrap_or(0.0)))),
+        (Variable::Reading { axis }, _) => {
+            let reading = |m: &Measured| match m {
+                Measured::Touch { reading, .. } => reading[axis as usize] * 1e3,
+                _ => 0.0,
+            };
+            Some((
+                format!("reading {}, mm", format!("{axis:?}").to_lowercase()),
+                o.iter().map(|o| reading(&o.measured)).collect(),
+            ))
+        }
+        _ => None,
+    }
+}
+
+fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
+    let Seen { before, after, part } = seen(f, d)?;
+    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
+    let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
+    let series = [
+        Series { name: "without it", color: BEFORE, points: points(&before) },
+        Series { name: "with it", color: AFTER, points: points(&after) },
+    ];
+    let values: Vec<String> = f
+        .coefficients
+        .iter()
+        .map(|c| {
+            let sd = c.sd.map_or_else(String::new, |s| format!(" (sd {s:.1e})"));
+            format!("{}{sd}", number(&c.name, c.value, &c.unit))
+        })
+        .collect();
+    let mut text = vec![format!("{}. {}.", f.located, values.join("; "))];
+    if !f.rivals.is_empty() {
+        text.push(format!(
+            "This data cannot exclude {}. trical diagnose --next 8 plans touches that decide.",
+            rivals(f)
+        ));
+    }
+    Ok(Section {
+        heading: format!("{number_of}. {} at {}", f.effect, site_words(&f.site)),
+        text,
+        figures: vec![Figure {
+            caption: "Each point is one measurement: its error along the direction in which this effect acts, everything else \
+                      modelled, without this effect and with it."
+                .into(),
+            svg: plots::scatter(&label, "error, mm", false, false, &series)?,
+        }],
+        ..Section::default()
+    })
+}
+
+/// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
+fn places(d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
+    let forward = Forward::new(d.model.clone(), Vec::new())?;
+    let mut ws = forward.workspace();
+    let mut best: Option<(f64, Vec<Vector3<f64>>)> = None;
+    // the pose that is spread out most when seen from the side
+    for o in d.data.observations.iter().step_by(d.data.observations.len().div_ceil(200).max(1)) {
+        let base = forward.world_from_links(&o.state, &mut ws).first().map_or_else(Vector3::zeros, |p| p.translation);
+        let mut points = vec![base];
+        points.extend(forward.world_from_joints(&o.state, &mut ws).iter().map(|p: &Pose| p.translation));
+        points.push(forward.world_from_tool(&o.state, &mut ws).translation);
+        let flat = from_the_side(&points);
+        let mut area = 0.0;
+        for w in flat.windows(3) {
+            area += ((w[1].0 - w[0].0) * (w[2].1 - w[0].1) - (w[2].0 - w[0].0) * (w[1].1 - w[0].1)).abs();
+        }
+        if best.as_ref().is_none_or(|b| area > b.0) {
+            best = Some((area, points));
+        }
+    }
+    Ok(best.map(|b| b.1).unwrap_or_default())
+}
+
+/// Horizontal distance from the base towards the tool, and height.
+fn from_the_side(points: &[Vector3<f64>]) -> Vec<(f64, f64)> {
+    let (Some(base), Some(tool)) = (points.first(), points.last()) else { return Vec::new() };
+    let mut ahead = tool - base;
+    ahead.z = 0.0;
+    let ahead = ahead.try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    points.iter().map(|p| ((p - base).dot(&ahead), p.z - base.z)).collect()
+}
+
+/// The arm from the side, with the guilty places marked by the numbers of the findings.
+fn map(d: &Diagnosis) -> Result<String> {
+    const WIDE: f64 = 620.0;
+    const HIGH: f64 = 420.0;
+    let mut flat = from_the_side(&places(d)?);
+    let last = flat.len().saturating_sub(1);
+    let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
+    for k in 1..last.saturating_sub(1) {
+        let (here, next, before) = (flat[k], flat[k + 1], flat[k - 1]);
+        if (here.0 - next.0).hypot(here.1 - next.1) < 0.03 * size {
+            flat[k] = (0.5 * (here.0 + before.0), 0.5 * (here.1 + before.1));
+        }
+    }
+    let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
+    let high = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
+    let (left, right, down, up) = (low(|p| p.0), high(|p| p.0), low(|p| p.1), high(|p| p.1));
+    let scale = ((WIDE - 300.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
+    let at = |p: (f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
+    let dots: Vec<(f64, f64)> = flat.iter().map(|p| at(*p)).collect();
+    let whole_arm = d.findings.iter().any(|f| !f.site["links"].is_null() || !f.site["joints"].is_null());
+    let mut svg = format!(
+        "<svg viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
+         font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{HIGH}\" fill=\"#fff\"/>"
+    );
+    let list: Vec<String> = dots.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+    let _ = write!(
+        svg,
+        "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"9\" stroke-linejoin=\"round\" \
+         stroke-linecap=\"round\"/>",
+        list.join(" "),
+        if whole_arm { "#e3b5a8" } else { "#c9d3df" }
+    );
+    let mut marks: Vec<Vec<usize>> = vec![Vec::new(); dots.len() + 1];
+    for (k, f) in d.findings.iter().enumerate() {
+        let joint = f.site["joint"].as_u64().and_then(|j| usize::try_from(j).ok());
+        let place = match joint {
+            Some(j) if j < last => j,
+            _ if !f.site["base"].is_null() => 0,
+            _ if !f.site["tool"].is_null() || !f.site["axis"].is_null() => last,
+            _ => dots.len(),
+        };
+        marks[place].push(k + 1);
+    }
+    for (k, (x, y)) in dots.iter().enumerate() {
+        let name = match k {
+            0 => "base".to_owned(),
+            k if k == last => "tool".to_owned(),
+            k => k.to_string(),
+        };
+        let guilty = !marks[k].is_empty();
+        let (fill, ink, r) = if guilty { ("#c85c46", "#fff", 13.0) } else { ("#fff", "#47566a", 10.0) };
+        if k == 0 || k == last {
+            let _ = write!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{}\" fill=\"{}\" stroke=\"#47566a\"/>\
+                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#47566a\">{name}</text>",
+                if guilty { 11.0 } else { 6.0 },
+                if guilty { "#c85c46" } else { "#47566a" },
+                y + CROWDED
+            );
+        } else {
+            let _ = write!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"#47566a\"/>\
+                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{name}</text>",
+                y + 4.5
+            );
+        }
+    }
+    for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
+        let short = format!("{}. {}, {}", k + 1, f.effect, site_words(&f.site));
+        #[expect(clippy::cast_precision_loss, reason = "a small count")]
+        let y = 30.0 + 22.0 * k as f64;
+        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - 260.0);
+    }
+    svg += "</svg>";
+    Ok(svg)
+}
+
+fn overview(d: &Diagnosis) -> Result<Section> {
+    let mut section = Section {
+        heading: "What was found".into(),
+        text: d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")).collect(),
+        ..Section::default()
+    };
+    if d.findings.is_empty() {
+        section.text.push("No effect of the catalogue earns its place.".into());
+        return Ok(section);
+    }
+    let mut rows = vec![row(["effect", "site", "sure", "lambda", "held out before, mm", "after, mm", "could also be"])];
+    for (k, f) in d.findings.iter().enumerate() {
+        rows.push(vec![
+            format!("{}. {}", k + 1, f.effect),
+            site_words(&f.site),
+            format!("{:.0} %", f.confidence * 100.0),
+            format!("{:.1}", f.lambda),
+            format!("{:.4}", f.evidence.holdout_rms_before_mm),
+            format!("{:.4}", f.evidence.holdout_rms_after_mm),
+            rivals(f),
+        ]);
+    }
+    section.tables.push(rows);
+    section.text.push(
+        "lambda is the size of an effect's traces in this data, in standard deviations of the noise; held out is the error at \
+         poses that the fit did not see, with this finding and those above it."
+            .into(),
+    );
+    section.figures.push(Figure {
+        caption:
+            "The arm from the side at one of the measured poses. Places where something was found are red; numbers in \
+                  circles are joints."
+                .into(),
+        svg: map(d)?,
+    });
+    // findings and nameless curves, in the order in which they were added
+    let named = d
+        .findings
+        .iter()
+        .enumerate()
+        .map(|(k, f)| ((k + 1).to_string(), &f.evidence))
+        .map(|(n, e)| (n, e.holdout_rms_before_mm, e.holdout_rms_after_mm));
+    let nameless = d.unexplained.iter().chain(&d.more_unexplained).filter(|u| !u.curve.is_empty());
+    let mut steps: Vec<(String, f64, f64)> =
+        named.chain(nameless.map(|u| ("?".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
+    steps.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut stairs = vec![("none".to_owned(), d.baseline.holdout_rms_mm)];
+    stairs.extend(steps.into_iter().map(|(name, _, after)| (name, after)));
+    section.figures.push(Figure {
+        caption:
+            "Error at held-out poses as the findings are modelled one after the other (?: a curve without a name)."
+                .into(),
+        svg: plots::staircase("held-out error, mm rms", "the finding that is added", &stairs)?,
+    });
+    Ok(section)
+}
+
+fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
+    let all = d.unexplained.iter().chain(&d.more_unexplained);
+    all.take(4)
+        .map(|u| {
+            let site = site_words(&u.site);
+            let figures = if u.curve.is_empty() {
+                Vec::new()
+            } else {
+                vec![Figure {
+                    caption: "The curve that was fitted.".into(),
+                    svg: plots::scatter(
+                        &format!("{}, {}", u.variable, u.curve_units.0),
+                        &format!("correction, {}", u.curve_units.1),
+                        false,
+                        true,
+                        &[Series { name: "curve", color: AFTER, points: u.curve.clone() }],
+                    )?,
+                }]
+            };
+            let how = if u.curve.is_empty() { "Asking for it freely" } else { "A free curve" };
+            Ok(Section {
+                heading: format!("Without a name: {site}"),
+                text: vec![format!(
+                    "{site} is off for {}, and no effect of the catalogue says why. {how} takes the held-out error from {:.4} to \
+                     {:.4} mm.",
+                    u.region, u.holdout_rms_before_mm, u.holdout_rms_after_mm
+                )],
+                figures,
+                ..Section::default()
+            })
+        })
+        .collect()
+}
+
+/// The whole report.
+pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
+    let verdict = if d.findings.is_empty() && d.unexplained.is_none() {
+        format!(
+            "The model explains the data: {} parameters leave {:.4} mm, and nothing else earns its place.",
+            d.baseline.parameters, d.baseline.rms_mm
+        )
+    } else {
+        let names: Vec<String> =
+            d.findings.iter().take(4).map(|f| format!("{} at {}", f.effect, site_words(&f.site))).collect();
+        format!(
+            "The model lacked {}{}. Modelled, the error on poses that the fit did not see falls from {:.4} to {:.4} mm rms.",
+            if names.is_empty() { "something without a name".to_owned() } else { names.join(", ") },
+            if d.findings.len() > 4 { format!(" and {} more", d.findings.len() - 4) } else { String::new() },
+            d.baseline.holdout_rms_mm,
+            d.after.holdout_rms_mm
+        )
+    };
+    let mut sections = vec![overview(d)?];
+    for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
+        sections.push(finding_section(k + 1, f, d)?);
+    }
+    sections.extend(nameless(d)?);
+    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
+    for b in &d.blind_to {
+        let lacks = b.lacks.clone().unwrap_or_default();
+        blind.push(vec![b.effect.clone(), site_words(&b.site), format!("{:.2}", b.lambda), lacks]);
+    }
+    sections.push(Section {
+        heading: "What this data could not show".into(),
+        text: vec![
+            "An effect of typical size at these sites would leave less than three standard deviations in this data \
+             (lambda below 3): that it was not found says nothing."
+                .into(),
+            "On one arm a scale error of the measuring frame (all lengths together) cannot be told from the arm's own size."
+                .into(),
+        ],
+        tables: vec![blind],
+        ..Section::default()
+    });
+    if !d.rejected.is_empty() {
+        let mut rows = vec![row(["recording", "line", "why"])];
+        rows.extend(
+            d.rejected.iter().take(200).map(|r| vec![r.recording.clone(), r.line.to_string(), r.reason.clone()]),
+        );
+        sections.push(Section {
+            heading: "Rows that were not believed".into(),
+            tables: vec![rows],
+            ..Section::default()
+        });
+    }
+    let mut foot = footer(&d.data.names);
+    foot.push(format!("joints: {source:?}").to_lowercase());
+    report::render("TriCal: diagnosis", &verdict, &sections, &foot)
+}

@@ -1,0 +1,142 @@
+//! Between which explanations the data cannot decide, and what each of them says of measurements that were not made yet.
+
+use trical_model::{Forward, MAX_JOINTS, Model, State, Term};
+
+use super::answer::{Diagnosis, Finding};
+use super::catalogue::Candidate;
+use crate::error::{IdentError, Result};
+use crate::fit::Prior;
+use crate::identifiability::r_factor;
+use crate::identify::fit_model_with_priors;
+use crate::noise::Noise;
+use crate::units::site_words;
+
+/// Rivals of one finding that are set against it.
+const MOST: usize = 4;
+
+/// A finding surer than this needs no more measurements.
+const SURE: f64 = 0.9;
+
+/// What later questions about a diagnosis need to know, and nobody reads.
+#[derive(Clone, Debug)]
+pub struct Grounds {
+    pub(super) noise: Noise,
+    /// Of the model's terms, in their order.
+    pub(super) priors: Vec<Option<Prior>>,
+    /// For every finding, the candidates that it consists of, and the best candidate of each of its rivals.
+    pub(super) findings: Vec<(Vec<Candidate>, Vec<Candidate>)>,
+    /// Standard deviation of a touch's scalar residual, m.
+    pub(super) sigma: f64,
+}
+
+/// A finding that could as well be something else.
+pub struct Undecided<'a> {
+    /// The finding.
+    pub finding: &'a Finding,
+    /// It and its rivals in words; "nothing" where no other effect comes near.
+    pub names: Vec<String>,
+    /// Models in the same order, each fitted to all of the data.
+    pub models: Vec<Model>,
+    /// Terms of the first model that all share.
+    pub shared: Vec<usize>,
+    /// J'J of the shared terms over the data, in units of the noise, with what is believed beforehand.
+    pub information: Vec<f64>,
+    /// Standard deviation of a touch's scalar residual, m.
+    pub sigma: f64,
+    /// What is known of a measurement that comes next, but for its joints: time, temperature, load.
+    pub state: State,
+}
+
+impl Diagnosis {
+    /// The least sure finding that has rivals (or is not sure in itself), each explanation fitted anew; `None` where nothing is
+    /// undecided.
+    ///
+    /// # Errors
+    /// A rival that cannot be fitted.
+    pub fn undecided(&self) -> Result<Option<Undecided<'_>>> {
+        let open = |f: &Finding| !f.rivals.is_empty() || f.confidence < SURE;
+        let least = (0..self.findings.len())
+            .filter(|k| open(&self.findings[*k]))
+            .min_by(|a, b| self.findings[*a].confidence.total_cmp(&self.findings[*b].confidence));
+        let Some(k) = least else { return Ok(None) };
+        let finding = &self.findings[k];
+        let (members, rivals) = &self.grounds.findings[k];
+        let own: Vec<usize> = members.iter().flat_map(|c| self.places(c)).collect();
+        let shared: Vec<usize> = (0..self.model.terms.len()).filter(|t| !own.contains(t)).collect();
+        let mut names = vec![in_words(&finding.effect, &finding.site)];
+        let mut models = vec![self.model.clone()];
+        let mut add = |name: String, candidate: Option<&Candidate>| -> Result<()> {
+            let mut model = self.model.clone();
+            model.terms = shared.iter().map(|t| self.model.terms[*t].clone()).collect();
+            let mut priors: Vec<Option<Prior>> = shared.iter().map(|t| self.grounds.priors[*t]).collect();
+            for (t, sd) in candidate.iter().flat_map(|c| c.terms.iter().zip(&c.scales)) {
+                let name = format!("rival_{}", t.name);
+                model.terms.push(Term { name, ..t.clone() });
+                priors.push(Some(Prior { value: 0.0, sd: *sd }));
+            }
+            let fitted = fit_model_with_priors(model, &self.data, &self.grounds.noise, &priors, Vec::new());
+            models.push(fitted?.model);
+            names.push(name);
+            Ok(())
+        };
+        for (rival, candidate) in finding.rivals.iter().zip(rivals).take(MOST) {
+            add(in_words(&rival.effect, &rival.site), Some(candidate))?;
+        }
+        if rivals.is_empty() {
+            add("nothing".into(), None)?;
+        }
+        let forward = Forward::new(self.model.clone(), shared.clone())?;
+        let priors: Vec<Option<Prior>> = shared.iter().map(|t| self.grounds.priors[*t]).collect();
+        let r = r_factor(&forward, &self.data, &self.grounds.noise, &priors);
+        let p = shared.len();
+        let information =
+            (0..p * p).map(|k| (0..r.nrows()).map(|row| r[(row, k / p)] * r[(row, k % p)]).sum()).collect();
+        Ok(Some(Undecided {
+            finding,
+            names,
+            models,
+            shared,
+            information,
+            sigma: self.grounds.sigma,
+            state: self.next_state(),
+        }))
+    }
+
+    /// Where in the model a candidate's terms are.
+    fn places(&self, c: &Candidate) -> Vec<usize> {
+        let same = |a: &Term, b: &Term| a.effect == b.effect && a.site == b.site && a.basis == b.basis;
+        let terms = self.model.terms.iter().enumerate();
+        terms.filter(|(_, m)| c.terms.iter().any(|t| same(t, m))).map(|(k, _)| k).collect()
+    }
+
+    /// After the last measurement, at its temperature and load.
+    fn next_state(&self) -> State {
+        let last = self.data.observations.last().map(|o| &o.state);
+        let of = |f: fn(&State) -> Option<f64>| last.and_then(f);
+        State {
+            t: of(|s| s.t),
+            temp_c: of(|s| s.temp_c),
+            payload_kg: of(|s| s.payload_kg),
+            ..State::at(&[0.0; MAX_JOINTS])
+        }
+    }
+}
+
+/// "lost_motion_direction at joint 1".
+fn in_words(effect: &str, site: &serde_json::Value) -> String {
+    format!("{effect} at {}", site_words(site))
+}
+
+impl Undecided<'_> {
+    /// The models as forward models, the first with the shared terms free.
+    ///
+    /// # Errors
+    /// None for models that were fitted.
+    pub fn forwards(&self) -> Result<Vec<Forward>> {
+        let of = |(k, m): (usize, &Model)| {
+            let free = if k == 0 { self.shared.clone() } else { Vec::new() };
+            Forward::new(m.clone(), free).map_err(IdentError::from)
+        };
+        self.models.iter().enumerate().map(of).collect()
+    }
+}

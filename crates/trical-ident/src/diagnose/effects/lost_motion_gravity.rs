@@ -1,0 +1,40 @@
+//! Teeth rest on the flank that gravity presses: half a gap this way or that, changing where the torque changes sign. How softly it
+//! changes is scanned: friction and preload, a small part of what the joint bears, do that.
+
+use trical_model::{Basis, Shape, Site};
+
+use super::{Asked, Effect, NO_MASSES, Size, deg, joint_site};
+use crate::diagnose::recorded::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "lost_motion_gravity",
+    site: "joint",
+    form: "teeth rest on one flank: D = (b/2) tanh(tau_j / T)",
+    needs: "masses",
+    typical: "0.01 to 0.04 deg",
+    rivals: "nonlinear_stiffness; the zero offset where tau_j never changes sign",
+    ask,
+};
+
+/// T, N m.
+const SOFTNESS: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.5];
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.masses {
+        return Asked::lacking(NO_MASSES);
+    }
+    let mut out = Vec::new();
+    for joint in r.joints() {
+        let softest = SOFTNESS[0].max(r.load(joint) / 4.0);
+        for scale in SOFTNESS.into_iter().filter(|s| *s <= softest) {
+            let basis = Basis::torque(joint, Shape::SoftSign { scale });
+            out.push(EFFECT.candidate(
+                joint_site(joint),
+                format!("follows the sign of joint {joint}'s gravity torque"),
+                Size { typical: deg(0.01), large: deg(0.02) },
+                vec![(format!("half_gap_gravity_{joint}"), Site::Joint { joint }, basis, 1)],
+            ));
+        }
+    }
+    out.into()
+}

@@ -1,0 +1,211 @@
+//! What recordings say about themselves: which covariates they have, how loaded the joints were, when something may have
+//! changed. Effects ask this before they ask the residual.
+
+use trical_model::{Basis, Forward, Measured, Model, Shape, Site, Variable};
+
+use crate::dataset::{Dataset, Observation};
+
+/// Times at which a change is looked for.
+const CHANGES: usize = 60;
+
+/// Loads below this (N m) are none.
+const UNLOADED: f64 = 0.1;
+
+/// A measure of how warm the arm is.
+pub struct Clock {
+    /// "with temperature".
+    pub how: &'static str,
+    /// Looks at temperature, or at the time with a warm-up curve.
+    pub basis: Basis,
+    /// By how much the basis changes over the data.
+    pub rise: f64,
+}
+
+/// What effects can look at.
+#[expect(clippy::struct_excessive_bools, reason = "a list of yes and no")]
+pub struct Recorded<'a> {
+    /// The baseline.
+    pub model: &'a Model,
+    /// Senses of motion are known.
+    pub direction: bool,
+    /// Commanded joints stand beside read ones.
+    pub commanded: bool,
+    /// Times are known.
+    pub time: bool,
+    /// There are touches.
+    pub touches: bool,
+    /// The robot has masses.
+    pub masses: bool,
+    /// Readings spread far beyond the noise: not every touch was nulled.
+    pub spread: [bool; 3],
+    /// Read joints lag behind commanded ones in the sense of motion.
+    pub lags: bool,
+    /// Measures of warmth, if any.
+    pub clocks: Vec<Clock>,
+    /// Duration, s.
+    pub span: f64,
+    loads: Vec<f64>,
+    changes: Vec<f64>,
+    frames: usize,
+}
+
+impl<'a> Recorded<'a> {
+    /// `sigma` is the standard deviation (m) of a scalar residual of the baseline.
+    #[must_use]
+    pub fn new(model: &'a Model, data: &Dataset, sigma: f64) -> Self {
+        let all = |f: &dyn Fn(&Observation) -> bool| data.observations.iter().all(f);
+        let any = |f: &dyn Fn(&Observation) -> bool| data.observations.iter().any(f);
+        let masses = model.robot.require_masses().is_ok();
+        let time = all(&|o| o.state.t.is_some());
+        let optical = any(&|o| matches!(o.measured, Measured::Point { .. } | Measured::Pose { .. }));
+        Self {
+            model,
+            direction: all(&|o| o.state.dir.is_some())
+                && any(&|o| o.state.dir.is_some_and(|d| d.iter().any(|s| *s != 0))),
+            commanded: any(&|o| o.state.q_commanded.is_some_and(|c| c != o.state.q)),
+            time,
+            touches: any(&|o| matches!(o.measured, Measured::Touch { .. })),
+            masses,
+            spread: std::array::from_fn(|k| reading_spread(data, k) > SPREAD * sigma),
+            lags: lag_follows_motion(data),
+            clocks: clocks(data, time),
+            span: data.observations.iter().filter_map(|o| o.state.t).fold(0.0, f64::max).max(1.0),
+            loads: if masses { usual_loads(model, data) } else { vec![1.0; model.robot.dof()] },
+            changes: if time { change_points(data, CHANGES) } else { Vec::new() },
+            frames: if optical { data.frames() } else { 0 },
+        }
+    }
+
+    /// Number of joints.
+    #[must_use]
+    pub fn dof(&self) -> usize {
+        self.model.robot.dof()
+    }
+
+    /// All joints, from 1.
+    pub fn joints(&self) -> std::ops::RangeInclusive<usize> {
+        1..=self.dof()
+    }
+
+    /// Frames of optical instruments, from 1.
+    pub fn frames(&self) -> std::ops::RangeInclusive<usize> {
+        1..=self.frames
+    }
+
+    /// Times at which something may have changed at once.
+    #[must_use]
+    pub fn changes(&self) -> &[f64] {
+        &self.changes
+    }
+
+    /// Root mean square of a joint's gravity torque, N m.
+    #[must_use]
+    pub fn load(&self, joint: usize) -> f64 {
+        self.loads[joint - 1]
+    }
+
+    /// Whether gravity does not turn a joint.
+    #[must_use]
+    pub fn unloaded(&self, joint: usize) -> bool {
+        self.load(joint) <= UNLOADED
+    }
+
+    /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of a small arm does.
+    #[must_use]
+    pub fn compliance(&self, joint: usize) -> f64 {
+        let torque = Basis::torque(joint, Shape::Linear);
+        let fitted = self.model.terms.iter().find(|t| t.site == Site::Joint { joint } && t.basis == torque);
+        fitted.map_or(0.0, |t| t.value.abs()).max(3e-5)
+    }
+}
+
+fn clocks(data: &Dataset, time: bool) -> Vec<Clock> {
+    let t: Vec<f64> = data.observations.iter().filter_map(|o| o.state.temp_c).collect();
+    if !t.is_empty() && t.len() == data.observations.len() {
+        let reference_c = (crate::rigid::median(&t) * 10.0).round() / 10.0;
+        let rise = (t.iter().copied().fold(f64::MIN, f64::max) - t.iter().copied().fold(f64::MAX, f64::min)).max(0.1);
+        let basis = Basis::new(Variable::Temperature { reference_c }, Shape::Linear);
+        return vec![Clock { how: "with temperature", basis, rise }];
+    }
+    let warm_up = |constant| Clock {
+        how: "as the arm warms up",
+        basis: Basis::new(Variable::Time, Shape::WarmUp { constant }),
+        rise: 1.0,
+    };
+    if time { [600.0, 1800.0, 5400.0].map(warm_up).into() } else { Vec::new() }
+}
+
+/// Root mean square of each joint's gravity torque over the data, N m; at least [`UNLOADED`].
+fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
+    let n = model.robot.dof();
+    let mut squares = vec![0.0; n];
+    if let Ok(forward) = Forward::new(model.clone(), Vec::new()) {
+        let mut ws = forward.workspace();
+        for o in &data.observations {
+            let Ok(torques) = forward.gravity_torques(&o.state, &mut ws) else { continue };
+            for (s, tau) in squares.iter_mut().zip(torques) {
+                *s += tau * tau;
+            }
+        }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let count = data.observations.len().max(1) as f64;
+    squares.into_iter().map(|s| (s / count).sqrt().max(UNLOADED)).collect()
+}
+
+/// Times at which something may have changed: `count` quantiles of the data's times, ends left out.
+fn change_points(data: &Dataset, count: usize) -> Vec<f64> {
+    let mut t: Vec<f64> = data.observations.iter().filter_map(|o| o.state.t).collect();
+    t.sort_by(f64::total_cmp);
+    t.dedup();
+    let n = t.len();
+    if n < 8 {
+        return Vec::new();
+    }
+    let count = count.min(n - 4);
+    (1..=count)
+        .map(|k| {
+            let i = (2 + (k * (n - 4)) / (count + 1)).clamp(1, n - 1);
+            0.5 * (t[i - 1] + t[i])
+        })
+        .collect()
+}
+
+/// Indicator readings must spread this many times beyond the residual noise before their gain can be asked for. The noise of
+/// a reading stands in the residual and in the regressor, which biases a gain by -(noise / spread)^2: by 1 % at ten.
+const SPREAD: f64 = 10.0;
+
+/// Standard deviation of the readings of one indicator, m.
+fn reading_spread(data: &Dataset, axis: usize) -> f64 {
+    let v: Vec<f64> = data
+        .observations
+        .iter()
+        .filter_map(|o| match o.measured {
+            Measured::Touch { reading, .. } => Some(reading[axis]),
+            _ => None,
+        })
+        .collect();
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let n = v.len().max(1) as f64;
+    let mean = v.iter().sum::<f64>() / n;
+    (v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// Whether commanded minus read angles go with the sense of the last motion (a joint that was read before it arrived is
+/// behind) rather than being noise of either: mean of the sign, with its error.
+fn lag_follows_motion(data: &Dataset) -> bool {
+    let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
+    for o in &data.observations {
+        let (Some(c), Some(d)) = (o.state.q_commanded, o.state.dir) else { continue };
+        for j in 0..data.dof {
+            if d[j] != 0 {
+                let lag = (c[j] - o.state.q[j]) * f64::from(d[j]);
+                sum += lag;
+                squares += lag * lag;
+                n += 1.0;
+            }
+        }
+    }
+    let rms = (squares / f64::max(n, 1.0)).sqrt();
+    rms > 0.0 && sum / n > 0.2 * rms && sum > 5.0 * rms * f64::max(n, 1.0).sqrt()
+}

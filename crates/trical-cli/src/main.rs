@@ -4,7 +4,11 @@ mod blindness;
 mod commands;
 mod diagnosis_report;
 mod error;
+mod fault_script;
+mod hidden;
 mod input;
+mod interrupt;
+mod measure_view;
 mod picture;
 mod plan_report;
 mod plant;
@@ -48,8 +52,14 @@ enum Command {
     Study(commands::study::Args),
     /// Drive robot and indicators through a plan, and record
     Measure(commands::measure::Args),
+    /// How far repeat visits scatter: by ball, by sense of approach, over the session
+    Repeatability(commands::repeatability::Args),
     /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
     VirtualCell(commands::virtual_cell::Args),
+    /// Try the gauge: list ports, watch, test, master
+    Gauge(commands::gauge::Args),
+    /// Try the robot controller: ping, read joints, jog
+    Robot(commands::robot::Args),
     /// Rewrite a robot program so that the real arm goes where it says
     Compensate(commands::compensate::Args),
     /// The calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
@@ -69,7 +79,10 @@ fn main() -> ExitCode {
         Command::Plan(args) => commands::plan::run(&args),
         Command::Study(args) => commands::study::run(&args),
         Command::Measure(args) => commands::measure::run(&args),
+        Command::Repeatability(args) => commands::repeatability::run(&args),
         Command::VirtualCell(args) => commands::virtual_cell::run(&args),
+        Command::Gauge(args) => commands::gauge::run(&args),
+        Command::Robot(args) => commands::robot::run(&args),
         Command::Compensate(args) => commands::compensate::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Convert(args) => commands::convert::run(&args),

@@ -51,12 +51,21 @@ impl Plant for ArmPlant {
     }
 
     fn offset_to_ball(&mut self, state: &State, ball: usize) -> [f64; 3] {
-        // the residual of a touch that reads zero is TCP minus ball, in {w}
-        let touch = Measured::Touch { ball, reading: [0.0; 3] };
-        self.truth.residual(state, &touch, 0, &mut self.truth_ws);
-        let r = *self.truth_ws.residual();
+        // the residual of a touch is TCP plus reading minus ball, in {w}: the reading that makes it vanish is asked for.
+        // Effects of the indicators depend on the reading, so a few rounds are needed; one without them
         let tool = self.truth.world_from_tool(state, &mut self.truth_ws).rotation;
-        (tool.transpose() * -nalgebra::Vector3::new(r[0], r[1], r[2])).into()
+        let mut reading = nalgebra::Vector3::zeros();
+        for _ in 0..8 {
+            let touch = Measured::Touch { ball, reading: reading.into() };
+            self.truth.residual(state, &touch, 0, &mut self.truth_ws);
+            let r = *self.truth_ws.residual();
+            let left = tool.transpose() * nalgebra::Vector3::new(r[0], r[1], r[2]);
+            reading -= left;
+            if left.norm() < 1e-10 {
+                break;
+            }
+        }
+        reading.into()
     }
 
     fn tcp(&mut self, state: &State) -> Frame {

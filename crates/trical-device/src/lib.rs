@@ -25,11 +25,11 @@
 //! | module | holds |
 //! |---|---|
 //! | [`gauge`] | the [`Gauge`] trait, U-WAVE-R and line gauges, [`open_gauge`] |
-//! | [`controller`] | the [`Controller`] trait, the RAPID dialect, [`open_controller`] |
+//! | [`controller`] | the [`Controller`] trait, the RAPID dialect, Robot Web Services, [`open_controller`] |
 //! | [`motion`] | joint samples and the sense of each joint's last motion |
 //! | [`record`] | MCAP recordings: writer with resume, reader that recovers what is whole |
-//! | [`procedure`] | the touches: plan entries, limits, the loop, tool centre point from one ball |
-//! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port |
+//! | [`procedure`] | the touches: plan entries, limits, the loop, repeat visits, tool centre point from one ball |
+//! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port, and fail by a script |
 //! | [`url`] | the small URL grammar of `--gauge` and `--controller` |
 
 pub mod controller;
@@ -43,6 +43,8 @@ pub mod virtual_cell;
 pub use controller::{Controller, ControllerError, open_controller};
 pub use gauge::{Gauge, GaugeError, open_gauge};
 pub use motion::{JointSample, MotionSense};
-pub use procedure::{PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run};
+pub use procedure::{
+    PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run, visits,
+};
 pub use record::{Header, ReadRecording, RecordError, RecordingWriter, RunLog, read_recording};
 pub use virtual_cell::{CellError, CellOptions, Fault, Plant, VirtualCell};

@@ -240,3 +240,20 @@ fn the_controllers_own_sum_of_corrections_holds() {
     let error = bench.run(&plan(1), &options()).unwrap_err();
     assert!(error.to_string().contains("since the last MoveAbsJ are over 0.900 mm"), "{error}");
 }
+
+#[test]
+fn a_value_that_the_receiver_was_told_to_forget_comes_again_once_it_has_changed() {
+    let bench = bench();
+    let url = format!("{}&timeout_ms=100&attempts=1", bench.cell.gauge_url());
+    drop(bench.gauge);
+    let mut keeps = trical_device::open_gauge(&url).unwrap();
+    assert!(keeps.read().is_ok() && keeps.read().is_ok());
+    drop(keeps);
+    let mut forgets = trical_device::open_gauge(&format!("{url}&clear=1")).unwrap();
+    assert!(forgets.read().is_ok());
+    let error = forgets.read().unwrap_err().to_string();
+    assert!(error.contains("no value of this channel yet"), "no data is not zero: {error}");
+    let mut controller = bench.controller;
+    controller.move_joints(&plan(1)[0].joints).unwrap();
+    assert!(forgets.read().is_ok());
+}

@@ -75,7 +75,7 @@ proptest! {
         let mut gauge = UWave::new(Script { pieces: pieces.clone(), ..Script::default() }, "script", settings);
         let reading = gauge.read();
         prop_assert!(reading.is_err() || reading.unwrap().iter().all(|value| value.is_finite()));
-        let _ = gauge.receiver_information();
+        let _ = gauge.receiver_information(0);
 
         let settings = LineSettings {
             timeout: Duration::from_millis(1),

@@ -154,8 +154,8 @@ fn the_receiver_tells_of_itself_and_its_transmitters() {
     });
     let port = open_serial(&mock.path, &UWaveSettings::serial()).unwrap();
     let mut gauge = UWave::new(port, "mock", UWaveSettings::default());
-    assert!(matches!(gauge.receiver_information().unwrap(), Record::Receiver { id, .. } if id == "1234567890"));
-    let transmitter = gauge.transmitter_information(0).unwrap();
+    assert!(matches!(gauge.receiver_information(0).unwrap(), Record::Receiver { id, .. } if id == "1234567890"));
+    let transmitter = gauge.transmitter_information(0, 0).unwrap();
     assert!(matches!(transmitter, Record::Transmitter { channel: 2, event_mode: true, .. }));
     assert_eq!(Unit::Inch.in_metres(), Some(0.0254));
 }

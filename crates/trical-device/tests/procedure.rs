@@ -5,22 +5,20 @@
 mod common;
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
-use trical_device::procedure::{Retreat, Violation};
+use trical_device::procedure::{Retreat, Violation, stride, visits};
+use trical_device::virtual_cell::Unsettled;
 use trical_device::{
     CellOptions, PlanEntry, ProcedureError, ProcedureOptions, Progress, open_controller, open_gauge, run,
 };
 use trical_model::recording::Measured;
 
 #[test]
-fn forty_five_touches_close_on_the_balls_in_seconds() {
-    let begin = Instant::now();
+fn forty_five_touches_close_on_the_balls() {
     let mut bench = bench();
     let report = bench.run(&plan(45), &options()).unwrap();
     assert_eq!((report.measured, report.skipped, report.warnings.len()), (45, 0, 0));
-    assert!(begin.elapsed() < Duration::from_secs(8), "{:?}", begin.elapsed());
     for row in &bench.rows {
         let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
         let (p, r) = nominal(&row.state.q);
@@ -182,5 +180,64 @@ fn at_a_touch_the_true_tcp_is_the_reading_away_from_the_ball() {
     run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap();
     for (tcp, ball) in truth.iter().zip(&BALLS) {
         assert!(tcp.iter().zip(ball).all(|(a, b)| (a - b).abs() < 6e-6));
+    }
+}
+
+#[test]
+fn readings_before_settling_are_late_in_the_sense_of_motion_and_a_slow_radio_repeats_old_values() {
+    let short = 0.01_f64.to_radians();
+    let standing = |time: f64| {
+        let unsettled = Some(Unsettled { joint: short, indicator: 20e-6, time });
+        let mut bench = Bench::new(Gantry::default(), CellOptions { unsettled, ..CellOptions::default() });
+        let start = bench.cell.state().q;
+        let target = plan(2)[1].via[0];
+        bench.controller.move_joints(&target).unwrap();
+        let q = bench.controller.joints().unwrap();
+        (0..6).map(|k| (target[k] - q[k]) * (target[k] - start[k]).signum()).collect::<Vec<f64>>()
+    };
+    // so slow that the test cannot be: nearly all is still missing
+    assert!(standing(1e6).iter().all(|behind| (0.9 * short..1.1 * short).contains(behind)), "{:?}", standing(1e6));
+    assert!(standing(1e-6).iter().all(|behind| behind.abs() < 1e-6), "{:?}", standing(1e-6));
+
+    let shown = |radio_delay: f64| {
+        let mut bench = Bench::new(Gantry::default(), CellOptions { radio_delay, ..CellOptions::default() });
+        bench.controller.move_joints(&plan(1)[0].joints).unwrap();
+        bench.gauge.read().unwrap()
+    };
+    assert_eq!(shown(300.0), [6e-3; 3], "the receiver keeps the last value");
+    assert!(shown(0.0).iter().all(|value| value.abs() < 2e-3));
+}
+
+#[test]
+fn a_slow_radio_is_waited_for() {
+    let mut bench = Bench::new(Gantry::default(), CellOptions { radio_delay: 4e-3, ..CellOptions::default() });
+    assert!(bench.cell.gauge_url().contains("settle_ms=6"), "{}", bench.cell.gauge_url());
+    bench.run(&plan(4), &options()).unwrap();
+    for row in &bench.rows {
+        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
+        let (p, r) = nominal(&row.state.q);
+        for i in 0..3 {
+            let centre = p[i] + Gantry::default().error[i] + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>();
+            assert!((centre - BALLS[ball][i]).abs() < 2e-6);
+        }
+    }
+}
+
+#[test]
+fn repeat_visits_come_from_both_sides_without_corrections() {
+    let mut bench = bench();
+    let plan = plan(3);
+    let rounds = visits(&plan, 4);
+    let options = ProcedureOptions { retreat: Retreat::Approach, stride: Some(stride(&plan)), ..options() };
+    let report = bench.run(&rounds, &options).unwrap();
+    assert_eq!(report.measured, 12);
+    let of = |place: u64| bench.rows.iter().filter(move |row| row.seq.unwrap() % 3 == place).collect::<Vec<_>>();
+    for place in 0..3 {
+        let senses: Vec<[i8; 9]> = of(place).iter().map(|row| row.state.dir.unwrap()).collect();
+        // the gantry's linear joints bring the device to the ball
+        let linear = |visit: usize| senses[visit][..3].to_vec();
+        let turned: Vec<i8> = linear(2).iter().map(|sense| -sense).collect();
+        assert_eq!(linear(1), turned, "place {place}: every other visit comes from beyond");
+        assert_eq!(linear(1), linear(3), "place {place}");
     }
 }

@@ -6,13 +6,25 @@
 use trical_device::controller::rapid_protocol::{self as protocol, code};
 
 fn module() -> String {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../rapid/TriCal.mod");
-    std::fs::read_to_string(path).unwrap()
+    read("TriCal.mod")
+}
+
+fn read(name: &str) -> String {
+    std::fs::read_to_string(format!("{}/../../rapid/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+/// Both modules: the one of the socket and the one of the Web Services.
+fn modules() -> [String; 2] {
+    [module(), read("TriCalRws.mod")]
+}
+
+fn statements() -> Vec<String> {
+    statements_of(&module())
 }
 
 /// Lines without comments and the inside of strings.
-fn statements() -> Vec<String> {
-    module()
+fn statements_of(module: &str) -> Vec<String> {
+    module
         .lines()
         .map(|line| {
             let mut inside = false;
@@ -57,8 +69,12 @@ fn every_code_of_the_protocol_is_served() {
 
 #[test]
 fn blocks_are_closed_and_lines_are_plain_ascii() {
+    modules().iter().for_each(|module| blocks_of(module));
+}
+
+fn blocks_of(module: &str) {
     let mut open: Vec<&str> = Vec::new();
-    for statement in statements() {
+    for statement in statements_of(module) {
         let mut words = statement.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').filter(|w| !w.is_empty());
         let mut first = words.next().unwrap_or_default();
         if first == "LOCAL" {
@@ -80,14 +96,14 @@ fn blocks_are_closed_and_lines_are_plain_ascii() {
         }
     }
     assert!(open.is_empty(), "{open:?}");
-    for line in module().lines() {
+    for line in module.lines() {
         assert!(line.is_ascii() && line.len() <= 90, "{line}");
     }
 }
 
 #[test]
 fn names_are_short_enough_for_rapid() {
-    for statement in statements() {
+    for statement in modules().iter().flat_map(|module| statements_of(module)) {
         for word in statement.split(|c: char| !c.is_ascii_alphanumeric() && c != '_') {
             assert!(word.len() <= 16, "{word}: 16 characters are safe in every version");
         }
@@ -96,11 +112,33 @@ fn names_are_short_enough_for_rapid() {
 
 #[test]
 fn joints_are_read_after_the_arm_has_settled() {
-    let module = module();
-    for motion in ["MoveAbsJ jTo", "MoveL pTo"] {
+    let [module, other] = modules();
+    for (module, motion) in
+        [(&module, "MoveAbsJ jTo"), (&module, "MoveL pTo"), (&other, "MoveAbsJ jTo"), (&other, "MoveL pTo")]
+    {
         let after = &module[module.find(motion).unwrap()..];
         let next: Vec<&str> = after.lines().map(str::trim).take(2).collect();
         assert!(next[0].contains(",fine,"), "{next:?}");
         assert_eq!(next[1], "WaitRob\\ZeroSpeed;");
     }
+}
+
+#[test]
+fn the_module_of_the_web_services_has_what_the_client_writes_and_reads() {
+    let module = read("TriCalRws.mod");
+    for name in ["PERS num nReq{8}", "PERS num nSeq", "PERS num nAck", "PERS num nOk", "PERS string sReply"] {
+        assert!(module.contains(name), "{name}");
+    }
+    let statements = statements_of(&module);
+    for code in [code::MOVE_JOINTS, code::TOOL, code::SPEED, code::CORRECT, code::IDENTIFY] {
+        assert!(statements.contains(&format!("CASE {code}:")), "code {code}");
+    }
+    assert!(module.contains(&format!("LOCAL CONST num VERSION:={};", protocol::VERSION)));
+    // both sides of the program share one set of limits
+    let limits = |text: &str| -> Vec<String> {
+        let lines = text.lines().filter(|line| line.contains("CONST num MAX_") || line.contains("CONST num JOINT_"));
+        lines.map(str::to_owned).collect()
+    };
+    assert_eq!(limits(&module), limits(&self::module()));
+    assert_eq!(limits(&module).len(), 6);
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::json;
 use trical_device::Header;
 use trical_device::record::write_recording;
 use trical_ident::{load_csv, write_csv, write_whole};
@@ -26,6 +27,9 @@ pub struct Args {
     /// Number of the arm's joints, for a CSV
     #[arg(long, default_value_t = 6)]
     joints: usize,
+    /// A machine-readable summary on standard output
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command.
@@ -35,17 +39,16 @@ pub fn run(args: &Args) -> Result<()> {
     };
     input::check_output(output)?;
     if let Some(source) = UrdfPath::of(&args.input) {
-        return arm(&source, output);
+        return arm(&source, output, args.json);
     }
-    let recording = if input::is_mcap(&args.input)? {
-        let (recording, lost) = input::recovered(&args.input)?;
-        if let Some(lost) = lost {
-            eprintln!("trical: note: {lost}");
-        }
-        recording
+    let (recording, lost) = if input::is_mcap(&args.input)? {
+        input::recovered(&args.input)?
     } else {
-        load_csv(&args.input, args.joints)?
+        (load_csv(&args.input, args.joints)?, None)
     };
+    if let Some(lost) = &lost {
+        eprintln!("trical: note: {lost}");
+    }
     match output.extension().and_then(|e| e.to_str()) {
         Some("csv") => {
             let mut text = Vec::new();
@@ -58,11 +61,15 @@ pub fn run(args: &Args) -> Result<()> {
             return Err(CliError::Input(format!("{}: the name must end in .csv or .mcap", output.display())));
         }
     }
+    if args.json {
+        let value = json!({ "rows": recording.rows.len(), "joints": recording.joints, "lost": lost, "out": output });
+        return say(serde_json::to_string_pretty(&value)?);
+    }
     say(format!("{} rows written to {}", recording.rows.len(), output.display()))
 }
 
 /// Writes a URDF's arm as robot.toml.
-fn arm(source: &UrdfPath, output: &Path) -> Result<()> {
+fn arm(source: &UrdfPath, output: &Path, as_json: bool) -> Result<()> {
     let arm = source.load()?;
     if output.extension().is_none_or(|e| e != "toml") {
         return Err(CliError::Input(format!("{}: an arm is written as .toml", output.display())));
@@ -75,6 +82,10 @@ fn arm(source: &UrdfPath, output: &Path) -> Result<()> {
         arm.joints.join(", ")
     );
     write_whole(output, (head + &arm.robot.to_toml()).as_bytes())?;
+    if as_json {
+        let value = json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output });
+        return say(serde_json::to_string_pretty(&value)?);
+    }
     say(format!(
         "{} joints, from link {} to link {}, written to {}",
         arm.robot.dof(),

@@ -1,6 +1,7 @@
 //! `trical demo`: the whole story on a virtual cell.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -14,9 +15,10 @@ use trical_plan::{
 };
 
 use crate::commands::identify::parameter_rows;
-use crate::commands::measure::{Session, perform, watch};
+use crate::commands::measure::{Session, Settings, perform};
 use crate::commands::{plan, virtual_cell};
 use crate::error::{CliError, Result};
+use crate::measure_view::View;
 use crate::plant::{ArmPlant, cell_options, draw_truth};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::report::{Figure, Section, error_table, footer, render};
@@ -131,19 +133,24 @@ pub fn run(args: &Args) -> Result<()> {
         std::fs::remove_file(&recording)
             .map_err(|e| CliError::Input(format!("{}: cannot be replaced: {e}", recording.display())))?;
     }
-    let bar = progress::bar("measuring");
+    let mut view = View::new();
     let session = Session {
         robot: &robot,
         cell: &cell,
         plan: &entries,
+        stride: None,
         gauge: &running.gauge_url(),
         controller: &running.controller_url(),
         out: &recording,
         resume: false,
         go: true,
+        settings: &Settings::default(),
+        // the demo of a seed is the same to the byte
+        start_ns: 0,
+        cancel: &AtomicBool::new(false),
     };
-    let measured = perform(&session, &mut |p| watch(&bar, &p))?;
-    bar.finish_and_clear();
+    let measured = perform(&session, &mut |p| view.show(&p))?;
+    view.end();
     tell(format!(
         "3. The arm touched each ball until all three indicators read less than 0.02 mm: {} touches,",
         measured.measured

@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use trical_device::VirtualCell;
+use trical_device::virtual_cell::Unsettled;
+use trical_device::{CellOptions, VirtualCell};
 use trical_ident::{JointSource, ModelFile, write_whole};
-use trical_model::Model;
+use trical_model::{MAX_JOINTS, Model};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::plant::{ArmPlant, cell_options, draw_truth};
-use crate::say;
+use crate::{fault_script, hidden, say};
 
 /// Arguments of `trical virtual-cell`.
 #[derive(clap::Args)]
@@ -28,6 +29,79 @@ pub struct Args {
     /// TCP port of the controller; 0 for any that is free
     #[arg(long, default_value_t = 5000)]
     port: u16,
+    /// An effect of docs/effects.md to hide in the arm, with its site and its size in typical ones, as in
+    /// lost_motion_direction@3*2; steps and ripples as joint_zero_shift@2/600 (s), gear_ripple@4/100 (cycles)
+    #[arg(long, value_name = "EFFECT[@SITE][*SIZE]")]
+    hide: Vec<String>,
+    /// What goes wrong, and when: TOML, see docs/cell.md
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
+    /// Time scale: real seconds for each second of motion; 0 = at once, 1 = as long as a real arm takes
+    #[arg(long, value_name = "SCALE", default_value_t = 0.0)]
+    pace: f64,
+    /// How long the receiver repeats the last value after a motion
+    #[arg(long, value_name = "MS", default_value_t = 0.0)]
+    radio_ms: f64,
+    /// Read too early: joints short by so many deg, indicators off by so many mm, dying away with a time constant in s
+    #[arg(long, value_name = "DEG,MM,S", value_delimiter = ',')]
+    unsettled: Vec<f64>,
+    /// Standard deviation of each indicator
+    #[arg(long, value_name = "MM", default_value_t = 0.0005)]
+    noise_mm: f64,
+    /// Standard deviation, on each axis, of where the arm comes to rest
+    #[arg(long, value_name = "MM", default_value_t = 0.004)]
+    placement_mm: f64,
+    /// Where the arm stands at first; all zero without it
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
+    start_deg: Vec<f64>,
+    /// The two addresses as JSON, in one line
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    fn options(&self, truth: &Model) -> Result<CellOptions> {
+        for (name, value, most) in [
+            ("--pace", self.pace, 100.0),
+            ("--radio-ms", self.radio_ms, 60_000.0),
+            ("--noise-mm", self.noise_mm, 10.0),
+            ("--placement-mm", self.placement_mm, 10.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(CliError::Input(format!("{name}: found {value}, expected 0 to {most}")));
+            }
+        }
+        let unsettled = match self.unsettled.as_slice() {
+            [] => None,
+            [deg, mm, s] if *s > 0.0 => Some(Unsettled { joint: deg.to_radians(), indicator: mm * 1e-3, time: *s }),
+            other => {
+                return Err(CliError::Input(format!(
+                    "--unsettled: found {other:?}, expected three numbers: deg, mm and a positive time in s"
+                )));
+            }
+        };
+        let mut start = [0.0; MAX_JOINTS];
+        if !self.start_deg.is_empty() && self.start_deg.len() != truth.robot.dof() {
+            return Err(CliError::Input(format!(
+                "--start-deg: found {} numbers, expected {}, one for each joint",
+                self.start_deg.len(),
+                truth.robot.dof()
+            )));
+        }
+        for (q, v) in start.iter_mut().zip(&self.start_deg) {
+            *q = v.to_radians();
+        }
+        Ok(CellOptions {
+            pace: self.pace,
+            radio_delay: self.radio_ms * 1e-3,
+            unsettled,
+            noise: self.noise_mm * 1e-3,
+            placement: self.placement_mm * 1e-3,
+            start,
+            script: self.faults.as_deref().map(fault_script::load).transpose()?.unwrap_or_default(),
+            ..cell_options(truth, self.seed, self.port)
+        })
+    }
 }
 
 /// The true model as a file.
@@ -44,7 +118,7 @@ pub fn run(args: &Args) -> Result<()> {
         input::check_output(path)?;
     }
     let (robot, cell) = args.cell.load()?;
-    let truth = match &args.truth {
+    let mut truth = match &args.truth {
         Some(path) => {
             let file = ModelFile::load(path)?;
             file.require_robot(&robot, &path.display().to_string())?;
@@ -52,13 +126,19 @@ pub fn run(args: &Args) -> Result<()> {
         }
         None => draw_truth(&crate::commands::plan::model_to_identify(&robot, &cell)?, args.seed)?,
     };
+    hidden::hide(&mut truth, &args.hide)?;
     if let Some(path) = &args.seal {
         seal(&truth, path)?;
     }
     let plant = ArmPlant::new(&truth)?;
-    let options = cell_options(&truth, args.seed, args.port);
+    let options = args.options(&truth)?;
     let running = VirtualCell::start(Box::new(plant), options).map_err(|e| CliError::Input(e.to_string()))?;
-    say(format!("--gauge '{}' --controller '{}'", running.gauge_url(), running.controller_url()))?;
+    let (gauge, controller) = (running.gauge_url(), running.controller_url());
+    say(if args.json {
+        serde_json::json!({ "gauge": gauge, "controller": controller }).to_string()
+    } else {
+        format!("--gauge '{gauge}' --controller '{controller}'")
+    })?;
     eprintln!("the virtual cell answers until it is ended with Ctrl-C");
     while running.is_running() {
         std::thread::sleep(std::time::Duration::from_millis(200));

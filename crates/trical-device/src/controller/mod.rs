@@ -2,6 +2,10 @@
 
 pub mod rapid;
 pub mod rapid_protocol;
+pub mod rtde;
+pub mod rws;
+pub mod rws_protocol;
+pub mod ur;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -13,6 +17,8 @@ use crate::motion::JointSample;
 use crate::url::{DeviceUrl, UrlError};
 
 pub use rapid::{RapidClient, RapidSettings};
+pub use rws::{RwsClient, RwsSettings};
+pub use ur::{UrClient, UrSettings};
 
 /// A robot controller.
 ///
@@ -185,37 +191,101 @@ pub enum ControllerError {
 /// answer), `move_timeout_s` (of a motion), `stream_ms` (joints while moving; 0 = off), `settle_ms` (pause between the two
 /// readings of the joints that must agree).
 ///
+/// `rws://host:port` is an ABB controller with RobotWare 6 behind Robot Web Services 1.0 (default port 80); motions need
+/// `rapid/TriCalRws.mod`, reading the joints does not. Options: `user`, `password`, `task`, `module`, `unit`,
+/// `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
+///
+/// `ur://host` is a Universal Robots controller in remote control: URScript and RTDE. Options: `timeout_s`,
+/// `move_timeout_s`, `settle_ms`, `max_correction_mm`, `rtde_port`, `script_port`.
+///
 /// # Errors
 /// A URL that cannot be used, no connection, or something else that answers there.
 pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError> {
     let mut url = DeviceUrl::parse(url)?;
-    if url.scheme != "rapid" {
-        return Err(url.error(format!("unknown controller {:?}; known is rapid", url.scheme)).into());
+    match url.scheme.as_str() {
+        "rapid" => {
+            let settings = rapid_settings(&mut url)?;
+            Ok(Box::new(RapidClient::connect(&with_port(&url.place, 5000), settings)?))
+        }
+        "rws" => {
+            let settings = rws_settings(&mut url)?;
+            Ok(Box::new(RwsClient::connect(&with_port(&url.place, 80), settings)?))
+        }
+        "ur" => {
+            let settings = ur_settings(&mut url)?;
+            Ok(Box::new(UrClient::connect(&url.place, settings)?))
+        }
+        _ => Err(url.error(format!("unknown controller {:?}; known are rapid, rws and ur", url.scheme)).into()),
     }
+}
+
+fn with_port(place: &str, port: u16) -> String {
+    if place.contains(':') { place.to_owned() } else { format!("{place}:{port}") }
+}
+
+fn seconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Duration, UrlError> {
+    let number = url.take_number(key, default.as_secs_f64(), 0.01..=86_400.0)?;
+    Ok(Duration::from_secs_f64(number))
+}
+
+fn milliseconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Duration, UrlError> {
+    let number = url.take_number(key, default.as_secs_f64() * 1e3, 0.0..=60_000.0)?;
+    Ok(Duration::from_micros((number * 1e3) as u64))
+}
+
+fn rapid_settings(url: &mut DeviceUrl) -> Result<RapidSettings, UrlError> {
     let defaults = RapidSettings::default();
-    let mut seconds = |key: &str, default: Duration| {
-        let number = url.take_number(key, default.as_secs_f64(), 0.01..=86_400.0)?;
-        Ok::<_, UrlError>(Duration::from_secs_f64(number))
-    };
     let settings = RapidSettings {
-        timeout: seconds("timeout_s", defaults.timeout)?,
-        move_timeout: seconds("move_timeout_s", defaults.move_timeout)?,
-        stream: Duration::from_millis(url.take_number(
-            "stream_ms",
-            defaults.stream.as_secs_f64() * 1e3,
-            0.0..=60_000.0,
-        )? as u64),
-        settle: JointSettle {
-            interval: Duration::from_micros(
-                (url.take_number("settle_ms", defaults.settle.interval.as_secs_f64() * 1e3, 0.0..=60_000.0)? * 1e3)
-                    as u64,
-            ),
-            ..defaults.settle
-        },
+        timeout: seconds(url, "timeout_s", defaults.timeout)?,
+        move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
+        stream: milliseconds(url, "stream_ms", defaults.stream)?,
+        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
     };
     url.finish("timeout_s, move_timeout_s, stream_ms, settle_ms")?;
-    let address = if url.place.contains(':') { url.place.clone() } else { format!("{}:5000", url.place) };
-    Ok(Box::new(RapidClient::connect(&address, settings)?))
+    Ok(settings)
+}
+
+fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
+    let defaults = RwsSettings::default();
+    let mut word = |key: &str, default: String| url.take(key).unwrap_or(default);
+    let [user, password] = [word("user", defaults.user), word("password", defaults.password)];
+    let [task, module, unit] =
+        [word("task", defaults.task), word("module", defaults.module), word("unit", defaults.unit)];
+    for (key, name) in [("task", &task), ("module", &module), ("unit", &unit)] {
+        if name.is_empty() || !name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') {
+            return Err(url.error(format!("option {key}={name:?}; expected letters, digits and _")));
+        }
+    }
+    let settings = RwsSettings {
+        user,
+        password,
+        task,
+        module,
+        unit,
+        timeout: seconds(url, "timeout_s", defaults.timeout)?,
+        move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
+        poll: milliseconds(url, "poll_ms", defaults.poll)?,
+        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+    };
+    url.finish("user, password, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms")?;
+    Ok(settings)
+}
+
+fn ur_settings(url: &mut DeviceUrl) -> Result<UrSettings, UrlError> {
+    let defaults = UrSettings::default();
+    let settings = UrSettings {
+        rtde_port: url.take_number("rtde_port", f64::from(defaults.rtde_port), 1.0..=65_535.0)? as u16,
+        script_port: url.take_number("script_port", f64::from(defaults.script_port), 1.0..=65_535.0)? as u16,
+        timeout: seconds(url, "timeout_s", defaults.timeout)?,
+        move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
+        correction_limit: url.take_number("max_correction_mm", defaults.correction_limit * 1e3, 0.0..=10.0)? * 1e-3,
+        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+    };
+    url.finish("timeout_s, move_timeout_s, settle_ms, max_correction_mm, rtde_port, script_port")?;
+    if url.place.contains(':') {
+        return Err(url.error("a port behind the host; expected rtde_port= and script_port="));
+    }
+    Ok(settings)
 }
 
 /// Reads the joints until two readings agree, and gives the last.
@@ -274,7 +344,9 @@ mod tests {
 
     #[test]
     fn a_bad_url_is_one_clear_sentence() {
-        assert!(says("rws://host").contains("unknown controller \"rws\""));
+        assert!(says("kuka://host").contains("unknown controller \"kuka\""));
+        assert!(says("rws://host?module=a/b").contains("letters, digits"));
+        assert!(says("rws://127.0.0.1:1").contains("cannot connect"));
         assert!(says("rapid://host?speed=1").contains("unknown option \"speed\""));
         assert!(says("rapid://127.0.0.1:1").contains("cannot connect"));
         assert!(says("rapid://").contains("nothing between"));

@@ -101,6 +101,10 @@ fn take_value(text: &str) -> Option<(f64, Unit, &str)> {
     let end =
         digits.bytes().position(|byte| !(byte.is_ascii_digit() || matches!(byte, b'.' | b','))).unwrap_or(digits.len());
     let (number, rest) = digits.split_at_checked(end)?;
+    // "91," is what is left of a garbled "918", not a value
+    if !number.ends_with(|last: char| last.is_ascii_digit()) {
+        return None;
+    }
     // a decimal comma is a setting of some instruments
     let magnitude: f64 = number.replacen(',', ".", 1).parse().ok()?;
     let after = rest.trim_start();
@@ -153,7 +157,7 @@ mod tests {
             assert!(matches!(one(text), LineReply::Error(_)), "{text}");
         }
         assert_eq!(one("918"), LineReply::Busy);
-        for text in ["", "abc", "+", "1.2.3", "12.5 xyz", "0x12", "1e5", "nan", "inf"] {
+        for text in ["", "abc", "+", "1.2.3", "12.5 xyz", "91,", "12.", "0x12", "1e5", "nan", "inf"] {
             assert_eq!(one(text), LineReply::Garbage, "{text}");
         }
     }

@@ -15,8 +15,8 @@ use thiserror::Error;
 use crate::url::UrlError;
 
 pub use line::{LineGauge, LineSettings};
-pub use open::open_gauge;
-pub use port::{Port, SerialSettings, open_serial};
+pub use open::{open_gauge, with_zero};
+pub use port::{Port, PortInfo, SerialSettings, list_ports, open_serial};
 pub use uwave::{UWave, UWaveSettings};
 
 /// Names of the three axes of the device, for messages.
@@ -41,6 +41,14 @@ pub trait Gauge: Send {
     /// Warnings since the last call (a low battery, say), each one sentence.
     fn take_warnings(&mut self) -> Vec<String> {
         Vec::new()
+    }
+
+    /// What the device says of itself, one line each; for a person who tries the cable.
+    ///
+    /// # Errors
+    /// The device does not answer, or answers something else.
+    fn describe(&mut self) -> Result<Vec<String>, GaugeError> {
+        Ok(Vec::new())
     }
 }
 
@@ -249,6 +257,10 @@ impl<G: Gauge> Gauge for Mastered<G> {
     fn take_warnings(&mut self) -> Vec<String> {
         self.gauge.take_warnings()
     }
+
+    fn describe(&mut self) -> Result<Vec<String>, GaugeError> {
+        self.gauge.describe()
+    }
 }
 
 impl<G: Gauge + ?Sized> Gauge for Box<G> {
@@ -266,6 +278,10 @@ impl<G: Gauge + ?Sized> Gauge for Box<G> {
 
     fn take_warnings(&mut self) -> Vec<String> {
         (**self).take_warnings()
+    }
+
+    fn describe(&mut self) -> Result<Vec<String>, GaugeError> {
+        (**self).describe()
     }
 }
 

@@ -6,26 +6,58 @@ use super::line::{LineGauge, LineSettings};
 use super::line_protocol::Pattern;
 use super::port::open_serial;
 use super::uwave::{UWave, UWaveSettings};
-use super::{AXES, Gauge, GaugeError, Settle};
+use super::{AXES, Gauge, GaugeError, Mastered, Settle};
 use crate::url::{DeviceUrl, UrlError};
 
 /// Opens a gauge by its URL.
 ///
-/// - `uwave:///dev/ttyUSB0?x=00&y=01&z=02&group=00`: Mitutoyo U-WAVE-R. Further options: `flip` (axes that read with
-///   the opposite sign, e.g. `xz`), `timeout_ms`, `interval_ms` (pause between requests), `attempts`, `unit=mm` (take
-///   values without a unit as mm).
+/// - `uwave:///dev/ttyUSB0?x=00&y=01&z=02&group=00`: Mitutoyo U-WAVE-R. A channel of another group is `x=03.00` (group,
+///   channel). Further options: `flip` (axes that read with the opposite sign, e.g. `xz`), `timeout_ms`, `interval_ms`
+///   (pause between requests), `attempts`, `unit=mm` (take values without a unit as mm), `clear=1` (the receiver forgets
+///   what was read; not for measuring).
 /// - `itn://`, `opto://`, `tesa://`, `millimar://`, `pico://`, `line://` and a port, or three ports `/dev/a,/dev/b,/dev/c`
 ///   for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
 ///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
 ///   on it), `flip`, `timeout_ms`, `attempts`.
 ///
-/// All take `settle_ms` (pause between the readings that must agree), `repeats` (how many of them) and `settle_um` (how
-/// much they may differ).
+/// All take `settle_ms` (pause between the readings that must agree), `repeats` (how many of them), `settle_um` (how
+/// much they may differ) and `zero_mm=x,y,z` (what the gauge shows on the calibrator; it is taken off every reading).
 ///
 /// # Errors
 /// A URL that cannot be used, or a port that cannot be opened.
 pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
     let mut url = DeviceUrl::parse(url)?;
+    let zero = zero(&mut url)?;
+    let gauge = open_bare(url)?;
+    Ok(match zero {
+        Some(zero) => Box::new(Mastered::with_zero(gauge, zero)),
+        None => gauge,
+    })
+}
+
+/// The URL of the same gauge with another reading on the calibrator, m.
+#[must_use]
+pub fn with_zero(url: &str, zero: [f64; 3]) -> String {
+    let (place, query) = url.split_once('?').unwrap_or((url, ""));
+    let mut parts: Vec<String> =
+        query.split('&').filter(|p| !p.is_empty() && !p.starts_with("zero_mm=")).map(str::to_owned).collect();
+    let [x, y, z] = zero.map(|v| v * 1e3);
+    parts.push(format!("zero_mm={x:.4},{y:.4},{z:.4}"));
+    format!("{place}?{}", parts.join("&"))
+}
+
+fn zero(url: &mut DeviceUrl) -> Result<Option<[f64; 3]>, UrlError> {
+    let Some(text) = url.take("zero_mm") else { return Ok(None) };
+    let numbers: Vec<f64> = text.split(',').filter_map(|v| v.trim().parse().ok()).collect();
+    match numbers.as_slice() {
+        [x, y, z] if text.split(',').count() == 3 && numbers.iter().all(|v: &f64| v.abs() <= 100.0) => {
+            Ok(Some([x * 1e-3, y * 1e-3, z * 1e-3]))
+        }
+        _ => Err(url.error(format!("option zero_mm={text:?}; expected three numbers of mm, as in 0.012,-0.3,0"))),
+    }
+}
+
+fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
     if url.scheme == "uwave" {
         let settings = uwave_settings(&mut url)?;
         let port = open_serial(&url.place, &UWaveSettings::serial())?;
@@ -64,15 +96,22 @@ pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
 }
 
 pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlError> {
-    let mut settings = UWaveSettings::default();
-    for (axis, channel) in AXES.iter().zip(&mut settings.channels) {
-        *channel = two_digits(url, &axis.to_string(), *channel)?;
+    let mut settings = UWaveSettings { groups: [two_digits(url, "group", 0)?; 3], ..UWaveSettings::default() };
+    for (axis, (channel, group)) in AXES.iter().zip(settings.channels.iter_mut().zip(&mut settings.groups)) {
+        let Some(value) = url.take(&axis.to_string()) else { continue };
+        let (own, number) = value.split_once('.').map_or((None, value.as_str()), |(g, c)| (Some(g), c));
+        *channel = to_two_digits(url, &axis.to_string(), number)?;
+        if let Some(own) = own {
+            *group = to_two_digits(url, &axis.to_string(), own)?;
+        }
     }
-    let [x, y, z] = settings.channels;
-    if x == y || y == z || x == z {
-        return Err(url.error(format!("channels x={x:02}, y={y:02}, z={z:02}; expected three different ones")));
+    let places: Vec<(u8, u8)> = settings.groups.into_iter().zip(settings.channels).collect();
+    if let [x, y, z] = places[..]
+        && (x == y || y == z || x == z)
+    {
+        let names: Vec<String> = AXES.iter().zip(&places).map(|(a, (g, c))| format!("{a}={g:02}.{c:02}")).collect();
+        return Err(url.error(format!("channels {}; expected three different ones", names.join(", "))));
     }
-    settings.group = two_digits(url, "group", settings.group)?;
     settings.flip = flip(url)?;
     settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
     settings.interval = milliseconds(url, "interval_ms", settings.interval)?;
@@ -82,8 +121,15 @@ pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlEr
         Some("mm") => true,
         Some(other) => return Err(url.error(format!("option unit={other:?}; expected mm"))),
     };
+    settings.clear = match url.take("clear").as_deref() {
+        None | Some("0") => false,
+        Some("1") => true,
+        Some(other) => return Err(url.error(format!("option clear={other:?}; expected 0 or 1"))),
+    };
     settings.settle = settle(url, settings.settle)?;
-    url.finish("x, y, z, group, flip, timeout_ms, interval_ms, attempts, unit, settle_ms, repeats, settle_um")?;
+    url.finish(
+        "x, y, z, group, flip, timeout_ms, interval_ms, attempts, clear, unit, settle_ms, repeats, settle_um, zero_mm",
+    )?;
     Ok(settings)
 }
 
@@ -121,7 +167,7 @@ pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> 
     settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
     settings.settle = settle(url, settings.settle)?;
     url.finish(
-        "baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts, settle_ms, repeats, settle_um",
+        "baud, framing, request, x, y, z, pattern, unit, scale, flip, timeout_ms, attempts, settle_ms, repeats, settle_um, zero_mm",
     )?;
     Ok(settings)
 }
@@ -130,6 +176,10 @@ fn two_digits(url: &mut DeviceUrl, key: &str, default: u8) -> Result<u8, UrlErro
     let Some(value) = url.take(key) else {
         return Ok(default);
     };
+    to_two_digits(url, key, &value)
+}
+
+fn to_two_digits(url: &DeviceUrl, key: &str, value: &str) -> Result<u8, UrlError> {
     value
         .parse::<u8>()
         .ok()
@@ -182,6 +232,17 @@ mod tests {
         assert!(says("opto:///dev/a,/dev/b,/dev/c?framing=8M1").contains("8N1"));
         assert!(says("line:///dev/a?pattern=abc").contains("{v}"));
         assert!(says("uwave:///dev/does-not-exist").contains("cannot be opened"));
+        assert!(says("uwave:///dev/a?zero_mm=1,2").contains("three numbers of mm"));
+        assert!(says("uwave:///dev/a?zero_mm=1,2,nan").contains("three numbers of mm"));
+    }
+
+    #[test]
+    fn a_mastered_url_keeps_its_other_options() {
+        let url = with_zero("uwave:///dev/a?x=03&zero_mm=1,1,1&flip=x", [1e-3, -0.25e-3, 0.0]);
+        assert_eq!(url, "uwave:///dev/a?x=03&flip=x&zero_mm=1.0000,-0.2500,0.0000");
+        assert_eq!(with_zero("pico:///dev/a", [0.0; 3]), "pico:///dev/a?zero_mm=0.0000,0.0000,0.0000");
+        let mut parsed = DeviceUrl::parse(&url).unwrap();
+        assert_eq!(zero(&mut parsed).unwrap(), Some([1e-3, -0.25e-3, 0.0]));
     }
 
     #[test]
@@ -189,7 +250,10 @@ mod tests {
         let mut url =
             DeviceUrl::parse("uwave:///dev/x?x=07&y=08&z=09&group=02&flip=xz&interval_ms=0&timeout_ms=50").unwrap();
         let settings = uwave_settings(&mut url).unwrap();
-        assert_eq!((settings.channels, settings.group, settings.flip), ([7, 8, 9], 2, [true, false, true]));
+        assert_eq!((settings.channels, settings.groups, settings.flip), ([7, 8, 9], [2; 3], [true, false, true]));
+        let mut two = DeviceUrl::parse("uwave:///dev/x?group=01&x=00&y=03.00&z=02").unwrap();
+        let settings_of_two = uwave_settings(&mut two).unwrap();
+        assert_eq!((settings_of_two.channels, settings_of_two.groups), ([0, 0, 2], [1, 3, 1]));
         assert_eq!((settings.interval, settings.timeout), (Duration::ZERO, Duration::from_millis(50)));
         let mut url =
             DeviceUrl::parse("line:///dev/x?baud=19200&framing=7E1&x=A%0D&y=B%0D&z=C%0D&unit=in&scale=2").unwrap();

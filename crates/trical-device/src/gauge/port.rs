@@ -101,6 +101,50 @@ pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn seri
     Ok(Box::new(port))
 }
 
+/// A serial port of this computer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PortInfo {
+    /// Its path, as it stands in a URL.
+    pub path: String,
+    /// What hangs on it, as far as the operating system knows.
+    pub device: String,
+    /// The URL to try, where the device is known.
+    pub url: Option<String>,
+}
+
+/// The serial ports of this computer, by path; known gauges are recognized by their USB identification.
+///
+/// # Errors
+/// The operating system does not say.
+pub fn list_ports() -> Result<Vec<PortInfo>, GaugeError> {
+    // listing panics where this folder is missing
+    if cfg!(target_os = "linux") && !std::path::Path::new("/sys/class/tty").is_dir() {
+        return Ok(Vec::new());
+    }
+    let failed = |e: serialport::Error| GaugeError::Open { port: "list".to_owned(), reason: e.to_string() };
+    let mut ports: Vec<PortInfo> = serialport::available_ports().map_err(failed)?.iter().map(known_port).collect();
+    ports.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(ports)
+}
+
+fn known_port(port: &serialport::SerialPortInfo) -> PortInfo {
+    let path = port.port_name.clone();
+    let (device, url) = match &port.port_type {
+        serialport::SerialPortType::UsbPort(usb) => match (usb.vid, usb.pid) {
+            (0x0FE7, 0x2002) => ("Mitutoyo U-WAVE-R".to_owned(), Some(format!("uwave://{path}?x=00&y=01&z=02"))),
+            (0x0FE7, 0x4001) => ("Mitutoyo USB-ITN".to_owned(), Some(format!("itn://{path},PORT_OF_Y,PORT_OF_Z"))),
+            (vid, pid) => {
+                let name = usb.product.clone().or_else(|| usb.manufacturer.clone()).unwrap_or_default();
+                (format!("USB {vid:04X}:{pid:04X} {name}").trim_end().to_owned(), None)
+            }
+        },
+        serialport::SerialPortType::PciPort => ("serial port of the computer".to_owned(), None),
+        serialport::SerialPortType::BluetoothPort => ("Bluetooth".to_owned(), None),
+        serialport::SerialPortType::Unknown => ("not known".to_owned(), None),
+    };
+    PortInfo { path, device, url }
+}
+
 /// Splits what a port sends into records that end with CR or LF.
 #[derive(Debug, Default)]
 pub(crate) struct Lines {
@@ -185,6 +229,24 @@ impl Lines {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn gauges_are_known_by_their_usb_identification() {
+        let port = |vid, pid| serialport::SerialPortInfo {
+            port_name: "/dev/ttyUSB3".to_owned(),
+            port_type: serialport::SerialPortType::UsbPort(serialport::UsbPortInfo {
+                vid,
+                pid,
+                serial_number: None,
+                manufacturer: Some("FTDI".to_owned()),
+                product: None,
+            }),
+        };
+        let known = known_port(&port(0x0FE7, 0x2002));
+        assert_eq!(known.url.as_deref(), Some("uwave:///dev/ttyUSB3?x=00&y=01&z=02"));
+        assert_eq!(known_port(&port(0x0403, 0x6001)).device, "USB 0403:6001 FTDI");
+        assert!(list_ports().is_ok());
+    }
 
     #[test]
     fn framings() {

@@ -12,8 +12,8 @@ use super::{AXES, Gauge, GaugeError, Settle, shorten};
 pub struct UWaveSettings {
     /// Channels of the indicators along x, y, z of the device.
     pub channels: [u8; 3],
-    /// Group of all three.
-    pub group: u8,
+    /// Group of each.
+    pub groups: [u8; 3],
     /// Which axes read with the opposite sign.
     pub flip: [bool; 3],
     /// Time-out of one attempt. In use elsewhere: 1.1 s to 3 s.
@@ -22,6 +22,10 @@ pub struct UWaveSettings {
     pub attempts: u32,
     /// Pause between requests. In use elsewhere: 0.25 s.
     pub interval: Duration,
+    /// Make the receiver forget each value that was read (`w` = 1): then only a value that has changed since is
+    /// answered, and a spindle that stands still reads as "no data". For looking at a receiver; a measurement, which
+    /// waits for readings that repeat, keeps the values.
+    pub clear: bool,
     /// When a reading stands still.
     pub settle: Settle,
     /// Take a value without a unit (`0`) as mm. Off: such a value is an error.
@@ -32,11 +36,12 @@ impl Default for UWaveSettings {
     fn default() -> Self {
         Self {
             channels: [0, 1, 2],
-            group: 0,
+            groups: [0; 3],
             flip: [false; 3],
             timeout: Duration::from_millis(1500),
             attempts: 3,
             interval: Duration::from_millis(250),
+            clear: false,
             settle: Settle::default(),
             assume_mm: false,
         }
@@ -54,7 +59,7 @@ impl UWaveSettings {
 /// Three indicators behind one receiver.
 ///
 /// The receiver also sends by itself (buttons, batteries), so records are told apart by kind and channel, and what came
-/// before a request is no answer to it. Values are read with `w` = 0: with `w` = 1 a still spindle may then answer
+/// before a request is no answer to it. Values are read with `w` = 0 unless told otherwise: with `w` = 1 a still spindle may then answer
 /// "no data" \[I\]; and "no data" is never taken for zero.
 pub struct UWave<P> {
     port: P,
@@ -91,18 +96,39 @@ impl<P: Port> UWave<P> {
     ///
     /// # Errors
     /// No or a wrong answer.
-    pub fn receiver_information(&mut self) -> Result<Record, GaugeError> {
-        let request = protocol::receiver_request(self.settings.group);
-        self.information(&request, |record| matches!(record, Record::Receiver { .. }))
+    pub fn receiver_information(&mut self, group: u8) -> Result<Record, GaugeError> {
+        let request = protocol::receiver_request(group);
+        self.information(&request, |record| matches!(record, Record::Receiver { group: g, .. } if *g == group))
     }
 
-    /// What the receiver says of the first transmitter at or after a channel.
+    /// What the receiver says of the first transmitter of a group at or after a channel; a status where there is none.
     ///
     /// # Errors
-    /// No or a wrong answer; a status where there is no such transmitter.
-    pub fn transmitter_information(&mut self, channel: u8) -> Result<Record, GaugeError> {
-        let request = protocol::transmitter_request(channel, self.settings.group);
-        self.information(&request, |record| matches!(record, Record::Transmitter { .. } | Record::Status { .. }))
+    /// No or a wrong answer.
+    pub fn transmitter_information(&mut self, channel: u8, group: u8) -> Result<Record, GaugeError> {
+        let request = protocol::transmitter_request(channel, group);
+        self.information(&request, |record| match record {
+            Record::Transmitter { channel: c, group: g, .. } => *c >= channel && *g == group,
+            // batteries and radio faults come unasked
+            Record::Status { status, .. } => matches!(status, Status::EndOfSearch | Status::BadRequest),
+            _ => false,
+        })
+    }
+
+    /// All transmitters of a group, by channel.
+    ///
+    /// # Errors
+    /// No or a wrong answer.
+    pub fn transmitters(&mut self, group: u8) -> Result<Vec<Record>, GaugeError> {
+        let mut found = Vec::new();
+        let mut next = 0;
+        while next <= 99 {
+            let record = self.transmitter_information(next, group)?;
+            let Record::Transmitter { channel, .. } = record else { break };
+            next = channel + 1;
+            found.push(record);
+        }
+        Ok(found)
     }
 
     fn information(&mut self, request: &str, wanted: impl Fn(&Record) -> bool) -> Result<Record, GaugeError> {
@@ -175,8 +201,8 @@ impl<P: Port> UWave<P> {
     }
 
     fn attempt(&mut self, axis: usize, channel: u8) -> Result<Attempt, GaugeError> {
-        let group = self.settings.group;
-        self.send(&protocol::data_request(channel, group, false))?;
+        let group = self.settings.groups.get(axis).copied().unwrap_or(0);
+        self.send(&protocol::data_request(channel, group, self.settings.clear))?;
         let deadline = Instant::now() + self.settings.timeout;
         let mut garbage = None;
         while let Some(line) = self.wait(deadline)? {
@@ -230,9 +256,14 @@ impl<P: Port> UWave<P> {
                     found: shorten(&found),
                     expected: "a record of a U-WAVE-R; check that the port is the receiver's".to_owned(),
                 },
-                Attempt::Nothing => {
-                    self.silent(axis_name(axis), &protocol::data_request(channel, self.settings.group, false))
-                }
+                Attempt::Nothing => self.silent(
+                    axis_name(axis),
+                    &protocol::data_request(
+                        channel,
+                        self.settings.groups.get(axis).copied().unwrap_or(0),
+                        self.settings.clear,
+                    ),
+                ),
             });
         }
         Err(error.unwrap_or_else(|| self.silent(axis_name(axis), "DR")))
@@ -263,5 +294,25 @@ impl<P: Port> Gauge for UWave<P> {
 
     fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
+    }
+
+    fn describe(&mut self) -> Result<Vec<String>, GaugeError> {
+        let mut lines = Vec::new();
+        let groups: BTreeSet<u8> = self.settings.groups.into_iter().collect();
+        for group in groups {
+            if let Record::Receiver { id, rest, .. } = self.receiver_information(group)? {
+                lines.push(format!("receiver of group {group:02}: id {id}, it says {rest:?}"));
+            }
+            for record in self.transmitters(group)? {
+                let Record::Transmitter { state, channel, id, band, event_mode, .. } = record else { continue };
+                let axis = (0..3).find(|k| self.settings.channels[*k] == channel && self.settings.groups[*k] == group);
+                let axis = axis.map_or_else(|| "not used here".to_owned(), |k| format!("axis {}", AXES[k]));
+                let mode = if event_mode { "event mode" } else { "button mode: it sends on its button only" };
+                lines.push(format!(
+                    "transmitter on channel {group:02}.{channel:02} ({axis}): id {id}, state {state}, band {band}, {mode}"
+                ));
+            }
+        }
+        Ok(lines)
     }
 }

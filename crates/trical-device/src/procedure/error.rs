@@ -30,6 +30,12 @@ pub enum ProcedureError {
         /// What is wrong.
         violation: Box<Violation>,
     },
+    /// The arm stood at a touch and could not leave it.
+    #[error("{violation}; the arm stands at a touch: jog it away from the ball by hand")]
+    Leave {
+        /// What is wrong.
+        violation: Box<Violation>,
+    },
     /// A touch failed.
     #[error("touch {index} (ball {}): {violation}; {retreat}", ball + 1)]
     Touch {
@@ -50,7 +56,10 @@ impl ProcedureError {
     pub fn violation(&self) -> Option<&Violation> {
         match self {
             Self::Options(_) => None,
-            Self::Plan { violation, .. } | Self::Start { violation } | Self::Touch { violation, .. } => Some(violation),
+            Self::Plan { violation, .. }
+            | Self::Start { violation }
+            | Self::Leave { violation }
+            | Self::Touch { violation, .. } => Some(violation),
         }
     }
 
@@ -145,6 +154,16 @@ pub enum Violation {
         "no indicator has changed between the approach point and the touch: the gauge repeats old values, or touches at both"
     )]
     StaleTouch,
+    /// A channel has not changed between the approach point and the touch.
+    #[error(
+        "indicator {axis} reads {reading_mm:.4} mm at the touch and read the same at the approach point, where its stem was free: its transmitter may be dead, or the stem stuck"
+    )]
+    StaleAxis {
+        /// Which axis.
+        axis: char,
+        /// What it reads in mm.
+        reading_mm: f64,
+    },
     /// A joint is or would be outside its limits.
     #[error("joint {joint} at {value_deg:.3} deg is outside its limits {low_deg:.3} to {high_deg:.3} deg")]
     JointLimit {

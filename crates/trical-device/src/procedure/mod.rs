@@ -6,6 +6,7 @@ mod options;
 mod run;
 mod steps;
 mod tcp;
+mod visits;
 
 use trical_model::recording::{Joints, Row};
 
@@ -14,6 +15,7 @@ pub use options::{MoveGuard, ProcedureLimits, ProcedureOptions, Retreat};
 pub use run::run;
 pub use steps::dry_run;
 pub use tcp::{FlangeTouch, TcpError, TcpFit, base_from_balls, tcp_from_touches};
+pub use visits::{stride, visits};
 
 /// One touch of a plan.
 #[derive(Clone, Debug, PartialEq)]

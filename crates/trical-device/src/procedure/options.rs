@@ -1,6 +1,6 @@
 //! Settings and limits of the procedure. Lengths in m, angles in rad, times in s.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use trical_model::recording::Joints;
@@ -33,6 +33,11 @@ pub struct ProcedureLimits {
     pub growth: f64,
     /// A channel that shows the very same value after a correction of more than this along it is stale.
     pub stale: f64,
+    /// How far the TCP goes aside along each axis, and back, where a channel showed the same after a smaller correction:
+    /// it has to follow before the touch is accepted. Long enough for a gap in a joint of 0.01 deg at 0.5 m.
+    pub confirm: f64,
+    /// Largest speed of the TCP that is asked for, m/s: that of manual mode.
+    pub speed: f64,
 }
 
 impl Default for ProcedureLimits {
@@ -47,6 +52,8 @@ impl Default for ProcedureLimits {
             joint_change: 5.0_f64.to_radians(),
             growth: 1.2,
             stale: 20e-6,
+            confirm: 0.2e-3,
+            speed: 0.25,
         }
     }
 }
@@ -89,6 +96,13 @@ pub struct ProcedureOptions<'a> {
     pub tcp_in_flange: Option<[f64; 3]>,
     /// Touches that are done already.
     pub skip: BTreeSet<u64>,
+    /// Touch `n` visits the place of touch `n` modulo this again, see [`super::visits`]; every other time from beyond.
+    pub stride: Option<u64>,
+    /// Joints at which places were found by an earlier run, by number.
+    pub known: BTreeMap<u64, Joints>,
+    /// How far beyond the touch a visit from beyond comes from, as a part of the way from the approach point: 1 mm of 30,
+    /// which the stems give and the clearance allows.
+    pub beyond: f64,
     /// Temperature in degC, recorded with each measurement where the controller has no sensor.
     pub temp_c: Option<f64>,
     /// Mass added on the flange, kg, recorded with each measurement.
@@ -118,6 +132,9 @@ impl Default for ProcedureOptions<'_> {
             retreat: Retreat::Whole,
             tcp_in_flange: None,
             skip: BTreeSet::new(),
+            stride: None,
+            known: BTreeMap::new(),
+            beyond: 1.0 / 30.0,
             temp_c: None,
             payload_kg: None,
             begin_t: 0.0,

@@ -1,5 +1,6 @@
 //! The loop that drives gauge and robot.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
@@ -47,11 +48,17 @@ pub fn run(
         at: [0.0; trical_model::recording::MAX_JOINTS],
         trail: Vec::new(),
         report: RunReport::default(),
+        known: options.known.clone(),
         retreating: false,
     };
-    runner.start().map_err(|violation| ProcedureError::Start { violation: Box::new(violation) })?;
+    let not_begun = |violation| ProcedureError::Start { violation: Box::new(violation) };
+    runner.start().map_err(not_begun)?;
+    if plan.iter().any(|entry| !options.skip.contains(&entry.index)) {
+        runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
+    }
     let total = plan.len();
-    for entry in plan {
+    let mut first = true;
+    for (number, entry) in plan.iter().enumerate() {
         let done = runner.report.measured + runner.report.skipped;
         if options.skip.contains(&entry.index) {
             runner.report.skipped += 1;
@@ -59,7 +66,9 @@ pub fn run(
         }
         (runner.progress)(Progress::Begin { index: entry.index, ball: entry.ball, done, total });
         runner.trail = vec![runner.at];
-        let result = match runner.touch(entry, total) {
+        let led_in = if first { runner.led_in(plan, number) } else { None };
+        first = false;
+        let result = match runner.touch(led_in.as_ref().unwrap_or(entry), total) {
             Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
             Err(violation) => Err((violation, runner.retreat())),
         };
@@ -90,6 +99,8 @@ struct Runner<'a, 'o> {
     /// Where the arm has been since the entry began, in order; the way back.
     trail: Vec<Joints>,
     report: RunReport,
+    /// Joints at the touches of the first round.
+    known: BTreeMap<u64, Joints>,
     /// After a failure nothing but the arm matters.
     retreating: bool,
 }
@@ -115,6 +126,53 @@ impl Runner<'_, '_> {
         self.note_joints()
     }
 
+    /// Where an earlier run was broken off in a touch, the arm still stands there: it goes back to the point before.
+    fn leave_a_touch(&mut self, plan: &[PlanEntry]) -> Result<(), Violation> {
+        let far = |q: &Joints| largest_difference(q, &self.at).1;
+        let nearest = plan.iter().min_by(|a, b| far(&a.joints).total_cmp(&far(&b.joints)));
+        let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else {
+            return Ok(());
+        };
+        let to_a_free_place = plan.iter().flat_map(|entry| &entry.via).map(&far).fold(f64::INFINITY, f64::min);
+        if far(&entry.joints) > self.options.limits.joint_change || to_a_free_place <= far(&entry.joints) {
+            return Ok(());
+        }
+        self.warn(format!(
+            "the arm stands at touch {} (ball {}), where an earlier run was broken off: it goes back to its approach point first",
+            entry.index,
+            entry.ball + 1
+        ));
+        check_joints(before, self.options)?;
+        self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
+        self.drive(before)
+    }
+
+    /// The entry with a way to it from where the arm stands, where the straight one is not allowed: along the plan's own
+    /// ways, forward or backward, from the nearest of its points that can be reached. `None` = as it is.
+    fn led_in(&self, plan: &[PlanEntry], number: usize) -> Option<PlanEntry> {
+        let options = self.options;
+        let entry = plan.get(number)?;
+        let first = entry.via.first()?;
+        if options.retreat != Retreat::Approach || check_guard(&self.at, first, options).is_ok() {
+            return None;
+        }
+        // free points in the order of the plan: each can be reached from its neighbours
+        let ways: Vec<Joints> = plan.iter().flat_map(|entry| entry.via.iter().copied()).collect();
+        let target = plan.iter().take(number).map(|entry| entry.via.len()).sum::<usize>();
+        let mut near: Vec<usize> = (0..ways.len()).collect();
+        let far = |at: &usize| ways.get(*at).map_or(f64::INFINITY, |q| largest_difference(q, &self.at).1);
+        near.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        let from =
+            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, options).is_ok()))?;
+        let mut via: Vec<Joints> = if from <= target {
+            ways.get(from..target)?.to_vec()
+        } else {
+            ways.get(target + 1..=from)?.iter().rev().copied().collect()
+        };
+        via.extend(&entry.via);
+        Some(PlanEntry { via, ..entry.clone() })
+    }
+
     /// Steps (a) to (g): to the ball, read and correct, record.
     fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
         let options = self.options;
@@ -123,17 +181,47 @@ impl Runner<'_, '_> {
             self.go(q)?;
         }
         self.check_cancelled()?;
-        let free = if options.check_release && !entry.via.is_empty() { Some(self.gauge.read()?) } else { None };
+        let free = if options.check_release && !entry.via.is_empty() { Some(self.settled_reading()?) } else { None };
 
         self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
-        self.go(&entry.joints)?;
+        self.arrive(entry)?;
         let mut reading = self.read(entry, 0)?;
-        if free.is_some_and(|free| free.iter().zip(&reading).all(|(a, b)| is_same(*a, *b))) {
-            return Err(Violation::StaleTouch);
+        // channels that may repeat an old value: no motion has shown yet that they live
+        let mut doubtful = options.check_release;
+        if let Some(free) = free {
+            let same: Vec<usize> = (0..3).filter(|axis| is_same(free[*axis], reading[*axis])).collect();
+            match same.as_slice() {
+                [] => doubtful = false,
+                [_, _, _] => return Err(Violation::StaleTouch),
+                // a stem that was free at the approach point cannot read there what it reads at the ball
+                [axis, ..] => {
+                    return Err(Violation::StaleAxis { axis: AXES[*axis], reading_mm: reading[*axis] * 1e3 });
+                }
+            }
         }
         let mut corrections = 0;
         let mut total_length = 0.0;
-        while norm(&reading) >= options.epsilon {
+        while norm(&reading) >= options.epsilon || doubtful {
+            if norm(&reading) < options.epsilon {
+                // a little aside along all axes: each channel has to follow, and the loop goes back
+                let aside = [options.limits.confirm; 3];
+                total_length += norm(&aside);
+                self.correct(aside, total_length)?;
+                corrections += 1;
+                let after = self.read(entry, corrections)?;
+                for (axis, (before, after)) in AXES.into_iter().zip(reading.iter().zip(&after)) {
+                    if (before - after).abs() < 0.25 * options.limits.confirm {
+                        return Err(Violation::Stale {
+                            axis,
+                            reading_mm: after * 1e3,
+                            moved_mm: options.limits.confirm * 1e3,
+                        });
+                    }
+                }
+                doubtful = false;
+                reading = after;
+                continue;
+            }
             if corrections >= options.limits.iterations {
                 return Err(Violation::Iterations {
                     iterations: corrections,
@@ -146,16 +234,43 @@ impl Runner<'_, '_> {
             corrections += 1;
             let after = self.read(entry, corrections)?;
             self.check_change(&reading, &after)?;
+            doubtful = options.check_release && reading.iter().zip(&after).any(|(a, b)| is_same(*a, *b));
             reading = after;
         }
         self.record(entry, reading, corrections, total)
     }
 
-    fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
+    /// From the approach point to the touch: where it was found at an earlier visit, and every other time from beyond.
+    fn arrive(&mut self, entry: &PlanEntry) -> Result<(), Violation> {
+        let stride = self.options.stride.unwrap_or(u64::MAX).max(1);
+        let (round, place) = (entry.index / stride, entry.index % stride);
+        let found = if round > 0 { self.known.get(&place).copied() } else { None };
+        let Some(found) = found else {
+            return self.go(&entry.joints);
+        };
         self.check_cancelled()?;
+        check_guard(&self.at, &entry.joints, self.options)?;
+        check_joints(&found, self.options)?;
+        self.trail.push(found);
+        if round % 2 == 1 {
+            let from = self.at;
+            let beyond = std::array::from_fn(|k| found[k] + self.options.beyond * (found[k] - from[k]));
+            check_joints(&beyond, self.options)?;
+            self.drive(&beyond)?;
+        }
+        self.drive(&found)
+    }
+
+    fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {
         let settle = self.options.settle.clone().unwrap_or_else(|| self.gauge.settle());
         let reading = settled_reading(self.gauge, &settle, self.cancel)?;
         self.take_warnings();
+        Ok(reading)
+    }
+
+    fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
+        self.check_cancelled()?;
+        let reading = self.settled_reading()?;
         let t = self.time()?;
         self.log.indicators(t, &reading, true)?;
         (self.progress)(Progress::Reading { index: entry.index, corrections, reading });
@@ -250,6 +365,7 @@ impl Runner<'_, '_> {
         let measured = Measured::Touch { ball: entry.ball, reading };
         let row = Row { state, measured, seq: Some(entry.index), line: 0 };
         self.log.measurement(&row)?;
+        self.known.insert(entry.index % self.options.stride.unwrap_or(u64::MAX).max(1), self.at);
         self.report.measured += 1;
         let done = self.report.measured + self.report.skipped;
         (self.progress)(Progress::Measured { row: Box::new(row), corrections, done, total });

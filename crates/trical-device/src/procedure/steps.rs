@@ -14,9 +14,14 @@ pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize
     if let Some([x, y, z]) = options.tcp_in_flange {
         steps.push(format!("tell the controller the TCP: {:.4} {:.4} {:.4} mm", x * 1e3, y * 1e3, z * 1e3));
     }
-    for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
+    let mut stood: Option<&Joints> = None;
+    for entry in plan {
+        if options.skip.contains(&entry.index) {
+            stood = None;
+            continue;
+        }
         let head = format!("touch {} (ball {})", entry.index, entry.ball + 1);
-        let mut from: Option<&Joints> = None;
+        let mut from = stood;
         let count = entry.via.len();
         let stops = entry.via.iter().enumerate().map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
         for (name, q) in stops.chain(std::iter::once(("the touch".to_owned(), &entry.joints))) {
@@ -43,8 +48,17 @@ pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize
             Retreat::Whole => format!("{head}: go back the way it came, to via point 1"),
             Retreat::Approach => format!("{head}: go back to via point {count}"),
         });
+        stood = stands_after(entry, options);
     }
     steps
+}
+
+/// Where the arm stands after an entry, as far as the plan says; where it stands before the first is not known here.
+fn stands_after<'a>(entry: &'a PlanEntry, options: &ProcedureOptions<'_>) -> Option<&'a Joints> {
+    match options.retreat {
+        Retreat::Whole => entry.via.first(),
+        Retreat::Approach => entry.via.last(),
+    }
 }
 
 fn degrees(q: &Joints, joints: usize) -> String {
@@ -88,10 +102,24 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
             return Err(ProcedureError::Options(format!("{name} is {value}; expected a positive number")));
         }
     }
-    for entry in plan.iter().filter(|entry| !options.skip.contains(&entry.index)) {
+    for (name, value) in [("travel speed", options.travel_speed), ("touch speed", options.touch_speed)] {
+        if value > options.limits.speed {
+            return Err(ProcedureError::Options(format!(
+                "{name} is {:.0} mm/s, the limit is {:.0} mm/s",
+                value * 1e3,
+                options.limits.speed * 1e3
+            )));
+        }
+    }
+    let mut stood: Option<&Joints> = None;
+    for entry in plan {
+        if options.skip.contains(&entry.index) {
+            stood = None;
+            continue;
+        }
         let wrong =
             |violation| ProcedureError::Plan { index: entry.index, ball: entry.ball, violation: Box::new(violation) };
-        let mut from: Option<&Joints> = None;
+        let mut from = stood;
         for q in entry.via.iter().chain(std::iter::once(&entry.joints)) {
             check_joints(q, options).map_err(wrong)?;
             if let Some(from) = from {
@@ -99,6 +127,7 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
             }
             from = Some(q);
         }
+        stood = stands_after(entry, options);
     }
     let mut seen = std::collections::BTreeSet::new();
     match plan.iter().find(|entry| !seen.insert(entry.index)) {

@@ -19,7 +19,7 @@ use trical_model::recording::{Recording, Row};
 
 use crate::motion::JointSample;
 
-pub use read::read_recording;
+pub use read::{read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 
 /// A file inside a recording.
@@ -241,6 +241,10 @@ impl RecordError {
 
     pub(crate) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
         let path = path.to_owned();
-        move |source| Self::Mcap { path, source }
+        move |source| match source {
+            // a full disk says so
+            mcap::McapError::Io(source) => Self::Io { path, action: "write", source },
+            source => Self::Mcap { path, source },
+        }
     }
 }

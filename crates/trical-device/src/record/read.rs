@@ -21,11 +21,23 @@ pub fn read_recording(path: &Path) -> Result<ReadRecording, RecordError> {
     interpret(path, &read_raw(path)?)
 }
 
+/// As [`read_recording`], of bytes; `name` is for messages.
+///
+/// # Errors
+/// As there.
+pub fn read_bytes(name: &Path, bytes: &[u8]) -> Result<ReadRecording, RecordError> {
+    interpret(name, &raw_of(name, bytes)?)
+}
+
 /// Takes all whole records out of a file.
 pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
     let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
+    raw_of(path, &bytes)
+}
+
+fn raw_of(path: &Path, bytes: &[u8]) -> Result<RawFile, RecordError> {
     let Some(body) = bytes.strip_prefix(&MAGIC) else {
-        let begin = bytes.get(..MAGIC.len()).unwrap_or(&bytes);
+        let begin = bytes.get(..MAGIC.len()).unwrap_or(bytes);
         let found = if begin.is_empty() { "nothing".to_owned() } else { format!("\"{}\"", begin.escape_ascii()) };
         return Err(RecordError::NotMcap { path: path.to_owned(), found });
     };

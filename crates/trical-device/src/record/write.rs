@@ -73,6 +73,10 @@ impl RecordingWriter {
         }
         let mut header = header.clone();
         header.start_ns = read.start_ns;
+        if let Some(lost) = &read.lost {
+            // what could not be taken over is said in the recording itself
+            header.settings.insert("recovered".to_owned(), lost.clone());
+        }
         let writer = Self::begin(path, &header, Some(&raw))?;
         Ok((writer, Some(read)))
     }

@@ -5,6 +5,7 @@
 mod plant;
 mod receiver;
 mod robot;
+pub mod script;
 mod world;
 
 use std::fs::File;
@@ -22,6 +23,7 @@ use trical_model::recording::{Joints, MAX_JOINTS, State};
 use crate::gauge::uwave_protocol::Status;
 
 pub use plant::{Frame, Plant};
+pub use script::{Scheduled, When};
 
 /// What a virtual cell is like. Lengths in m, angles in rad, times in s.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +58,23 @@ pub struct CellOptions {
     pub dwell: f64,
     /// Real seconds for each simulated second of motion; 0 = motions take no time, 1 = as long as a real arm's.
     pub pace: f64,
+    /// Real seconds until the receiver knows of a new value; it repeats the last one until then.
+    pub radio_delay: f64,
+    /// Joints and indicators that are read too early, where asked for.
+    pub unsettled: Option<Unsettled>,
+    /// What goes wrong, and when.
+    pub script: Vec<Scheduled>,
+}
+
+/// What joints and indicators still lack after a motion; it dies away exponentially.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unsettled {
+    /// How far a joint that has just stopped is read short of where it comes to rest, rad.
+    pub joint: f64,
+    /// How far the indicators are off, m.
+    pub indicator: f64,
+    /// Time constant in simulated s (real s where motions take no time).
+    pub time: f64,
 }
 
 impl Default for CellOptions {
@@ -76,6 +95,9 @@ impl Default for CellOptions {
             payload_kg: None,
             dwell: 2.0,
             pace: 0.0,
+            radio_delay: 0.0,
+            unsettled: None,
+            script: Vec::new(),
         }
     }
 }
@@ -123,6 +145,35 @@ pub enum Fault {
     StuckArm,
     /// The controller closes the connection on the next request.
     DropConnection,
+    /// The controller does not answer motions any more.
+    Stall,
+    /// Receiver and controller answer byte by byte.
+    Pieces,
+    /// Bytes from the receiver are lost, so many of a thousand.
+    DropBytes {
+        /// Of a thousand bytes.
+        per_mille: u16,
+    },
+    /// Bytes from the receiver come twice, so many of a thousand.
+    DoubleBytes {
+        /// Of a thousand bytes.
+        per_mille: u16,
+    },
+    /// Bits of bytes from the receiver are turned, so many bytes of a thousand.
+    GarbleBytes {
+        /// Of a thousand bytes.
+        per_mille: u16,
+    },
+    /// The receiver answers so many real ms late.
+    Late {
+        /// By how much.
+        milliseconds: u32,
+    },
+    /// The plate with the balls has slipped along the axes of {w}.
+    SlippedPlate {
+        /// By how much, in thousandths of a mm.
+        by_um: [i32; 3],
+    },
 }
 
 /// Why a virtual cell did not start.
@@ -165,6 +216,7 @@ pub struct VirtualCell {
     address: SocketAddr,
     channels: [u8; 3],
     group: u8,
+    radio_delay: f64,
     /// Kept open, so that the terminal stays raw while nobody else has it.
     _slave: OwnedFd,
 }
@@ -186,7 +238,7 @@ impl VirtualCell {
         let (master, slave, terminal) =
             raw_terminal().map_err(|error| CellError::PseudoTerminal { reason: error.to_string() })?;
 
-        let (channels, group) = (options.channels, options.group);
+        let (channels, group, radio_delay) = (options.channels, options.group, options.radio_delay);
         let world = Arc::new(Mutex::new(world::World::new(plant, options)));
         let stop = Arc::new(AtomicBool::new(false));
         let mut cell = Self {
@@ -197,6 +249,7 @@ impl VirtualCell {
             address,
             channels,
             group,
+            radio_delay,
             _slave: slave,
         };
         let (shared, ends) = (Arc::clone(&world), Arc::clone(&stop));
@@ -231,9 +284,11 @@ impl VirtualCell {
     pub fn gauge_url(&self) -> String {
         let [x, y, z] = self.channels;
         format!(
-            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms=0&repeats=2",
+            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms={:.0}&repeats=2",
             self.terminal.display(),
-            self.group
+            self.group,
+            // readings that agree must not both be older than the motion
+            self.radio_delay * 1.5e3
         )
     }
 

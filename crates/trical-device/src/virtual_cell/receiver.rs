@@ -31,8 +31,23 @@ pub(super) fn serve(mut master: File, world: &Arc<Mutex<World>>, stop: &AtomicBo
         }
         while let Some(end) = pending.iter().position(|byte| *byte == b'\r') {
             let line: Vec<u8> = pending.drain(..=end).take(end).collect();
-            let reply = answer(&line, &mut lock(world));
-            if master.write_all(&reply).and_then(|()| master.flush()).is_err() {
+            let (reply, late, pieces) = {
+                let mut world = lock(world);
+                world.readings += 1;
+                let reply = answer(&line, &mut world);
+                let late = world.active().find_map(|fault| match fault {
+                    Fault::Late { milliseconds } => Some(u64::from(*milliseconds)),
+                    _ => None,
+                });
+                (world.mangle(reply), late, world.has(&Fault::Pieces))
+            };
+            std::thread::sleep(std::time::Duration::from_millis(late.unwrap_or(0)));
+            let parts = reply.chunks(if pieces { 1 } else { reply.len().max(1) });
+            let mut sent = Ok(());
+            for part in parts {
+                sent = sent.and_then(|()| master.write_all(part)).and_then(|()| master.flush());
+            }
+            if sent.is_err() {
                 break;
             }
         }
@@ -54,7 +69,7 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
     let mut out = String::new();
     match protocol::parse_request(line) {
         None => out.push_str(&protocol::status_record(group, 0, Status::BadRequest).replace("ST10000", "ST1FFFF")),
-        Some(Request::Data { channel, group: asked_group, .. }) => {
+        Some(Request::Data { channel, group: asked_group, clear }) => {
             let asked = |c: u8| channel.is_none_or(|channel| channel == c) && asked_group == group;
             let axes: Vec<usize> = (0..3).filter(|axis| asked(channels[*axis])).collect();
             if axes.is_empty() {
@@ -70,6 +85,7 @@ fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
                     out.push('\r');
                 }
                 out.push_str(&data_or_fault(world, axis));
+                world.cleared[axis] |= clear;
                 out.push('\r');
             }
             return out.into_bytes();
@@ -99,6 +115,15 @@ fn data_or_fault(world: &mut World, axis: usize) -> String {
         }
         _ => None,
     });
+    let scheduled = world.options.script.iter().any(|s| matches!(s.fault, Fault::Status { .. }));
+    let status = status.or_else(|| {
+        // by the script: as long as it lasts
+        let faults: Vec<&Fault> = if scheduled { world.active().collect() } else { Vec::new() };
+        faults.into_iter().find_map(|fault| match fault {
+            Fault::Status { axis: a, status, times: 0 } if *a == axis => Some(*status),
+            _ => None,
+        })
+    });
     if let Some(status) = status {
         return protocol::status_record(group, channel, status);
     }
@@ -106,6 +131,10 @@ fn data_or_fault(world: &mut World, axis: usize) -> String {
     if world.has(&Fault::BatteryLow { axis }) {
         out.push_str(&protocol::status_record(group, channel, Status::BatteryLow));
         out.push('\r');
+    }
+    // event mode: a value that was forgotten comes again once it has changed
+    if world.cleared[axis] {
+        return protocol::status_record(group, channel, Status::NoData);
     }
     // a resolution of zero shows what the record can hold
     let decimals = if world.options.resolution >= 1e-6 { 3 } else { 6 };

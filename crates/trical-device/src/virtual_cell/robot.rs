@@ -39,16 +39,27 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
         }
         while let Some(end) = pending.iter().position(|byte| *byte == b'#') {
             let message: Vec<u8> = pending.drain(..=end).take(end).collect();
-            let (reply, takes) = {
+            let (reply, takes, pieces, stalls) = {
                 let mut world = lock(world);
+                world.commands += 1;
+                let stalls = world.has(&Fault::Stall) && is_motion(&message);
+                let pieces = world.has(&Fault::Pieces);
                 let begin = world.clock();
                 let Some(reply) = answer(&message, &mut world) else {
                     return Ok(());
                 };
-                (reply, (world.clock() - begin) * world.options.pace)
+                (reply, (world.clock() - begin) * world.options.pace, pieces, stalls)
             };
-            wait(takes, stop);
-            stream.write_all(reply.as_bytes())?;
+            if takes > 0.0 {
+                wait(takes, stop);
+                lock(world).stand();
+            }
+            if stalls {
+                continue;
+            }
+            for part in reply.as_bytes().chunks(if pieces { 1 } else { reply.len().max(1) }) {
+                stream.write_all(part)?;
+            }
         }
         if pending.len() > protocol::LONGEST {
             return Ok(());
@@ -63,6 +74,12 @@ fn wait(seconds: f64, stop: &AtomicBool) {
     while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(5));
     }
+}
+
+/// Whether the arm is to move.
+fn is_motion(message: &[u8]) -> bool {
+    let code = protocol::parse_request(message).map(|request| request.code);
+    matches!(code, Some(code::MOVE_JOINTS | code::CORRECT))
 }
 
 /// What the controller sends on a request; `None` closes the connection.

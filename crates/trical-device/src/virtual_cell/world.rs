@@ -1,10 +1,13 @@
 //! The state of a virtual cell: where the arm stands, what the indicators show, what time it is.
 
-use rand::SeedableRng;
+use std::time::Instant;
+
+use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 use trical_model::recording::{Joints, State};
 
+use super::script::Counters;
 use super::{CellOptions, Fault, Frame, Plant};
 use crate::motion::{JointSample, MotionSense};
 
@@ -20,7 +23,17 @@ pub(super) struct World {
     motion: MotionSense,
     clock: f64,
     random: Pcg64Mcg,
+    /// Of what happens to bytes: faults do not change the noise.
+    chance: Pcg64Mcg,
     indicators: [f64; 3],
+    /// What the receiver knew before the last motion.
+    before: [f64; 3],
+    /// When the last motion ended, in real time.
+    stopped: Instant,
+    /// Values that the receiver was told to forget.
+    pub(super) cleared: [bool; 3],
+    pub(super) readings: u64,
+    pub(super) commands: u64,
     linear_speed: f64,
     angular_speed: f64,
     pub(super) stream_interval: f64,
@@ -32,6 +45,7 @@ pub(super) struct World {
 impl World {
     pub(super) fn new(plant: Box<dyn Plant>, options: CellOptions) -> Self {
         let random = Pcg64Mcg::seed_from_u64(options.seed);
+        let chance = Pcg64Mcg::seed_from_u64(options.seed ^ 0x5EED);
         let q = on_grid(&options.start);
         let mut world = Self {
             plant,
@@ -41,7 +55,13 @@ impl World {
             motion: MotionSense::default(),
             clock: 0.0,
             random,
+            chance,
             indicators: [0.0; 3],
+            before: [0.0; 3],
+            stopped: Instant::now(),
+            cleared: [false; 3],
+            readings: 0,
+            commands: 0,
             linear_speed: 0.1,
             angular_speed: 0.5,
             stream_interval: 0.0,
@@ -51,7 +71,61 @@ impl World {
         };
         world.motion.push(&q);
         world.settle();
+        world.before = world.indicators;
         world
+    }
+
+    fn counters(&self) -> Counters {
+        Counters { motions: self.motions, readings: self.readings, commands: self.commands, clock: self.clock }
+    }
+
+    /// All faults that are there now, injected or by the script.
+    pub(super) fn active(&self) -> impl Iterator<Item = &Fault> {
+        let now = self.counters();
+        let scheduled = self.options.script.iter().filter(move |s| s.is_active(&now)).map(|s| &s.fault);
+        self.faults.iter().chain(scheduled)
+    }
+
+    /// What is left of `Unsettled` since the last motion, 1 to 0.
+    fn left(&self) -> f64 {
+        let Some(unsettled) = self.options.unsettled else { return 0.0 };
+        let scale = if self.options.pace > 0.0 { self.options.pace } else { 1.0 };
+        (-self.stopped.elapsed().as_secs_f64() / (unsettled.time * scale).max(1e-9)).exp()
+    }
+
+    /// The last motion ends now.
+    pub(super) fn stand(&mut self) {
+        self.stopped = Instant::now();
+    }
+
+    /// What the line makes of bytes.
+    pub(super) fn mangle(&mut self, bytes: Vec<u8>) -> Vec<u8> {
+        let (mut drop, mut double, mut garble) = (0, 0, 0);
+        for fault in self.active() {
+            match fault {
+                Fault::DropBytes { per_mille } => drop = *per_mille,
+                Fault::DoubleBytes { per_mille } => double = *per_mille,
+                Fault::GarbleBytes { per_mille } => garble = *per_mille,
+                _ => {}
+            }
+        }
+        if drop + double + garble == 0 {
+            return bytes;
+        }
+        let mut out = Vec::with_capacity(bytes.len());
+        for byte in bytes {
+            let draw = |random: &mut Pcg64Mcg, per_mille: u16| random.random_range(0..1000) < per_mille;
+            if draw(&mut self.chance, drop) {
+                continue;
+            }
+            let bit: u8 = self.chance.random_range(0..8);
+            let byte = if draw(&mut self.chance, garble) { byte ^ (1 << bit) } else { byte };
+            out.push(byte);
+            if draw(&mut self.chance, double) {
+                out.push(byte);
+            }
+        }
+        out
     }
 
     pub(super) fn joint_count(&self) -> usize {
@@ -59,7 +133,9 @@ impl World {
     }
 
     pub(super) fn joints(&self) -> Joints {
-        self.q
+        let short = self.options.unsettled.map_or(0.0, |u| u.joint) * self.left();
+        let sense = self.motion.sense();
+        on_grid(&std::array::from_fn(|joint| self.q[joint] - short * f64::from(sense[joint])))
     }
 
     pub(super) fn clock(&self) -> f64 {
@@ -141,12 +217,20 @@ impl World {
     /// What an indicator shows, m.
     pub(super) fn indicator(&self, axis: usize) -> f64 {
         let source = if self.has(&Fault::SwappedAxes) { [1, 0, 2][axis] } else { axis };
-        let value = self.indicators[source];
+        let late = self.stopped.elapsed().as_secs_f64() < self.options.radio_delay;
+        let value = if late {
+            self.before[source]
+        } else {
+            let off = self.options.unsettled.map_or(0.0, |u| u.indicator) * self.left();
+            let value = self.indicators[source] + off;
+            let resolution = self.options.resolution;
+            if off > 0.0 && resolution > 0.0 { (value / resolution).round() * resolution } else { value }
+        };
         if self.has(&Fault::FlippedAxis { axis }) { -value } else { value }
     }
 
     pub(super) fn has(&self, fault: &Fault) -> bool {
-        self.faults.contains(fault)
+        self.active().any(|active| active == fault)
     }
 
     fn check_limits(&self, target: &Joints) -> Result<(), String> {
@@ -173,10 +257,12 @@ impl World {
             }
         }
         self.clock += duration + self.options.dwell;
+        self.before = self.indicators;
         self.commanded = target;
         self.q = target;
         self.motion.push(&target);
         self.settle();
+        self.stand();
         samples
     }
 
@@ -193,9 +279,20 @@ impl World {
         let state = self.state();
         let [low, high] = self.options.stroke;
         let mut touched: Option<[f64; 3]> = None;
+        let slipped = self.active().find_map(|fault| match fault {
+            Fault::SlippedPlate { by_um } => Some(by_um.map(|um| f64::from(um) * 1e-6)),
+            _ => None,
+        });
+        let slipped = slipped.map(|by| {
+            let (_, rotation) = self.plant.tcp(&state);
+            std::array::from_fn::<f64, 3, _>(|axis| (0..3).map(|row| rotation[row][axis] * by[row]).sum())
+        });
         if !self.has(&Fault::BallsRemoved) {
             for ball in 0..self.plant.balls() {
-                let offset = self.plant.offset_to_ball(&state, ball);
+                let mut offset = self.plant.offset_to_ball(&state, ball);
+                for (offset, slipped) in offset.iter_mut().zip(slipped.unwrap_or_default()) {
+                    *offset += slipped;
+                }
                 let within = offset.iter().all(|d| (low..=high).contains(d));
                 if within && touched.is_none_or(|best| norm(&offset) < norm(&best)) {
                     touched = Some(offset);
@@ -215,6 +312,7 @@ impl World {
         };
         for (axis, value) in shown.into_iter().enumerate() {
             if !self.has(&Fault::Stale { axis }) {
+                self.cleared[axis] &= self.indicators[axis] == value;
                 self.indicators[axis] = value;
             }
         }

@@ -1,0 +1,340 @@
+//! `trical gauge`: for a person with a cable in hand.
+
+use std::io::BufRead;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use clap::Subcommand;
+use serde_json::json;
+use trical_device::gauge::{self, AXES, Settle, list_ports, settled_reading, with_zero};
+use trical_device::{Gauge, open_gauge};
+
+use crate::error::{CliError, Result};
+use crate::{interrupt, say, table};
+
+/// Arguments of `trical gauge`.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// The serial ports of this computer, and which of them are gauges
+    List {
+        /// A machine-readable list on standard output
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show the three indicators until Ctrl-C
+    #[command(after_help = URLS)]
+    Watch {
+        #[command(flatten)]
+        link: Link,
+        /// Stop after so many readings
+        #[arg(long, value_name = "N")]
+        count: Option<u64>,
+        /// Pause between readings
+        #[arg(long, value_name = "MS", default_value_t = 200)]
+        every_ms: u64,
+        /// One JSON object a reading
+        #[arg(long)]
+        json: bool,
+    },
+    /// What the device says of itself, how fast it answers and how still it stands
+    #[command(after_help = URLS)]
+    Test {
+        #[command(flatten)]
+        link: Link,
+        /// How many readings
+        #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=10_000))]
+        count: u64,
+        /// Ask to push each stem in turn, and say whether its axis answers
+        #[arg(long)]
+        stems: bool,
+        /// How long to wait for a stem
+        #[arg(long, value_name = "S", default_value_t = 60.0, requires = "stems")]
+        wait_s: f64,
+        /// A machine-readable summary on standard output
+        #[arg(long)]
+        json: bool,
+    },
+    /// Master the device: with all stems on the calibrator, read what it shows there and print the URL to use from now on
+    #[command(after_help = URLS)]
+    Zero {
+        #[command(flatten)]
+        link: Link,
+        /// A machine-readable summary on standard output
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+/// What `--gauge` takes.
+const URLS: &str = "Gauges:
+  uwave:///dev/ttyUSB0?x=00&y=01&z=02   Mitutoyo U-WAVE-R; &group=03, or x=03.00 (group, channel)
+  itn://PORT,PORT,PORT                  Mitutoyo USB-ITN; opto, tesa, millimar, pico likewise
+  line://PORT?request=%3F%0D&pattern={v};{v};{v}     anything that answers a line
+Options of all: flip=xz, settle_ms, repeats, settle_um, timeout_ms, attempts, zero_mm=x,y,z
+  uwave:  interval_ms, unit=mm, clear=1 (not for measuring)
+  others: baud, framing=7E2, x=, y=, z= (a request for each axis), unit=mm|um|in, scale
+More: docs/cell.md";
+
+/// The gauge.
+#[derive(clap::Args)]
+pub struct Link {
+    /// The gauge, e.g. uwave:///dev/ttyUSB0?x=00&y=01&z=02, or itn://, opto://, tesa://, millimar://, pico://, line://
+    /// and a port, or three ports with commas between
+    #[arg(long, value_name = "URL")]
+    gauge: String,
+}
+
+impl Link {
+    fn open(&self) -> Result<Box<dyn Gauge>> {
+        open_gauge(&self.gauge).map_err(|e| CliError::Input(e.to_string()))
+    }
+}
+
+fn failed(e: impl std::fmt::Display) -> CliError {
+    CliError::Failed(e.to_string())
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    match &args.what {
+        What::List { json } => list(*json),
+        What::Watch { link, count, every_ms, json } => {
+            watch(link.open()?.as_mut(), *count, Duration::from_millis(*every_ms), *json)
+        }
+        What::Test { link, count, stems, wait_s, json } => {
+            let wait = stems.then(|| Duration::try_from_secs_f64(*wait_s).unwrap_or(Duration::from_secs(60)));
+            test(link.open()?.as_mut(), *count, wait, *json)
+        }
+        What::Zero { link, json } => zero(link, *json),
+    }
+}
+
+fn list(as_json: bool) -> Result<()> {
+    let ports = list_ports().map_err(failed)?;
+    if as_json {
+        let ports: Vec<_> = ports.iter().map(|p| json!({ "port": p.path, "device": p.device, "url": p.url })).collect();
+        return say(serde_json::to_string_pretty(&json!({ "ports": ports }))?);
+    }
+    if ports.is_empty() {
+        say(
+            "No serial port was found. Is the cable in? On Linux the U-WAVE-R (USB 0FE7:2002) is an FTDI chip whose number",
+        )?;
+        return say(
+            "the driver may not know: as root, modprobe ftdi_sio; echo 0fe7 2002 > /sys/bus/usb-serial/drivers/ftdi_sio/new_id",
+        );
+    }
+    let mut rows = vec![["port", "device", "try"].map(String::from).to_vec()];
+    rows.extend(ports.into_iter().map(|p| vec![p.path, p.device, p.url.unwrap_or_default()]));
+    for line in table::lines(&rows) {
+        say(line)?;
+    }
+    Ok(())
+}
+
+fn warn(gauge: &mut dyn Gauge) -> Vec<String> {
+    let warnings = gauge.take_warnings();
+    for w in &warnings {
+        eprintln!("trical: note: {w}");
+    }
+    warnings
+}
+
+/// The three indicators for people.
+pub fn shown(reading: &[f64; 3]) -> String {
+    let parts: Vec<String> = AXES.iter().zip(reading).map(|(a, v)| format!("{a} {:+9.4}", v * 1e3)).collect();
+    format!("{} mm", parts.join("   "))
+}
+
+fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bool) -> Result<()> {
+    let stop = interrupt::flag()?;
+    let begin = Instant::now();
+    let mut shown_so_far = 0;
+    let mut failures = 0;
+    while count.is_none_or(|n| shown_so_far < n) && !stop.load(Ordering::Relaxed) {
+        match gauge.read() {
+            Ok(reading) => {
+                failures = 0;
+                let t = begin.elapsed().as_secs_f64();
+                let [x, y, z] = reading.map(|v| (v * 1e9).round() * 1e-6);
+                say(if as_json {
+                    json!({ "t_s": (t * 1e3).round() * 1e-3, "ix_mm": x, "iy_mm": y, "iz_mm": z }).to_string()
+                } else {
+                    format!("{t:8.2} s   {}", shown(&reading))
+                })?;
+                shown_so_far += 1;
+            }
+            // someone may be plugging a cable: say so and go on, but not for ever
+            Err(e @ (gauge::GaugeError::Io { .. } | gauge::GaugeError::Open { .. })) => return Err(failed(e)),
+            Err(e) => {
+                failures += 1;
+                if failures >= 5 || count.is_some() {
+                    return Err(failed(e));
+                }
+                eprintln!("trical: note: {e}");
+            }
+        }
+        warn(gauge);
+        if count != Some(shown_so_far) {
+            std::thread::sleep(every);
+        }
+    }
+    Ok(())
+}
+
+struct Axis {
+    mean: f64,
+    sd: f64,
+    spread: f64,
+    /// Smallest difference between two different readings, m.
+    step: Option<f64>,
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a count")]
+fn axis(values: &[f64]) -> Axis {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let spread = sorted.last().copied().unwrap_or(mean) - sorted.first().copied().unwrap_or(mean);
+    let steps = sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-10);
+    Axis { mean, sd, spread, step: steps.min_by(f64::total_cmp) }
+}
+
+fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: bool) -> Result<()> {
+    let stop = interrupt::flag()?;
+    let about = gauge.describe().map_err(failed)?;
+    let begin = Instant::now();
+    let mut readings = Vec::new();
+    for _ in 0..count {
+        if stop.load(Ordering::Relaxed) {
+            return Err(CliError::Failed("stopped by the user".into()));
+        }
+        readings.push(gauge.read().map_err(failed)?);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let each = begin.elapsed().as_secs_f64() / count as f64;
+    let axes: Vec<Axis> = (0..3).map(|k| axis(&readings.iter().map(|r: &[f64; 3]| r[k]).collect::<Vec<_>>())).collect();
+    if !as_json {
+        say(format!("gauge {}", gauge.name()))?;
+        for line in &about {
+            say(format!("  {line}"))?;
+        }
+        say(format!("{count} readings of all three axes, {:.0} ms each", each * 1e3))?;
+        let mut rows =
+            vec![["axis", "mean mm", "sd mm", "from least to largest mm", "finest step mm"].map(String::from).to_vec()];
+        rows.extend(AXES.iter().zip(&axes).map(|(a, x)| {
+            vec![
+                a.to_string(),
+                format!("{:+.4}", x.mean * 1e3),
+                format!("{:.4}", x.sd * 1e3),
+                format!("{:.4}", x.spread * 1e3),
+                x.step.map_or_else(|| "-".to_owned(), |s| format!("{:.4}", s * 1e3)),
+            ]
+        }));
+        for line in table::lines(&rows) {
+            say(line)?;
+        }
+        if axes.iter().all(|a| a.spread == 0.0) {
+            say("All readings are the same: right if nothing moved; --stems shows whether they follow the stems.")?;
+        }
+    }
+    let mut answered = Vec::new();
+    if let Some(wait) = stems {
+        for (k, name) in AXES.iter().enumerate() {
+            eprintln!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
+            answered.push(moved(gauge, k, wait, &stop)?);
+            if !as_json {
+                say(format!("axis {name} answers"))?;
+            }
+        }
+    }
+    let warnings = warn(gauge);
+    if as_json {
+        let axes: Vec<_> = AXES
+            .iter()
+            .zip(&axes)
+            .map(|(a, x)| {
+                json!({ "axis": a, "mean_mm": x.mean * 1e3, "sd_mm": x.sd * 1e3, "spread_mm": x.spread * 1e3,
+                        "step_mm": x.step.map(|s| s * 1e3) })
+            })
+            .collect();
+        let value = json!({ "gauge": gauge.name(), "says": about, "readings": count, "seconds_each": each,
+                            "axes": axes, "stems_mm": answered, "warnings": warnings });
+        say(serde_json::to_string_pretty(&value)?)?;
+    }
+    Ok(())
+}
+
+/// Waits until an axis moves by more than half a millimetre, and no other by as much; gives by how many mm.
+fn moved(gauge: &mut dyn Gauge, axis: usize, wait: Duration, stop: &std::sync::atomic::AtomicBool) -> Result<f64> {
+    const ENOUGH: f64 = 0.5e-3;
+    let before = gauge.read().map_err(failed)?;
+    let begin = Instant::now();
+    while begin.elapsed() < wait {
+        if stop.load(Ordering::Relaxed) {
+            return Err(CliError::Failed("stopped by the user".into()));
+        }
+        let now = gauge.read().map_err(failed)?;
+        let by: [f64; 3] = std::array::from_fn(|k| now[k] - before[k]);
+        let (most, far) = (0..3).map(|k| (k, by[k].abs())).fold((0, 0.0), |b, x| if x.1 > b.1 { x } else { b });
+        if far > ENOUGH {
+            if most != axis {
+                return Err(CliError::Failed(format!(
+                    "axis {} moved by {:.3} mm, expected axis {}: exchange the channels or ports in the URL",
+                    AXES[most],
+                    by[most] * 1e3,
+                    AXES[axis]
+                )));
+            }
+            return Ok(by[axis] * 1e3);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    Err(CliError::Failed(format!(
+        "axis {} did not move by {} mm within {:.0} s: is its transmitter alive?",
+        AXES[axis],
+        ENOUGH * 1e3,
+        wait.as_secs_f64()
+    )))
+}
+
+fn zero(link: &Link, as_json: bool) -> Result<()> {
+    // an earlier mastering has nothing to say here
+    let bare = bare_url(&link.gauge);
+    let mut gauge = open_gauge(&bare).map_err(|e| CliError::Input(e.to_string()))?;
+    let stop = interrupt::flag()?;
+    let settle: Settle = gauge.settle();
+    let zero = settled_reading(gauge.as_mut(), &settle, &stop).map_err(failed)?;
+    let warnings = warn(gauge.as_mut());
+    let url = with_zero(&link.gauge, zero);
+    if as_json {
+        let value = json!({ "zero_mm": zero.map(|v| v * 1e3), "gauge": url, "warnings": warnings });
+        return say(serde_json::to_string_pretty(&value)?);
+    }
+    say(format!("On the calibrator the gauge shows {}. From now on use", shown(&zero)))?;
+    say(format!("--gauge '{url}'"))
+}
+
+/// The URL without a mastering.
+pub fn bare_url(url: &str) -> String {
+    let (place, query) = url.split_once('?').unwrap_or((url, ""));
+    let parts: Vec<&str> = query.split('&').filter(|p| !p.is_empty() && !p.starts_with("zero_mm=")).collect();
+    if parts.is_empty() { place.to_owned() } else { format!("{place}?{}", parts.join("&")) }
+}
+
+/// Waits for Enter; gives what was typed. `None` where the input has ended.
+pub fn typed() -> Result<Option<String>> {
+    let mut line = String::new();
+    match std::io::stdin().lock().read_line(&mut line) {
+        Ok(0) => Ok(None),
+        Ok(_) => Ok(Some(line.trim().to_owned())),
+        Err(e) => Err(CliError::Failed(format!("standard input: {e}"))),
+    }
+}

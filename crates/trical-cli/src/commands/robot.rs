@@ -1,0 +1,248 @@
+//! `trical robot`: for a person who tries the controller's cable.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use clap::{ArgGroup, Subcommand};
+use serde_json::json;
+use trical_device::controller::wait_settled;
+use trical_device::{Controller, open_controller};
+use trical_model::{JointKind, Joints, Robot};
+
+use crate::error::{CliError, Result};
+use crate::say;
+
+/// Arguments of `trical robot`.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Whether the controller answers, who it is and how fast; nothing moves
+    Ping {
+        #[command(flatten)]
+        link: Link,
+    },
+    /// Where the joints are, once they stand still; nothing moves
+    Joints {
+        #[command(flatten)]
+        link: Link,
+    },
+    /// Move a little, with --go only
+    Jog(Jog),
+}
+
+/// The controller.
+#[derive(clap::Args)]
+pub struct Link {
+    /// The robot controller: rapid://192.168.125.1:5000 (ABB, rapid/TriCal.mod), rws://192.168.125.1 (ABB, Robot Web
+    /// Services), ur://192.168.0.2 (Universal Robots)
+    #[arg(long, value_name = "URL")]
+    controller: String,
+    /// A machine-readable summary on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+impl Link {
+    fn open(&self) -> Result<Box<dyn Controller>> {
+        open_controller(&self.controller).map_err(|e| CliError::Input(e.to_string()))
+    }
+}
+
+#[derive(clap::Args)]
+#[command(group = ArgGroup::new("how").required(true).args(["joint", "joints_deg", "tool_mm"]))]
+struct Jog {
+    #[command(flatten)]
+    link: Link,
+    /// Which joint, counted from 1
+    #[arg(long, value_name = "J", requires = "by_deg")]
+    joint: Option<usize>,
+    /// By how much the joint goes on (mm for a prismatic joint)
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, requires = "joint")]
+    by_deg: Option<f64>,
+    /// Where all joints go
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
+    joints_deg: Vec<f64>,
+    /// By how much the tool goes along its own axes
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_negative_numbers = true)]
+    tool_mm: Vec<f64>,
+    /// No joint goes farther than this
+    #[arg(long, value_name = "DEG", default_value_t = 5.0)]
+    max_deg: f64,
+    /// Speed of the tool
+    #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
+    speed_mm_s: f64,
+    /// The arm, for its joint limits: robot.toml or a URDF
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Move; without it only what would be done is printed
+    #[arg(long)]
+    go: bool,
+}
+
+fn failed(e: impl std::fmt::Display) -> CliError {
+    CliError::Failed(e.to_string())
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    match &args.what {
+        What::Ping { link } => ping(link),
+        What::Joints { link } => joints(link),
+        What::Jog(jog) => move_a_little(jog),
+    }
+}
+
+fn ping(link: &Link) -> Result<()> {
+    let mut controller = link.open()?;
+    let mut times = Vec::new();
+    for _ in 0..5 {
+        let begin = Instant::now();
+        controller.ping().map_err(failed)?;
+        times.push(begin.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+    let clock = controller.clock().map_err(failed)?;
+    let temperature = controller.temperature().map_err(failed)?;
+    if link.json {
+        let value = json!({ "controller": controller.name(), "joints": controller.joint_count(),
+                            "answers_in_s": median, "clock_s": clock, "temp_c": temperature });
+        return say(serde_json::to_string_pretty(&value)?);
+    }
+    say(format!(
+        "{} answers in {:.1} ms: {} joints, its clock shows {clock:.3} s, {}",
+        controller.name(),
+        median * 1e3,
+        controller.joint_count(),
+        temperature.map_or_else(|| "no temperature sensor".to_owned(), |t| format!("{t:.2} degC"))
+    ))
+}
+
+fn joints(link: &Link) -> Result<()> {
+    let mut controller = link.open()?;
+    let settle = controller.joint_settle();
+    let q = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(failed)?;
+    let degrees: Vec<f64> = in_degrees(&q, controller.joint_count());
+    if link.json {
+        return say(serde_json::to_string_pretty(&json!({ "joints_deg": degrees }))?);
+    }
+    say(listed(&degrees))
+}
+
+fn in_degrees(q: &Joints, count: usize) -> Vec<f64> {
+    q.iter().take(count).map(|q| (q.to_degrees() * 1e7).round() * 1e-7).collect()
+}
+
+fn listed(degrees: &[f64]) -> String {
+    degrees.iter().map(|q| format!("{q:.5}")).collect::<Vec<_>>().join(",")
+}
+
+/// The target of a jog, and what refuses it.
+fn target(jog: &Jog, from: &Joints, count: usize) -> Result<Joints> {
+    let mut to = *from;
+    if let (Some(joint), Some(by)) = (jog.joint, jog.by_deg) {
+        if !(1..=count).contains(&joint) {
+            return Err(CliError::Input(format!("--joint: found {joint}, expected 1 to {count}")));
+        }
+        to[joint - 1] += by.to_radians();
+    } else {
+        if jog.joints_deg.len() != count {
+            return Err(CliError::Input(format!(
+                "--joints-deg: found {} numbers, expected {count}, one for each joint",
+                jog.joints_deg.len()
+            )));
+        }
+        for (q, v) in to.iter_mut().zip(&jog.joints_deg) {
+            *q = v.to_radians();
+        }
+    }
+    for (k, (a, b)) in from.iter().zip(&to).enumerate() {
+        let by = (b - a).to_degrees();
+        if !by.is_finite() || by.abs() > jog.max_deg {
+            return Err(CliError::Input(format!(
+                "joint {} would go {by:.3} deg, the limit is {} deg (--max-deg)",
+                k + 1,
+                jog.max_deg
+            )));
+        }
+    }
+    Ok(to)
+}
+
+fn check_limits(robot: &Robot, to: &Joints) -> Result<()> {
+    for (k, (joint, q)) in robot.joints.iter().zip(to).enumerate() {
+        if joint.kind != JointKind::Prismatic && !(joint.limits[0]..=joint.limits[1]).contains(q) {
+            return Err(CliError::Input(format!(
+                "joint {} would go to {:.3} deg, outside its limits {:.1} to {:.1} deg",
+                k + 1,
+                q.to_degrees(),
+                joint.limits[0].to_degrees(),
+                joint.limits[1].to_degrees()
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn move_a_little(jog: &Jog) -> Result<()> {
+    if !(jog.speed_mm_s > 0.0 && jog.speed_mm_s <= 250.0) {
+        return Err(CliError::Input(format!("--speed-mm-s: found {}, expected a number up to 250", jog.speed_mm_s)));
+    }
+    let robot = jog.robot.as_ref().map(|path| Robot::load(path)).transpose()?;
+    let mut controller = jog.link.open()?;
+    let count = controller.joint_count();
+    if let Some(robot) = robot.as_ref().filter(|r| r.dof() != count) {
+        return Err(CliError::Input(format!(
+            "{}: found {} joints, expected {count}, as the controller says",
+            robot.name,
+            robot.dof()
+        )));
+    }
+    let settle = controller.joint_settle();
+    let never = AtomicBool::new(false);
+    let from = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
+    let along = match jog.tool_mm.as_slice() {
+        [] => None,
+        [x, y, z] if [x, y, z].iter().all(|v| v.abs() <= 5.0) => Some([x * 1e-3, y * 1e-3, z * 1e-3]),
+        other => {
+            return Err(CliError::Input(format!(
+                "--tool-mm: found {}, expected three numbers of 5 mm at most",
+                other.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+            )));
+        }
+    };
+    let to = if along.is_some() { from } else { target(jog, &from, count)? };
+    if let Some(robot) = &robot {
+        check_limits(robot, &to)?;
+    }
+    let would = along.map_or_else(
+        || format!("all joints to {} deg", listed(&in_degrees(&to, count))),
+        |d| format!("the tool by {:.3} {:.3} {:.3} mm along its own axes", d[0] * 1e3, d[1] * 1e3, d[2] * 1e3),
+    );
+    if !jog.go {
+        if jog.link.json {
+            let value = json!({ "moved": false, "would": would, "joints_deg": in_degrees(&from, count) });
+            return say(serde_json::to_string_pretty(&value)?);
+        }
+        say(format!("Now at {} deg.", listed(&in_degrees(&from, count))))?;
+        say(format!("Would move {would}, at {} mm/s.", jog.speed_mm_s))?;
+        return say("Nothing has moved. Add --go to move.");
+    }
+    controller.set_speed(jog.speed_mm_s * 1e-3, 10_f64.to_radians()).map_err(failed)?;
+    match along {
+        Some(d) => controller.correct(d).map_err(failed)?,
+        None => controller.move_joints(&to).map_err(failed)?,
+    }
+    let at = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
+    let degrees = in_degrees(&at, count);
+    if jog.link.json {
+        return say(serde_json::to_string_pretty(&json!({ "moved": true, "joints_deg": degrees }))?);
+    }
+    say(format!("Now at {} deg.", listed(&degrees)))
+}

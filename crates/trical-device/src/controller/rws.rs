@@ -1,0 +1,335 @@
+//! Client of ABB Robot Web Services 1.0 (RobotWare 6): joints, and motions by the variables of `rapid/TriCalRws.mod`.
+//!
+//! Nothing here was tried on a real controller. That setting a variable needs no mastership in automatic mode is what the
+//! manual says for a local program; where a controller asks for it, it answers 403, and the error says so \[I\].
+
+use std::time::{Duration, Instant};
+
+use digest_auth::{AuthContext, HttpMethod, WwwAuthenticateHeader};
+use trical_model::recording::Joints;
+
+use super::rapid_protocol::{self, code};
+use super::rws_protocol as protocol;
+use super::{Controller, ControllerError, JointSettle};
+use crate::gauge::shorten;
+use crate::motion::JointSample;
+
+/// Settings of the connection.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RwsSettings {
+    /// User; the controllers' default is `Default User`.
+    pub user: String,
+    /// Password; the controllers' default is `robotics`.
+    pub password: String,
+    /// Task of the module.
+    pub task: String,
+    /// Name of the module.
+    pub module: String,
+    /// Name of the mechanical unit.
+    pub unit: String,
+    /// How long an answer may take.
+    pub timeout: Duration,
+    /// How long a motion may take.
+    pub move_timeout: Duration,
+    /// Pause between two looks whether a request is done; joints are sampled at each look.
+    pub poll: Duration,
+    /// When the joints stand still.
+    pub settle: JointSettle,
+}
+
+impl Default for RwsSettings {
+    fn default() -> Self {
+        Self {
+            user: "Default User".to_owned(),
+            password: "robotics".to_owned(),
+            task: "T_ROB1".to_owned(),
+            module: "TriCalRws".to_owned(),
+            unit: "ROB_1".to_owned(),
+            timeout: Duration::from_secs(10),
+            move_timeout: Duration::from_secs(120),
+            poll: Duration::from_millis(100),
+            settle: JointSettle::default(),
+        }
+    }
+}
+
+/// An ABB controller behind Robot Web Services 1.0.
+pub struct RwsClient {
+    agent: ureq::Agent,
+    base: String,
+    name: String,
+    settings: RwsSettings,
+    challenge: Option<WwwAuthenticateHeader>,
+    cookies: Vec<(String, String)>,
+    joints: usize,
+    begin: Instant,
+    /// Number of the last request; `None` = the module was not asked yet.
+    sequence: Option<u64>,
+    history: Vec<JointSample>,
+}
+
+impl RwsClient {
+    /// Connects to `host[:port]` and reads the joints once.
+    ///
+    /// # Errors
+    /// No connection, wrong user or password, or something else that answers.
+    pub fn connect(address: &str, settings: RwsSettings) -> Result<Self, ControllerError> {
+        let config = ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .max_redirects(0)
+            .timeout_global(Some(settings.timeout))
+            .build();
+        let mut client = Self {
+            agent: config.into(),
+            base: format!("http://{address}"),
+            name: format!("rws {address}"),
+            settings,
+            challenge: None,
+            cookies: Vec::new(),
+            joints: 0,
+            begin: Instant::now(),
+            sequence: None,
+            history: Vec::new(),
+        };
+        let path = protocol::joints_path(&client.settings.unit);
+        match client.request(HttpMethod::GET, &path, "") {
+            Err(ControllerError::Lost { reason, .. }) => {
+                Err(ControllerError::Connect { address: address.to_owned(), reason })
+            }
+            Err(error) => Err(error),
+            Ok(body) => {
+                client.joints = client.parse_joints(&path, &body)?.1;
+                Ok(client)
+            }
+        }
+    }
+
+    /// One HTTP exchange, without authentication of its own.
+    fn exchange(
+        &mut self,
+        method: &HttpMethod<'_>,
+        path: &str,
+        body: &str,
+        authorization: Option<&str>,
+    ) -> Result<(u16, Option<String>, String), ControllerError> {
+        let url = format!("{}{path}", self.base);
+        let cookies = self.cookies.iter().map(|(name, value)| format!("{name}={value}")).collect::<Vec<_>>().join("; ");
+        let answer = if *method == HttpMethod::POST {
+            let mut request = self.agent.post(&url).content_type("application/x-www-form-urlencoded");
+            if let Some(text) = authorization {
+                request = request.header("Authorization", text);
+            }
+            if !cookies.is_empty() {
+                request = request.header("Cookie", &cookies);
+            }
+            request.send(body)
+        } else {
+            let mut request = self.agent.get(&url);
+            if let Some(text) = authorization {
+                request = request.header("Authorization", text);
+            }
+            if !cookies.is_empty() {
+                request = request.header("Cookie", &cookies);
+            }
+            request.call()
+        };
+        let lost =
+            |error: ureq::Error| ControllerError::Lost { controller: self.name.clone(), reason: error.to_string() };
+        let mut answer = match answer {
+            Err(ureq::Error::Timeout(_)) => {
+                return Err(ControllerError::Silent {
+                    controller: self.name.clone(),
+                    request: path.to_owned(),
+                    seconds: self.settings.timeout.as_secs_f64(),
+                });
+            }
+            other => other.map_err(lost)?,
+        };
+        for cookie in answer.headers().get_all("set-cookie") {
+            let pair = cookie.to_str().ok().and_then(|text| text.split(';').next()?.split_once('='));
+            if let Some((name, value)) = pair {
+                self.cookies.retain(|(known, _)| known != name.trim());
+                self.cookies.push((name.trim().to_owned(), value.trim().to_owned()));
+            }
+        }
+        let challenge = answer.headers().get("www-authenticate").and_then(|text| text.to_str().ok()).map(str::to_owned);
+        let status = answer.status().as_u16();
+        let text = answer.body_mut().with_config().limit(1 << 20).read_to_string().map_err(lost)?;
+        Ok((status, challenge, text))
+    }
+
+    fn authorization(&mut self, method: &HttpMethod<'_>, path: &str, body: &str) -> Option<String> {
+        let settings = &self.settings;
+        let bytes = (!body.is_empty()).then_some(body.as_bytes());
+        let context = AuthContext::new_with_method(&settings.user, &settings.password, path, bytes, method.clone());
+        Some(self.challenge.as_mut()?.respond(&context).ok()?.to_header_string())
+    }
+
+    /// A request with digest authentication; the session's cookie is kept, and the challenge too.
+    fn request(&mut self, method: HttpMethod<'_>, path: &str, body: &str) -> Result<String, ControllerError> {
+        let authorization = self.authorization(&method, path, body);
+        let (mut status, challenge, mut text) = self.exchange(&method, path, body, authorization.as_deref())?;
+        if status == 401
+            && let Some(mut challenge) = challenge.and_then(|text| digest_auth::parse(&text).ok())
+        {
+            // a new session, or a challenge that has grown old
+            challenge.nc = 0;
+            self.challenge = Some(challenge);
+            let authorization = self.authorization(&method, path, body);
+            (status, _, text) = self.exchange(&method, path, body, authorization.as_deref())?;
+        }
+        let reason = match status {
+            200..=299 => return Ok(text),
+            401 => format!("status 401: wrong user {:?} or password", self.settings.user),
+            403 => "status 403: not allowed; the controller may want mastership, or automatic mode".to_owned(),
+            404 | 400 => format!(
+                "status {status}: no such thing; is module {} loaded into task {}, and {} the mechanical unit?",
+                self.settings.module, self.settings.task, self.settings.unit
+            ),
+            503 => "status 503: too many sessions or requests".to_owned(),
+            other => format!("status {other}: {}", shorten(text.as_bytes())),
+        };
+        Err(ControllerError::Refused { controller: self.name.clone(), request: path.to_owned(), reason })
+    }
+
+    fn garbage(&self, path: &str, found: &str, expected: &str) -> ControllerError {
+        ControllerError::Garbage {
+            controller: self.name.clone(),
+            request: path.to_owned(),
+            found: shorten(found.as_bytes()),
+            expected: expected.to_owned(),
+        }
+    }
+
+    fn parse_joints(&self, path: &str, body: &str) -> Result<(Joints, usize), ControllerError> {
+        protocol::parse_joints(body).ok_or_else(|| self.garbage(path, body, "JSON with rax_1 to rax_6"))
+    }
+
+    fn get(&mut self, name: &str) -> Result<String, ControllerError> {
+        let path = protocol::variable_path(&self.settings.task, &self.settings.module, name) + "?json=1";
+        let body = self.request(HttpMethod::GET, &path, "")?;
+        protocol::parse_value(&body).ok_or_else(|| self.garbage(&path, &body, "JSON with a value"))
+    }
+
+    fn set(&mut self, name: &str, value: &str) -> Result<(), ControllerError> {
+        let path = protocol::variable_path(&self.settings.task, &self.settings.module, name) + "?action=set";
+        self.request(HttpMethod::POST, &path, &format!("value={value}")).map(|_| ())
+    }
+
+    fn number(&mut self, name: &str) -> Result<u64, ControllerError> {
+        let text = self.get(name)?;
+        let number = text.trim().parse::<f64>().ok().filter(|v| v.fract() == 0.0 && (0.0..1e7).contains(v));
+        number.map(|v| v as u64).ok_or_else(|| self.garbage(name, &text, "a whole number"))
+    }
+
+    /// The handshake: parameters, then a new number; done when the module shows the same number.
+    fn command(&mut self, wanted: u8, parameters: &[f64], timeout: Duration) -> Result<String, ControllerError> {
+        if self.sequence.is_none() {
+            self.sequence = Some(self.number("nSeq")?);
+            let answer = self.handshake(code::IDENTIFY, &[], self.settings.timeout)?;
+            let version = answer.split_ascii_whitespace().nth(1).and_then(|v| v.parse::<u32>().ok());
+            if !answer.starts_with("TriCal ") || version != Some(rapid_protocol::VERSION) {
+                self.sequence = None;
+                let expected = format!("TriCal {}; load rapid/TriCalRws.mod", rapid_protocol::VERSION);
+                return Err(self.garbage("24", &answer, &expected));
+            }
+        }
+        self.handshake(wanted, parameters, timeout)
+    }
+
+    fn handshake(&mut self, wanted: u8, parameters: &[f64], timeout: Duration) -> Result<String, ControllerError> {
+        let last = self.sequence.unwrap_or(0);
+        // a request that was not answered may still be under way: a new one would run into it
+        if self.number("nAck")? != last {
+            return Err(ControllerError::Refused {
+                controller: self.name.clone(),
+                request: format!("{wanted:02}"),
+                reason: "the module is still busy with a request before, or does not run; start TriCalRwsLoop"
+                    .to_owned(),
+            });
+        }
+        // single precision counts to 16 777 216
+        let next = (last + 1) % 1_000_000;
+        let request = protocol::request_value(wanted, parameters);
+        self.set("nReq", &request)?;
+        self.set("nSeq", &next.to_string())?;
+        self.sequence = Some(next);
+        let begin = Instant::now();
+        while self.number("nAck")? != next {
+            if begin.elapsed() > timeout {
+                return Err(ControllerError::Silent {
+                    controller: self.name.clone(),
+                    request,
+                    seconds: timeout.as_secs_f64(),
+                });
+            }
+            if matches!(wanted, code::MOVE_JOINTS | code::CORRECT) {
+                let q = self.joints()?;
+                self.history.push(JointSample { t: self.begin.elapsed().as_secs_f64(), q });
+            }
+            std::thread::sleep(self.settings.poll);
+        }
+        let ok = self.number("nOk")?;
+        let reply = self.get("sReply")?;
+        let reply = protocol::unquoted(&reply).to_owned();
+        if ok == 1 {
+            return Ok(reply);
+        }
+        Err(ControllerError::Refused { controller: self.name.clone(), request, reason: reply })
+    }
+}
+
+impl Controller for RwsClient {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn joint_count(&self) -> usize {
+        self.joints
+    }
+
+    fn ping(&mut self) -> Result<(), ControllerError> {
+        self.joints().map(|_| ())
+    }
+
+    fn joints(&mut self) -> Result<Joints, ControllerError> {
+        let path = protocol::joints_path(&self.settings.unit);
+        let body = self.request(HttpMethod::GET, &path, "")?;
+        let (q, count) = self.parse_joints(&path, &body)?;
+        if count != self.joints {
+            return Err(self.garbage(&path, &body, &format!("{} joints as before", self.joints)));
+        }
+        Ok(q)
+    }
+
+    fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
+        let degrees = rapid_protocol::joints_in_degrees(target, self.joints);
+        self.command(code::MOVE_JOINTS, &degrees, self.settings.move_timeout).map(|_| ())
+    }
+
+    fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
+        self.command(code::CORRECT, &displacement.map(|d| d * 1e3), self.settings.move_timeout).map(|_| ())
+    }
+
+    fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
+        self.command(code::SPEED, &[linear * 1e3, angular.to_degrees()], self.settings.timeout).map(|_| ())
+    }
+
+    fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError> {
+        let [x, y, z] = tcp_in_flange.map(|p| p * 1e3);
+        self.command(code::TOOL, &[x, y, z, 1.0, 0.0, 0.0, 0.0], self.settings.timeout).map(|_| ())
+    }
+
+    /// The clock of this computer since the connection was made: the services' own has whole seconds only.
+    fn clock(&mut self) -> Result<f64, ControllerError> {
+        Ok(self.begin.elapsed().as_secs_f64())
+    }
+
+    fn joint_settle(&self) -> JointSettle {
+        self.settings.settle.clone()
+    }
+
+    fn take_history(&mut self) -> Vec<JointSample> {
+        std::mem::take(&mut self.history)
+    }
+}

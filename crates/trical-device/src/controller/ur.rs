@@ -1,0 +1,385 @@
+//! Client of a Universal Robots controller: URScript to the secondary port, joints by RTDE.
+//!
+//! Each motion is a program that writes its number into an output register when it has come to its end, so that the client
+//! knows which one is done. Nothing here was tried on a real controller; the arm has to be in remote control.
+
+use std::fmt::Write as _;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use trical_model::recording::{Joints, MAX_JOINTS};
+
+use super::rtde::{self, State, kind};
+use super::{Controller, ControllerError, JointSettle};
+use crate::gauge::shorten;
+use crate::motion::JointSample;
+
+/// Settings of the connection.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UrSettings {
+    /// Port of RTDE.
+    pub rtde_port: u16,
+    /// Port that takes programs.
+    pub script_port: u16,
+    /// How long an answer may take.
+    pub timeout: Duration,
+    /// How long a motion may take.
+    pub move_timeout: Duration,
+    /// Longest correction, m. The controller has no limit of its own for it.
+    pub correction_limit: f64,
+    /// When the joints stand still.
+    pub settle: JointSettle,
+}
+
+impl Default for UrSettings {
+    fn default() -> Self {
+        Self {
+            rtde_port: 30_004,
+            script_port: 30_002,
+            timeout: Duration::from_secs(5),
+            move_timeout: Duration::from_secs(120),
+            correction_limit: 5e-3,
+            settle: JointSettle::default(),
+        }
+    }
+}
+
+/// Samples a second.
+const FREQUENCY: f64 = 25.0;
+/// Samples that are kept until somebody takes them.
+const MOST_SAMPLES: usize = 100_000;
+
+#[derive(Default)]
+struct Seen {
+    latest: Option<State>,
+    packages: u64,
+    history: Vec<JointSample>,
+    lost: Option<String>,
+}
+
+/// What the reading thread and the client share.
+#[derive(Default)]
+struct Shared {
+    seen: Mutex<Seen>,
+    news: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn take(&self, state: State) {
+        let mut seen = self.lock();
+        let moved = seen.latest.is_none_or(|last| last.q.iter().zip(&state.q).any(|(a, b)| (a - b).abs() > 1e-6));
+        if moved && seen.history.len() < MOST_SAMPLES {
+            seen.history.push(JointSample { t: state.t, q: joints(&state) });
+        }
+        seen.latest = Some(state);
+        seen.packages += 1;
+        self.news.notify_all();
+    }
+
+    fn lose(&self, reason: String) {
+        self.lock().lost = Some(reason);
+        self.news.notify_all();
+    }
+}
+
+fn joints(state: &State) -> Joints {
+    let mut q = [0.0; MAX_JOINTS];
+    for (to, from) in q.iter_mut().zip(state.q) {
+        *to = from;
+    }
+    q
+}
+
+/// A Universal Robots controller.
+pub struct UrClient {
+    name: String,
+    settings: UrSettings,
+    shared: Arc<Shared>,
+    data: TcpStream,
+    script: TcpStream,
+    tcp: [f64; 3],
+    linear: f64,
+    angular: f64,
+}
+
+impl UrClient {
+    /// Connects to a host and waits for its first joints.
+    ///
+    /// # Errors
+    /// No connection, or something else that answers.
+    pub fn connect(host: &str, settings: UrSettings) -> Result<Self, ControllerError> {
+        let mut data = open(host, settings.rtde_port, settings.timeout)?;
+        let name = format!("ur {host}");
+        // data may come behind the last answer already
+        let mut bytes = Vec::new();
+        let recipe = greet(&mut data, &mut bytes, &name, settings.timeout)?;
+        let script = open(host, settings.script_port, settings.timeout)?;
+        let failed = |e: std::io::Error| ControllerError::Connect { address: host.to_owned(), reason: e.to_string() };
+        let shared = Arc::new(Shared::default());
+        let (mut reads, into) = (data.try_clone().map_err(failed)?, Arc::clone(&shared));
+        reads.set_read_timeout(None).map_err(failed)?;
+        let mut drained = script.try_clone().map_err(failed)?;
+        drained.set_read_timeout(None).map_err(failed)?;
+        let listen = move || {
+            let reason = loop {
+                if let Err(reason) = next(&mut reads, &mut bytes).map(|(kind, content)| {
+                    if kind == kind::DATA
+                        && let Some(state) = rtde::parse_state(&content, recipe)
+                    {
+                        into.take(state);
+                    }
+                }) {
+                    break reason;
+                }
+            };
+            into.lose(reason);
+        };
+        // the port for programs also sends the robot's state, which must be taken off
+        let drain = move || std::io::copy(&mut drained, &mut std::io::sink()).map(|_| ());
+        std::thread::Builder::new().name("ur data".to_owned()).spawn(listen).map_err(failed)?;
+        std::thread::Builder::new().name("ur program port".to_owned()).spawn(drain).map_err(failed)?;
+        let client = Self { name, settings, shared, data, script, tcp: [0.0; 3], linear: 0.01, angular: 0.1 };
+        client.fresh()?;
+        Ok(client)
+    }
+
+    fn lost(&self, reason: &str) -> ControllerError {
+        ControllerError::Lost { controller: self.name.clone(), reason: reason.to_owned() }
+    }
+
+    /// Waits until `is` holds of what has come.
+    fn wait(
+        &self,
+        request: &str,
+        timeout: Duration,
+        mut is: impl FnMut(&Seen) -> Option<Result<State, ControllerError>>,
+    ) -> Result<State, ControllerError> {
+        let deadline = Instant::now() + timeout;
+        let mut seen = self.shared.lock();
+        loop {
+            if let Some(reason) = &seen.lost {
+                return Err(self.lost(reason));
+            }
+            if let Some(result) = is(&seen) {
+                return result;
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(ControllerError::Silent {
+                    controller: self.name.clone(),
+                    request: request.to_owned(),
+                    seconds: timeout.as_secs_f64(),
+                });
+            }
+            seen = self.shared.news.wait_timeout(seen, left).map_or_else(|e| e.into_inner().0, |(seen, _)| seen);
+        }
+    }
+
+    /// The next data that come, not older ones.
+    fn fresh(&self) -> Result<State, ControllerError> {
+        let before = self.shared.lock().packages;
+        self.wait("RTDE data", self.settings.timeout, |seen| {
+            (seen.packages > before).then_some(seen.latest).flatten().map(Ok)
+        })
+    }
+
+    fn standing(&self, state: &State, request: &str) -> Result<(), ControllerError> {
+        if matches!(state.safety, 1 | 2) {
+            return Ok(());
+        }
+        let meaning = match state.safety {
+            3 => "protective stop",
+            4 => "recovery",
+            5 => "safeguard stop",
+            6 | 7 => "emergency stop",
+            8 => "violation",
+            9 => "fault",
+            _ => "not in normal operation",
+        };
+        Err(ControllerError::Refused {
+            controller: self.name.clone(),
+            request: request.to_owned(),
+            reason: format!("safety mode {}: {meaning}", state.safety),
+        })
+    }
+
+    fn send(&mut self, program: &str) -> Result<(), ControllerError> {
+        let sent = self.script.write_all(program.as_bytes()).and_then(|()| self.script.flush());
+        sent.map_err(|e| self.lost(&e.to_string()))
+    }
+
+    /// Runs a motion and waits for its number; an arm that does not arrive in time is told to stop.
+    fn run(&mut self, motion: &str) -> Result<(), ControllerError> {
+        let state = self.fresh()?;
+        self.standing(&state, motion)?;
+        let number = (state.done.max(0) + 1) % 1_000_000;
+        let [x, y, z] = self.tcp;
+        let mut program = String::from("def trical():\n");
+        let _ = write!(
+            program,
+            "  set_tcp(p[{x:.7},{y:.7},{z:.7},0,0,0])\n  {motion}\n  write_output_integer_register(24, {number})\nend\n"
+        );
+        self.send(&program)?;
+        let result = self.wait(motion, self.settings.move_timeout, |seen| {
+            let state = seen.latest?;
+            if let Err(error) = self.standing(&state, motion) {
+                return Some(Err(error));
+            }
+            (state.done == number).then_some(Ok(state))
+        });
+        if let Err(ControllerError::Silent { .. }) = &result {
+            self.send("def trical_stop():\n  stopj(2.0)\nend\n")?;
+        }
+        result.map(|_| ())
+    }
+}
+
+impl Drop for UrClient {
+    fn drop(&mut self) {
+        // ends both threads
+        let _ = self.data.shutdown(Shutdown::Both);
+        let _ = self.script.shutdown(Shutdown::Both);
+    }
+}
+
+fn open(host: &str, port: u16, timeout: Duration) -> Result<TcpStream, ControllerError> {
+    let address = format!("{host}:{port}");
+    let failed = |reason: String| ControllerError::Connect { address: address.clone(), reason };
+    let mut last = "the name has no address".to_owned();
+    for target in address.to_socket_addrs().map_err(|e| failed(e.to_string()))? {
+        match TcpStream::connect_timeout(&target, timeout) {
+            Ok(stream) => {
+                let prepared = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(timeout)));
+                return prepared.map(|()| stream).map_err(|e| failed(e.to_string()));
+            }
+            Err(error) => last = error.to_string(),
+        }
+    }
+    Err(failed(last))
+}
+
+/// The next package from a stream.
+fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), String> {
+    loop {
+        if let Some(package) = rtde::take(bytes)? {
+            return Ok(package);
+        }
+        let mut some = [0; 512];
+        match stream.read(&mut some) {
+            Ok(0) => return Err("closed at its other end".to_owned()),
+            Ok(count) => bytes.extend_from_slice(some.get(..count).unwrap_or_default()),
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e.to_string()),
+        }
+    }
+}
+
+/// Version, fields, start; gives the number of the recipe.
+fn greet(stream: &mut TcpStream, bytes: &mut Vec<u8>, name: &str, timeout: Duration) -> Result<u8, ControllerError> {
+    let mut ask = |request: &[u8], wanted: u8, what: &str, expected: &str, right: &dyn Fn(&[u8]) -> bool| {
+        let lost = |reason: String| ControllerError::Lost { controller: name.to_owned(), reason };
+        let garbage = |found: &[u8]| ControllerError::Garbage {
+            controller: name.to_owned(),
+            request: what.to_owned(),
+            found: shorten(found),
+            expected: expected.to_owned(),
+        };
+        stream.write_all(request).map_err(|e| lost(e.to_string()))?;
+        let begin = Instant::now();
+        loop {
+            let (kind, content) = next(stream, bytes).map_err(lost)?;
+            match kind {
+                kind::TEXT | kind::DATA if begin.elapsed() < timeout => {}
+                kind if kind == wanted && right(&content) => return Ok(content),
+                _ => return Err(garbage(&content)),
+            }
+        }
+    };
+    let yes = |content: &[u8]| content.first() == Some(&1);
+    ask(&rtde::package(kind::VERSION, &2_u16.to_be_bytes()), kind::VERSION, "RTDE version 2", "yes", &yes)?;
+    let types = |content: &[u8]| content.get(1..) == Some(rtde::TYPES.as_bytes());
+    let outputs = rtde::outputs_request(FREQUENCY);
+    let recipe = ask(&outputs, kind::OUTPUTS, rtde::FIELDS, rtde::TYPES, &types)?;
+    ask(&rtde::package(kind::START, &[]), kind::START, "RTDE start", "yes", &yes)?;
+    Ok(recipe.first().copied().unwrap_or(0))
+}
+
+impl Controller for UrClient {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn joint_count(&self) -> usize {
+        6
+    }
+
+    fn ping(&mut self) -> Result<(), ControllerError> {
+        self.fresh().map(|_| ())
+    }
+
+    fn joints(&mut self) -> Result<Joints, ControllerError> {
+        self.fresh().map(|state| joints(&state))
+    }
+
+    fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
+        let q: Vec<String> = target.iter().take(6).map(|q| format!("{q:.9}")).collect();
+        self.run(&format!("movej([{}], a=0.5, v={:.5})", q.join(","), self.angular))
+    }
+
+    fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
+        let length = displacement.iter().map(|d| d * d).sum::<f64>().sqrt();
+        let [x, y, z] = displacement;
+        let motion = format!(
+            "movel(pose_trans(get_target_tcp_pose(), p[{x:.9},{y:.9},{z:.9},0,0,0]), a=0.2, v={:.5})",
+            self.linear
+        );
+        if length.is_nan() || length > self.settings.correction_limit {
+            return Err(ControllerError::Refused {
+                controller: self.name.clone(),
+                request: motion,
+                reason: format!(
+                    "correction {:.3} mm is over the limit of {:.3} mm",
+                    length * 1e3,
+                    self.settings.correction_limit * 1e3
+                ),
+            });
+        }
+        self.run(&motion)
+    }
+
+    fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
+        if !(linear > 0.0 && angular > 0.0 && linear.is_finite() && angular.is_finite()) {
+            return Err(ControllerError::Refused {
+                controller: self.name.clone(),
+                request: "speed".to_owned(),
+                reason: "two positive numbers expected".to_owned(),
+            });
+        }
+        // those of reduced speed, whatever is asked for
+        (self.linear, self.angular) = (linear.min(0.25), angular.min(0.5));
+        Ok(())
+    }
+
+    fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError> {
+        self.tcp = tcp_in_flange;
+        Ok(())
+    }
+
+    fn clock(&mut self) -> Result<f64, ControllerError> {
+        self.fresh().map(|state| state.t)
+    }
+
+    fn joint_settle(&self) -> JointSettle {
+        self.settings.settle.clone()
+    }
+
+    fn take_history(&mut self) -> Vec<JointSample> {
+        std::mem::take(&mut self.shared.lock().history)
+    }
+}

@@ -1,0 +1,225 @@
+//! The client of Universal Robots against a server that speaks RTDE and takes programs.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use trical_device::controller::rtde::{self, kind};
+use trical_device::controller::{UrClient, UrSettings};
+use trical_device::{Controller, ControllerError, open_controller};
+
+struct Robot {
+    q: [f64; 6],
+    done: i32,
+    safety: i32,
+    programs: Vec<String>,
+    ignores: bool,
+    types: &'static str,
+}
+
+fn read_package(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
+    let mut head = [0; 3];
+    stream.read_exact(&mut head).ok()?;
+    let mut content = vec![0; usize::from(u16::from_be_bytes([head[0], head[1]])) - 3];
+    stream.read_exact(&mut content).ok()?;
+    Some((head[2], content))
+}
+
+/// Answers the greeting, then sends data until the client has gone.
+fn data(mut stream: TcpStream, robot: &Mutex<Robot>) -> Option<()> {
+    loop {
+        let (kind, content) = read_package(&mut stream)?;
+        let reply = match kind {
+            kind::VERSION => {
+                assert_eq!(content, [0, 2]);
+                vec![1]
+            }
+            kind::OUTPUTS => {
+                assert_eq!(&content[8..], rtde::FIELDS.as_bytes());
+                [&[7], robot.lock().unwrap().types.as_bytes()].concat()
+            }
+            _ => vec![1],
+        };
+        // the controller's own words may come between
+        stream.write_all(&rtde::package(kind::TEXT, b"hello")).ok()?;
+        stream.write_all(&rtde::package(kind, &reply)).ok()?;
+        if kind == kind::START {
+            break;
+        }
+    }
+    for tick in 0.. {
+        let mut content = vec![7];
+        {
+            let robot = robot.lock().unwrap();
+            content.extend((0.002 * f64::from(tick)).to_be_bytes());
+            robot.q.iter().for_each(|q| content.extend(q.to_be_bytes()));
+            content.extend(robot.done.to_be_bytes());
+            content.extend(robot.safety.to_be_bytes());
+        }
+        let bytes = rtde::package(kind::DATA, &content);
+        // in pieces, as networks do
+        let (a, b) = bytes.split_at(usize::try_from(tick % 60).unwrap());
+        stream.write_all(a).ok()?;
+        stream.write_all(b).ok()?;
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    Some(())
+}
+
+fn numbers(text: &str) -> Vec<f64> {
+    text.split(',').map(|word| word.trim().parse().unwrap()).collect()
+}
+
+/// Takes programs: a motion is done at once, and its number written.
+fn programs(mut stream: TcpStream, robot: &Mutex<Robot>) {
+    let mut text = String::new();
+    let mut some = [0; 256];
+    while let Ok(count @ 1..) = stream.read(&mut some) {
+        text.push_str(std::str::from_utf8(&some[..count]).unwrap());
+        while let Some(end) = text.find("\nend\n") {
+            let program: String = text.drain(..end + 5).collect();
+            let mut robot = robot.lock().unwrap();
+            robot.programs.push(program.clone());
+            if robot.ignores {
+                continue;
+            }
+            if let Some((_, after)) = program.split_once("movej([") {
+                robot.q.copy_from_slice(&numbers(after.split_once(']').unwrap().0));
+            }
+            if let Some((_, after)) = program.split_once("write_output_integer_register(24, ") {
+                robot.done = after.split_once(')').unwrap().0.parse().unwrap();
+            }
+        }
+    }
+}
+
+fn server() -> (UrSettings, Arc<Mutex<Robot>>) {
+    let robot = Arc::new(Mutex::new(Robot {
+        q: [0.1, -1.2, 1.3, -0.4, 0.5, -0.6],
+        done: 41,
+        safety: 1,
+        programs: Vec::new(),
+        ignores: false,
+        types: rtde::TYPES,
+    }));
+    let ports = [true, false].map(|is_data| {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let robot = Arc::clone(&robot);
+        std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                let robot = Arc::clone(&robot);
+                std::thread::spawn(move || {
+                    if is_data {
+                        data(stream.unwrap(), &robot);
+                    } else {
+                        programs(stream.unwrap(), &robot);
+                    }
+                });
+            }
+        });
+        port
+    });
+    let settings = UrSettings {
+        rtde_port: ports[0],
+        script_port: ports[1],
+        move_timeout: Duration::from_millis(300),
+        ..UrSettings::default()
+    };
+    (settings, robot)
+}
+
+fn connect() -> (UrClient, Arc<Mutex<Robot>>) {
+    let (settings, robot) = server();
+    (UrClient::connect("127.0.0.1", settings).unwrap(), robot)
+}
+
+#[test]
+fn joints_come_by_rtde_and_motions_end_with_their_number() {
+    let (mut client, robot) = connect();
+    assert_eq!(client.joints().unwrap()[..6], [0.1, -1.2, 1.3, -0.4, 0.5, -0.6]);
+    client.set_tool([0.018, -0.012, 0.118]).unwrap();
+    client.set_speed(0.05, 0.2).unwrap();
+    let mut q = [0.0; 9];
+    (q[0], q[5]) = (0.5, -3.5);
+    client.move_joints(&q).unwrap();
+    assert_eq!(client.joints().unwrap(), q);
+    client.correct([0.25e-3, -1e-3, 0.0]).unwrap();
+    assert!(client.take_history().iter().any(|sample| sample.q == q));
+    let (a, b) = (client.clock().unwrap(), client.clock().unwrap());
+    assert!(b > a);
+    let robot = robot.lock().unwrap();
+    assert_eq!(robot.done, 43);
+    assert_eq!(
+        robot.programs,
+        [
+            "def trical():\n  set_tcp(p[0.0180000,-0.0120000,0.1180000,0,0,0])\n  movej([0.500000000,0.000000000,0.000000000,\
+             0.000000000,0.000000000,-3.500000000], a=0.5, v=0.20000)\n  write_output_integer_register(24, 42)\nend\n",
+            "def trical():\n  set_tcp(p[0.0180000,-0.0120000,0.1180000,0,0,0])\n  movel(pose_trans(get_target_tcp_pose(), \
+             p[0.000250000,-0.001000000,0.000000000,0,0,0]), a=0.2, v=0.05000)\n  write_output_integer_register(24, 43)\nend\n",
+        ]
+    );
+}
+
+#[test]
+fn a_stop_of_the_robot_ends_the_motion_with_its_reason() {
+    let (mut client, robot) = connect();
+    robot.lock().unwrap().safety = 3;
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("safety mode 3: protective stop"), "{error}");
+    assert!(robot.lock().unwrap().programs.is_empty(), "nothing is sent to an arm that stands");
+}
+
+#[test]
+fn a_motion_that_does_not_end_is_stopped() {
+    let (mut client, robot) = connect();
+    robot.lock().unwrap().ignores = true;
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    drop(client);
+    for _ in 0..200 {
+        if robot.lock().unwrap().programs.len() == 2 {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(robot.lock().unwrap().programs[1].contains("stopj(2.0)"));
+}
+
+#[test]
+fn corrections_beyond_the_limit_are_refused() {
+    let (mut client, robot) = connect();
+    let error = client.correct([6e-3, 0.0, 0.0]).unwrap_err().to_string();
+    assert!(error.contains("correction 6.000 mm is over the limit of 5.000 mm"), "{error}");
+    assert!(client.correct([f64::NAN, 0.0, 0.0]).is_err());
+    assert!(robot.lock().unwrap().programs.is_empty());
+}
+
+#[test]
+fn controllers_without_the_fields_and_other_servers_are_told() {
+    let (settings, robot) = server();
+    robot.lock().unwrap().types = "DOUBLE,VECTOR6D,NOT_FOUND,INT32";
+    let error = UrClient::connect("127.0.0.1", settings.clone()).err().unwrap().to_string();
+    assert!(error.contains("NOT_FOUND") && error.contains("expected DOUBLE"), "{error}");
+    let other = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = other.local_addr().unwrap().port();
+    std::thread::spawn(move || {
+        let (mut stream, _) = other.accept().unwrap();
+        let _ = stream.read(&mut [0; 100]);
+        let _ = stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n");
+    });
+    let error = UrClient::connect("127.0.0.1", UrSettings { rtde_port: port, ..settings }).err().unwrap();
+    assert!(error.to_string().contains("expected 3 to 4096"), "{error}");
+}
+
+#[test]
+fn the_url_opens_the_client() {
+    let (settings, _robot) = server();
+    let url = format!("ur://127.0.0.1?rtde_port={}&script_port={}", settings.rtde_port, settings.script_port);
+    let mut controller = open_controller(&url).unwrap();
+    controller.ping().unwrap();
+    assert_eq!(controller.joint_count(), 6);
+}

@@ -1,0 +1,388 @@
+//! Gauge, robot and measurement from the command line, against a virtual cell in a process of its own.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
+const CELL: &str = include_str!("../cells/irb120/cell.toml");
+const CELL_ARGS: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
+
+struct Place {
+    dir: tempfile::TempDir,
+}
+
+/// A virtual cell; it ends with the test.
+struct Cell {
+    child: Child,
+    gauge: String,
+    controller: String,
+}
+
+impl Drop for Cell {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Place {
+    /// A folder with arm, cell and a plan of so many touches a ball.
+    fn new(per_ball: &str) -> Self {
+        let p = Self { dir: tempfile::tempdir().unwrap() };
+        std::fs::write(p.path("robot.toml"), ROBOT).unwrap();
+        std::fs::write(p.path("cell.toml"), CELL).unwrap();
+        if per_ball != "0" {
+            let o = p.run(&[&["plan"][..], &CELL_ARGS, &["--per-ball", per_ball, "--out", "plan.csv"]].concat());
+            assert!(o.status.success(), "{}", text(&o.stderr));
+        }
+        p
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trical"));
+        command.args(args).current_dir(self.dir.path());
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    fn cell(&self, more: &[&str]) -> Cell {
+        let mut child = self
+            .command(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", "0"], more].concat())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let urls: Vec<&str> = line.split('\'').collect();
+        Cell { gauge: urls[1].to_owned(), controller: urls[3].to_owned(), child }
+    }
+
+    fn measure(&self, cell: &Cell, more: &[&str]) -> Output {
+        self.run(&measure_args(cell, more))
+    }
+
+    fn rows(&self, mcap: &str) -> Vec<String> {
+        let o = self.run(&["convert", mcap, "rows.csv"]);
+        assert!(o.status.success(), "{}", text(&o.stderr));
+        std::fs::read_to_string(self.path("rows.csv")).unwrap().lines().skip(1).map(str::to_owned).collect()
+    }
+}
+
+fn measure_args<'a>(cell: &'a Cell, more: &[&'a str]) -> Vec<&'a str> {
+    let links = ["--plan", "plan.csv", "--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "run.mcap"];
+    [&["measure"][..], &CELL_ARGS, &links, more].concat()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn json(o: &Output) -> serde_json::Value {
+    assert!(o.status.success(), "{}", text(&o.stderr));
+    serde_json::from_slice(&o.stdout).unwrap()
+}
+
+/// Refused with one sentence that has the words.
+fn refused(o: &Output, code: i32, words: &str) {
+    let err = text(&o.stderr);
+    assert_eq!(o.status.code(), Some(code), "{err}");
+    assert_eq!(err.trim().lines().filter(|l| !l.starts_with("trical: note")).count(), 1, "{err}");
+    assert!(err.contains(words), "'{words}' is missing in: {err}");
+}
+
+#[test]
+fn a_gauge_is_listed_tested_watched_and_mastered() {
+    let place = Place::new("0");
+    let cell = place.cell(&[]);
+    assert!(json(&place.run(&["gauge", "list", "--json"]))["ports"].is_array());
+    let told = json(&place.run(&["gauge", "test", "--gauge", &cell.gauge, "--count", "5", "--json"]));
+    assert_eq!((told["readings"].as_u64(), told["axes"].as_array().unwrap().len()), (Some(5), 3));
+    assert!(told["says"][1].as_str().unwrap().contains("axis x"), "{told}");
+    let o = place.run(&["gauge", "watch", "--gauge", &cell.gauge, "--count", "3", "--every-ms", "1", "--json"]);
+    let lines: Vec<serde_json::Value> = text(&o.stdout).lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    assert_eq!((lines.len(), lines[0]["ix_mm"].as_f64()), (3, Some(6.0)), "free stems are extended");
+    // what is shown on the calibrator is zero from then on
+    let mastered = json(&place.run(&["gauge", "zero", "--gauge", &cell.gauge, "--json"]));
+    let url = mastered["gauge"].as_str().unwrap();
+    let o = place.run(&["gauge", "watch", "--gauge", url, "--count", "1", "--json"]);
+    assert_eq!(serde_json::from_slice::<serde_json::Value>(&o.stdout).unwrap()["iz_mm"].as_f64(), Some(0.0));
+    let again = json(&place.run(&["gauge", "zero", "--gauge", url, "--json"]));
+    assert_eq!(again["zero_mm"], mastered["zero_mm"], "mastering twice does not add up");
+    // nobody pushes a stem here
+    let o = place.run(&["gauge", "test", "--gauge", &cell.gauge, "--stems", "--wait-s", "0.1"]);
+    assert_eq!(o.status.code(), Some(1));
+    assert!(text(&o.stderr).contains("axis x did not move"), "{}", text(&o.stderr));
+    refused(&place.run(&["gauge", "watch", "--gauge", "uwave:///dev/none"]), 2, "/dev/none: cannot be opened");
+    refused(&place.run(&["gauge", "watch", "--gauge", "usb:///dev/none"]), 2, "unknown gauge \"usb\"");
+}
+
+#[test]
+fn a_robot_is_pinged_read_and_jogged_with_go_only() {
+    let place = Place::new("0");
+    let cell = place.cell(&["--start-deg", "0,10,20,0,45,0"]);
+    let c = cell.controller.as_str();
+    assert_eq!(json(&place.run(&["robot", "ping", "--controller", c, "--json"]))["joints"], 6);
+    let joints = || json(&place.run(&["robot", "joints", "--controller", c, "--json"]))["joints_deg"].clone();
+    let start = serde_json::json!([0.0, 10.0, 20.0, 0.0, 45.0, 0.0]);
+    assert_eq!(joints(), start);
+    let jog =
+        |more: &[&str]| place.run(&[&["robot", "jog", "--controller", c, "--robot", "robot.toml"][..], more].concat());
+    let dry = jog(&["--joint", "2", "--by-deg", "3"]);
+    assert!(text(&dry.stdout).contains("Nothing has moved"));
+    assert_eq!(joints(), start);
+    assert!(jog(&["--joint", "2", "--by-deg", "3", "--go"]).status.success());
+    assert_eq!(joints()[1], 13.0);
+    assert!(jog(&["--tool-mm", "0,0,-2", "--go"]).status.success());
+    assert_ne!(joints()[1], 13.0);
+    refused(&jog(&["--joint", "2", "--by-deg", "30", "--go"]), 2, "the limit is 5 deg (--max-deg)");
+    refused(&jog(&["--joint", "2", "--by-deg", "300", "--max-deg", "400", "--go"]), 2, "outside its limits");
+    refused(&jog(&["--joint", "7", "--by-deg", "1", "--go"]), 2, "expected 1 to 6");
+    refused(&jog(&["--tool-mm", "0,0,9", "--go"]), 2, "5 mm at most");
+    refused(&place.run(&["robot", "ping", "--controller", "rapid://127.0.0.1:1"]), 2, "cannot connect");
+}
+
+#[test]
+fn a_run_is_printed_whole_without_go_even_without_devices() {
+    let place = Place::new("2");
+    let o = place.run(
+        &[
+            &["measure"][..],
+            &CELL_ARGS,
+            &["--plan", "plan.csv", "--gauge", "uwave:///dev/none", "--controller", "rapid://127.0.0.1:1"],
+            &["--out", "run.mcap", "--epsilon-mm", "0.005"],
+        ]
+        .concat(),
+    );
+    let (out, err) = (text(&o.stdout), text(&o.stderr));
+    assert!(o.status.success(), "{err}");
+    for touch in 0..6 {
+        assert!(out.contains(&format!("touch {touch} (ball")), "{out}");
+    }
+    assert!(out.contains("Nothing has moved") && !place.path("run.mcap").exists());
+    assert!(err.contains("below the arm's repeatability") && err.contains("/dev/none"), "{err}");
+    // a plan beyond a limit is shown with the reason, and is an error
+    let plan = std::fs::read_to_string(place.path("plan.csv")).unwrap();
+    let mut lines: Vec<String> = plan.lines().map(str::to_owned).collect();
+    let mut words: Vec<String> = lines[2].split(',').map(str::to_owned).collect();
+    // the upper arm lies down into the floor
+    words[3] = "109.0".to_owned();
+    lines[2] = words.join(",");
+    std::fs::write(place.path("plan.csv"), lines.join("\n")).unwrap();
+    let cell = place.cell(&[]);
+    let o = place.measure(&cell, &[]);
+    assert_eq!(o.status.code(), Some(1), "{}", text(&o.stdout));
+    assert!(text(&o.stdout).contains("REFUSED"), "{}", text(&o.stdout));
+    let o = place.measure(&cell, &["--go"]);
+    assert!(text(&o.stderr).contains("nothing has moved"), "{}", text(&o.stderr));
+}
+
+#[test]
+fn repeat_visits_show_a_hidden_lost_motion() {
+    let place = Place::new("4");
+    let scatter = |more: &[&str], name: &str| {
+        let cell = place.cell(&[&["--placement-mm", "0.002"][..], more].concat());
+        let links = ["--plan", "plan.csv", "--gauge", &cell.gauge, "--controller", &cell.controller, "--out", name];
+        let o = place.run(&[&["measure"][..], &CELL_ARGS, &links, &["--go", "--visits", "6", "--json"]].concat());
+        assert_eq!(json(&o)["measured"], 72);
+        json(&place.run(&["repeatability", name, "--json"]))["recordings"][0].clone()
+    };
+    let joint = |told: &serde_json::Value, j: usize| {
+        let all = told["by_joint_sense"].as_array().unwrap();
+        let found = all.iter().find(|x| x["joint"] == j).unwrap();
+        (found["difference_mm"].as_f64().unwrap(), found["sd_mm"].as_f64().unwrap())
+    };
+    let well = scatter(&[], "well.mcap");
+    let worn = scatter(&["--hide", "lost_motion_direction@2*2"], "worn.mcap");
+    assert_eq!(well["by_ball"].as_array().unwrap().len(), 3);
+    assert_eq!(well["places"].as_array().unwrap().len(), 12);
+    let (good, bad) = (joint(&well, 2), joint(&worn, 2));
+    assert!(bad.0 > 10.0 * good.0 && bad.0 > 0.03, "{good:?} {bad:?}");
+    assert!(good.0 < 6.0 * good.1, "{good:?}");
+    let rp = |told: &serde_json::Value| told["by_ball"][0]["mean_rp_mm"].as_f64().unwrap();
+    // a place's l for normal noise of 2 um on each axis: mean 3.2, sd 1.35, so RP is about 7 um
+    assert!((0.003..0.012).contains(&rp(&well)), "{}", rp(&well));
+    assert!(rp(&worn) > 2.0 * rp(&well), "{} {}", rp(&worn), rp(&well));
+    // the same from the CSV, which has no files inside
+    assert!(place.run(&["convert", "worn.mcap", "worn.csv"]).status.success());
+    refused(&place.run(&["repeatability", "worn.csv"]), 2, "expected --robot and --cell");
+    let csv = json(&place.run(&[&["repeatability", "worn.csv", "--json"][..], &CELL_ARGS].concat()));
+    assert_eq!(csv["recordings"][0]["by_ball"], worn["by_ball"]);
+    // one visit each says nothing
+    std::fs::write(
+        place.path("one.csv"),
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n0,0,0,0,0,0,1,2,3\n9,0,0,0,0,0,1,2,3\n",
+    )
+    .unwrap();
+    refused(&place.run(&["repeatability", "one.csv"]), 2, "no place was visited twice");
+}
+
+#[test]
+fn scripted_faults_stop_the_run_and_resume_completes_it() {
+    let place = Place::new("3");
+    std::fs::write(place.path("f.toml"), "[[fault]]\nwhat = \"drop_connection\"\nafter_motions = 9\nlasts = 1\n")
+        .unwrap();
+    refused(
+        &place.run(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", "0", "--faults", "robot.toml"]].concat()),
+        2,
+        "robot.toml: line",
+    );
+    // the connection is lost for good: the arm stands wherever it was
+    let cell = place.cell(&["--faults", "f.toml"]);
+    let o = place.measure(&cell, &["--go"]);
+    assert_eq!(o.status.code(), Some(1));
+    assert!(text(&o.stderr).contains("--resume goes on"), "{}", text(&o.stderr));
+    let before = place.rows("run.mcap");
+    drop(cell);
+    // another cell of the same seed, as after a restart of the controller
+    let cell = place.cell(&["--radio-ms", "3"]);
+    let told = json(&place.measure(&cell, &["--go", "--resume", "--json"]));
+    assert_eq!(told["skipped"].as_u64().unwrap() + told["measured"].as_u64().unwrap(), 9);
+    let after = place.rows("run.mcap");
+    assert_eq!((after.len(), &after[..before.len()]), (9, &before[..]));
+    refused(&place.measure(&cell, &["--go"]), 2, "exists already");
+}
+
+#[test]
+fn a_measuring_process_that_is_killed_is_taken_up_from_where_the_arm_stands() {
+    let place = Place::new("4");
+    let cell = place.cell(&["--pace", "0.004"]);
+    let mut runs = 0;
+    loop {
+        runs += 1;
+        let resume: &[&str] = if place.path("run.mcap").exists() { &["--go", "--resume"] } else { &["--go"] };
+        let mut child = place.command(&measure_args(&cell, resume)).stderr(Stdio::piped()).spawn().unwrap();
+        let begin = Instant::now();
+        // 12 touches take about 2 s: killed in the middle of anything, then let go
+        let done = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break Some(status);
+            }
+            if runs < 4 && begin.elapsed() > Duration::from_millis(350 + 137 * runs) {
+                break None;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        match done {
+            Some(status) => {
+                let mut err = String::new();
+                std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut err).unwrap();
+                assert!(status.success(), "run {runs}: {err}");
+                break;
+            }
+            None => child.kill().and_then(|()| child.wait()).unwrap(),
+        };
+    }
+    assert!(runs >= 2, "it was never killed");
+    assert_eq!(place.rows("run.mcap").len(), 12);
+}
+
+#[test]
+fn ctrl_c_makes_the_arm_go_back_and_a_second_one_ends_at_once() {
+    let place = Place::new("4");
+    let cell = place.cell(&["--pace", "0.01"]);
+    let interrupt = |child: &Child| {
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    };
+    let started = |args: &[&str]| {
+        use std::os::unix::fs::MetadataExt;
+        let file = || std::fs::metadata(place.path("run.mcap")).ok().map(|m| m.ino());
+        let before = file();
+        let child = place.command(&measure_args(&cell, args)).stderr(Stdio::piped()).spawn().unwrap();
+        // Ctrl-C is watched before the recording begins
+        while file() == before {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        child
+    };
+    let child = started(&["--go"]);
+    interrupt(&child);
+    let o = child.wait_with_output().unwrap();
+    assert_eq!(o.status.code(), Some(1), "{}", text(&o.stderr));
+    assert!(text(&o.stderr).contains("stopped by the user"), "{}", text(&o.stderr));
+    assert!(!text(&o.stderr).contains("NOT"), "{}", text(&o.stderr));
+    let child = started(&["--go", "--resume"]);
+    interrupt(&child);
+    std::thread::sleep(Duration::from_millis(5));
+    interrupt(&child);
+    let o = child.wait_with_output().unwrap();
+    assert!(matches!(o.status.code(), Some(130 | 1)), "{:?} {}", o.status, text(&o.stderr));
+    // whatever came of it, the rest can be measured
+    let o = place.measure(&cell, &["--go", "--resume"]);
+    assert!(o.status.success(), "{}", text(&o.stderr));
+    assert_eq!(place.rows("run.mcap").len(), 12);
+}
+
+#[test]
+fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
+    let place = Place::new("4");
+    // a cell file that is wrong by millimetres and a degree, as a tape measure leaves it
+    let cell = place.cell(&[]);
+    let plan = std::fs::read_to_string(place.path("plan.csv")).unwrap();
+    let wrong = CELL.replace("tcp_mm = [18.0, -12.0, 118.0]", "tcp_mm = [19.0, -11.2, 117.3]");
+    assert_ne!(wrong, CELL);
+    std::fs::write(place.path("cell.toml"), wrong).unwrap();
+    let entries: Vec<Vec<&str>> = plan.lines().skip(1).map(|l| l.split(',').collect()).collect();
+    let of = |ball: &str| entries.iter().filter(|e| e[1] == ball).cloned().collect::<Vec<_>>();
+    let (approach, touch) = (|e: &[&str]| e[8..14].join(","), |e: &[&str]| e[2..8].join(","));
+    let mut says = vec!["s".to_owned()];
+    let go = |e: &[&str], says: &mut Vec<String>| {
+        says.extend([approach(e), touch(e), String::new(), approach(e)]);
+    };
+    for (k, e) in of("1").iter().enumerate() {
+        go(e, &mut says);
+        if k == 3 {
+            // the tool point is asked for before the arm is driven away
+            let last = says.pop().unwrap();
+            says.extend([String::new(), last]);
+        }
+    }
+    for ball in ["1", "2", "3"] {
+        go(&of(ball)[0], &mut says);
+    }
+    says.extend(["nonsense", "0,0,0,0,0,0", "", ""].map(str::to_owned));
+    let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "led.mcap"];
+    let more = ["--guided", "--go", "--per-ball", "12"];
+    let mut child = place
+        .command(&[&["measure"][..], &CELL_ARGS, &links, &more].concat())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all((says.join("\n") + "\n").as_bytes()).unwrap();
+    let o = child.wait_with_output().unwrap();
+    let out = text(&o.stdout);
+    assert!(o.status.success(), "{out}\n{}", text(&o.stderr));
+    for words in [
+        "Mastering",
+        "orientation 4 of 4",
+        "The tool point lies at",
+        "apart, the cell file says",
+        "not understood",
+        "36 touches measured",
+    ] {
+        assert!(out.contains(words), "'{words}' is missing in:\n{out}");
+    }
+    // the tool point has been found to what the arm is off before calibration
+    let found = std::fs::read_to_string(place.path("led.cell.toml")).unwrap();
+    let table: toml::Table = found.parse().unwrap();
+    let tcp: Vec<f64> = table["tool"]["tcp_mm"].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect();
+    for (found, truth) in tcp.iter().zip([18.0, -12.0, 118.0]) {
+        assert!((found - truth).abs() < 1.0, "{tcp:?}");
+    }
+    let o = place.run(&["identify", "led.mcap", "--robot", "robot.toml", "--cell", "led.cell.toml", "--json"]);
+    let told = json(&o);
+    assert_eq!(told["observations"], 36);
+    assert!(told["rms_mm"].as_f64().unwrap() < 0.02, "{}", told["rms_mm"]);
+}

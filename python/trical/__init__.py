@@ -18,7 +18,18 @@ from . import _native
 from ._native import Model, NotConvergedError, TricalError
 
 __version__: str = _native.__version__
-__all__ = ["Identified", "Model", "NotConvergedError", "TricalError", "identify", "parameters", "validate"]
+__all__ = [
+    "Diagnosis",
+    "Identified",
+    "Model",
+    "NotConvergedError",
+    "TricalError",
+    "diagnose",
+    "effects",
+    "identify",
+    "parameters",
+    "validate",
+]
 
 PathLike = str | os.PathLike[str]
 
@@ -38,6 +49,31 @@ class Identified:
     rejected: list[dict[str, Any]] = field(repr=False)
     observability: dict[str, float] = field(repr=False)
     cross_validation: dict[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a model lacks, by the recordings, and the model that has it.
+
+    `findings` are dicts with effect, site, located, confidence, lambda, coefficients, evidence, rivals; `blind_to` what
+    the recordings could not show; `unexplained` where a mismatch has no name; `answer` all of the command's JSON.
+    """
+
+    model: Model
+    findings: list[dict[str, Any]]
+    unexplained: list[dict[str, Any]] = field(repr=False)
+    blind_to: list[dict[str, Any]] = field(repr=False)
+    answer: dict[str, Any] = field(repr=False)
+
+    def __str__(self) -> str:
+        base, final = self.answer["baseline"], self.answer["final"]
+        lines = [f"held out {base['holdout_rms_mm']:.4f} -> {final['holdout_rms_mm']:.4f} mm"]
+        lines += [
+            f"  {f['effect']} at {f['site']}: {100 * f['confidence']:.0f} % sure, lambda {f['lambda']:.1f}"
+            for f in self.findings
+        ]
+        lines += [f"  without a name: {u['site']}, {u['region']}" for u in self.unexplained]
+        return "\n".join(lines)
 
 
 def _paths(recordings: PathLike | Sequence[PathLike]) -> list[str]:
@@ -71,6 +107,31 @@ def identify(
         observability=s["observability"],
         cross_validation=s["cross_validation"],
     )
+
+
+def diagnose(
+    recordings: PathLike | Sequence[PathLike], *, robot: PathLike, cell: PathLike, joints: str = "read"
+) -> Diagnosis:
+    """Say which physics the model of an arm lacks, by CSV recordings of it.
+
+    `joints` is "read" or "commanded". Takes seconds for hundreds of poses, and lets other threads run meanwhile.
+    """
+    model, text = _native._diagnose(_paths(recordings), os.fspath(robot), os.fspath(cell), joints)
+    answer: dict[str, Any] = json.loads(text)
+    nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
+    return Diagnosis(
+        model=model,
+        findings=answer["findings"],
+        unexplained=nameless,
+        blind_to=answer["blind_to"],
+        answer=answer,
+    )
+
+
+def effects() -> list[dict[str, str]]:
+    """The catalogue: dicts with name, site, form, needs, typical, rivals."""
+    result: list[dict[str, str]] = json.loads(_native._effects_json())
+    return result
 
 
 def validate(

@@ -283,7 +283,12 @@ fn map(d: &Diagnosis) -> Result<String> {
 fn overview(d: &Diagnosis) -> Result<Section> {
     let mut section = Section {
         heading: "What was found".into(),
-        text: d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")).collect(),
+        text: d
+            .cautions
+            .iter()
+            .map(|c| format!("Caution: {c}"))
+            .chain(d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")))
+            .collect(),
         ..Section::default()
     };
     if d.findings.is_empty() {

@@ -21,7 +21,7 @@ mod table;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::error::CliError;
 
@@ -66,6 +66,8 @@ enum Command {
     Export(commands::export::Args),
     /// Recordings from CSV to MCAP and back, an arm's URDF to robot.toml
     Convert(commands::convert::Args),
+    /// A script that lets a shell complete commands and options
+    Completions(commands::completions::Args),
 }
 
 fn main() -> ExitCode {
@@ -86,6 +88,7 @@ fn main() -> ExitCode {
         Command::Compensate(args) => commands::compensate::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Convert(args) => commands::convert::run(&args),
+        Command::Completions(args) => commands::completions::run(&args, Cli::command()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

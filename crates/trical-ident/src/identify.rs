@@ -218,8 +218,11 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     }
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
         return Err(IdentError::NotConverged(format!(
-            "{:?} after {} iterations, gradient {:.1e}; are robot.toml and cell.toml those of this arm?",
-            report.ended, report.iterations, report.gradient
+            "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}?",
+            report.iterations,
+            if report.ended == Ended::Stuck { " where no step helped" } else { "" },
+            report.gradient,
+            if in_radians(data) { ", and the joint angles in deg (none is beyond 6.3)" } else { "" }
         )));
     }
     let rows: usize = residuals.iter().map(|(_, n)| n).sum();
@@ -242,6 +245,12 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
 /// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.
 pub(crate) fn tells_apart(singular: &[f64]) -> bool {
     singular.last().zip(singular.first()).is_none_or(|(smallest, largest)| smallest * CONDITION_LIMIT > *largest)
+}
+
+/// Whether angles look like radians that were taken for degrees.
+fn in_radians(data: &Dataset) -> bool {
+    let most = data.observations.iter().flat_map(|o| o.state.q).fold(0.0, |m: f64, q| m.max(q.abs()));
+    most.to_degrees() < 6.3
 }
 
 /// Parameters that the data cannot tell apart, and what about the data may be why.

@@ -13,6 +13,7 @@
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
+pub mod caution;
 pub mod dataset;
 pub mod degenerate;
 pub mod diagnose;
@@ -31,6 +32,7 @@ pub mod trilateration;
 pub mod units;
 pub mod validate;
 
+pub use caution::cautions;
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, Finding, Undecided, diagnose};
 pub use error::{IdentError, Result};

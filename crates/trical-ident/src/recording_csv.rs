@@ -393,6 +393,9 @@ impl<'a> Parser<'a> {
                 }
             }
             let line = record.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
+            if record.len() == 1 && record.get(0).is_some_and(|cell| cell.trim().is_empty()) {
+                continue;
+            }
             if record.len() != self.reader.header.len() {
                 return Err(self.reader.error(
                     format!("line {line}"),
@@ -429,6 +432,13 @@ pub fn load_csv(path: &Path, joints: usize) -> Result<Recording> {
     parse_csv(&bytes, &name, joints)
 }
 
+/// How recordings are read: lines end with \n, a \r before it is blank (the crate counts lines ending with both one too low).
+pub fn csv_reader(has_headers: bool) -> csv::ReaderBuilder {
+    let mut builder = csv::ReaderBuilder::new();
+    builder.flexible(true).has_headers(has_headers).terminator(csv::Terminator::Any(b'\n'));
+    builder
+}
+
 /// Reads the bytes of a CSV recording; `file` is its name for messages.
 ///
 /// # Errors
@@ -443,7 +453,7 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     if text.contains('\0') {
         return Err(problem("is not a text file; expected a CSV recording"));
     }
-    let mut csv = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+    let mut csv = csv_reader(true).from_reader(text.as_bytes());
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
     let parser = Parser::new(file, &header, joints)?;
     let mut rows = Vec::new();

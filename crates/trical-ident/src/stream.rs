@@ -28,7 +28,7 @@ use crate::identify::{
 };
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
-use crate::recording_csv::Parser;
+use crate::recording_csv::{Parser, csv_reader};
 
 /// Rows that are kept in memory, about.
 pub const SAMPLE: usize = 8192;
@@ -106,7 +106,7 @@ impl Source {
         if text.trim().is_empty() {
             return Err(this.error("is empty; expected a CSV recording with a header line"));
         }
-        let mut csv = csv::ReaderBuilder::new().flexible(true).has_headers(false).from_reader(text.as_bytes());
+        let mut csv = csv_reader(false).from_reader(text.as_bytes());
         let mut header = csv::StringRecord::new();
         csv.read_record(&mut header).map_err(|e| this.error(format!("the header cannot be read: {e}")))?;
         this.header = header;
@@ -314,7 +314,7 @@ impl CsvStream {
 }
 
 fn each_row(parser: &Parser<'_>, block: &Block, take: &mut dyn FnMut(Row) -> Result<()>) -> Result<()> {
-    let mut csv = csv::ReaderBuilder::new().flexible(true).has_headers(false).from_reader(block.bytes.as_slice());
+    let mut csv = csv_reader(false).from_reader(block.bytes.as_slice());
     parser.each_row(&mut csv, block.lines_before, take)
 }
 

@@ -6,14 +6,15 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::{
-    Dataset, ErrorSummary, IdentError, Identified, JointSource, ModelFile, ParameterSet, cross_validate, identify,
-    load_csv, reject_gross_errors, shown, validate,
+    Dataset, ErrorSummary, IdentError, Identified, JointSource, ModelFile, ParameterSet, cross_validate, diagnose,
+    identify, load_csv, reject_gross_errors, shown, validate,
 };
 use trical_model::{Cell, Forward, JointKind, Model, ModelError, Pose, Rigid, Robot, State, urdf};
 
-pyo3::create_exception!(_native, TricalError, PyValueError, "Bad input; the message is one sentence.");
-pyo3::create_exception!(_native, NotConvergedError, PyRuntimeError, "A fit did not reach a minimum.");
+pyo3::create_exception!(trical, TricalError, PyValueError, "Bad input; the message is one sentence.");
+pyo3::create_exception!(trical, NotConvergedError, PyRuntimeError, "A fit did not reach a minimum.");
 
 #[expect(clippy::needless_pass_by_value, reason = "used with map_err")]
 fn model_error(e: ModelError) -> PyErr {
@@ -113,6 +114,11 @@ impl PyModel {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         let class = slf.get_type();
         Ok((class.getattr("from_toml")?, (slf.get().to_toml()?,)))
+    }
+
+    fn __repr__(&self) -> String {
+        let m = &self.file.model;
+        format!("<trical.Model of {}: {} joints, {} terms>", m.robot.name, m.robot.dof(), m.terms.len())
     }
 
     #[getter]
@@ -330,6 +336,39 @@ fn _identify(
     Ok((PyModel::new(file)?, text))
 }
 
+/// Diagnoses; returns the extended model and the contract's JSON.
+#[pyfunction]
+fn _diagnose(
+    py: Python<'_>,
+    recordings: Vec<PathBuf>,
+    robot: PathBuf,
+    cell: PathBuf,
+    joints: &str,
+) -> PyResult<(PyModel, String)> {
+    let joints = source(joints)?;
+    let (file, text) = py
+        .detach(|| -> Result<_, IdentError> {
+            let (robot, cell, data) = inputs(&recordings, &robot, &cell, joints, None)?;
+            let found = diagnose(&robot, &cell, &data, &mut |_, _| {})?;
+            let text = serde_json::to_string(&found).unwrap_or_default();
+            let file = ModelFile {
+                model: found.model,
+                joints,
+                references: found.data.references,
+                recordings: found.data.names,
+            };
+            Ok((file, text))
+        })
+        .map_err(ident_error)?;
+    Ok((PyModel::new(file)?, text))
+}
+
+/// The catalogue of effects as JSON text.
+#[pyfunction]
+fn _effects_json() -> String {
+    serde_json::to_string(&EFFECTS).unwrap_or_default()
+}
+
 /// Scores a model; returns a JSON summary.
 #[pyfunction]
 fn _validate(
@@ -357,5 +396,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("NotConvergedError", m.py().get_type::<NotConvergedError>())?;
     m.add_class::<PyModel>()?;
     m.add_function(wrap_pyfunction!(_identify, m)?)?;
+    m.add_function(wrap_pyfunction!(_diagnose, m)?)?;
+    m.add_function(wrap_pyfunction!(_effects_json, m)?)?;
     m.add_function(wrap_pyfunction!(_validate, m)?)
 }

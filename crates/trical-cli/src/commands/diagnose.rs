@@ -265,6 +265,7 @@ fn lines(d: &Diagnosis) -> Vec<String> {
             d.after.forward_mean_mm
         ));
     }
+    out.extend(d.cautions.iter().flat_map(|c| table::wrapped(&format!("Caution: {c}"), 108, "")));
     let mut blind: Vec<&str> = Vec::new();
     for b in &d.blind_to {
         if !blind.contains(&b.effect.as_str()) {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
-    CsvStream, Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Streamed,
+    CsvStream, Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Streamed, cautions,
     cross_validate, forward_in_time, identify, identify_stream, reject_gross_errors, shown,
 };
 use trical_model::{Cell, Recording, Robot};
@@ -232,7 +232,9 @@ fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
         .iter()
         .map(|d| std::iter::once(d.name.clone()).chain(d.with.iter().cloned()).collect())
         .collect();
+    let cautions = cautions(&fitted.model, fitted.observability.rows, fitted.free.len());
     let mut out = json!({
+        "cautions": cautions,
         "recordings": fitted.data.names,
         "joints": fitted.data.joints,
         "observations": found.observations,
@@ -326,6 +328,11 @@ fn print(args: &Args, found: &Found) -> Result<()> {
     }
     if let (Some(percent), Some(e)) = (args.hold_out_last, &found.later) {
         add(&format!("last {percent} % of the poses, by a fit to those before"), e);
+    }
+    for caution in cautions(&fitted.model, fitted.observability.rows, fitted.free.len()) {
+        for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
+            say(line)?;
+        }
     }
     say("")?;
     for line in table::lines(&rows) {

@@ -1,6 +1,7 @@
 //! One file a command.
 
 pub mod compensate;
+pub mod completions;
 pub mod convert;
 pub mod demo;
 pub mod diagnose;

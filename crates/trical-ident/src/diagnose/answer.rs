@@ -151,6 +151,8 @@ pub struct Diagnosis {
     /// After.
     #[serde(rename = "final")]
     pub after: Final,
+    /// What should make one look twice.
+    pub cautions: Vec<String>,
     /// Rows that were not believed.
     pub rejected: Vec<Rejected>,
     /// The extended model.

@@ -32,6 +32,7 @@ pub use answer::{Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Findi
 
 use trical_model::{Cell, Forward, Model, Robot, Site};
 
+use crate::caution::cautions;
 use crate::dataset::Dataset;
 use crate::error::Result;
 use crate::fit::position_errors;
@@ -155,6 +156,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         },
         unexplained: (!unexplained.is_empty()).then(|| unexplained.remove(0)),
         more_unexplained: unexplained,
+        cautions: cautions(&fitted.model, fitted.observability.rows, fitted.free.len()),
         rejected: kept.rejected.clone(),
         model: fitted.model.clone(),
         data: kept.clone(),

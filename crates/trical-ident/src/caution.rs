@@ -1,0 +1,63 @@
+//! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
+
+use trical_model::{Basis, Model, Motion, Site};
+
+/// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
+const FAR: f64 = 0.1;
+const TURNED: f64 = 0.35;
+
+/// Fewer numbers measured for each parameter than this leave little to check the fit with.
+const FEW: f64 = 2.0;
+
+/// In one sentence each; `rows` numbers were measured for so many `parameters`.
+#[must_use]
+pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
+    let mut out = Vec::new();
+    let (mut shift, mut turn) = (0.0_f64, 0.0_f64);
+    for t in model.terms.iter().filter(|t| t.basis == Basis::CONSTANT) {
+        match t.site {
+            Site::Base(Motion::Along(_)) => shift = shift.hypot(t.value),
+            Site::Base(Motion::About(_)) => turn = turn.hypot(t.value),
+            _ => {}
+        }
+    }
+    if shift > FAR || turn > TURNED {
+        out.push(format!(
+            "the base comes out {:.0} mm and {:.0} deg from where the cell file has it: are the balls numbered as in the cell, \
+             and the signs of the indicators right?",
+            shift * 1e3,
+            turn.to_degrees()
+        ));
+    }
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    if (rows as f64) < FEW * parameters as f64 {
+        out.push(format!(
+            "{rows} numbers were measured for {parameters} parameters: the error at these very measurements says little about the \
+             error elsewhere"
+        ));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::{Axis, Cell, Robot, Term};
+
+    use super::*;
+
+    #[test]
+    fn a_base_far_away_and_few_rows_are_told() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+        let mut model = Model::nominal(robot, cell);
+        let mut term = Term::new("base_z", "geometry", Site::Base(Motion::Along(Axis::Z)), Basis::CONSTANT);
+        term.value = 0.05;
+        model.terms.push(term);
+        assert!(cautions(&model, 135, 31).is_empty());
+        model.terms[0].value = 0.303;
+        assert!(cautions(&model, 135, 31)[0].contains("303 mm"));
+        assert!(cautions(&model, 36, 31)[1].contains("36 numbers"));
+    }
+}

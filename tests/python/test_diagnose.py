@@ -1,0 +1,43 @@
+"""Diagnosis from Python."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import trical
+
+BINARY = Path(__file__).resolve().parents[2] / "target" / "release" / "trical"
+
+
+def test_a_recording_says_the_same_here_and_on_the_command_line(shared: Path, tmp_path: Path) -> None:
+    d = shared / "blind"
+    files = {"robot": d / "robot.toml", "cell": d / "cell.toml"}
+    recording = d / "B08.probe.csv"
+    found = trical.diagnose(recording, **files)
+    command = [str(BINARY), "diagnose", str(recording), "--robot", str(files["robot"]), "--cell", str(files["cell"])]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout)
+    assert found.findings == said["findings"]
+    assert found.blind_to == said["blind_to"]
+    assert str(found).startswith("held out")
+    found.model.save(tmp_path / "improved.toml")
+    after = trical.validate(trical.Model.load(tmp_path / "improved.toml"), recording, **files)
+    assert after["after"]["mean_mm"] < after["before"]["mean_mm"]
+
+
+def test_the_catalogue_is_that_of_the_program() -> None:
+    names = [e["name"] for e in trical.effects()]
+    assert len(names) == len(set(names)) and "axis_twist" in names
+    done = subprocess.run([str(BINARY), "effects", "--json"], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == trical.effects()
+
+
+@pytest.mark.parametrize("kind", [trical.TricalError, trical.NotConvergedError])
+def test_errors_travel_between_processes(kind: type[Exception]) -> None:
+    again = pickle.loads(pickle.dumps(kind("line 3: found nothing")))
+    assert type(again) is kind and str(again) == "line 3: found nothing"

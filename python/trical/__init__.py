@@ -66,6 +66,7 @@ class Diagnosis:
     answer: dict[str, Any] = field(repr=False)
 
     def __str__(self) -> str:
+        """Held-out error before and after, and a line for each finding."""
         base, final = self.answer["baseline"], self.answer["final"]
         lines = [f"held out {base['holdout_rms_mm']:.4f} -> {final['holdout_rms_mm']:.4f} mm"]
         lines += [

@@ -27,3 +27,11 @@ fn each_effect_has_a_file_of_its_name() {
         assert!(std::path::Path::new(&file).is_file(), "{file}");
     }
 }
+
+#[test]
+fn the_guide_shows_a_file_as_it_is() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/");
+    let read = |path: &str| std::fs::read_to_string(format!("{root}{path}")).unwrap();
+    let (page, file) = (read("../../docs/guide/src/effect.md"), read("src/diagnose/effects/gear_ratio.rs"));
+    assert!(page.contains(&file), "docs/guide/src/effect.md should quote all of gear_ratio.rs");
+}

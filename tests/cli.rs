@@ -240,6 +240,38 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
 }
 
 #[test]
+fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
+    let place = Place::new();
+    place.write("cell.toml", &CELL.replace("tcp_mm = [18.0, -12.0, 118.0]", "tcp_mm = [40.0, 70.0, 60.0]"));
+    let plan = |more: &[&str]| {
+        let start = ["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "points.csv", "--points", "20"];
+        place.run(&[&start, more].concat())
+    };
+    let o = plan(&["--sphere-mm", "150,0,200,150", "--facing-mm", "150,-3000,500"]);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    let text = std::fs::read_to_string(place.path("points.csv")).unwrap();
+    assert_eq!(text.lines().count(), 21);
+    for line in text.lines().skip(1) {
+        let q: Vec<f64> = line.split(',').skip(1).map(|x| x.parse().unwrap()).collect();
+        let [x, y, z] = tool_point(q.try_into().unwrap());
+        // the cell's base
+        let p = [150.0 - y, x - 330.0, z - 150.0];
+        let centre = [150.0, 0.0, 200.0];
+        let d = (0..3).map(|k| (p[k] - centre[k]).powi(2)).sum::<f64>().sqrt();
+        assert!(d < 150.01, "{d} mm from the centre");
+    }
+    for (bad, words) in [
+        (["--facing-mm", "1,2"], "--facing-mm: found 2 numbers, expected 3"),
+        (["--sphere-mm", "0,0,0,-1"], "found a radius of -1 mm"),
+        (["--per-ball", "5000"], "from 1 to 1000"),
+    ] {
+        let o = plan(&bad);
+        assert_eq!(o.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&o.stderr).contains(words), "{}", String::from_utf8_lossy(&o.stderr));
+    }
+}
+
+#[test]
 fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
     let place = Place::new();
     let plan: &[&str] = &["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "out.toml"];

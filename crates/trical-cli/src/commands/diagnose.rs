@@ -191,9 +191,16 @@ fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> 
         undecided.names.join(" and "),
         next.lambda,
         next.random_lambda,
-        if next.lambda < 3.0 { "; that is little, and more touches may be needed" } else { "" }
+        if next.lambda < 3.0 { little(next) } else { String::new() }
     );
     table::wrapped(&text, 108, "")
+}
+
+/// Touches that hardly decide: how many would, each telling as much as these.
+fn little(next: &Next) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let enough = (next.entries.len() as f64 * (3.0 / next.lambda).powi(2)).ceil();
+    format!("; for three, about {enough} would be needed")
 }
 
 /// One finding in two or three lines.

@@ -10,13 +10,17 @@ use trical_device::PlanEntry;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet, Shown, shown, write_whole};
 use trical_model::{Cell, JointKind, MAX_JOINTS, Measured, Model, Recording, Robot, Row, State};
 use trical_plan::{
-    Criterion, Plan, PlanError, PlanOptions, PredictedError, Rejected, Sphere, plan_touches, read_plan, write_plan,
+    CollisionModel, Criterion, Facing, Plan, PlanError, PlanOptions, PredictedError, Rejected, Sphere,
+    ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace, read_plan, write_plan,
 };
 
 use crate::blindness::{self, Lacking, Seen};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::{plan_report, progress, say, table};
+
+/// Touches a ball, candidates a ball, poses: no more than this many.
+const MOST: usize = 1000;
 
 /// What touches are to be best for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -52,11 +56,31 @@ pub struct Args {
     #[command(flatten)]
     cell: RobotAndCell,
     /// Touches a ball
-    #[arg(long, value_name = "N", default_value_t = 15)]
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = count)]
     per_ball: usize,
     /// Candidates a ball, from which the informative ones are chosen
-    #[arg(long, value_name = "N", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = count)]
     pool: usize,
+    /// Instead of touches, this many poses at which another instrument can prove the arm: in --sphere-mm, or without it in the
+    /// whole workspace
+    #[arg(long, value_name = "N", value_parser = count)]
+    points: Option<usize>,
+    /// With --points: where a tracker stands in {w}; the tool's --facing-axis looks there
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_negative_numbers = true, requires = "points")]
+    facing_mm: Vec<f64>,
+    /// With --facing-mm: which direction of the tool, in its own axes, carries the reflector
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        default_value = "0,0,1",
+        requires = "facing_mm"
+    )]
+    facing_axis: Vec<f64>,
+    /// With --facing-mm: how far that may be turned away from the tracker
+    #[arg(long, value_name = "DEG", default_value_t = 30.0, requires = "facing_mm")]
+    facing_within_deg: f64,
     /// Seed: the same seed gives the same plan
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -86,7 +110,48 @@ pub struct Args {
     json: bool,
 }
 
+/// Numbers of touches, candidates and poses.
+fn count(text: &str) -> std::result::Result<usize, String> {
+    match text.parse() {
+        Ok(n) if (1..=MOST).contains(&n) => Ok(n),
+        _ => Err(format!("expected a whole number from 1 to {MOST}")),
+    }
+}
+
 impl Args {
+    fn sphere(&self) -> Result<Option<Sphere>> {
+        match self.sphere_mm.as_slice() {
+            [x, y, z, r] if *r > 0.0 => Ok(Some(Sphere { centre: Vector3::new(*x, *y, *z) * 1e-3, radius: r * 1e-3 })),
+            [] => Ok(None),
+            [_, _, _, r] => {
+                Err(CliError::Input(format!("--sphere-mm: found a radius of {r} mm, expected more than 0")))
+            }
+            other => {
+                let n = other.len();
+                Err(CliError::Input(format!("--sphere-mm: found {n} numbers, expected 4: x, y, z and radius")))
+            }
+        }
+    }
+
+    fn facing(&self) -> Result<Facing> {
+        let three = |v: &[f64], what: &str| match v {
+            [x, y, z] => Ok(Vector3::new(*x, *y, *z)),
+            other => Err(CliError::Input(format!("{what}: found {} numbers, expected 3: x, y and z", other.len()))),
+        };
+        if self.facing_mm.is_empty() {
+            return Ok(Facing::Any);
+        }
+        let axis_in_tool = three(&self.facing_axis, "--facing-axis")?;
+        if axis_in_tool.norm() < 1e-9 {
+            return Err(CliError::Input("--facing-axis: found 0,0,0, expected a direction".into()));
+        }
+        Ok(Facing::Towards {
+            point: three(&self.facing_mm, "--facing-mm")? * 1e-3,
+            axis_in_tool,
+            within_rad: self.facing_within_deg.to_radians(),
+        })
+    }
+
     fn options(&self, robot: &Robot, model: &Model) -> Result<PlanOptions> {
         let mut start = [0.0; MAX_JOINTS];
         if !self.start_deg.is_empty() {
@@ -101,23 +166,13 @@ impl Args {
                 *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
             }
         }
-        let sphere = match self.sphere_mm.as_slice() {
-            [x, y, z, r] => Some(Sphere { centre: Vector3::new(*x, *y, *z) * 1e-3, radius: r * 1e-3 }),
-            [] => None,
-            other => {
-                return Err(CliError::Input(format!(
-                    "--sphere-mm: found {} numbers, expected 4: x, y, z and radius",
-                    other.len()
-                )));
-            }
-        };
         let mut options = PlanOptions {
             per_ball: self.per_ball,
             pool_per_ball: self.pool.max(self.per_ball),
             seed: self.seed,
             parameters: Some(model.terms.clone()),
             start: Some(start),
-            sphere,
+            sphere: self.sphere()?,
             noise_m: self.noise_mm * 1e-3,
             max_tilt_rad: self.max_tilt_deg.to_radians(),
             ..PlanOptions::default()
@@ -174,6 +229,9 @@ pub fn run(args: &Args) -> Result<()> {
     input::check_output(&args.out)?;
     args.report.as_deref().map_or(Ok(()), input::check_output)?;
     let (robot, cell) = args.cell.load()?;
+    if let Some(count) = args.points {
+        return points(args, &robot, &cell, count);
+    }
     let model = model_to_identify(&robot, &cell)?;
     let options = args.options(&robot, &model)?;
     let bar = progress::bar("planning");
@@ -196,6 +254,39 @@ pub fn run(args: &Args) -> Result<()> {
     }
     say(format!("Wrote {}", args.out.display()))?;
     args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
+}
+
+/// Poses for another instrument.
+fn points(args: &Args, robot: &Robot, cell: &Cell, count: usize) -> Result<()> {
+    let model = CollisionModel::new(robot, cell)?;
+    let options = ValidationOptions { seed: args.seed, facing: args.facing()?, ..ValidationOptions::default() };
+    let sphere = args.sphere()?;
+    let poses = match &sphere {
+        Some(s) => poses_in_sphere(&model, &s.centre, s.radius, count, &options)?,
+        None => poses_in_workspace(&model, count, &options)?,
+    };
+    let unit = |kind| if kind == JointKind::Prismatic { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
+    let mut text = String::from("order");
+    for (k, joint) in robot.joints.iter().enumerate() {
+        text += &format!(",q{}_{}", k + 1, unit(joint.kind).0);
+    }
+    for (k, q) in poses.iter().enumerate() {
+        text += &format!("\n{k}");
+        for (joint, x) in robot.joints.iter().zip(q) {
+            text += &format!(",{:.6}", x * unit(joint.kind).1);
+        }
+    }
+    text.push('\n');
+    write_whole(&args.out, text.as_bytes())?;
+    let place = if sphere.is_some() { "the sphere" } else { "the whole workspace" };
+    if args.json {
+        return say(serde_json::to_string_pretty(&json!({ "points": poses.len(), "sphere": sphere.is_some() }))?);
+    }
+    say(format!(
+        "{} poses in {place}, in no particular order, free of collisions where they stand; ways between them were not checked",
+        poses.len()
+    ))?;
+    say(format!("Wrote {}", args.out.display()))
 }
 
 /// A plan and all that can be said of it.

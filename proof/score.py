@@ -439,16 +439,18 @@ def score_holdout(cases: list[Case], t: Tables):
 
 
 def score_confidence(cases: list[Case], t: Tables):
-    stated, right = [], []
+    stated, right, near = [], [], []
     for c in cases:
         left = list(c.effects)
         for f in c.findings:
-            hit = next((e for e in left if same(f, e)), None) or next((e for e in left if alike(f, e)), None)
+            exact = next((e for e in left if same(f, e)), None)
+            hit = exact or next((e for e in left if alike(f, e)), None)
             if hit:
                 left.remove(hit)
             stated.append(f["confidence"])
-            right.append(hit is not None)
-    stated, right = np.array(stated), np.array(right)
+            right.append(exact is not None)
+            near.append(hit is not None)
+    stated, right, near = np.array(stated), np.array(right), np.array(near)
     rows, good, bins = [], 0, 0
     decile = np.minimum((stated * 10 + 1e-9).astype(int), 9)
     for k in range(10):
@@ -463,12 +465,14 @@ def score_confidence(cases: list[Case], t: Tables):
                 int(m.sum()),
                 f"{100 * a:.1f} %",
                 f"{100 * b:.1f} % ({100 * lo:.0f}-{100 * hi:.0f})",
+                f"{100 * near[m].mean():.1f} %",
             ]
         )
         if m.sum() >= 20:
             bins += 1
             good += abs(a - b) <= 0.05
-    t.table("Stated confidence against what was right (alikes count)", ["decile", "findings", "stated", "right"], rows)
+    head = ["decile", "findings", "stated", "effect and site right", "alikes too"]
+    t.table("Stated confidence against what was right", head, rows)
     t.target("Deciles of confidence (20 findings or more) within 5 points", "all", good, bins, at_least=1.0)
 
 

@@ -381,7 +381,7 @@ def test_the_scorer_tells_right_from_alias_wrong_and_nothing(tmp_path: Path) -> 
     assert "| One effect, lambda >= 6, >= 150 touches: right | >= 97 % | 25.0 % of 8 (7-59) | **missed** |" in text
     assert "8 cases, 1 without an answer" in text
     assert row(text, "### Declared in `blind_to`", "axis_twist") == ["7", "100.0 %"]
-    # two are right; the alias and the alike count in the last column, the two wrong ones do not; the one at 0.6 stands alone
+    # two are right; the last column counts the alias and the alike too; the one at 0.6 stands alone
     assert row(text, "### Stated confidence against", "0.6-0.7")[:1] == ["1"]
     sure = row(text, "### Stated confidence against", "0.9-1.0")
     assert sure[2].startswith("33.3 %") and sure[3] == "66.7 %"

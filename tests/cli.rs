@@ -263,7 +263,7 @@ fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
     for (bad, words) in [
         (["--facing-mm", "1,2"], "--facing-mm: found 2 numbers, expected 3"),
         (["--sphere-mm", "0,0,0,-1"], "found a radius of -1 mm"),
-        (["--per-ball", "5000"], "from 1 to 1000"),
+        (["--per-ball", "5000"], "--per-ball: found 5000, expected at most 1000"),
     ] {
         let o = plan(&bad);
         assert_eq!(o.status.code(), Some(2));

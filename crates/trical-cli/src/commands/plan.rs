@@ -56,14 +56,14 @@ pub struct Args {
     #[command(flatten)]
     cell: RobotAndCell,
     /// Touches a ball
-    #[arg(long, value_name = "N", default_value_t = 15, value_parser = count)]
+    #[arg(long, value_name = "N", default_value_t = 15)]
     per_ball: usize,
     /// Candidates a ball, from which the informative ones are chosen
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = count)]
+    #[arg(long, value_name = "N", default_value_t = 100)]
     pool: usize,
     /// Instead of touches, this many poses at which another instrument can prove the arm: in --sphere-mm, or without it in the
     /// whole workspace
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N")]
     points: Option<usize>,
     /// With --points: where a tracker stands in {w}; the tool's --facing-axis looks there
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_negative_numbers = true, requires = "points")]
@@ -110,12 +110,15 @@ pub struct Args {
     json: bool,
 }
 
-/// Numbers of touches, candidates and poses.
-fn count(text: &str) -> std::result::Result<usize, String> {
-    match text.parse() {
-        Ok(n) if (1..=MOST).contains(&n) => Ok(n),
-        _ => Err(format!("expected a whole number from 1 to {MOST}")),
+/// Refuses numbers of touches, candidates and poses for which nobody would wait.
+fn check_counts(args: &Args) -> Result<()> {
+    let counts = [("--per-ball", args.per_ball), ("--pool", args.pool), ("--points", args.points.unwrap_or(1))];
+    for (option, n) in counts {
+        if n > MOST {
+            return Err(CliError::Input(format!("{option}: found {n}, expected at most {MOST}")));
+        }
     }
+    Ok(())
 }
 
 impl Args {
@@ -226,6 +229,7 @@ pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> 
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    check_counts(args)?;
     input::check_output(&args.out)?;
     args.report.as_deref().map_or(Ok(()), input::check_output)?;
     let (robot, cell) = args.cell.load()?;

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_ident::{Diagnosis, Finding, JointSource, site_words};
+use trical_ident::{Diagnosis, Finding, JointSource, Rival, site_words};
 use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
 
 use crate::commands::diagnose::number;
@@ -23,7 +23,7 @@ fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
 }
 
 fn rivals(f: &Finding) -> String {
-    f.rivals.iter().map(|r| format!("{} at {}", r.effect, site_words(&r.site))).collect::<Vec<_>>().join(", ")
+    f.rivals.iter().map(Rival::in_words).collect::<Vec<_>>().join(", ")
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -157,7 +157,7 @@ fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Secti
         ));
     }
     Ok(Section {
-        heading: format!("{number_of}. {} at {}", f.effect, site_words(&f.site)),
+        heading: format!("{number_of}. {}", f.in_words()),
         text,
         figures: vec![Figure {
             caption: "Each point is one measurement: its error along the direction in which this effect acts, everything else \
@@ -384,8 +384,7 @@ pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
             d.baseline.parameters, d.baseline.rms_mm
         )
     } else {
-        let names: Vec<String> =
-            d.findings.iter().take(4).map(|f| format!("{} at {}", f.effect, site_words(&f.site))).collect();
+        let names: Vec<String> = d.findings.iter().take(4).map(Finding::in_words).collect();
         format!(
             "The model lacked {}{}. Modelled, the error on poses that the fit did not see falls from {:.4} to {:.4} mm rms.",
             if names.is_empty() { "something without a name".to_owned() } else { names.join(", ") },

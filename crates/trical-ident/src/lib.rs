@@ -34,7 +34,7 @@ pub mod validate;
 
 pub use caution::cautions;
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
-pub use diagnose::{Diagnosis, Finding, Undecided, diagnose};
+pub use diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose};
 pub use error::{IdentError, Result};
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
 pub use identify::{

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_ident::{Diagnosis, Finding, JointSource, ModelFile, Undecided, diagnose, site_words, write_whole};
+use trical_ident::{Diagnosis, Finding, JointSource, ModelFile, Rival, Undecided, diagnose, site_words, write_whole};
 use trical_model::{Cell, Robot};
 use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate, write_plan};
 
@@ -78,12 +78,13 @@ pub fn run(args: &Args) -> Result<()> {
             }
         }
     };
-    let next = match (args.next, diagnosis.undecided()?) {
+    // rivals are fitted anew only for those who ask
+    let undecided = args.next.map(|_| diagnosis.undecided()).transpose()?.flatten();
+    let next = match (args.next, undecided) {
         (Some(n), Some(undecided)) => {
-            progress::at(&bar, 0.0, "planning what would decide");
-            let planned = plan_next(&robot, &cell, &undecided, usize::from(n), &mut |f| {
-                progress::at(&bar, f, "planning what would decide");
-            })?;
+            let mut at = |f: f64| progress::at(&bar, f, "planning what would decide");
+            at(0.0);
+            let planned = plan_next(&robot, &cell, &undecided, usize::from(n), &mut at)?;
             Some((undecided, planned))
         }
         _ => None,
@@ -207,9 +208,8 @@ fn little(next: &Next) -> String {
 fn finding_lines(f: &Finding) -> Vec<String> {
     let values: Vec<String> = f.coefficients.iter().map(|c| number(&c.name, c.value, &c.unit)).collect();
     let mut out = vec![format!(
-        "  {} at {}: {:.0} % sure, lambda {:.1}, held out {:.4} -> {:.4} mm",
-        f.effect,
-        site_words(&f.site),
+        "  {}: {:.0} % sure, lambda {:.1}, held out {:.4} -> {:.4} mm",
+        f.in_words(),
         f.confidence * 100.0,
         f.lambda,
         f.evidence.holdout_rms_before_mm,
@@ -217,7 +217,7 @@ fn finding_lines(f: &Finding) -> Vec<String> {
     )];
     out.extend(table::wrapped(&format!("{}; {}", f.located, values.join(", ")), 104, "    "));
     if !f.rivals.is_empty() {
-        let rivals: Vec<String> = f.rivals.iter().map(|r| format!("{} at {}", r.effect, site_words(&r.site))).collect();
+        let rivals: Vec<String> = f.rivals.iter().map(Rival::in_words).collect();
         out.extend(table::wrapped(&format!("could also be {}", rivals.join(", ")), 104, "    "));
     }
     out
@@ -245,10 +245,8 @@ fn lines(d: &Diagnosis) -> Vec<String> {
     }
     out.extend(d.findings.iter().take(IN_FULL).flat_map(finding_lines));
     if d.findings.len() > IN_FULL {
-        let rest: Vec<String> = d.findings[IN_FULL..]
-            .iter()
-            .map(|f| format!("{} at {} ({:.0} %)", f.effect, site_words(&f.site), f.confidence * 100.0))
-            .collect();
+        let rest: Vec<String> =
+            d.findings[IN_FULL..].iter().map(|f| format!("{} ({:.0} %)", f.in_words(), f.confidence * 100.0)).collect();
         let text = format!("and, smaller (all about them is in --report and --json): {}", rest.join(", "));
         out.extend(table::wrapped(&text, 108, "  "));
     }

@@ -9,7 +9,6 @@ use crate::fit::Prior;
 use crate::identifiability::r_factor;
 use crate::identify::fit_model_with_priors;
 use crate::noise::Noise;
-use crate::units::site_words;
 
 /// Rivals of one finding that are set against it.
 const MOST: usize = 4;
@@ -63,7 +62,7 @@ impl Diagnosis {
         let (members, rivals) = &self.grounds.findings[k];
         let own: Vec<usize> = members.iter().flat_map(|c| self.places(c)).collect();
         let shared: Vec<usize> = (0..self.model.terms.len()).filter(|t| !own.contains(t)).collect();
-        let mut names = vec![in_words(&finding.effect, &finding.site)];
+        let mut names = vec![finding.in_words()];
         let mut models = vec![self.model.clone()];
         let mut add = |name: String, candidate: Option<&Candidate>| -> Result<()> {
             let mut model = self.model.clone();
@@ -80,7 +79,7 @@ impl Diagnosis {
             Ok(())
         };
         for (rival, candidate) in finding.rivals.iter().zip(rivals).take(MOST) {
-            add(in_words(&rival.effect, &rival.site), Some(candidate))?;
+            add(rival.in_words(), Some(candidate))?;
         }
         if rivals.is_empty() {
             add("nothing".into(), None)?;
@@ -120,11 +119,6 @@ impl Diagnosis {
             ..State::at(&[0.0; MAX_JOINTS])
         }
     }
-}
-
-/// "lost_motion_direction at joint 1".
-fn in_words(effect: &str, site: &serde_json::Value) -> String {
-    format!("{effect} at {}", site_words(site))
 }
 
 impl Undecided<'_> {

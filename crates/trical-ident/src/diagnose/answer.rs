@@ -5,6 +5,7 @@ use trical_model::Model;
 
 use super::alternatives::Grounds;
 use crate::dataset::{Dataset, Rejected};
+use crate::units::site_words;
 
 /// A coefficient in its unit.
 #[derive(Clone, Debug, Serialize)]
@@ -64,6 +65,27 @@ pub struct Finding {
     pub rivals: Vec<Rival>,
     /// What to measure next to be surer.
     pub next_measurements: Option<String>,
+}
+
+/// "lost_motion_direction at joint 1".
+fn in_words(effect: &str, site: &serde_json::Value) -> String {
+    format!("{effect} at {}", site_words(site))
+}
+
+impl Rival {
+    /// Effect and site.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        in_words(&self.effect, &self.site)
+    }
+}
+
+impl Finding {
+    /// Effect and site.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        in_words(&self.effect, &self.site)
+    }
 }
 
 /// An effect that this data set could not show at a typical size.

@@ -7,16 +7,17 @@ use trical_model::{Forward, Measured, Model, Motion, Parameter, Site, State, Ter
 
 use crate::dataset::Dataset;
 use crate::error::Result;
-use crate::fit::{Prior, factor};
+use crate::fit::factor;
+use crate::known::{Known, KnownParameters};
 use crate::noise::Noise;
 use crate::rigid::median;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
-pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, priors: &[Option<Prior>]) -> Mat<f64> {
+pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat<f64> {
     let p = forward.free().len();
-    let r = factor(forward, data, noise, priors);
+    let r = factor(forward, data, noise, known);
     r.submatrix(0, 0, p, p).to_owned()
 }
 
@@ -136,10 +137,11 @@ pub enum ParameterSet {
 }
 
 /// A parameter set, with the compliance of some joints only if wanted.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
     set: ParameterSet,
     compliant: Option<Vec<usize>>,
+    known: KnownParameters,
 }
 
 /// A joint that the arm does not have.
@@ -158,8 +160,22 @@ impl Choice {
     pub fn new(set: ParameterSet, compliant: &[usize], dof: usize) -> std::result::Result<Self, ChoiceError> {
         match compliant.iter().find(|j| !(1..=dof).contains(j)) {
             Some(joint) => Err(ChoiceError { joint: *joint, dof }),
-            None => Ok(Self { set, compliant: (!compliant.is_empty()).then(|| compliant.to_vec()) }),
+            None => {
+                let compliant = (!compliant.is_empty()).then(|| compliant.to_vec());
+                Ok(Self { compliant, ..set.into() })
+            }
         }
+    }
+
+    /// The same parameters, with what is known of them beforehand.
+    #[must_use]
+    pub fn knowing(self, known: KnownParameters) -> Self {
+        Self { known, ..self }
+    }
+
+    /// What is known of them beforehand.
+    pub(crate) fn known(&self) -> &KnownParameters {
+        &self.known
     }
 
     /// The set.
@@ -175,7 +191,7 @@ impl Choice {
 
 impl From<ParameterSet> for Choice {
     fn from(set: ParameterSet) -> Self {
-        Self { set, compliant: None }
+        Self { set, compliant: None, known: KnownParameters::default() }
     }
 }
 

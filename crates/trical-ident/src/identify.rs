@@ -8,15 +8,15 @@ use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 use crate::dataset::{Dataset, Rejected};
 use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
 use crate::error::{IdentError, Result};
-use crate::fit::{
-    Ended, LmParams, LmReport, Prior, Solver, check_count, check_observations, factor, minimize, position_errors,
-    weighted_residuals,
-};
+use crate::fit::{check_count, check_observations, factor, minimize, position_errors, weighted_residuals};
 use crate::identifiability::{
     Choice, Dependent, Observability, ParameterSet, covariance, independent_terms, indices, spectrum, weakest_direction,
 };
+use crate::known::Known;
 use crate::noise::Noise;
+use crate::normal::triangular;
 use crate::rigid::median;
+use crate::solver::{Ended, LmParams, LmReport, Solver};
 use crate::start::start;
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
@@ -33,6 +33,8 @@ pub struct Identified {
     pub model: Model,
     /// Indices of the free terms.
     pub free: Vec<usize>,
+    /// Indices of those that a limit stopped: the data ask for more, and their standard deviation is unknown.
+    pub at_limit: Vec<usize>,
     /// The data that it was fitted to.
     pub data: Dataset,
     /// Standard deviations of the measurements.
@@ -147,18 +149,18 @@ impl Identified {
 /// # Errors
 /// Too few data, parameters that the data cannot tell apart, or no convergence: a fit that failed is not a model.
 pub fn fit_model(model: Model, data: &Dataset, start_noise: &Noise, dependent: Vec<Dependent>) -> Result<Identified> {
-    fit_model_with_priors(model, data, start_noise, &[], dependent)
+    fit_model_knowing(model, data, start_noise, &[], dependent)
 }
 
-/// As [`fit_model`], with priors of the terms in their order (none beyond the end of `priors`).
+/// As [`fit_model`], with what is known of the terms in their order (nothing beyond the end of `known`).
 ///
 /// # Errors
 /// As [`fit_model`].
-pub fn fit_model_with_priors(
+pub fn fit_model_knowing(
     model: Model,
     data: &Dataset,
     start_noise: &Noise,
-    priors: &[Option<Prior>],
+    known: &[Known],
     dependent: Vec<Dependent>,
 ) -> Result<Identified> {
     let free: Vec<usize> = (0..model.terms.len()).collect();
@@ -168,14 +170,14 @@ pub fn fit_model_with_priors(
     let mut noise = start_noise.clone();
     let params = LmParams::default();
     let mut solver = Solver::new(p);
-    let mut report = solver.minimize(&mut forward, data, &noise, priors, &params)?;
+    let mut report = solver.minimize(&mut forward, data, &noise, known, &params)?;
     let mut residuals = weighted_residuals(&forward, data, &noise);
     let mut said = noise.clone();
     for _ in 0..2 {
         let mut updated = noise.clone();
         let factor = updated.update(data, &residuals, p);
         if let Some(factor) = factor
-            && priors.iter().flatten().next().is_none()
+            && known.iter().all(|k| k.prior.is_none())
         {
             // one standard deviation for all: its size moves nothing
             report.cost /= factor * factor;
@@ -184,12 +186,13 @@ pub fn fit_model_with_priors(
         }
         noise = updated;
         said = noise.clone();
-        report = solver.minimize(&mut forward, data, &noise, priors, &params)?;
+        report = solver.minimize(&mut forward, data, &noise, known, &params)?;
         residuals = weighted_residuals(&forward, data, &noise);
     }
     // of the Jacobian itself, not of J'J; the rows of the last step where they are all still there
-    let r = solver.factor().unwrap_or_else(|| factor(&forward, data, &noise, priors));
-    let fitted = Fitted { r, residuals, noise: said, report, dependent };
+    let r = solver.factor().unwrap_or_else(|| factor(&forward, data, &noise, known));
+    let held = solver.held().to_vec();
+    let fitted = Fitted { r, held, residuals, noise: said, report, dependent };
     finish(forward, data, fitted)
 }
 
@@ -197,6 +200,8 @@ pub fn fit_model_with_priors(
 struct Fitted {
     /// Factor of `[J r]`.
     r: Mat<f64>,
+    /// Coefficients that a limit stopped.
+    held: Vec<bool>,
     /// In the same units.
     residuals: Vec<([f64; 6], usize)>,
     noise: Noise,
@@ -205,14 +210,16 @@ struct Fitted {
 }
 
 fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified> {
-    let Fitted { r, residuals, noise, report, dependent } = fitted;
+    let Fitted { r, held, residuals, noise, report, dependent } = fitted;
     let free = forward.free().to_vec();
-    let p = free.len();
-    let r = r.submatrix(0, 0, p, p).to_owned();
+    // what a limit holds is fixed, and tells nothing of the others
+    let moved: Vec<usize> = (0..free.len()).filter(|k| !held[*k]).collect();
+    let p = moved.len();
+    let r = if p == free.len() { r.submatrix(0, 0, p, p).to_owned() } else { triangular(&r, &moved) };
     let spectrum = spectrum(&r);
     // first, since an iteration on data of deficient rank may also fail to converge
     if !spectrum.as_ref().is_some_and(|(_, s)| tells_apart(s)) {
-        let names: Vec<String> = free.iter().map(|k| forward.model().terms[*k].name.clone()).collect();
+        let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();
         let weak = weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
         return Err(rank_deficient(&forward.model().robot, data, &weak));
     }
@@ -230,16 +237,21 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let variance = square / (rows - p).max(1) as f64;
     let (scale, singular) = spectrum.unwrap_or_default();
-    let mut covariance = covariance(&r, &scale);
-    for c in &mut covariance {
-        *c *= variance;
-    }
+    let of_moved = covariance(&r, &scale);
     let mut model = forward.into_model();
-    for (k, index) in free.iter().enumerate() {
-        model.terms[*index].sd = Some(covariance[k * p + k].max(0.0).sqrt());
+    let mut covariance = vec![0.0; free.len() * free.len()];
+    for (i, a) in moved.iter().enumerate() {
+        for (j, b) in moved.iter().enumerate() {
+            covariance[a * free.len() + b] = of_moved[i * p + j] * variance;
+        }
+        model.terms[free[*a]].sd = Some((of_moved[i * p + i] * variance).max(0.0).sqrt());
+    }
+    let at_limit: Vec<usize> = (0..free.len()).filter(|k| held[*k]).map(|k| free[k]).collect();
+    for k in &at_limit {
+        model.terms[*k].sd = None;
     }
     let observability = indices(&singular, rows);
-    Ok(Identified { model, free, data: data.clone(), noise, covariance, observability, dependent, report })
+    Ok(Identified { model, free, at_limit, data: data.clone(), noise, covariance, observability, dependent, report })
 }
 
 /// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.
@@ -397,7 +409,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     model.frames = vec![trical_model::Pose::identity(); data.frames()];
     let (terms, dependent) = independent_terms(judged(&model, data)?.as_ref(), data, choice)?;
     model.terms = terms;
-    check_count(data, model.terms.len(), &[])?;
+    check_count(data, model.terms.len(), &choice.known().of(&model)?)?;
     start(&mut model, data)?;
     Ok((model, dependent))
 }
@@ -422,8 +434,10 @@ fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
 /// # Errors
 /// As [`fit_model`].
 pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Choice>) -> Result<Identified> {
-    let (model, dependent) = prepared(robot, cell, data, &choice.into())?;
-    fit_model(model, data, &Noise::usual(data.names.len()), dependent)
+    let choice = choice.into();
+    let (model, dependent) = prepared(robot, cell, data, &choice)?;
+    let known = choice.known().of(&model)?;
+    fit_model_knowing(model, data, &Noise::usual(data.names.len()), &known, dependent)
 }
 
 /// Errors (m) of every observation when its pose was left out of the fit: `folds` fits, pose k scored by the fit without the

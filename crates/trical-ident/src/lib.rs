@@ -6,7 +6,8 @@
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`start`], [`trilateration`] | closed-form starting values |
-//! | [`fit`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
+//! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
+//! | [`known`] | priors and limits of parameters |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, gross errors, cross-validation |
 //! | [`stream`] | identification from files of any size, in bounded memory |
@@ -21,11 +22,13 @@ pub mod error;
 pub mod fit;
 pub mod identifiability;
 pub mod identify;
+pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
 pub mod recording_csv;
 pub mod rigid;
+pub mod solver;
 pub mod start;
 pub mod stream;
 pub mod trilateration;
@@ -40,6 +43,7 @@ pub use identifiability::{Choice, ChoiceError, Dependent, Observability, Paramet
 pub use identify::{
     ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify, reject_gross_errors,
 };
+pub use known::KnownParameters;
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};

@@ -201,6 +201,14 @@ impl Rows {
     }
 }
 
+/// The triangular factor of some columns of what has the factor `r`.
+pub(crate) fn triangular(r: &Mat<f64>, columns: &[usize]) -> Mat<f64> {
+    let p = columns.len();
+    let mut chosen = Mat::from_fn(r.nrows().max(p), p, |i, j| if i < r.nrows() { r[(i, columns[j])] } else { 0.0 });
+    triangularize(&mut chosen);
+    Mat::from_fn(p, p, |i, j| if i <= j { chosen[(i, j)] } else { 0.0 })
+}
+
 /// Householder: the upper triangle becomes `R`, what is below is of no use.
 fn triangularize(a: &mut Mat<f64>) {
     let (rows, columns) = a.shape();

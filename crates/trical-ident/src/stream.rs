@@ -20,7 +20,6 @@ use trical_model::{Cell, Forward, Measured, Recording, Robot, Row};
 
 use crate::dataset::{Dataset, JointSource, Observation, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::{Ended, LmReport};
 use crate::identifiability::{Choice, ParameterSet, covariance, indices, spectrum};
 use crate::identify::{
     CONDITION_LIMIT, ErrorSummary, GROSS, Identified, gross_error, identify, rank_deficient, robust_fit_of_the_richest,
@@ -29,6 +28,7 @@ use crate::identify::{
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
 use crate::recording_csv::{Parser, csv_reader};
+use crate::solver::{Ended, LmReport};
 
 /// Rows that are kept in memory, about.
 pub const SAMPLE: usize = 8192;
@@ -498,6 +498,7 @@ pub fn identify_stream(
                 identified: Identified {
                     model,
                     free: start.free,
+                    at_limit: Vec::new(),
                     data: data.clone(),
                     noise: updated,
                     covariance,

@@ -105,7 +105,7 @@ fn refitted(model: &Model, data: &Dataset, refit: Refit) -> Result<Model> {
         .collect();
     let mut forward = Forward::new(start, free)?;
     let noise = Noise::usual(data.names.len());
-    crate::fit::minimize(&mut forward, data, &noise, &crate::fit::LmParams::default())?;
+    crate::fit::minimize(&mut forward, data, &noise, &crate::solver::LmParams::default())?;
     Ok(forward.into_model())
 }
 

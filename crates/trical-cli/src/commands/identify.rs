@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
-    CsvStream, Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Streamed, cautions,
-    cross_validate, forward_in_time, identify, identify_stream, reject_gross_errors, shown,
+    CsvStream, Dataset, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, ParameterSet, Rejected,
+    Streamed, cautions, cross_validate, forward_in_time, identify, identify_stream, reject_gross_errors, shown,
 };
 use trical_model::{Cell, Recording, Robot};
 
@@ -58,6 +58,9 @@ pub struct Args {
     /// Compliance of these joints only, e.g. 2,3,4,5
     #[arg(long, value_delimiter = ',', value_name = "JOINTS")]
     compliant: Vec<usize>,
+    /// What is known beforehand: a TOML file of [[parameter]] tables with name and value and sd (a prior), min, max
+    #[arg(long, value_name = "FILE", conflicts_with = "stream")]
+    known: Option<PathBuf>,
     /// Also score every pose by a fit without it, in K folds
     #[arg(long, value_name = "K")]
     cross_validate: Option<usize>,
@@ -97,7 +100,7 @@ fn stream(args: &Args, joints: usize) -> Result<Option<CsvStream>> {
     if args.stream {
         return Ok(Some(CsvStream::open(&args.recordings, joints)?));
     }
-    if bytes <= LARGE || args.cross_validate.is_some() || args.hold_out_last.is_some() {
+    if bytes <= LARGE || args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some() {
         return Ok(None);
     }
     // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
@@ -138,7 +141,8 @@ pub fn run(args: &Args) -> Result<()> {
     if set >= ParameterSet::Compliance {
         robot.require_masses()?;
     }
-    let options = trical_ident::Choice::new(set, &args.compliant, robot.dof())?;
+    let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
+    let options = trical_ident::Choice::new(set, &args.compliant, robot.dof())?.knowing(known);
     let found = match stream(args, robot.dof())? {
         Some(stream) => {
             let sample = stream.sample()?;
@@ -243,6 +247,7 @@ fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
         "parameters": parameters,
         "not_identifiable": not_identifiable,
         "correlated": fitted.correlated(0.9),
+        "at_limit": at_limit(fitted),
         "observability": fitted.observability,
         "fit": fitted.report,
         "rms_mm": errors.rms_mm,
@@ -275,6 +280,11 @@ fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
     Ok(out)
 }
 
+/// Names of the parameters that a limit stopped.
+fn at_limit(fitted: &Identified) -> Vec<String> {
+    fitted.at_limit.iter().map(|k| fitted.model.terms[*k].name.clone()).collect()
+}
+
 /// Rows of a table of parameters beside nominal.
 pub fn parameter_rows(fitted: &Identified) -> Vec<Vec<String>> {
     let mut rows = vec![vec!["parameter".into(), "nominal".into(), "identified".into(), "sd".into(), "unit".into()]];
@@ -302,6 +312,10 @@ fn print(args: &Args, found: &Found) -> Result<()> {
     say(format!("\n{} parameters, joints as {:?}:", fitted.free.len(), data.joints).to_lowercase())?;
     for line in table::lines(&parameter_rows(fitted)) {
         say(line)?;
+    }
+    let stopped = at_limit(fitted);
+    if !stopped.is_empty() {
+        say(format!("\nStopped by a limit of --known, which the data would pass: {}", stopped.join(", ")))?;
     }
     let dropped: Vec<String> = fitted
         .dependent

@@ -5,9 +5,9 @@ use trical_model::{Forward, MAX_JOINTS, Model, State, Term};
 use super::answer::{Diagnosis, Finding};
 use super::catalogue::Candidate;
 use crate::error::{IdentError, Result};
-use crate::fit::Prior;
 use crate::identifiability::r_factor;
-use crate::identify::fit_model_with_priors;
+use crate::identify::fit_model_knowing;
+use crate::known::Known;
 use crate::noise::Noise;
 
 /// Rivals of one finding that are set against it.
@@ -21,7 +21,7 @@ const SURE: f64 = 0.9;
 pub struct Grounds {
     pub(super) noise: Noise,
     /// Of the model's terms, in their order.
-    pub(super) priors: Vec<Option<Prior>>,
+    pub(super) known: Vec<Known>,
     /// For every finding, the candidates that it consists of, and the best candidate of each of its rivals.
     pub(super) findings: Vec<(Vec<Candidate>, Vec<Candidate>)>,
     /// Standard deviation of a touch's scalar residual, m.
@@ -67,13 +67,13 @@ impl Diagnosis {
         let mut add = |name: String, candidate: Option<&Candidate>| -> Result<()> {
             let mut model = self.model.clone();
             model.terms = shared.iter().map(|t| self.model.terms[*t].clone()).collect();
-            let mut priors: Vec<Option<Prior>> = shared.iter().map(|t| self.grounds.priors[*t]).collect();
+            let mut known: Vec<Known> = shared.iter().map(|t| self.grounds.known[*t]).collect();
             for (t, sd) in candidate.iter().flat_map(|c| c.terms.iter().zip(&c.scales)) {
                 let name = format!("rival_{}", t.name);
                 model.terms.push(Term { name, ..t.clone() });
-                priors.push(Some(Prior { value: 0.0, sd: *sd }));
+                known.push(Known::about_zero(*sd));
             }
-            let fitted = fit_model_with_priors(model, &self.data, &self.grounds.noise, &priors, Vec::new());
+            let fitted = fit_model_knowing(model, &self.data, &self.grounds.noise, &known, Vec::new());
             models.push(fitted?.model);
             names.push(name);
             Ok(())
@@ -85,8 +85,8 @@ impl Diagnosis {
             add("nothing".into(), None)?;
         }
         let forward = Forward::new(self.model.clone(), shared.clone())?;
-        let priors: Vec<Option<Prior>> = shared.iter().map(|t| self.grounds.priors[*t]).collect();
-        let r = r_factor(&forward, &self.data, &self.grounds.noise, &priors);
+        let known: Vec<Known> = shared.iter().map(|t| self.grounds.known[*t]).collect();
+        let r = r_factor(&forward, &self.data, &self.grounds.noise, &known);
         let p = shared.len();
         let information =
             (0..p * p).map(|k| (0..r.nrows()).map(|row| r[(row, k / p)] * r[(row, k % p)]).sum()).collect();

@@ -163,7 +163,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         before: baseline,
         grounds: Grounds {
             noise: fitted.noise.clone(),
-            priors: work.priors.clone(),
+            known: work.known.clone(),
             findings: grounds,
             sigma: work.touch_sigma(),
         },

@@ -12,9 +12,10 @@ use super::search::{self, Search};
 use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
 use crate::error::Result;
-use crate::fit::{Prior, weighted_residuals};
+use crate::fit::weighted_residuals;
 use crate::identifiability::{Choice, ParameterSet};
-use crate::identify::{Identified, fit_model, fit_model_with_priors, prepared, reject_gross_errors_beyond};
+use crate::identify::{Identified, fit_model, fit_model_knowing, prepared, reject_gross_errors_beyond};
+use crate::known::Known;
 use crate::noise::Noise;
 
 /// Rounds of search and exact refit until nothing changes.
@@ -34,7 +35,7 @@ pub(super) struct Work {
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
     pub(super) fitted: Identified,
     /// Of its terms.
-    pub(super) priors: Vec<Option<Prior>>,
+    pub(super) known: Vec<Known>,
     /// How many of its terms are the baseline's.
     baseline_terms: usize,
     /// What can be tried; grows as frequencies are found.
@@ -64,7 +65,7 @@ impl Work {
             kept: all.clone(),
             all,
             baseline_terms: fitted.model.terms.len(),
-            priors: vec![None; fitted.model.terms.len()],
+            known: vec![Known::NOTHING; fitted.model.terms.len()],
             candidates: Vec::new(),
             chosen: Vec::new(),
             memory: None,
@@ -243,7 +244,7 @@ impl Work {
     /// The exact joint fit of the baseline and what was chosen.
     fn refit(&mut self) -> Result<()> {
         let mut model = self.bare();
-        let mut priors: Vec<Option<Prior>> = vec![None; model.terms.len()];
+        let mut known = vec![Known::NOTHING; model.terms.len()];
         for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
             for (t, sd) in c.terms.iter().zip(&c.scales) {
                 let mut term: Term = t.clone();
@@ -252,11 +253,11 @@ impl Work {
                     term.name = format!("{}_{}", term.name, copies + 1);
                 }
                 model.terms.push(term);
-                priors.push(Some(Prior { value: 0.0, sd: *sd }));
+                known.push(Known::about_zero(*sd));
             }
         }
-        self.fitted = fit_model_with_priors(model, &self.kept, &self.fitted.noise, &priors, Vec::new())?;
-        self.priors = priors;
+        self.fitted = fit_model_knowing(model, &self.kept, &self.fitted.noise, &known, Vec::new())?;
+        self.known = known;
         Ok(())
     }
 

@@ -1,0 +1,339 @@
+//! Levenberg-Marquardt on normal equations, solved by faer, with limits of the coefficients.
+//!
+//! Normal equations are accumulated block by block, so memory does not grow with the rows; columns are scaled to unit length
+//! before the Cholesky factorization, which keeps the digits (what is reported, rank and covariance, comes from a QR
+//! factorization of J itself, see [`crate::identifiability`]).
+//!
+//! Limits are kept by an active set: a coefficient at a limit that the gradient would push beyond it is held there for the step,
+//! one that the step would carry beyond a limit goes to it, and the others step with a view to that.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::cholesky::llt::solve::{solve_in_place, solve_in_place_scratch};
+use faer::{Mat, Par};
+use trical_model::Forward;
+
+use crate::dataset::Dataset;
+use crate::error::{IdentError, Result};
+use crate::fit::{check_count, evaluate};
+use crate::known::Known;
+use crate::noise::Noise;
+use crate::normal::{Keep, Rows};
+
+/// Damping at the start (columns have unit length): small, since starts from closed forms are good, and Newton's steps are fast.
+const LAMBDA: f64 = 1e-8;
+
+/// A step by less than this fraction of what the data can tell is not worth another pass over it, where the cost would not
+/// fall either.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug)]
+pub struct LmParams {
+    /// Most iterations.
+    pub max_iterations: usize,
+    /// Stop when the cost would fall by less than this fraction.
+    pub cost_tolerance: f64,
+    /// Stop when no coefficient moves by more than this fraction of its standard deviation.
+    pub step_tolerance: f64,
+    /// Residuals beyond this many sigma count linearly only (Huber); infinite for plain least squares.
+    pub huber: f64,
+}
+
+impl Default for LmParams {
+    fn default() -> Self {
+        Self { max_iterations: 100, cost_tolerance: 1e-10, step_tolerance: 1e-6, huber: f64::INFINITY }
+    }
+}
+
+/// Why the iteration ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// The cost no longer falls.
+    Cost,
+    /// The steps are below what the data can tell.
+    Step,
+    /// The residual is zero to rounding.
+    Zero,
+    /// It was given up.
+    Iterations,
+    /// No step lowers the cost although the gradient says so.
+    Stuck,
+}
+
+/// What the iteration did.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct LmReport {
+    /// Iterations.
+    pub iterations: usize,
+    /// Half the weighted sum of squares at the end.
+    pub cost: f64,
+    /// Largest cosine between the residual and a column of the Jacobian at the end: 0 at a minimum.
+    pub gradient: f64,
+    /// Why it ended.
+    pub ended: Ended,
+}
+
+/// Levenberg-Marquardt with its working memory, so that refits allocate nothing anew.
+pub(crate) struct Solver {
+    /// Sums at the present coefficients.
+    at: Rows,
+    /// Sums at those that are tried.
+    tried: Rows,
+    damped: Mat<f64>,
+    rhs: Mat<f64>,
+    scale: Vec<f64>,
+    proposal: Vec<f64>,
+    /// Coefficients that a step leaves at their limits.
+    held: Vec<bool>,
+    /// Where a step must take coefficients, whatever the data ask for: those that are held, and those that would go too far.
+    target: Vec<Option<f64>>,
+    memory: MemBuffer,
+}
+
+impl Solver {
+    /// For `p` free coefficients.
+    pub fn new(p: usize) -> Self {
+        let scratch = cholesky_in_place_scratch::<f64>(p, Par::Seq, faer::Spec::default())
+            .or(solve_in_place_scratch::<f64>(p, 1, Par::Seq));
+        Self {
+            at: Rows::new(p, Keep::Products),
+            tried: Rows::new(p, Keep::Products),
+            damped: Mat::zeros(p, p),
+            rhs: Mat::zeros(p, 1),
+            scale: vec![1.0; p],
+            proposal: vec![0.0; p],
+            held: vec![false; p],
+            target: vec![None; p],
+            memory: MemBuffer::new(scratch),
+        }
+    }
+
+    /// The coefficients that stand at a limit which they would pass, in the order of the free ones.
+    pub fn held(&self) -> &[bool] {
+        &self.held
+    }
+
+    /// The factor of `[J r]` where the fit ended, if all rows are still there.
+    pub fn factor(&self) -> Option<Mat<f64>> {
+        self.at.factor()
+    }
+
+    /// The step from `x` at damping `lambda` into `rhs` (scaled), within the limits; false where the matrix is not positive.
+    fn step(&mut self, lambda: f64, x: &[f64], known: &[Known]) -> bool {
+        for ((target, held), x) in self.target.iter_mut().zip(&self.held).zip(x) {
+            *target = held.then_some(*x);
+        }
+        loop {
+            if !self.solve(lambda, x) {
+                return false;
+            }
+            let mut again = false;
+            for (j, k) in known.iter().enumerate() {
+                let to = x[j] + self.rhs[(j, 0)] / self.scale[j];
+                if self.target[j].is_none() && (to < k.limits[0] || to > k.limits[1]) {
+                    self.target[j] = Some(to.clamp(k.limits[0], k.limits[1]));
+                    again = true;
+                }
+            }
+            if !again {
+                return true;
+            }
+        }
+    }
+
+    /// Scales, solves for the step at damping `lambda` into `rhs` (scaled); false where the matrix is not positive.
+    fn solve(&mut self, lambda: f64, x: &[f64]) -> bool {
+        let p = self.scale.len();
+        for j in 0..p {
+            for i in j..p {
+                self.damped[(i, j)] =
+                    self.at.h(i, j) / (self.scale[i] * self.scale[j]) + if i == j { lambda } else { 0.0 };
+            }
+            self.rhs[(j, 0)] = -self.at.g(j) / self.scale[j];
+        }
+        for (k, from) in x.iter().enumerate() {
+            let Some(target) = self.target[k] else { continue };
+            let step = (target - from) * self.scale[k];
+            for i in 0..p {
+                let (row, column) = if i >= k { (i, k) } else { (k, i) };
+                if i != k && self.target[i].is_none() {
+                    self.rhs[(i, 0)] -= self.damped[(row, column)] * step;
+                }
+                self.damped[(row, column)] = if i == k { 1.0 } else { 0.0 };
+            }
+            self.rhs[(k, 0)] = step;
+        }
+        let stack = MemStack::new(&mut self.memory);
+        let factored = cholesky_in_place(
+            self.damped.as_mut(),
+            LltRegularization::default(),
+            Par::Seq,
+            stack,
+            faer::Spec::default(),
+        );
+        if factored.is_err() {
+            return false;
+        }
+        let stack = MemStack::new(&mut self.memory);
+        solve_in_place(self.damped.as_ref(), self.rhs.as_mut(), Par::Seq, stack);
+        true
+    }
+
+    /// As [`crate::fit::minimize_knowing`].
+    pub fn minimize(
+        &mut self,
+        forward: &mut Forward,
+        data: &Dataset,
+        noise: &Noise,
+        known: &[Known],
+        params: &LmParams,
+    ) -> Result<LmReport> {
+        let p = forward.free().len();
+        let scalars = check_count(data, p, known)?;
+        let limited = known.iter().any(|k| k.limits != Known::UNLIMITED);
+        let mut x = forward.coefficients();
+        if limited {
+            for (x, k) in x.iter_mut().zip(known) {
+                *x = x.clamp(k.limits[0], k.limits[1]);
+            }
+            forward.set_coefficients(&x);
+        }
+        self.held.fill(false);
+        evaluate(forward, data, noise, known, params.huber, &mut self.at);
+        let mut lambda = LAMBDA;
+        let mut report = LmReport { iterations: 0, cost: self.at.cost, gradient: 0.0, ended: Ended::Iterations };
+        if !self.at.cost.is_finite() {
+            return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
+        }
+        if p == 0 {
+            report.ended = Ended::Step;
+            return Ok(report);
+        }
+        let mut fresh = true;
+        while report.iterations < params.max_iterations {
+            report.iterations += 1;
+            if fresh {
+                self.hold(&x, known);
+                report.gradient = self.rescale(forward)?;
+            }
+            if self.at.cost < 1e-22 * (1.0 + f64::from(u32::try_from(scalars).unwrap_or(u32::MAX))) {
+                report.ended = Ended::Zero;
+                break;
+            }
+            if !self.step(lambda, &x, known) {
+                lambda = (lambda * 10.0).max(1e-9);
+                fresh = false;
+                if lambda > 1e6 {
+                    report.ended = Ended::Stuck;
+                    break;
+                }
+                continue;
+            }
+            // predicted decrease of the cost, and the step in units of what the data can tell
+            let (mut predicted, mut size) = (0.0, 0.0_f64);
+            for (i, ((to, from), scale)) in self.proposal.iter_mut().zip(&x).zip(&self.scale).enumerate() {
+                let step = self.rhs[(i, 0)];
+                predicted += 0.5 * step * (lambda * step - self.at.g(i) / scale);
+                size = size.max(step.abs());
+                *to = from + step / scale;
+            }
+            if limited {
+                predicted = self.stop_at_targets(&x);
+                if predicted <= 0.0 && size >= params.step_tolerance {
+                    lambda = (lambda * 10.0).max(1e-9);
+                    fresh = false;
+                    continue;
+                }
+            }
+            if fresh && predicted <= params.cost_tolerance * self.at.cost && size < NEGLIGIBLE {
+                report.ended = Ended::Cost;
+                break;
+            }
+            forward.set_coefficients(&self.proposal);
+            evaluate(forward, data, noise, known, params.huber, &mut self.tried);
+            let new_cost = self.tried.cost;
+            if new_cost.is_finite() && new_cost <= self.at.cost * (1.0 + 1e-14) {
+                let fell = self.at.cost - new_cost;
+                let gain = fell / predicted.max(1e-300);
+                x.copy_from_slice(&self.proposal);
+                let small_step = size < params.step_tolerance;
+                let small_fall =
+                    fell <= params.cost_tolerance * new_cost && predicted <= params.cost_tolerance * new_cost;
+                std::mem::swap(&mut self.at, &mut self.tried);
+                fresh = true;
+                report.cost = new_cost;
+                if gain > 0.75 {
+                    lambda = (lambda * 0.1).max(1e-15);
+                } else if gain < 0.25 {
+                    lambda *= 4.0;
+                }
+                if small_step || small_fall {
+                    report.ended = if small_step { Ended::Step } else { Ended::Cost };
+                    self.hold(&x, known);
+                    report.gradient = self.rescale(forward)?;
+                    break;
+                }
+            } else {
+                forward.set_coefficients(&x);
+                fresh = false;
+                if predicted <= params.cost_tolerance * self.at.cost || size < params.step_tolerance {
+                    report.ended = Ended::Cost;
+                    break;
+                }
+                lambda = (lambda * 10.0).max(1e-9);
+                if lambda > 1e9 {
+                    report.ended = Ended::Stuck;
+                    break;
+                }
+            }
+        }
+        forward.set_coefficients(&x);
+        report.cost = self.at.cost;
+        Ok(report)
+    }
+
+    /// Finds the coefficients at a limit beyond which the cost would fall.
+    fn hold(&mut self, x: &[f64], known: &[Known]) {
+        for (j, (x, k)) in x.iter().zip(known).enumerate() {
+            let g = self.at.g(j);
+            self.held[j] = (*x <= k.limits[0] && g > 0.0) || (*x >= k.limits[1] && g < 0.0);
+        }
+    }
+
+    /// Puts the proposal exactly where it must be; the decrease of the cost that the linear picture then predicts.
+    fn stop_at_targets(&mut self, x: &[f64]) -> f64 {
+        for (to, target) in self.proposal.iter_mut().zip(&self.target) {
+            *to = target.unwrap_or(*to);
+        }
+        let step = |j: usize| self.proposal[j] - x[j];
+        let p = x.len();
+        (0..p)
+            .map(|i| {
+                let curved: f64 = (0..p).map(|j| self.at.h(i, j) * step(j)).sum();
+                -step(i) * (self.at.g(i) + 0.5 * curved)
+            })
+            .sum()
+    }
+
+    /// Lengths of the columns where the fit stands; returns the largest cosine between one and the residual.
+    fn rescale(&mut self, forward: &Forward) -> Result<f64> {
+        let r = (2.0 * self.at.cost).sqrt().max(1e-300);
+        let mut gradient = 0.0_f64;
+        for (a, s) in self.scale.iter_mut().enumerate() {
+            let d = self.at.h(a, a);
+            if d <= 0.0 || !d.is_finite() {
+                let name = &forward.model().terms[forward.free()[a]].name;
+                return Err(IdentError::NotEnough(format!(
+                    "parameter {name} has no effect on any measurement of this data set"
+                )));
+            }
+            *s = d.sqrt();
+            if !self.held[a] {
+                gradient = gradient.max((self.at.g(a) / (*s * r)).abs());
+            }
+        }
+        Ok(gradient)
+    }
+}

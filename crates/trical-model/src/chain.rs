@@ -422,34 +422,34 @@ impl Chain {
 
     /// The gravity moment that basis functions look at, ready for derivatives.
     #[inline]
-    pub fn moment(&self, frames: &Frames, loads: &Loads, i: usize, axis: Axis, gravity: &V3) -> Moment {
+    pub fn moment(&self, frames: &Frames, loads: &Loads, at: MomentAt, gravity: &V3) -> Moment {
+        let MomentAt { joint: i, axis, foot } = at;
         let f = &frames.joints[i];
+        let about = if foot { f.o_beta } else { f.origin };
         let slides = self.joints[i].prismatic;
         // a tilt turns the axis of rotation, but not the way along which the joint slides
-        let e = if axis == Axis::Z && !slides { f.z_tilted } else { f.bearing.axis(axis) };
+        let e = if axis == Axis::Z && !slides && !foot { f.z_tilted } else { f.bearing.axis(axis) };
         if axis == Axis::Z && slides {
             let weight = gravity * loads.mass[i];
             return Moment {
-                joint: i,
-                axis,
+                at,
                 value: e.dot(&weight),
                 turn: gravity.cross(&e) * loads.mass[i],
                 carry: V3::zeros(),
                 arm: e * loads.mass[i],
-                about: f.origin,
+                about,
                 slide: Some(e),
             };
         }
-        let s = loads.first[i] - f.origin * loads.mass[i];
+        let s = loads.first[i] - about * loads.mass[i];
         let arm = e.cross(&s);
         Moment {
-            joint: i,
-            axis,
+            at,
             value: arm.dot(gravity),
             turn: gravity.cross(&arm),
             carry: gravity.cross(&e),
             arm,
-            about: f.origin,
+            about,
             slide: None,
         }
     }
@@ -469,14 +469,24 @@ impl Loads {
     }
 }
 
-/// A component `e . M` of a gravity moment `M = S x g`, `S` the first moment of what joint i carries about its origin.
+/// Which component of which gravity moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MomentAt {
+    /// 0-based.
+    pub joint: usize,
+    pub axis: Axis,
+    /// About the joint's foot instead of its origin.
+    pub foot: bool,
+}
+
+/// A component `e . M` of a gravity moment `M = S x g`, `S` the first moment of what joint i carries about its origin
+/// (or its foot).
 ///
 /// When everything from before joint i turns by `w`: `d(e . M) = -w . (g x (e x S))`, since turning gravity as well would
 /// change nothing. When only bodies behind joint i move so that their first moment changes by `b`: `d(e . M) = b . (g x e)`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moment {
-    joint: usize,
-    axis: Axis,
+    at: MomentAt,
     /// N m (N for the force along a prismatic joint).
     pub value: f64,
     turn: V3,
@@ -491,7 +501,7 @@ impl Moment {
     /// The joint (0-based) about which it acts.
     #[inline]
     pub fn joint(&self) -> usize {
-        self.joint
+        self.at.joint
     }
 
     /// Minus its derivative to a rotation of everything from before its joint.
@@ -509,11 +519,15 @@ impl Moment {
     /// Derivative to a motion within joint `s`.
     #[inline]
     pub fn by_chain(&self, s: usize, dof: ChainDof, frames: &Frames, loads: &Loads) -> f64 {
-        let behind = s > self.joint
-            || (s == self.joint && matches!(dof, ChainDof::TiltX | ChainDof::TiltY | ChainDof::Theta) && {
-                // a tilt turns the axis z with it, but not the bearing's x and y, nor the way along which the joint slides
-                dof == ChainDof::Theta || self.axis != Axis::Z || self.slide.is_some()
-            });
+        let own = |dof| match dof {
+            ChainDof::Theta => true,
+            // a tilt turns the axis z with it, but not the bearing's x and y, nor the way along which the joint slides
+            ChainDof::TiltX | ChainDof::TiltY => self.at.foot || self.at.axis != Axis::Z || self.slide.is_some(),
+            // away from the foot, but the origin goes along
+            ChainDof::D => self.at.foot,
+            ChainDof::Alpha | ChainDof::A | ChainDof::Beta => false,
+        };
+        let behind = s > self.at.joint || (s == self.at.joint && own(dof));
         let twist = frames.twist(s, dof);
         if !behind {
             return -twist.angular().dot(&self.turn);

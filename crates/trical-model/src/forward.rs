@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::cell::Cell;
-use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, small_rotation};
+use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, small_rotation};
 use crate::error::{ModelError, Result};
 use crate::jacobian::{Map, Target, Through};
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
@@ -61,8 +61,8 @@ pub struct Forward {
     /// Actions of term k are `bound[spans[k].0..spans[k].1]`.
     pub(crate) spans: Vec<(usize, usize)>,
     pub(crate) dofs: Vec<Dof>,
-    /// The gravity moments that basis functions look at: joint (0-based) and component.
-    pub(crate) moments: Vec<(usize, Axis)>,
+    /// The gravity moments that basis functions look at.
+    pub(crate) moments: Vec<MomentAt>,
     pub(crate) free: Vec<usize>,
     /// Actions whose basis is not constant.
     pub(crate) varying: Vec<(usize, usize)>,
@@ -177,16 +177,17 @@ impl Forward {
                     this.dofs.push(action.dof);
                     this.dofs.len() - 1
                 });
-                let moment = match action.basis.of {
-                    Variable::Moment { joint, axis } => {
-                        let key = (joint - 1, axis);
-                        Some(this.moments.iter().position(|m| *m == key).unwrap_or_else(|| {
-                            this.moments.push(key);
-                            this.moments.len() - 1
-                        }))
-                    }
+                let at = match action.basis.of {
+                    Variable::Moment { joint, axis } => Some(MomentAt { joint: joint - 1, axis, foot: false }),
+                    Variable::FootMoment { joint, axis } => Some(MomentAt { joint: joint - 1, axis, foot: true }),
                     _ => None,
                 };
+                let moment = at.map(|at| {
+                    this.moments.iter().position(|m| *m == at).unwrap_or_else(|| {
+                        this.moments.push(at);
+                        this.moments.len() - 1
+                    })
+                });
                 if !constant {
                     this.varying.push((k, this.bound.len()));
                     this.moves_base |= matches!(action.dof, Dof::Base(_));
@@ -325,7 +326,7 @@ impl Forward {
         match basis.of {
             Variable::Nothing => 0.0,
             Variable::Joint { joint } => state.q[joint - 1],
-            Variable::Moment { .. } => moment.map_or(0.0, |m| m.value),
+            Variable::Moment { .. } | Variable::FootMoment { .. } => moment.map_or(0.0, |m| m.value),
             Variable::Lag { joint } => state.q_commanded.map_or(0.0, |c| c[joint - 1] - state.q[joint - 1]),
             Variable::Time => state.t.unwrap_or(0.0),
             Variable::Temperature { reference_c } => state.temp_c.map_or(0.0, |t| t - reference_c),
@@ -363,8 +364,8 @@ impl Forward {
         if !self.moments.is_empty() {
             self.chain.run(&state.q, None, &mut ws.still);
             self.chain.loads(&ws.still, self.payload_at(state), &mut ws.loads);
-            for (i, axis) in &self.moments {
-                ws.moments.push(self.chain.moment(&ws.still, &ws.loads, *i, *axis, &self.gravity));
+            for at in &self.moments {
+                ws.moments.push(self.chain.moment(&ws.still, &ws.loads, *at, &self.gravity));
             }
         }
         ws.increments = [JointIncrement::default(); MAX_JOINTS];
@@ -498,7 +499,8 @@ impl Forward {
         self.chain.loads(&ws.still, self.payload_at(state), &mut ws.loads);
         let mut tau = [0.0; MAX_JOINTS];
         for (i, t) in tau.iter_mut().enumerate().take(self.chain.dof()) {
-            *t = self.chain.moment(&ws.still, &ws.loads, i, Axis::Z, &self.gravity).value;
+            let at = MomentAt { joint: i, axis: Axis::Z, foot: false };
+            *t = self.chain.moment(&ws.still, &ws.loads, at, &self.gravity).value;
         }
         Ok(tau)
     }

@@ -123,7 +123,8 @@ pub enum Site {
         /// X or Y.
         axis: Axis,
     },
-    /// Rotation across a joint's axis, proportional to the gravity moment across it: both tilts with one coefficient.
+    /// Rotation across a joint's axis, proportional to the gravity moment across it, with one coefficient: both tilts of
+    /// [`Site::Tilt`] by [`Variable::Moment`], or, about the joint's foot, alpha and beta by [`Variable::FootMoment`].
     Across {
         /// 1 to n.
         joint: usize,
@@ -191,6 +192,13 @@ pub enum Variable {
     /// Gravity moment at a joint's origin of all that the joint carries, N m. Z is the torque about (for a prismatic
     /// joint: the force along) the joint's axis; X and Y are the axes of the frame that carries the bearing.
     Moment {
+        /// 1-based.
+        joint: usize,
+        /// Which component.
+        axis: Axis,
+    },
+    /// The same at the joint's foot, where its axis begins, before the offset d along it; Z too is the bearing's axis.
+    FootMoment {
         /// 1-based.
         joint: usize,
         /// Which component.
@@ -454,7 +462,10 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
         JointKind::Prismatic => Dof::Chain(i, ChainDof::D),
     };
     match term.basis.of {
-        Variable::Joint { joint } | Variable::Moment { joint, .. } | Variable::Lag { joint } => {
+        Variable::Joint { joint }
+        | Variable::Moment { joint, .. }
+        | Variable::FootMoment { joint, .. }
+        | Variable::Lag { joint } => {
             joint_index(joint)?;
         }
         _ => {}
@@ -488,13 +499,13 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
         }
         Site::Across { joint } => {
             let i = joint_index(joint)?;
-            Ok([(Axis::X, ChainDof::TiltX), (Axis::Y, ChainDof::TiltY)]
-                .map(|(axis, dof)| Action {
-                    dof: Dof::Chain(i, dof),
-                    basis: Basis { of: Variable::Moment { joint, axis }, ..term.basis },
-                    weight: 1.0,
-                })
-                .to_vec())
+            let foot = matches!(term.basis.of, Variable::FootMoment { .. });
+            let dofs = if foot { [ChainDof::Alpha, ChainDof::Beta] } else { [ChainDof::TiltX, ChainDof::TiltY] };
+            let about = |axis, dof| {
+                let of = if foot { Variable::FootMoment { joint, axis } } else { Variable::Moment { joint, axis } };
+                Action { dof: Dof::Chain(i, dof), basis: Basis { of, ..term.basis }, weight: 1.0 }
+            };
+            Ok(vec![about(Axis::X, dofs[0]), about(Axis::Y, dofs[1])])
         }
         Site::AllJoints => Ok((0..n)
             .map(|i| {
@@ -502,6 +513,7 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
                     Variable::Lag { .. } => Variable::Lag { joint: i + 1 },
                     Variable::Joint { .. } => Variable::Joint { joint: i + 1 },
                     Variable::Moment { axis, .. } => Variable::Moment { joint: i + 1, axis },
+                    Variable::FootMoment { axis, .. } => Variable::FootMoment { joint: i + 1, axis },
                     other => other,
                 };
                 Action {

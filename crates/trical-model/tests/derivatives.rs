@@ -16,7 +16,7 @@ type D = Dual64;
 type V = [D; 3];
 type M = [[D; 3]; 3];
 /// A pose, what was measured there, and the gravity moments.
-type At<'a> = (&'a State, &'a Measured, &'a dyn Fn(usize, Axis) -> D);
+type At<'a> = (&'a State, &'a Measured, &'a dyn Fn(usize, Axis, bool) -> D);
 
 fn c(x: f64) -> D {
     D::from_re(x)
@@ -105,6 +105,11 @@ fn shape(s: Shape, u: D) -> D {
 
 type JointFrames = (M, V, V, M);
 
+/// Whether a term at a site across a joint acts about its foot.
+fn foot(t: &Term) -> bool {
+    matches!(t.basis.of, Variable::FootMoment { .. })
+}
+
 struct Naive<'a> {
     model: &'a Model,
     values: Vec<D>,
@@ -142,8 +147,14 @@ impl Naive<'_> {
                     _ => (false, t.basis.of, None, 0.0),
                 },
                 Site::Across { joint } => match wanted {
-                    Site::Tilt { joint: j, axis } if j == joint => {
+                    Site::Tilt { joint: j, axis } if j == joint && !foot(t) => {
                         (true, Variable::Moment { joint, axis }, t.basis.sense, 1.0)
+                    }
+                    Site::Link { link, parameter: Parameter::Alpha } if link + 1 == joint && foot(t) => {
+                        (true, Variable::FootMoment { joint, axis: Axis::X }, t.basis.sense, 1.0)
+                    }
+                    Site::Link { link, parameter: Parameter::Beta } if link + 1 == joint && foot(t) => {
+                        (true, Variable::FootMoment { joint, axis: Axis::Y }, t.basis.sense, 1.0)
                     }
                     _ => (false, t.basis.of, None, 0.0),
                 },
@@ -161,7 +172,8 @@ impl Naive<'_> {
             let u = match basis.of {
                 Variable::Nothing => c(0.0),
                 Variable::Joint { joint } => self.q[joint - 1],
-                Variable::Moment { joint, axis } => moment(joint, axis),
+                Variable::Moment { joint, axis } => moment(joint, axis, false),
+                Variable::FootMoment { joint, axis } => moment(joint, axis, true),
                 Variable::Lag { joint } => c(state.q_commanded.unwrap()[joint - 1]) - self.q[joint - 1],
                 Variable::Time => c(state.t.unwrap()),
                 Variable::Temperature { reference_c } => c(state.temp_c.unwrap() - reference_c),
@@ -209,6 +221,20 @@ impl Naive<'_> {
         (base_r, base_p, out)
     }
 
+    /// Where a joint's axis begins: before its offset d, with the constant terms.
+    fn foot(&self, joint: usize) -> V {
+        let (_, _, frames) = self.frames(None);
+        let (bearing, _, origin, _) = &frames[joint - 1];
+        let d = self.sum(Site::Link { link: joint, parameter: Parameter::D }, None);
+        let j = &self.model.robot.joints[joint - 1];
+        let own = if j.kind == JointKind::Prismatic {
+            self.sum(Site::Joint { joint }, None) + self.q[joint - 1]
+        } else {
+            c(0.0)
+        };
+        minus(*origin, scale(col(bearing, 2), d + own + j.d))
+    }
+
     /// Origin and axes of the flange.
     fn flange(&self, frames: &[JointFrames]) -> (V, M) {
         let (_, _, o, r) = frames.last().unwrap();
@@ -216,11 +242,12 @@ impl Naive<'_> {
         (plus(*o, times(r, vec(&own.translation))), mul(r, &mat(&own.rotation)))
     }
 
-    fn moment(&self, state: &State, joint: usize, axis: Axis) -> D {
+    fn moment(&self, state: &State, joint: usize, axis: Axis, foot: bool) -> D {
         let (_, _, frames) = self.frames(None);
         let g: V =
             std::array::from_fn(|k| self.sum(Site::Gravity(Axis::ALL[k]), None) + if k == 2 { -GRAVITY } else { 0.0 });
-        let (bearing, z, o, _) = &frames[joint - 1];
+        let (bearing, z, origin, _) = &frames[joint - 1];
+        let o = &if foot { self.foot(joint) } else { *origin };
         let mut bodies: Vec<(D, V)> = Vec::new();
         for (j, f) in self.model.robot.joints.iter().zip(&frames).skip(joint - 1) {
             bodies.push((c(j.mass.unwrap()), plus(f.2, times(&f.3, vec(&j.cog)))));
@@ -232,7 +259,7 @@ impl Naive<'_> {
         bodies.push((mass, plus(flange_o, times(&flange_r, vec(&tool.cog)))));
         let mu: V = std::array::from_fn(|k| self.sum(Site::Payload(Payload::Moment(Axis::ALL[k])), None));
         let prismatic = self.model.robot.joints[joint - 1].kind == JointKind::Prismatic && axis == Axis::Z;
-        let e = if axis == Axis::Z && !prismatic { *z } else { col(bearing, axis.index()) };
+        let e = if axis == Axis::Z && !prismatic && !foot { *z } else { col(bearing, axis.index()) };
         let mut total = c(0.0);
         for (m, at) in &bodies {
             let force = scale(g, *m);
@@ -245,7 +272,7 @@ impl Naive<'_> {
     }
 
     fn residual(&self, state: &State, measured: &Measured) -> Vec<D> {
-        let moment = |j: usize, a: Axis| self.moment(state, j, a);
+        let moment = |j: usize, a: Axis, foot: bool| self.moment(state, j, a, foot);
         let with: Option<At<'_>> = Some((state, measured, &moment));
         let (_, _, frames) = self.frames(with);
         let (o, r) = &self.flange(&frames);
@@ -357,7 +384,8 @@ impl Draw {
         let of = match self.below(8) {
             0 => Variable::Nothing,
             1 => Variable::Joint { joint },
-            2 | 3 => Variable::Moment { joint, axis: Axis::ALL[self.below(3)] },
+            2 => Variable::Moment { joint, axis: Axis::ALL[self.below(3)] },
+            3 => Variable::FootMoment { joint, axis: Axis::ALL[self.below(3)] },
             4 => Variable::Lag { joint },
             5 => Variable::Time,
             6 => Variable::Temperature { reference_c: 20.0 },
@@ -420,6 +448,7 @@ impl Draw {
                 _ => sites[self.below(movable)],
             };
             let basis = match k {
+                0 if self.below(2) == 0 => Basis::new(Variable::FootMoment { joint: 1, axis: Axis::X }, Shape::Linear),
                 0 => Basis::new(Variable::Moment { joint: 1, axis: Axis::X }, Shape::Linear),
                 1 => Basis::new(Variable::Lag { joint: 1 }, Shape::Linear),
                 3 => Basis::torque(1 + self.below(n), Shape::Linear),
@@ -429,7 +458,7 @@ impl Draw {
             terms.push(Term::new(format!("vary{k}"), "test", site, basis));
         }
         for t in &mut terms {
-            let torque = matches!(t.basis.of, Variable::Moment { .. });
+            let torque = matches!(t.basis.of, Variable::Moment { .. } | Variable::FootMoment { .. });
             t.value = self.n(0.02)
                 * if !torque {
                     1.0
@@ -540,7 +569,7 @@ fn the_joint_jacobian_agrees_with_automatic_differentiation() {
             let naive = Naive { model: &model, values, q };
             // the distance to three far anchors would do; the point of a touch with zero reading is simpler
             let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
-            let moment = |j: usize, a: Axis| naive.moment(&state, j, a);
+            let moment = |j: usize, a: Axis, foot: bool| naive.moment(&state, j, a, foot);
             let with: Option<At<'_>> = Some((&state, &touch, &moment));
             let (_, _, frames) = naive.frames(with);
             let (o, r) = &naive.flange(&frames);

@@ -1,8 +1,9 @@
 //! Bearing run-out: the axis tilts as the joint turns, once or twice a turn.
 
-use trical_model::{Axis, Basis, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Parameter, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size, deg, joint_site};
+use super::{Asked, Effect, Pivot, Size, deg, joint_site};
+use crate::diagnose::catalogue::Candidate;
 use crate::diagnose::recorded::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -18,29 +19,37 @@ pub const EFFECT: Effect = Effect {
 fn ask(r: &Recorded<'_>) -> Asked {
     let mut out = Vec::new();
     for joint in r.joints() {
-        for k in 1..=2_u8 {
-            let cycles = f64::from(k);
-            let q = Variable::Joint { joint };
-            let mut parts = Vec::new();
-            for axis in [Axis::X, Axis::Y] {
-                let at = Site::Tilt { joint, axis };
-                let a = axis.name();
-                parts.push((format!("wobble_{a}_sine_{k}_{joint}"), at, Basis::new(q, Shape::Sine { cycles }), 0));
-                parts.push((format!("wobble_{a}_cosine_{k}_{joint}"), at, Basis::new(q, Shape::Cosine { cycles }), 0));
-            }
-            let mut candidate = EFFECT.candidate(
-                joint_site(joint),
-                format!("axis {joint} tilts {k} time{} a turn", if k == 1 { "" } else { "s" }),
-                Size { typical: deg(0.01), large: deg(0.03) },
-                parts,
-            );
-            if k == 1 {
-                candidate.physical = is_no_twist;
-            }
-            out.push(candidate);
+        for k in 1..=2 {
+            out.extend(Pivot::of(r, joint).iter().map(|pivot| wobble(joint, k, *pivot)));
         }
     }
     out.into()
+}
+
+/// A tilt `k` times a turn.
+fn wobble(joint: usize, k: u8, pivot: Pivot) -> Candidate {
+    let cycles = f64::from(k);
+    let q = Variable::Joint { joint };
+    let mut parts = Vec::new();
+    for (axis, parameter) in [(Axis::X, Parameter::Alpha), (Axis::Y, Parameter::Beta)] {
+        let at = match pivot {
+            Pivot::Origin => Site::Tilt { joint, axis },
+            Pivot::Foot => Site::Link { link: joint - 1, parameter },
+        };
+        let name = |of| format!("wobble_{}{}_{of}_{k}_{joint}", pivot.name(), axis.name());
+        parts.push((name("sine"), at, Basis::new(q, Shape::Sine { cycles }), 0));
+        parts.push((name("cosine"), at, Basis::new(q, Shape::Cosine { cycles }), 0));
+    }
+    let mut candidate = EFFECT.candidate(
+        joint_site(joint),
+        format!("axis {joint} tilts{} {k} time{} a turn", pivot.words(), if k == 1 { "" } else { "s" }),
+        Size { typical: deg(0.01), large: deg(0.03) },
+        parts,
+    );
+    if k == 1 {
+        candidate.physical = is_no_twist;
+    }
+    candidate
 }
 
 /// A tilt that turns with the joint is how the next axis stands on its link: geometry, or a twist of near-parallel axes. A tilt in

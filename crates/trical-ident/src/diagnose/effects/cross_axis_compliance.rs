@@ -1,9 +1,9 @@
-//! Bearing and link give way across the axis: a rotation about the joint's origin, in proportion to the moment there. At joint 1 it
-//! is base and table.
+//! Bearing and link give way across the axis: a rotation about a point of it, in proportion to the moment there. The point may be the
+//! joint's origin or its foot; at joint 1 it is the foot, since base and table are what gives way.
 
 use trical_model::{Axis, Basis, Shape, Site, Variable};
 
-use super::{Asked, Effect, NO_MASSES, Size, joint_site};
+use super::{Asked, Effect, NO_MASSES, Pivot, Size, joint_site};
 use crate::diagnose::recorded::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -20,14 +20,28 @@ fn ask(r: &Recorded<'_>) -> Asked {
     if !r.masses {
         return Asked::lacking(NO_MASSES);
     }
-    let of = |joint| {
-        let basis = Basis::new(Variable::Moment { joint, axis: Axis::X }, Shape::Linear);
+    let of = |joint, pivot: Pivot| {
+        let axis = Axis::X;
+        let moment = match pivot {
+            Pivot::Origin => Variable::Moment { joint, axis },
+            Pivot::Foot => Variable::FootMoment { joint, axis },
+        };
         EFFECT.candidate(
             joint_site(joint),
-            format!("the gravity moment across axis {joint} tilts it"),
+            format!("the gravity moment across axis {joint} tilts it{}", pivot.words()),
             Size { typical: 5e-5, large: 4e-4 },
-            vec![(format!("cross_{joint}"), Site::Across { joint }, basis, 1)],
+            vec![(
+                format!("cross_{}{joint}", pivot.name()),
+                Site::Across { joint },
+                Basis::new(moment, Shape::Linear),
+                1,
+            )],
         )
     };
-    r.joints().map(of).collect::<Vec<_>>().into()
+    let pivots = |joint| match Pivot::of(r, joint) {
+        both if joint == 1 => &both[both.len() - 1..],
+        any => any,
+    };
+    let all = r.joints().flat_map(|joint| pivots(joint).iter().map(move |pivot| (joint, *pivot)));
+    all.map(|(joint, pivot)| of(joint, pivot)).collect::<Vec<_>>().into()
 }

@@ -33,7 +33,7 @@ mod tool_drift;
 mod tool_shift;
 
 use serde::Serialize;
-use trical_model::{Axis, Basis, Motion, Site, Term};
+use trical_model::{Axis, Basis, JointKind, Motion, Site, Term};
 
 use super::catalogue::{Candidate, anything};
 use super::recorded::Recorded;
@@ -155,6 +155,44 @@ const fn deg(angle: f64) -> f64 {
 const fn arcsec(angle: f64) -> f64 {
     deg(angle / 3600.0)
 }
+
+/// Where on its axis a joint gives way or wobbles. A kinematic model need not know, and puts the joint's origin anywhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pivot {
+    /// The origin of the joint's frame.
+    Origin,
+    /// Where its axis begins, before the offset d: at joint 1, where the arm stands.
+    Foot,
+}
+
+impl Pivot {
+    const BOTH: [Self; 2] = [Self::Origin, Self::Foot];
+
+    /// Those that differ at `joint`.
+    fn of(r: &Recorded<'_>, joint: usize) -> &'static [Self] {
+        let j = &r.model.robot.joints[joint - 1];
+        if j.kind == JointKind::Revolute && j.d.abs() > SAME_PLACE { &Self::BOTH } else { &Self::BOTH[..1] }
+    }
+
+    /// "" or " about its foot".
+    fn words(self) -> &'static str {
+        match self {
+            Self::Origin => "",
+            Self::Foot => " about its foot",
+        }
+    }
+
+    /// "" or "foot_".
+    fn name(self) -> &'static str {
+        match self {
+            Self::Origin => "",
+            Self::Foot => "foot_",
+        }
+    }
+}
+
+/// Offsets below this (m) part no origin from its foot.
+const SAME_PLACE: f64 = 1e-3;
 
 fn joint_site(joint: usize) -> serde_json::Value {
     serde_json::json!({ "joint": joint })

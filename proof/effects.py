@@ -86,7 +86,8 @@ def nonlinear_stiffness(m, s, arm, site, p):
 @act
 def cross_axis_compliance(m, s, arm, site, p):
     j = _j(site)
-    m.tilt[:, j, :2] += p["k"] * m.moment[:, j, :2]
+    m.back[j] = p["back"]
+    m.tilt[:, j, :2] += p["k"] * m.moment_at(j, p["back"] * arm.d[j])[:, :2]
 
 
 @act
@@ -101,6 +102,7 @@ def axis_wobble(m, s, arm, site, p):
     q = s.q[:, j]
     theta = q + arm.offset[j]
     size = p["sin"] * np.sin(p["n"] * q) + p["cos"] * np.cos(p["n"] * q)
+    m.back[j] = p["back"]
     m.tilt[:, j, 0] += size * np.cos(p["plane"] - theta)
     m.tilt[:, j, 1] += size * np.sin(p["plane"] - theta)
 
@@ -314,6 +316,10 @@ class Family:
     tracker: bool = True
 
 
+# Tilts turn about a point of the axis, `back` of the offset d before the origin of the joint's frame: the bearing stands
+# somewhere on it. At joint 1 base and table give way, at the foot.
+
+
 def joints(*js):
     return lambda ctx: [{"joint": j} for j in js]
 
@@ -424,8 +430,8 @@ FAMILIES: dict[str, Family] = {
     ),
     "cross_axis_compliance": Family(
         joints(1, 2, 3, 4, 5, 6),
-        lambda rng, c, s: {"k": log_uniform(rng, 1e-5, 4e-4)},
-        lambda c, s: [[{"k": 4e-4}]],
+        lambda rng, c, s: {"k": log_uniform(rng, 1e-5, 4e-4), "back": 1.0 if _j(s) == 0 else float(rng.random())},
+        lambda c, s: [[{"k": 4e-4, "back": back}] for back in ((1.0,) if _j(s) == 0 else (0.0, 1.0))],
     ),
     "axis_twist": Family(
         joints(3), lambda rng, c, s: {"beta": signed(rng, 0.01 * DEG, 0.1 * DEG)}, lambda c, s: [[{"beta": 0.1 * DEG}]]
@@ -435,9 +441,14 @@ FAMILIES: dict[str, Family] = {
         lambda rng, c, s: {
             "n": int(rng.integers(1, 3)),
             "plane": float(rng.uniform(0, np.pi)),
+            "back": float(rng.random()),
             **wave(rng, log_uniform(rng, 0.003 * DEG, 0.03 * DEG)),
         },
-        lambda c, s: [[*waves(0.03 * DEG, n, plane=0.0), *waves(0.03 * DEG, n, plane=np.pi / 2)] for n in (1, 2)],
+        lambda c, s: [
+            [*waves(0.03 * DEG, n, plane=0.0, back=back), *waves(0.03 * DEG, n, plane=np.pi / 2, back=back)]
+            for n in (1, 2)
+            for back in (0.0, 1.0)
+        ],
     ),
     "gravity_direction": Family(
         here("base"),

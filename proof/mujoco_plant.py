@@ -9,7 +9,7 @@ tendon springs (the gear); the encoder sits on the rotor. From these parts come:
 - `load_friction`: friction that grows with the force in the gear's spring;
 - `lost_motion_gravity`: a gap in the gear: the link falls onto one flank;
 - `nonlinear_stiffness`: a soft spring beside a stiff one that takes part only beyond a gap;
-- `cross_axis_compliance`: the link gives way about two more hinges, across its axis;
+- `cross_axis_compliance`: the link gives way about two more hinges, across its axis, where its bearing stands;
 - `joint_coupling`: the gear of a joint is also turned by the rotor of another;
 - `payload`: one more body on the flange;
 - `gravity_direction`: the base is not level.
@@ -81,7 +81,8 @@ def mjcf(arm: Arm, effect: dict | None) -> str:
         if here and kind == "cross_axis_compliance":
             k = 1.0 / p["k"]
             bearing = f'type="hinge" stiffness="{k:.17g}" damping="{2 * np.sqrt(k * LINK):.6g}" armature="0.05"'
-            lines.append(f'{nothing}<body><joint {bearing} axis="1 0 0"/><joint {bearing} axis="0 1 0"/>')
+            foot = f'pos="0 0 {-p["back"] * arm.d[j]:.17g}"'
+            lines.append(f'{nothing}<body><joint {bearing} {foot} axis="1 0 0"/><joint {bearing} {foot} axis="0 1 0"/>')
             tail.append("</body>")
         lines.append(f'<inertial pos="{_vec(arm.cog[j])}" mass="{arm.mass[j]:.17g}" {inertia}/>')
         tail.append("</body>")
@@ -225,7 +226,10 @@ def size(rng: np.random.Generator, arm: Arm, tau: np.ndarray, kind: str, site: d
             "contact_nm": float(rng.uniform(0.2, 0.6)) * float(load.max()),
             "soft": float(arm.compliance[j] * rng.uniform(0.5, 1.5)),
         },
-        "cross_axis_compliance": lambda: {"k": log_uniform(rng, 1e-5, 4e-4)},
+        "cross_axis_compliance": lambda: {
+            "k": log_uniform(rng, 1e-5, 4e-4),
+            "back": 1.0 if j == 0 else float(rng.random()),
+        },
         "joint_coupling": lambda: {"k": signed(rng, 2e-4, 2e-3)},
         "payload": lambda: {
             "mass": log_uniform(rng, 0.2, 1.0),

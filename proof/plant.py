@@ -141,12 +141,14 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
     )
 
 
-def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) -> tuple[np.ndarray, np.ndarray]:
+def frames(
+    arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None, back=None
+) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (N, 6, 3, 3) and origin (N, 6, 3) of the frames {1}..{6} in the world.
 
     `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor
-    on all a and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about the origin of {j}, as a
-    rotation vector in {j}.
+    on all a and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about a point of its axis, as a
+    rotation vector in {j}. `back` (6): how far that point lies before the origin of {j}, as a share of d.
     """
     n = len(theta)
     growth = np.ones(n) if growth is None else growth
@@ -161,7 +163,10 @@ def frames(arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None) ->
         o = o + np.einsum("nij,j->ni", r, fixed @ (along + lift)) * growth[:, None]
         r = r @ (fixed @ turn) @ rot(2, theta[:, j])
         if tilt is not None:
+            lever = np.array([0.0, 0.0, 0.0 if back is None else back[j] * arm.d[j]])
+            before = r @ lever
             r = r @ rot_vector(tilt[:, j])
+            o = o - before + r @ lever
         rs[:, j], os[:, j] = r, o
     return rs, os
 
@@ -232,7 +237,8 @@ class Machine:
     def __init__(self, arm: Arm, s: Session):
         n = len(s.q)
         self.angle = np.zeros((n, 6))  # rad, added to joint angles
-        self.tilt = np.zeros((n, 6, 3))  # rad, rotation vector in {j} about its origin
+        self.tilt = np.zeros((n, 6, 3))  # rad, rotation vector in {j} about a point of its axis
+        self.back = np.zeros(6)  # how far that point lies before the origin of {j}, as a share of d
         self.beta = np.zeros(6)
         self.growth = np.ones(n)
         self.down = np.array([0.0, 0.0, -1.0])
@@ -244,7 +250,12 @@ class Machine:
         self.gauge_drift = np.zeros((n, 3))
         self.ball_shift = np.zeros_like(arm.balls)
         self.tau = np.zeros((n, 6))  # N m about the joint axes, from the last pass
-        self.moment = np.zeros((n, 6, 3))  # N m in {j}
+        self.moment = np.zeros((n, 6, 3))  # N m in {j} about its origin
+        self.weight = np.zeros((n, 6, 3))  # N in {j}: what gravity pulls beyond joint j
+
+    def moment_at(self, j: int, lever: float) -> np.ndarray:
+        """Moment (N, 3) about the point of axis j that lies `lever` before the origin of {j}."""
+        return self.moment[:, j] + np.cross([0.0, 0.0, lever], self.weight[:, j])
 
 
 @dataclass
@@ -263,19 +274,22 @@ def simulate(arm: Arm, s: Session, effects=(), passes: int = 4, start: Machine |
     from effects import ACT
 
     tau = np.zeros_like(s.q)
-    moment = np.zeros((len(s.q), 6, 3))
+    moment, weight = np.zeros((len(s.q), 6, 3)), np.zeros((len(s.q), 6, 3))
     if start is not None:
-        tau, moment, passes = start.tau, start.moment, 2
+        tau, moment, weight, passes = start.tau, start.moment, start.weight, 2
     for _ in range(passes):
         m = Machine(arm, s)
-        m.tau, m.moment = tau, moment
+        m.tau, m.moment, m.weight = tau, moment, weight
         for e in effects:
             ACT[e["effect"]](m, s, arm, e["site"], e["p"])
         theta = s.q + arm.offset + m.angle + arm.compliance * tau
-        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=m.tilt if m.tilt.any() else None)
+        tilt = m.tilt if m.tilt.any() else None
+        rs, os = frames(arm, theta, beta=m.beta, growth=m.growth, tilt=tilt, back=m.back)
         masses, where = bodies(arm, rs, os, s.added, m.extra_mass, m.extra_cog)
         world = gravity_moments(masses, where, os, GRAVITY * m.down)
         moment = np.einsum("njba,njb->nja", rs, world)
+        beyond = np.cumsum(masses[:, ::-1], 1)[:, :0:-1]
+        weight = np.einsum("njba,b,nj->nja", rs, GRAVITY * m.down, beyond)
         tau = moment[..., 2]
     tcp = os[:, 5] + np.einsum("nij,nj->ni", rs[:, 5], arm.tcp + m.tool)
     ball = (arm.balls + m.ball_shift)[s.ball] + m.fixture if s.touch else None

@@ -5,10 +5,10 @@ use std::borrow::Cow;
 use faer::Mat;
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
-use crate::dataset::{Dataset, Rejected};
+use crate::dataset::Dataset;
 use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_count, check_observations, factor, minimize, position_errors, weighted_residuals};
+use crate::fit::{check_count, check_observations, factor, position_errors, weighted_residuals};
 use crate::identifiability::{
     Choice, Dependent, Observability, ParameterSet, covariance, independent_terms, indices, spectrum, weakest_direction,
 };
@@ -18,10 +18,6 @@ use crate::normal::triangular;
 use crate::rigid::median;
 use crate::solver::{Ended, LmParams, LmReport, Solver};
 use crate::start::start;
-
-/// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
-/// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
-pub(crate) const GROSS: f64 = 10.0;
 
 /// Columns with a condition above this cannot be told apart by the data.
 pub(crate) const CONDITION_LIMIT: f64 = 1e9;
@@ -279,95 +275,6 @@ pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> 
         format!("joint {} never moves", resting.join(", "))
     };
     IdentError::NotEnough(format!("these measurements {what} ({why}): more varied poses are needed"))
-}
-
-/// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
-/// that is far beyond the rest.
-///
-/// # Errors
-/// As [`fit_model`].
-pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Dataset> {
-    reject_gross_errors_beyond(robot, cell, data, GROSS)
-}
-
-/// As [`reject_gross_errors`], with another limit (robust standard deviations).
-///
-/// # Errors
-/// As [`fit_model`].
-pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
-    let mut kept = data.clone();
-    let mut sets = sets_of(robot);
-    for _ in 0..5 {
-        let (forward, noise) = richest(robot, cell, &kept, &mut sets)?;
-        let residuals = weighted_residuals(&forward, &kept, &noise);
-        let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
-        let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
-        if bad.is_empty() {
-            break;
-        }
-        let errors = position_errors(&forward, &kept);
-        for i in &bad {
-            let o = &kept.observations[*i];
-            kept.rejected.push(Rejected {
-                recording: kept.names[o.recording].clone(),
-                line: o.line,
-                row: o.row,
-                reason: gross_error(errors[*i], length(&residuals[*i])),
-            });
-        }
-        let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
-        kept.observations.retain(|o| !rows.contains(&o.row));
-    }
-    kept.rejected.sort_by_key(|r| r.row);
-    Ok(kept)
-}
-
-/// Why a row is rejected that is `error` m off, `times` what is usual.
-pub(crate) fn gross_error(error: f64, times: f64) -> String {
-    format!("is {:.3} mm off, {times:.0} times what is usual here: a gross error", error * 1e3)
-}
-
-/// The sets of parameters that the robot allows, the richest last.
-fn sets_of(robot: &Robot) -> Vec<ParameterSet> {
-    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
-    if robot.require_masses().is_ok() {
-        sets.push(ParameterSet::Compliance);
-    }
-    sets
-}
-
-/// A robust fit of the richest of `sets` that the data allows; those that it does not are dropped. Few data may still do for
-/// a smaller model, and what the caller then asks of them is the caller's affair.
-fn richest(robot: &Robot, cell: &Cell, data: &Dataset, sets: &mut Vec<ParameterSet>) -> Result<(Forward, Noise)> {
-    loop {
-        let set = sets.last().copied().unwrap_or(ParameterSet::Nominal);
-        match robust_fit(robot, cell, data, set) {
-            Err(IdentError::NotEnough(_)) if sets.len() > 1 => {
-                sets.pop();
-            }
-            fitted => return fitted,
-        }
-    }
-}
-
-/// A robust fit of the richest model that the data and the robot allow, and the noise about it.
-pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<(Forward, Noise)> {
-    richest(robot, cell, data, &mut sets_of(robot))
-}
-
-fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
-    let (model, _) = prepared(robot, cell, data, &set.into())?;
-    let free = (0..model.terms.len()).collect();
-    let mut forward = Forward::new(model, free)?;
-    check_observations(&forward, data)?;
-    let mut noise = Noise::usual(data.names.len());
-    noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
-    for _ in 0..6 {
-        let params = LmParams { huber: 3.0, max_iterations: 30, cost_tolerance: 1e-6, ..LmParams::default() };
-        minimize(&mut forward, data, &noise, &params)?;
-        noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
-    }
-    Ok((forward, noise))
 }
 
 /// The nominal model with the independent terms of `set` and a start from closed forms.

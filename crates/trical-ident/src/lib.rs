@@ -9,7 +9,8 @@
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`known`] | priors and limits of parameters |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
-//! | [`identify`] | the whole of it, gross errors, cross-validation |
+//! | [`identify`] | the whole of it, cross-validation |
+//! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`] | identification from files of any size, in bounded memory |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
@@ -20,6 +21,7 @@ pub mod degenerate;
 pub mod diagnose;
 pub mod error;
 pub mod fit;
+pub mod gross;
 pub mod identifiability;
 pub mod identify;
 pub mod known;
@@ -39,10 +41,9 @@ pub use caution::cautions;
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose};
 pub use error::{IdentError, Result};
+pub use gross::reject_gross_errors;
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
-pub use identify::{
-    ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify, reject_gross_errors,
-};
+pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify};
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;

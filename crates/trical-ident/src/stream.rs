@@ -20,11 +20,9 @@ use trical_model::{Cell, Forward, Measured, Recording, Robot, Row};
 
 use crate::dataset::{Dataset, JointSource, Observation, Rejected};
 use crate::error::{IdentError, Result};
+use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
 use crate::identifiability::{Choice, ParameterSet, covariance, indices, spectrum};
-use crate::identify::{
-    CONDITION_LIMIT, ErrorSummary, GROSS, Identified, gross_error, identify, rank_deficient, robust_fit_of_the_richest,
-    tells_apart,
-};
+use crate::identify::{CONDITION_LIMIT, ErrorSummary, Identified, identify, rank_deficient, tells_apart};
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
 use crate::recording_csv::{Parser, csv_reader};
@@ -571,7 +569,7 @@ fn add_up(judges: &Judges<'_>, data: &Dataset, index: usize, parser: &Parser<'_>
                         recording: name.clone(),
                         line: row.line,
                         row: number,
-                        reason: gross_error(length(r, rows), off),
+                        reason: gross_error(length(r, rows), off, right_ball(robust, noise, &o, ws)),
                     });
                 }
                 return Ok(());

@@ -156,6 +156,23 @@ fn gross_errors_are_rejected_and_named() {
     let clean = reject_gross_errors(&truth.robot, &truth.cell, &build(recording)).unwrap();
     let lines: Vec<usize> = clean.rejected.iter().map(|r| r.line).collect();
     assert_eq!(lines, [9, 35]);
+    assert!(clean.rejected.iter().all(|r| !r.reason.contains("wrong ball")));
+}
+
+#[test]
+fn a_touch_of_another_ball_than_noted_is_called_so() {
+    let truth = truth(ParameterSet::Compliance, 8);
+    let mut recording = touch(&truth, 60, 1e-5, 9);
+    let Measured::Touch { ball, .. } = &mut recording.rows[20].measured else { panic!("no touch") };
+    let right = *ball;
+    *ball = (right + 1) % 3;
+    let clean = reject_gross_errors(&truth.robot, &truth.cell, &build(recording)).unwrap();
+    let said: Vec<(usize, bool)> = clean
+        .rejected
+        .iter()
+        .map(|r| (r.line, r.reason.contains(&format!("it fits ball {}: the wrong ball is noted", right + 1))))
+        .collect();
+    assert_eq!(said, [(22, true)]);
 }
 
 #[test]

@@ -240,6 +240,7 @@ fn lines(d: &Diagnosis) -> Vec<String> {
         d.baseline.rms_mm,
         d.baseline.holdout_rms_mm
     )];
+    out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
     if d.findings.is_empty() && d.unexplained.is_none() {
         out.push("The model explains the data: nothing is asked for that would earn its place.".into());
     }

@@ -306,7 +306,7 @@ fn print(args: &Args, found: &Found) -> Result<()> {
     let fitted = &found.fitted;
     let data = &fitted.data;
     say(format!("{} from {}; {} rows rejected", found.places, data.names.join(", "), found.rejected))?;
-    for line in rejected_lines(&found.named, found.rejected) {
+    for line in rejected_lines(&found.named, found.rejected, 12) {
         say(line)?;
     }
     say(format!("\n{} parameters, joints as {:?}:", fitted.free.len(), data.joints).to_lowercase())?;
@@ -359,11 +359,11 @@ fn print(args: &Args, found: &Found) -> Result<()> {
 }
 
 /// What was rejected, reason by reason, at most a dozen lines; `named` may be the first of `all`.
-pub fn rejected_lines(named: &[Rejected], all: usize) -> Vec<String> {
+pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String> {
     let mut lines: Vec<String> =
-        named.iter().take(12).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)).collect();
-    if all > 12 {
-        lines.push(format!("  and {} more (see --json)", all - 12));
+        named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)).collect();
+    if all > most {
+        lines.push(format!("  and {} more (see --json)", all - most));
     }
     lines
 }

@@ -7,6 +7,7 @@ use trical_model::{Forward, Measured};
 use crate::dataset::{Dataset, Rejected};
 use crate::error::Result;
 use crate::fit::{position_errors, weighted_residuals};
+use crate::gross::{right_ball, wrong_ball};
 use crate::identify::Identified;
 
 /// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
@@ -99,6 +100,7 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
     let most = ((all.observations.len() as f64 * MOST).ceil() as usize).max(4);
     far.truncate(most);
     let errors = position_errors(&forward, all);
+    let mut ws = forward.workspace();
     let mut out = all.clone();
     for (k, length) in &far {
         let o = &all.observations[*k];
@@ -106,9 +108,9 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
             recording: all.names[o.recording].clone(),
             line: o.line,
             row: o.row,
-            reason: format!(
-                "is {:.3} mm off, {length:.0} times the scatter of the others: an outlier",
-                errors[*k] * 1e3
+            reason: wrong_ball(
+                format!("is {:.3} mm off, {length:.0} times the scatter of the others: an outlier", errors[*k] * 1e3),
+                right_ball(&forward, &noise, o, &mut ws),
             ),
         });
     }

@@ -13,8 +13,9 @@ use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
 use crate::error::Result;
 use crate::fit::weighted_residuals;
+use crate::gross::reject_gross_errors_beyond;
 use crate::identifiability::{Choice, ParameterSet};
-use crate::identify::{Identified, fit_model, fit_model_knowing, prepared, reject_gross_errors_beyond};
+use crate::identify::{Identified, fit_model, fit_model_knowing, prepared};
 use crate::known::Known;
 use crate::noise::Noise;
 

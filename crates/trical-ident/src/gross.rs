@@ -1,0 +1,125 @@
+//! Gross errors: measurements that no model of the arm explains, by a robust fit.
+
+use trical_model::{Cell, Forward, Measured, Robot, Workspace};
+
+use crate::dataset::{Dataset, Observation, Rejected};
+use crate::error::{IdentError, Result};
+use crate::fit::{check_observations, minimize, position_errors, weighted_residuals};
+use crate::identifiability::ParameterSet;
+use crate::identify::prepared;
+use crate::noise::Noise;
+use crate::solver::LmParams;
+
+/// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
+/// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
+pub(crate) const GROSS: f64 = 10.0;
+
+/// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
+/// that is far beyond the rest.
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Dataset> {
+    reject_gross_errors_beyond(robot, cell, data, GROSS)
+}
+
+/// As [`reject_gross_errors`], with another limit (robust standard deviations).
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
+    let mut kept = data.clone();
+    let mut sets = sets_of(robot);
+    for _ in 0..5 {
+        let (forward, noise) = richest(robot, cell, &kept, &mut sets)?;
+        let residuals = weighted_residuals(&forward, &kept, &noise);
+        let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
+        if bad.is_empty() {
+            break;
+        }
+        let errors = position_errors(&forward, &kept);
+        let mut ws = forward.workspace();
+        for i in &bad {
+            let o = &kept.observations[*i];
+            kept.rejected.push(Rejected {
+                recording: kept.names[o.recording].clone(),
+                line: o.line,
+                row: o.row,
+                reason: gross_error(errors[*i], length(&residuals[*i]), right_ball(&forward, &noise, o, &mut ws)),
+            });
+        }
+        let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
+        kept.observations.retain(|o| !rows.contains(&o.row));
+    }
+    kept.rejected.sort_by_key(|r| r.row);
+    Ok(kept)
+}
+
+/// Why a row is rejected that is `error` m off, `times` what is usual; `ball` is the one (0-based) that it fits.
+pub(crate) fn gross_error(error: f64, times: f64, ball: Option<usize>) -> String {
+    let off = format!("is {:.3} mm off, {times:.0} times what is usual here: a gross error", error * 1e3);
+    wrong_ball(off, ball)
+}
+
+/// What is wrong with a row, and that it names the wrong ball where it fits another.
+pub(crate) fn wrong_ball(off: String, ball: Option<usize>) -> String {
+    match ball {
+        Some(ball) => format!("{off} (it fits ball {}: the wrong ball is noted)", ball + 1),
+        None => off,
+    }
+}
+
+/// Another ball (0-based) that a touch fits as well as the others do theirs.
+pub(crate) fn right_ball(forward: &Forward, noise: &Noise, o: &Observation, ws: &mut Workspace) -> Option<usize> {
+    let Measured::Touch { ball: noted, reading } = o.measured else { return None };
+    (0..forward.model().cell.balls.len()).filter(|ball| *ball != noted).find(|ball| {
+        let measured = Measured::Touch { ball: *ball, reading };
+        let rows = forward.residual(&o.state, &measured, o.frame, ws);
+        let off = |k: usize| (ws.residual()[k] / noise.sigma(o.recording, &measured, k)).powi(2);
+        (0..rows).map(off).sum::<f64>().sqrt() <= GROSS
+    })
+}
+
+/// The sets of parameters that the robot allows, the richest last.
+fn sets_of(robot: &Robot) -> Vec<ParameterSet> {
+    let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
+    if robot.require_masses().is_ok() {
+        sets.push(ParameterSet::Compliance);
+    }
+    sets
+}
+
+/// A robust fit of the richest of `sets` that the data allows; those that it does not are dropped. Few data may still do for
+/// a smaller model, and what the caller then asks of them is the caller's affair.
+fn richest(robot: &Robot, cell: &Cell, data: &Dataset, sets: &mut Vec<ParameterSet>) -> Result<(Forward, Noise)> {
+    loop {
+        let set = sets.last().copied().unwrap_or(ParameterSet::Nominal);
+        match robust_fit(robot, cell, data, set) {
+            Err(IdentError::NotEnough(_)) if sets.len() > 1 => {
+                sets.pop();
+            }
+            fitted => return fitted,
+        }
+    }
+}
+
+/// A robust fit of the richest model that the data and the robot allow, and the noise about it.
+pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<(Forward, Noise)> {
+    richest(robot, cell, data, &mut sets_of(robot))
+}
+
+fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
+    let (model, _) = prepared(robot, cell, data, &set.into())?;
+    let free = (0..model.terms.len()).collect();
+    let mut forward = Forward::new(model, free)?;
+    check_observations(&forward, data)?;
+    let mut noise = Noise::usual(data.names.len());
+    noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
+    for _ in 0..6 {
+        let params = LmParams { huber: 3.0, max_iterations: 30, cost_tolerance: 1e-6, ..LmParams::default() };
+        minimize(&mut forward, data, &noise, &params)?;
+        noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
+    }
+    Ok((forward, noise))
+}

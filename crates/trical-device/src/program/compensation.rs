@@ -4,9 +4,7 @@
 use nalgebra::Vector3;
 use trical_model::ik::{IkError, continue_from, inverse_kinematics, nearest_solution};
 use trical_model::pose::rotation_vector;
-use trical_model::{
-    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Site, State, Term, Workspace,
-};
+use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Site, State, Term, Workspace};
 
 use super::branch::{Branches, Configuration};
 use super::frames::{Frames, ToolFrame};
@@ -131,8 +129,7 @@ impl<'a> Compensator<'a> {
                 return Err(ProgramError::Input(format!("the model's term '{}' needs {needs}: {how}", term.name)));
             }
         }
-        let world_from_controller =
-            nominal.cell.world_from_base.compose(&frames.world.unwrap_or_else(Pose::identity));
+        let world_from_controller = nominal.cell.world_from_base.compose(&frames.world.unwrap_or_else(Pose::identity));
         let mut tools: Vec<Option<ToolFrame>> = Vec::new();
         for setup in scan.setups.iter().chain(std::iter::once(&Setup::default())) {
             let (tool, frame) = (known_tool(setup, frames, options), known_frame(setup, frames, options));
@@ -173,7 +170,11 @@ impl<'a> Compensator<'a> {
     fn place(&self, spot: &Spot) -> Result<&Place, String> {
         if let (Some(a), Some(b)) = (spot.setup, spot.ambiguous) {
             let words = |k: u32| self.scan.setups.get(k as usize).map(in_words).unwrap_or_default();
-            return Err(format!("is used with {} and with {}; a target can be right for one of them only", words(a), words(b)));
+            return Err(format!(
+                "is used with {} and with {}; a target can be right for one of them only",
+                words(a),
+                words(b)
+            ));
         }
         let k = spot.setup.map_or(self.scan.setups.len(), |k| k as usize);
         match self.places.get(k) {
@@ -220,7 +221,8 @@ impl<'a> Compensator<'a> {
             match visit {
                 Visit::Unknown => sense = MotionSense::new(MotionSense::DEAD_BAND),
                 Visit::Near { spot, shift, in_tool } => {
-                    match self.scan.spots.get(spot as usize).and_then(|s| self.near(s, &shift, in_tool, &last, &mut ws)) {
+                    match self.scan.spots.get(spot as usize).and_then(|s| self.near(s, &shift, in_tool, &last, &mut ws))
+                    {
                         Some(q) => {
                             sense.push(&q);
                             last = q;
@@ -307,7 +309,8 @@ impl<'a> Compensator<'a> {
         }
         let all = inverse_kinematics(nominal, world, &seed, ws).map_err(|e| e.to_string())?;
         // nearest first, so that the first of the best fits
-        let best = all.iter().filter_map(|s| Some((self.branches.mismatch(demanded, &s.joints)?, s))).min_by_key(|x| x.0);
+        let best =
+            all.iter().filter_map(|s| Some((self.branches.mismatch(demanded, &s.joints)?, s))).min_by_key(|x| x.0);
         best.map(|(_, s)| s.joints).ok_or_else(|| {
             format!(
                 "no solution has the configuration that the text demands ({}); --any-configuration takes the one nearest to the target before",
@@ -330,12 +333,7 @@ impl<'a> Compensator<'a> {
     ///
     /// # Errors
     /// In words, why it stays as it is.
-    pub fn rewrite(
-        &self,
-        spot: &Spot,
-        start: &Start,
-        ws: &mut [(Workspace, Workspace)],
-    ) -> Result<Done, String> {
+    pub fn rewrite(&self, spot: &Spot, start: &Start, ws: &mut [(Workspace, Workspace)]) -> Result<Done, String> {
         let place = self.place(spot)?;
         let arm = &self.arms[place.arm];
         let (nominal_ws, model_ws) = &mut ws[place.arm];
@@ -430,7 +428,9 @@ fn known_frame(setup: &Setup, frames: &Frames, options: &Options) -> Result<Pose
     match frames.frames.get(&name.to_lowercase()) {
         Some(Ok(frame)) => Ok(*frame),
         Some(Err(e)) => Err(e.clone()),
-        None => Err(format!("the frame '{name}' is not declared in the program (--frames FILE gives tools and frames)")),
+        None => {
+            Err(format!("the frame '{name}' is not declared in the program (--frames FILE gives tools and frames)"))
+        }
     }
 }
 

@@ -247,7 +247,9 @@ pub fn compensate(
         return Err(input("is larger than 4 GB; divide the program".into()));
     }
     if bytes.contains(&0) {
-        return Err(input("holds zero bytes: a binary program, or text in UTF-16; expected plain text (ASCII, UTF-8, Latin-1)".into()));
+        return Err(input(
+            "holds zero bytes: a binary program, or text in UTF-16; expected plain text (ASCII, UTF-8, Latin-1)".into(),
+        ));
     }
     if contains(bytes, MARK.as_bytes()) {
         return Err(input(format!(
@@ -264,7 +266,9 @@ pub fn compensate(
     for name in [&options.tool, &options.frame].into_iter().flatten() {
         if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
             let all = known.tools.keys().chain(known.frames.keys()).cloned().collect::<Vec<_>>().join(", ");
-            return Err(input(format!("'{name}' is neither a tool nor a frame of the program or of --frames; known are {all}")));
+            return Err(input(format!(
+                "'{name}' is neither a tool nor a frame of the program or of --frames; known are {all}"
+            )));
         }
     }
     report::lonely(&mut scan, options);

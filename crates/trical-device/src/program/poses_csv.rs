@@ -69,7 +69,8 @@ impl Columns {
             from += field.len() + 1;
         }
         if fields.len() != self.width {
-            scan.problems.push((at, format!("found {} fields, expected {} as in the header", fields.len(), self.width)));
+            scan.problems
+                .push((at, format!("found {} fields, expected {} as in the header", fields.len(), self.width)));
             return;
         }
         let spans: Vec<Span> = self.numbers.iter().map(|k| fields[*k]).collect();
@@ -79,9 +80,8 @@ impl Columns {
             return;
         }
         let spot = scan.push(self.shape, &spans, Configuration::Free, Span::default());
-        let named = |column: Option<usize>| {
-            column.map(|k| lower(fields[k].text(bytes))).filter(|name| !name.is_empty())
-        };
+        let named =
+            |column: Option<usize>| column.map(|k| lower(fields[k].text(bytes))).filter(|name| !name.is_empty());
         let (tool, frame) = (named(self.tool), named(self.frame));
         if tool.is_some() || frame.is_some() {
             let setup = scan.setup(Setup { tool, frame });

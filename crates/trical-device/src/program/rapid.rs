@@ -269,17 +269,19 @@ impl Reader<'_> {
 
     /// The arguments of a motion: which targets it goes to, with which tool and work object.
     fn motion(&mut self) {
-        #[derive(Clone, Copy)]
         enum Place {
             Name(u64, Way),
             Spots(u32, u32),
         }
-        let mut places: [Option<Place>; 3] = [None; 3];
-        let (mut count, mut tool, mut frame) = (0, None, None);
-        let mut keep = |place: Place| {
-            if let Some(to) = places.get_mut(count) {
-                *to = Some(place);
-                count += 1;
+        let mut places: Vec<Place> = Vec::new();
+        let (mut tool, mut frame): (Option<String>, Option<String>) = (None, None);
+        // a name that something follows is no tool
+        let flush = |tool: &mut Option<String>, places: &mut Vec<Place>| {
+            if let Some(name) = tool.take()
+                && places.len() < 3
+            {
+                let way = if places.is_empty() { Way::To } else { Way::Perhaps };
+                places.push(Place::Name(hashed(name.as_bytes()), way));
             }
         };
         let begin = self.c.at;
@@ -305,15 +307,16 @@ impl Reader<'_> {
                     }
                 }
                 b'[' => {
+                    flush(&mut tool, &mut places);
                     let first = self.scan.spots.len() as u32;
-                    if self.list(0).is_none() {
-                        break;
-                    }
+                    let whole = self.list(0).is_some();
                     let end = self.scan.spots.len() as u32;
                     if end > first {
-                        keep(Place::Spots(first, end));
+                        places.push(Place::Spots(first, end));
                     }
-                    tool = None;
+                    if !whole {
+                        break;
+                    }
                 }
                 b'"' => self.c.skip_string(),
                 // not the call of an instruction
@@ -324,16 +327,16 @@ impl Reader<'_> {
                         if self.c.number().is_none() {
                             self.c.at += 1;
                         }
-                        tool = None;
+                        flush(&mut tool, &mut places);
                         continue;
                     }
+                    flush(&mut tool, &mut places);
                     self.c.skip_space();
                     match self.c.peek() {
                         b'(' => {
                             if let Some((name, way)) = self.relative(word) {
-                                keep(Place::Name(name, way));
+                                places.push(Place::Name(name, way));
                             }
-                            tool = None;
                         }
                         b'{' => {
                             self.c.at += 1;
@@ -344,24 +347,18 @@ impl Reader<'_> {
                             }
                             self.c.eat(b'}');
                             let way = index.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
-                            keep(Place::Name(hashed(word), way));
-                            tool = None;
+                            places.push(Place::Name(hashed(word), way));
                         }
-                        _ => {
-                            // the last name is the tool, those before it may be targets, speeds, zones
-                            if let Some(name) = tool.replace(lower(word)) {
-                                keep(Place::Name(hashed(name.as_bytes()), Way::To));
-                            }
-                        }
+                        _ => tool = Some(lower(word)),
                     }
                 }
             }
         }
-        if count == 0 {
+        if places.is_empty() {
             return;
         }
         let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
-        for place in places.into_iter().flatten() {
+        for place in places {
             match place {
                 Place::Name(name, way) => self.names.used(name, setup, way),
                 Place::Spots(first, end) => {
@@ -414,15 +411,14 @@ fn pose(v: &[f64]) -> Result<Pose, &'static str> {
     if ([a, b, c, d].iter().map(|q| *q * *q).sum::<f64>().sqrt() - 1.0).abs() > 0.01 {
         return Err("a quaternion of length 1");
     }
-    Ok(Pose {
-        rotation: rotation_from_quaternion([*a, *b, *c, *d]),
-        translation: Vector3::new(*x, *y, *z) * 1e-3,
-    })
+    Ok(Pose { rotation: rotation_from_quaternion([*a, *b, *c, *d]), translation: Vector3::new(*x, *y, *z) * 1e-3 })
 }
 
 fn tool(truth: &[bool], v: &[f64], name: &str) -> Result<ToolFrame, String> {
     if v.len() < 11 || truth.len() != 1 {
-        return Err(format!("the tooldata '{name}' cannot be read; expected [TRUE,[[x,y,z],[q1,q2,q3,q4]],[mass,[x,y,z],...]]"));
+        return Err(format!(
+            "the tooldata '{name}' cannot be read; expected [TRUE,[[x,y,z],[q1,q2,q3,q4]],[mass,[x,y,z],...]]"
+        ));
     }
     if !truth[0] {
         return Err(format!("the tool '{name}' is stationary (robhold FALSE), which is not supported"));
@@ -443,7 +439,9 @@ fn work_object(truth: &[bool], v: &[f64], name: &str) -> Result<Pose, String> {
         return Err(format!("the work object '{name}' is held by the robot (robhold TRUE), which is not supported"));
     }
     if !fixed {
-        return Err(format!("the work object '{name}' is moved by a mechanical unit (ufprog FALSE), which is not supported"));
+        return Err(format!(
+            "the work object '{name}' is moved by a mechanical unit (ufprog FALSE), which is not supported"
+        ));
     }
     let part = |v: &[f64]| pose(v).map_err(|e| format!("the wobjdata '{name}': expected {e}"));
     Ok(part(&v[..7])?.compose(&part(&v[7..])?))

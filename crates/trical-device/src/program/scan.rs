@@ -131,6 +131,10 @@ pub enum Way {
     Near(Vector3<f64>, bool),
     /// Related to it in a way that is known only when the program runs.
     Computed,
+    /// Perhaps the target itself: a name that may as well be a speed.
+    Perhaps,
+    /// No motion: the file says otherwise with which tool and frame it is meant.
+    Said,
 }
 
 /// Which names stand for which targets, and how motions use them. Names are kept as hashes: programs have millions.
@@ -154,7 +158,12 @@ struct Group {
 #[derive(Clone, Copy, Debug)]
 enum Use {
     /// `group` is the newest definition above the motion.
-    Named { name: u64, group: Option<u32>, setup: u32, way: Way },
+    Named {
+        name: u64,
+        group: Option<u32>,
+        setup: u32,
+        way: Way,
+    },
     Direct(Visit),
 }
 
@@ -194,6 +203,15 @@ impl Names {
         self.uses.push(Use::Named { name, group, setup, way });
     }
 
+    /// A motion to a target that says itself with what it is meant.
+    pub fn gone_to(&mut self, name: u64, relative: bool) {
+        let group = self.defined.get(&name).copied();
+        self.uses.push(match group.and_then(|g| self.groups.get(g as usize)) {
+            Some(g) if !relative => Use::Direct(Visit::To(g.first)),
+            _ => Use::Direct(Visit::Unknown),
+        });
+    }
+
     /// A motion that needs no name.
     pub fn visit(&mut self, visit: Visit) {
         self.uses.push(Use::Direct(visit));
@@ -210,7 +228,9 @@ impl Names {
                 Use::Named { name, group, setup, way } => (name, group, setup, way),
             };
             let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
-                scan.visits.push(Visit::Unknown);
+                if !matches!(way, Way::Perhaps | Way::Said) {
+                    scan.visits.push(Visit::Unknown);
+                }
                 continue;
             };
             self.walk(newest, setup, way, scan);
@@ -244,10 +264,11 @@ impl Names {
         }
         g.used = Some(setup);
         match (way, one) {
+            (Way::Said, _) => {}
             (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool }),
-            (Way::To | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
+            (Way::To | Way::Perhaps | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
             // an array that a loop runs through is visited once, in its order
-            (Way::To | Way::Element(_), None) if fresh => scan.visits.extend(all.map(Visit::To)),
+            (Way::To | Way::Perhaps | Way::Element(_), None) if fresh => scan.visits.extend(all.map(Visit::To)),
             _ => scan.visits.push(Visit::Unknown),
         }
     }

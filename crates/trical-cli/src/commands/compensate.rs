@@ -12,9 +12,6 @@ use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::{say, table};
 
-/// Problems that the message itself lists; JSON lists all.
-const LISTED: usize = 12;
-
 /// Arguments of `trical compensate`.
 #[derive(clap::Args)]
 pub struct Args {
@@ -167,11 +164,7 @@ impl Drop for Part {
 
 fn refuse(name: &str, report: &Report, partial: bool) -> Result<()> {
     let n = report.problems.len();
-    let mut list: Vec<String> = report.problems.iter().take(LISTED).map(ToString::to_string).collect();
-    if n > LISTED {
-        list.push(format!("and {} more (--json --partial lists all)", n - LISTED));
-    }
-    let list = list.join("; ");
+    let list = program::summarized(&report.problems);
     if report.rewritten == 0 {
         return Err(CliError::Failed(format!(
             "{name}: none of its {n} targets can be rewritten, nothing was written: {list}"
@@ -245,11 +238,9 @@ fn tell(args: &Args, dialect: Dialect, report: &Report) -> Result<()> {
         ))?;
     }
     if !args.check {
-        for p in report.problems.iter().take(LISTED) {
-            say(format!("  left as it is: {p}"))?;
-        }
-        if report.problems.len() > LISTED {
-            say(format!("  and {} more (--json lists all)", report.problems.len() - LISTED))?;
+        if !report.problems.is_empty() {
+            let n = report.problems.len();
+            say(format!("  {n} left as they are: {}", program::summarized(&report.problems)))?;
         }
         if let Some(out) = &args.out {
             say(format!("Wrote {}", out.display()))?;

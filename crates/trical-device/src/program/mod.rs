@@ -51,7 +51,7 @@ use trical_model::pose::rotation_z;
 use trical_model::{Model, Pose, Robot};
 
 pub use frames::{Frames, ToolFrame};
-pub use report::{Problem, Report, TargetRow};
+pub use report::{Problem, Report, TargetRow, summarized};
 
 use compensation::{Compensator, Done, Start};
 use report::Tally;
@@ -271,7 +271,7 @@ pub fn compensate(
             )));
         }
     }
-    report::lonely(&mut scan, options);
+    report::lonely(&mut scan, &mut known, options);
     let all = Compensator::new(&scan, bytes, nominal, model, &known, options)?;
     let starts = all.starts();
     let mut out = Splice { bytes, at: 0, sink };

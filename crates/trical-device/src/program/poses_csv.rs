@@ -83,10 +83,8 @@ impl Columns {
         let named =
             |column: Option<usize>| column.map(|k| lower(fields[k].text(bytes))).filter(|name| !name.is_empty());
         let (tool, frame) = (named(self.tool), named(self.frame));
-        if tool.is_some() || frame.is_some() {
-            let setup = scan.setup(Setup { tool, frame });
-            scan.assign(spot, setup);
-        }
+        let setup = scan.setup(Setup { tool, frame });
+        scan.assign(spot, setup);
         scan.visits.push(Visit::To(spot));
     }
 }

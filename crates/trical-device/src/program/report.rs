@@ -4,6 +4,7 @@ use trical_model::{Joints, Pose};
 
 use super::Options;
 use super::compensation::{Done, in_words};
+use super::frames::Frames;
 use super::scan::{Scan, Setup, Spot, Visit};
 use super::text::Lines;
 
@@ -20,8 +21,47 @@ pub struct Problem {
 
 impl std::fmt::Display for Problem {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let name = if self.name.is_empty() { String::new() } else { format!(", {}", self.name) };
-        write!(f, "line {}{name}: {}", self.line, self.what)
+        write!(f, "{}: {}", self.place(), self.what)
+    }
+}
+
+/// Problems in one line: the first few reasons, each with the first few targets that have it.
+#[must_use]
+pub fn summarized(problems: &[Problem]) -> String {
+    let mut reasons: Vec<(&str, Vec<&Problem>)> = Vec::new();
+    let mut left = 0;
+    for p in problems {
+        if let Some((_, list)) = reasons.iter_mut().find(|(what, _)| *what == p.what) {
+            list.push(p);
+        } else if reasons.len() < REASONS {
+            reasons.push((&p.what, vec![p]));
+        } else {
+            left += 1;
+        }
+    }
+    let mut out: Vec<String> = reasons
+        .iter()
+        .map(|(what, list)| {
+            let mut places: Vec<String> = list.iter().take(PLACES).map(|p| p.place()).collect();
+            if list.len() > PLACES {
+                places.push(format!("{} more", list.len() - PLACES));
+            }
+            format!("{}: {what}", places.join(", "))
+        })
+        .collect();
+    if left > 0 {
+        out.push(format!("{left} more of other kinds (--json --partial lists all)"));
+    }
+    out.join("; ")
+}
+
+/// Reasons, and targets of each, that [`summarized`] shows.
+const REASONS: usize = 8;
+const PLACES: usize = 5;
+
+impl Problem {
+    fn place(&self) -> String {
+        if self.name.is_empty() { format!("line {}", self.line) } else { format!("line {} ({})", self.line, self.name) }
     }
 }
 
@@ -140,16 +180,26 @@ impl<'a> Tally<'a> {
         for sums in [&mut r.before, &mut r.after, before, after] {
             sums[0] /= n;
         }
-        let default = Setup { tool: self.options.tool.clone(), frame: self.options.frame.clone() };
-        let setups = self.scan.setups.iter().chain(std::iter::once(&default)).zip(self.counts);
-        r.setups = setups.filter(|(_, n)| *n > 0).map(|(s, n)| (in_words(s), n)).collect();
+        let unsaid = Setup::default();
+        let setups = self.scan.setups.iter().chain(std::iter::once(&unsaid)).zip(self.counts);
+        let said = |s: &Setup| {
+            let or = |own: &Option<String>, asked: &Option<String>| own.clone().or_else(|| asked.clone());
+            in_words(&Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) })
+        };
+        for (setup, n) in setups.filter(|(_, n)| *n > 0) {
+            let words = said(setup);
+            match r.setups.iter_mut().find(|(w, _)| *w == words) {
+                Some((_, m)) => *m += n,
+                None => r.setups.push((words, n)),
+            }
+        }
         r
     }
 }
 
 /// Targets that no motion of the file names have the only tool and frame that the file's motions use. Where there are several,
 /// and the user says none either, nobody knows.
-pub(super) fn lonely(scan: &mut Scan, options: &Options) {
+pub(super) fn lonely(scan: &mut Scan, known: &mut Frames, options: &Options) {
     let asked = options.tool.is_some() || options.frame.is_some();
     let only = match scan.setups.len() {
         0 => return,
@@ -166,7 +216,7 @@ pub(super) fn lonely(scan: &mut Scan, options: &Options) {
             let name = "(unused)".to_owned();
             let setup = unknown.get_or_insert_with(|| Setup { tool: Some(name.clone()), frame: None }).clone();
             let why = "no motion in the file names it, and the file uses several tools or frames; --tool and --frame say which";
-            scan.frames.tools.insert(name, Err(why.into()));
+            known.tools.insert(name, Err(why.into()));
             Some(scan.setup(setup))
         });
     }

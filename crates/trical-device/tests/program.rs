@@ -86,10 +86,11 @@ fn refused(text: &[u8], d: Dialect) -> String {
 
 /// The line with the mark, taken away.
 fn unmarked(text: &[u8]) -> Vec<u8> {
-    let lines: Vec<&[u8]> = text.split_inclusive(|b| *b == b'\n').collect();
-    let marks = lines.iter().filter(|l| l.windows(21).any(|w| w == b"compensated by TriCal")).count();
-    assert_eq!(marks, 1);
-    lines.into_iter().filter(|l| !l.windows(21).any(|w| w == b"compensated by TriCal")).collect::<Vec<_>>().concat()
+    let bom = if text.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+    let is_mark = |l: &&[u8]| l.windows(21).any(|w| w == b"compensated by TriCal");
+    let lines: Vec<&[u8]> = text[bom..].split_inclusive(|b| *b == b'\n').collect();
+    assert_eq!(lines.iter().filter(|l| is_mark(l)).count(), 1);
+    [&text[..bom], &lines.into_iter().filter(|l| !is_mark(l)).collect::<Vec<_>>().concat()].concat()
 }
 
 /// Where the flange of an arm is, in its foot, at joint values in deg.

@@ -84,7 +84,7 @@ fn position(c: &mut Cursor<'_>, from: usize, scan: &mut Scan, names: &mut Names)
             continue;
         }
         if word.len() == 3 && word.starts_with(b"GP") {
-            group = word[2] - b'0';
+            group = word[2].wrapping_sub(b'0');
             continue;
         }
         let at = *c;

@@ -120,8 +120,8 @@ impl Shape {
         match (new, old_meant) {
             (Meant::Pose(pose), Meant::Pose(before)) => {
                 let unit = if self == Self::RotationVector { 1.0 } else { 1e3 };
-                for k in 0..3 {
-                    out[k] = Some(pose.translation[k] * unit);
+                for (to, x) in out.iter_mut().zip(pose.translation.iter()) {
+                    *to = Some(x * unit);
                 }
                 if rotation_vector(&(before.rotation.transpose() * pose.rotation)).norm() > SAME_TURN {
                     let near = self.rotation_numbers(&pose.rotation, old);

@@ -119,8 +119,8 @@ pub(super) struct Tally<'a> {
 
 impl<'a> Tally<'a> {
     pub fn new(scan: &'a Scan, bytes: &'a [u8], options: &'a Options) -> Self {
-        let mut report = Report::default();
-        report.unknown_places = scan.visits.iter().filter(|v| matches!(v, Visit::Unknown)).count();
+        let unknown_places = scan.visits.iter().filter(|v| matches!(v, Visit::Unknown)).count();
+        let report = Report { unknown_places, ..Report::default() };
         Self { scan, bytes, options, lines: Lines::new(bytes), report, counts: vec![0; scan.setups.len() + 1] }
     }
 

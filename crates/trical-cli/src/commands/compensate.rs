@@ -1,10 +1,8 @@
 //! `trical compensate`: a program rewritten so that the real arm goes where it says.
 
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use serde_json::json;
-use trical_device::program::{self, Dialect, Frames, Options, ProgramError, Report, load_frames};
+use trical_device::program::{Job, Options, ProgramError, Report, left, summarized};
 use trical_ident::ModelFile;
 use trical_model::Model;
 
@@ -66,10 +64,12 @@ pub struct Args {
     json: bool,
 }
 
-fn failed(file: &str) -> impl Fn(ProgramError) -> CliError + '_ {
-    move |e| match e {
-        ProgramError::Input(text) => CliError::Input(text),
-        ProgramError::Write(e) => CliError::Failed(format!("{file}: cannot be written: {e}")),
+fn failed(out: Option<&PathBuf>) -> impl Fn(ProgramError) -> CliError + '_ {
+    move |e| match (e, out) {
+        (ProgramError::Input(text), _) => CliError::Input(text),
+        (ProgramError::Left(text), _) => CliError::Failed(text),
+        (e, Some(out)) => CliError::Failed(format!("{}: {e}", out.display())),
+        (e, None) => CliError::Failed(e.to_string()),
     }
 }
 
@@ -91,24 +91,18 @@ pub fn run(args: &Args) -> Result<()> {
     finite("--temp-c", args.temp_c, -100.0, 200.0)?;
     finite("--payload-kg", args.payload_kg, 0.0, 1e4)?;
     finite("--time-s", args.time_s, 0.0, 1e9)?;
-    let dialect = match &args.dialect {
-        Some(d) => Dialect::named(d)
-            .ok_or_else(|| CliError::Input(format!("--dialect: '{d}' is not known; known are {}", Dialect::known())))?,
-        None => Dialect::of(&args.program).ok_or_else(|| {
-            CliError::Input(format!(
-                "{name}: the extension does not say the program's dialect; known are {}; --dialect NAME says it",
-                Dialect::known()
-            ))
-        })?,
+    let job = Job {
+        program: &args.program,
+        out: args.out.as_deref().filter(|_| !args.check),
+        dialect: args.dialect.as_deref(),
+        frames: &args.frames,
+        partial: args.partial,
     };
+    let failed = failed(args.out.as_ref());
+    job.dialect().map_err(&failed)?;
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;
-    let mut frames = Frames::default();
-    for path in &args.frames {
-        frames.or(&load_frames(path).map_err(failed(&name))?);
-    }
-    let bytes = std::fs::read(&args.program).map_err(|e| CliError::Input(format!("{name}: cannot be read: {e}")))?;
     let options = Options {
         model_name: args.model.display().to_string(),
         tool: args.tool.clone(),
@@ -121,87 +115,16 @@ pub fn run(args: &Args) -> Result<()> {
         details: args.check,
     };
     let nominal = Model::nominal(robot, cell);
-    let rewrite = |sink: &mut dyn Write| {
-        program::compensate(&bytes, &name, dialect, &nominal, &file.model, &frames, &options, sink)
-    };
-    let report = match &args.out {
-        Some(out) if !args.check => {
-            let part = Part::beside(out);
-            let sink = std::fs::File::create(&part.0);
-            let mut sink = BufWriter::with_capacity(1 << 20, sink.map_err(|e| failed(&part.name())(e.into()))?);
-            let report = rewrite(&mut sink).map_err(failed(&part.name()))?;
-            refuse(&name, &report, args.partial)?;
-            let whole = sink.into_inner().map_err(|e| e.into_error()).and_then(|f| f.sync_all());
-            whole.and_then(|()| std::fs::rename(&part.0, out)).map_err(|e| failed(&part.name())(e.into()))?;
-            report
-        }
-        _ => rewrite(&mut std::io::sink()).map_err(failed(&name))?,
-    };
-    tell(args, dialect, &report)?;
-    if args.check { refuse(&name, &report, args.partial) } else { Ok(()) }
+    let report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
+    tell(args, &job, &report)?;
+    if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }
 }
 
-/// Half a file, which goes away unless it is renamed.
-struct Part(PathBuf);
-
-impl Part {
-    fn beside(out: &Path) -> Self {
-        let mut name = out.file_name().unwrap_or_default().to_os_string();
-        name.push(format!(".part{}", std::process::id()));
-        Self(out.with_file_name(name))
-    }
-
-    fn name(&self) -> String {
-        self.0.display().to_string()
-    }
-}
-
-impl Drop for Part {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-    }
-}
-
-fn refuse(name: &str, report: &Report, partial: bool) -> Result<()> {
-    let n = report.problems.len();
-    let list = program::summarized(&report.problems);
-    if report.rewritten == 0 {
-        return Err(CliError::Failed(format!(
-            "{name}: none of its {n} targets can be rewritten, nothing was written: {list}"
-        )));
-    }
-    if n > 0 && !partial {
-        return Err(CliError::Failed(format!(
-            "{name}: {n} targets cannot be rewritten, and nothing was written (--partial writes the others): {list}"
-        )));
-    }
-    Ok(())
-}
-
-fn tell(args: &Args, dialect: Dialect, report: &Report) -> Result<()> {
+fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
     let mm = |x: f64| x * 1e3;
     if args.json {
-        let both = |v: &[f64; 2], turn: &[f64; 2]| json!({ "mean_mm": mm(v[0]), "max_mm": mm(v[1]), "mean_deg": turn[0].to_degrees(), "max_deg": turn[1].to_degrees() });
-        let mut value = json!({
-            "targets": report.rewritten,
-            "largest_move_mm": mm(report.largest_move),
-            "problems": report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(),
-            "dialect": dialect.name(),
-            "before": both(&report.before, &report.turned[0]),
-            "after": both(&report.after, &report.turned[1]),
-            "meant_with": report.setups.iter().map(|(s, n)| json!({ "tool_and_frame": s, "targets": n })).collect::<Vec<_>>(),
-            "unknown_places": report.unknown_places,
-        });
-        if args.check {
-            value["rows"] = report
-                .rows
-                .iter()
-                .map(|r| {
-                    json!({ "line": r.line, "name": r.name, "move_mm": mm(r.moved), "before_mm": mm(r.before), "after_mm": mm(r.after) })
-                })
-                .collect();
-        }
-        return say(serde_json::to_string_pretty(&value)?);
+        let dialect = job.dialect().map_err(failed(None))?;
+        return say(serde_json::to_string_pretty(&report.json(dialect))?);
     }
     if args.check {
         let mut rows = vec![["line", "target", "moves, mm", "error before", "after"].map(String::from).to_vec()];
@@ -240,7 +163,7 @@ fn tell(args: &Args, dialect: Dialect, report: &Report) -> Result<()> {
     if !args.check {
         if !report.problems.is_empty() {
             let n = report.problems.len();
-            say(format!("  {n} left as they are: {}", program::summarized(&report.problems)))?;
+            say(format!("  {n} left as they are: {}", summarized(&report.problems)))?;
         }
         if let Some(out) = &args.out {
             say(format!("Wrote {}", out.display()))?;

@@ -29,10 +29,12 @@
 //! | [`frames`] | tools and work objects, `--frames` files |
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
+//! | [`file`] | the same from file to file |
 
 pub mod branch;
 pub mod compensation;
 pub mod fanuc;
+pub mod file;
 pub mod frames;
 pub mod krl;
 pub mod literal;
@@ -50,6 +52,7 @@ use thiserror::Error;
 use trical_model::pose::rotation_z;
 use trical_model::{Model, Pose, Robot};
 
+pub use file::{Job, left};
 pub use frames::{Frames, ToolFrame};
 pub use report::{Problem, Report, TargetRow, summarized};
 
@@ -69,6 +72,9 @@ pub enum ProgramError {
     /// Wrong input, in one sentence.
     #[error("{0}")]
     Input(String),
+    /// Targets that cannot be rewritten, in one sentence; nothing was written.
+    #[error("{0}")]
+    Left(String),
     /// The output cannot be written.
     #[error("cannot be written: {0}")]
     Write(#[from] std::io::Error),

@@ -1,12 +1,13 @@
 //! What is told of a compensated program.
 
+use serde_json::{Value, json};
 use trical_model::{Joints, Pose};
 
-use super::Options;
 use super::compensation::{Done, in_words};
 use super::frames::Frames;
 use super::scan::{Scan, Setup, Spot, Visit};
 use super::text::Lines;
+use super::{Dialect, Options};
 
 /// A target that stays as it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,6 +106,44 @@ pub struct Report {
     pub rows: Vec<TargetRow>,
     /// Motions to places that only the running program knows.
     pub unknown_places: usize,
+}
+
+impl Report {
+    /// As JSON, in mm and deg; with the rows where there are any.
+    #[must_use]
+    pub fn json(&self, dialect: Dialect) -> Value {
+        let mm = |x: f64| x * 1e3;
+        let both = |v: &[f64; 2], turn: &[f64; 2]| {
+            json!({
+                "mean_mm": mm(v[0]), "max_mm": mm(v[1]),
+                "mean_deg": turn[0].to_degrees(), "max_deg": turn[1].to_degrees(),
+            })
+        };
+        let mut value = json!({
+            "targets": self.rewritten,
+            "largest_move_mm": mm(self.largest_move),
+            "problems": self.problems.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "dialect": dialect.name(),
+            "before": both(&self.before, &self.turned[0]),
+            "after": both(&self.after, &self.turned[1]),
+            "meant_with":
+                self.setups.iter().map(|(s, n)| json!({ "tool_and_frame": s, "targets": n })).collect::<Vec<_>>(),
+            "unknown_places": self.unknown_places,
+        });
+        if !self.rows.is_empty() {
+            value["rows"] = self
+                .rows
+                .iter()
+                .map(|r| {
+                    json!({
+                        "line": r.line, "name": r.name, "move_mm": mm(r.moved),
+                        "before_mm": mm(r.before), "after_mm": mm(r.after),
+                    })
+                })
+                .collect();
+        }
+        value
+    }
 }
 
 /// Counts while targets are rewritten.

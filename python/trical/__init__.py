@@ -164,8 +164,8 @@ def compensate(
 ) -> dict[str, Any]:
     """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
 
-    The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target with
-    its error before and after. Keys: targets, largest_move_mm, problems, before, after, meant_with.
+    The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target
+    with its error before and after. Keys: targets, largest_move_mm, problems, before, after, meant_with.
     """
     text = _native._compensate(
         os.fspath(program),

@@ -3,7 +3,7 @@
 //! A target of a .dat file is meant with the tool and base that its motion data say (`XP1` goes with `FP1`), those of a .src
 //! with what `$TOOL`, `$BASE` or `BAS(#TOOL,n)` said above the motion. Angles: `R = Rz(A) Ry(B) Rx(C)`.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use nalgebra::Vector3;
 use trical_model::Pose;
@@ -43,12 +43,14 @@ pub fn scan(bytes: &[u8]) -> Scan {
         names: Names::default(),
         moved_to: moved_to(bytes),
         now: Setup::default(),
-        motion_data: Vec::new(),
+        motion_data: HashMap::new(),
     };
     reader.scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
     reader.scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
     reader.file();
-    for (name, setup) in std::mem::take(&mut reader.motion_data) {
+    let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
+    said.sort_unstable();
+    for (name, setup) in said {
         reader.names.used(name, setup, Way::Said);
     }
     let Reader { mut scan, names, .. } = reader;
@@ -106,7 +108,7 @@ struct Reader<'a> {
     /// Tool and base at this place of the program.
     now: Setup,
     /// What FDAT data say of the targets that go with them.
-    motion_data: Vec<(u64, u32)>,
+    motion_data: HashMap<u64, u32>,
 }
 
 impl Reader<'_> {
@@ -190,7 +192,7 @@ impl Reader<'_> {
             }
         } else if is("FDAT_ACT") {
             let name = self.c.word();
-            let known = self.motion_data.iter().rev().find(|(n, _)| *n == target_of(name)).map(|(_, s)| *s);
+            let known = self.motion_data.get(&target_of(name)).copied();
             if let Some(setup) = known.and_then(|s| self.scan.setups.get(s as usize)) {
                 self.now = setup.clone();
             }
@@ -258,7 +260,7 @@ impl Reader<'_> {
         let setup = Setup { tool: text(found.tool), frame: text(found.base) };
         if setup != Setup::default() {
             let setup = self.scan.setup(setup);
-            self.motion_data.push((target_of(name), setup));
+            self.motion_data.insert(target_of(name), setup);
         }
     }
 

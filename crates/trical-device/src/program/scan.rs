@@ -66,6 +66,7 @@ pub struct Scan {
     spans: Vec<Span>,
     /// Tools and frames that targets are used with.
     pub setups: Vec<Setup>,
+    setup_indices: HashMap<Setup, u32>,
     /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
     pub visits: Vec<Visit>,
     /// Tools and frames that the program declares.
@@ -112,11 +113,13 @@ impl Scan {
 
     /// The index of a setup.
     pub fn setup(&mut self, setup: Setup) -> u32 {
-        let found = self.setups.iter().position(|s| *s == setup).unwrap_or_else(|| {
-            self.setups.push(setup);
-            self.setups.len() - 1
-        });
-        u32::try_from(found).unwrap_or(u32::MAX)
+        if let Some(known) = self.setup_indices.get(&setup) {
+            return *known;
+        }
+        let index = u32::try_from(self.setups.len()).unwrap_or(u32::MAX);
+        self.setup_indices.insert(setup.clone(), index);
+        self.setups.push(setup);
+        index
     }
 }
 

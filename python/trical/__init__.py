@@ -24,6 +24,7 @@ __all__ = [
     "Model",
     "NotConvergedError",
     "TricalError",
+    "compensate",
     "diagnose",
     "effects",
     "identify",
@@ -140,6 +141,50 @@ def validate(
 ) -> dict[str, Any]:
     """Position errors (mm) of the nominal arm and of a model on recordings: keys before, after, n, regions."""
     result: dict[str, Any] = json.loads(_native._validate(model, _paths(recordings), os.fspath(robot), os.fspath(cell)))
+    return result
+
+
+def compensate(
+    program: PathLike,
+    model: Model,
+    out: PathLike | None = None,
+    *,
+    robot: PathLike,
+    cell: PathLike,
+    dialect: str | None = None,
+    frames: PathLike | Sequence[PathLike] = (),
+    partial: bool = False,
+    tool: str | None = None,
+    frame: str | None = None,
+    temp_c: float | None = None,
+    time_s: float | None = None,
+    payload_kg: float | None = None,
+    any_configuration: bool = False,
+    own_base: bool = False,
+) -> dict[str, Any]:
+    """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
+
+    The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target
+    with its error before and after. Keys: targets, largest_move_mm, problems, before, after, meant_with.
+    """
+    text = _native._compensate(
+        os.fspath(program),
+        model,
+        None if out is None else os.fspath(out),
+        os.fspath(robot),
+        os.fspath(cell),
+        dialect,
+        _paths(frames),
+        partial,
+        tool,
+        frame,
+        temp_c,
+        time_s,
+        payload_kg,
+        any_configuration,
+        own_base,
+    )
+    result: dict[str, Any] = json.loads(text)
     return result
 
 

@@ -60,3 +60,20 @@ def _identify(
 def _diagnose(recordings: list[str], robot: str, cell: str, joints: str) -> tuple[Model, str]: ...
 def _effects_json() -> str: ...
 def _validate(model: Model, recordings: list[str], robot: str, cell: str) -> str: ...
+def _compensate(
+    program: str,
+    model: Model,
+    out: str | None,
+    robot: str,
+    cell: str,
+    dialect: str | None,
+    frames: list[str],
+    partial: bool,
+    tool: str | None,
+    frame: str | None,
+    temp_c: float | None,
+    time_s: float | None,
+    payload_kg: float | None,
+    any_configuration: bool,
+    own_base: bool,
+) -> str: ...

@@ -14,7 +14,6 @@ mod plan_report;
 mod plant;
 mod plots;
 mod progress;
-mod rapid;
 mod report;
 mod simulation;
 mod table;

@@ -29,6 +29,7 @@
 //! | [`motion`] | joint samples and the sense of each joint's last motion |
 //! | [`record`] | MCAP recordings: writer with resume, reader that recovers what is whole |
 //! | [`procedure`] | the touches: plan entries, limits, the loop, repeat visits, tool centre point from one ball |
+//! | [`program`] | robot programs (RAPID, KRL, FANUC, UR script, CSV) rewritten by a calibrated model |
 //! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port, and fail by a script |
 //! | [`url`] | the small URL grammar of `--gauge` and `--controller` |
 
@@ -36,6 +37,7 @@ pub mod controller;
 pub mod gauge;
 pub mod motion;
 pub mod procedure;
+pub mod program;
 pub mod record;
 pub mod url;
 pub mod virtual_cell;

@@ -1,5 +1,7 @@
 //! Python bindings: the same library for NumPy users. No logic that Rust lacks.
 
+mod compensate;
+
 use std::path::{Path, PathBuf};
 
 use numpy::ndarray::{Array2, Array3};
@@ -398,5 +400,6 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(_identify, m)?)?;
     m.add_function(wrap_pyfunction!(_diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(_effects_json, m)?)?;
+    m.add_function(wrap_pyfunction!(compensate::_compensate, m)?)?;
     m.add_function(wrap_pyfunction!(_validate, m)?)
 }

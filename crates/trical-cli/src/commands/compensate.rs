@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-use trical_ident::{ModelFile, write_whole};
-use trical_model::{Forward, Model};
+use trical_device::program::{Job, Options, ProgramError, Report, left, summarized};
+use trical_ident::ModelFile;
+use trical_model::Model;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::{rapid, say};
+use crate::{say, table};
 
 /// Arguments of `trical compensate`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The program (ABB RAPID: robtargets in wobj0 with the cell's tool, and jointtargets)
+    /// The program: ABB RAPID, KUKA .src/.dat, FANUC .ls, Universal Robots script, or a CSV of poses or joints
     #[arg(value_name = "PROGRAM")]
     program: PathBuf,
     #[command(flatten)]
@@ -22,49 +22,152 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Where to write the rewritten program
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "check")]
+    out: Option<PathBuf>,
+    /// Write nothing: list each target with its error before and after, as the model predicts it
+    #[arg(long)]
+    check: bool,
     /// Write even where targets could not be rewritten; those stay as they are
     #[arg(long)]
     partial: bool,
+    /// The program's language, where the file's extension does not say it: rapid, krl, fanuc, urscript, csv
+    #[arg(long, value_name = "NAME")]
+    dialect: Option<String>,
+    /// Tools and frames that the program does not declare itself: a TOML file ([tools.NAME], [frames.NAME], [world]), or
+    /// another program of the controller that declares them (CalibData.mod, $config.dat)
+    #[arg(long, value_name = "FILE")]
+    frames: Vec<PathBuf>,
+    /// Tool of targets for which the program names none [default: the cell's tool]
+    #[arg(long, value_name = "NAME")]
+    tool: Option<String>,
+    /// Work object, base or user frame of targets for which the program names none [default: the robot's base]
+    #[arg(long, value_name = "NAME")]
+    frame: Option<String>,
+    /// Temperature at which the program runs, degC, for a model with thermal effects
+    #[arg(long, value_name = "T", allow_hyphen_values = true)]
+    temp_c: Option<f64>,
+    /// When the program runs, s since the recording began, for a model that drifts
+    #[arg(long, value_name = "T")]
+    time_s: Option<f64>,
+    /// Mass on the flange beyond the tool's own, kg
+    #[arg(long, value_name = "M")]
+    payload_kg: Option<f64>,
+    /// Do not look at the configurations in the text (as after ConfJ\Off, ConfL\Off): take the solution nearest to the
+    /// target before
+    #[arg(long)]
+    any_configuration: bool,
+    /// Targets are meant in the arm's own base, wherever it stands: leave out what was identified of the base
+    #[arg(long)]
+    own_base: bool,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
 }
 
+fn failed(out: Option<&PathBuf>) -> impl Fn(ProgramError) -> CliError + '_ {
+    move |e| match (e, out) {
+        (ProgramError::Input(text), _) => CliError::Input(text),
+        (ProgramError::Left(text), _) => CliError::Failed(text),
+        (e, Some(out)) => CliError::Failed(format!("{}: {e}", out.display())),
+        (e, None) => CliError::Failed(e.to_string()),
+    }
+}
+
+fn finite(name: &str, value: Option<f64>, from: f64, to: f64) -> Result<()> {
+    match value {
+        Some(v) if !(from..=to).contains(&v) => {
+            Err(CliError::Input(format!("{name}: found {v}, expected between {from} and {to}")))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_output(&args.out)?;
+    let name = args.program.display().to_string();
+    if let Some(out) = &args.out {
+        input::check_output(out)?;
+    }
+    finite("--temp-c", args.temp_c, -100.0, 200.0)?;
+    finite("--payload-kg", args.payload_kg, 0.0, 1e4)?;
+    finite("--time-s", args.time_s, 0.0, 1e9)?;
+    let job = Job {
+        program: &args.program,
+        out: args.out.as_deref().filter(|_| !args.check),
+        dialect: args.dialect.as_deref(),
+        frames: &args.frames,
+        partial: args.partial,
+    };
+    let failed = failed(args.out.as_ref());
+    job.dialect().map_err(&failed)?;
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;
-    let name = args.program.display().to_string();
-    let text = trical_model::error::read_text(&args.program)?;
-    let nominal = Forward::new(Model::nominal(robot, cell), Vec::new())?;
-    let model = Forward::new(file.model, Vec::new())?;
-    let done = rapid::rewrite(&text, &nominal, &model, &name)?;
-    if done.poses.is_empty() && done.problems.is_empty() {
-        return Err(CliError::Input(format!(
-            "{name}: no targets found; expected ABB RAPID with robtarget or jointtarget data"
-        )));
-    }
-    if !done.problems.is_empty() && !args.partial {
-        return Err(CliError::Failed(format!(
-            "{name}: {} targets cannot be rewritten, and nothing was written (--partial writes the others): {}",
-            done.problems.len(),
-            done.problems.join("; ")
-        )));
-    }
-    let marked = rapid::with_mark(&done.text, &args.model.display().to_string());
-    write_whole(&args.out, marked.as_bytes())?;
-    let largest = done.moved_mm.iter().copied().fold(0.0, f64::max);
+    let options = Options {
+        model_name: args.model.display().to_string(),
+        tool: args.tool.clone(),
+        frame: args.frame.clone(),
+        temp_c: args.temp_c,
+        time_s: args.time_s,
+        payload_kg: args.payload_kg,
+        configuration_off: args.any_configuration,
+        own_base: args.own_base,
+        details: args.check,
+    };
+    let nominal = Model::nominal(robot, cell);
+    let report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
+    tell(args, &job, &report)?;
+    if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }
+}
+
+fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
+    let mm = |x: f64| x * 1e3;
     if args.json {
-        let value = json!({ "targets": done.poses.len(), "largest_move_mm": largest, "problems": done.problems });
-        return say(serde_json::to_string_pretty(&value)?);
+        let dialect = job.dialect().map_err(failed(None))?;
+        return say(serde_json::to_string_pretty(&report.json(dialect))?);
     }
-    say(format!("{} targets rewritten, the farthest moved by {largest:.3} mm", done.poses.len()))?;
-    for p in &done.problems {
-        say(format!("  left as it is: {p}"))?;
+    if args.check {
+        let mut rows = vec![["line", "target", "moves, mm", "error before", "after"].map(String::from).to_vec()];
+        rows.extend(report.rows.iter().map(|r| {
+            let name = if r.name.is_empty() { "(inline)" } else { &r.name };
+            vec![
+                r.line.to_string(),
+                name.to_owned(),
+                format!("{:.3}", mm(r.moved)),
+                format!("{:.3}", mm(r.before)),
+                format!("{:.4}", mm(r.after)),
+            ]
+        }));
+        for line in table::lines(&rows) {
+            say(line)?;
+        }
     }
-    say(format!("Wrote {}", args.out.display()))
+    let words = if args.check { "would be rewritten" } else { "rewritten" };
+    say(format!("{} targets {words}, the farthest moved by {:.3} mm", report.rewritten, mm(report.largest_move)))?;
+    say(format!(
+        "Error that the model predicts, mm: mean {:.3}, max {:.3} before; mean {:.4}, max {:.4} after",
+        mm(report.before[0]),
+        mm(report.before[1]),
+        mm(report.after[0]),
+        mm(report.after[1])
+    ))?;
+    for (setup, n) in &report.setups {
+        say(format!("  {n} meant with {setup}"))?;
+    }
+    if report.unknown_places > 0 {
+        say(format!(
+            "  {} motions go to places that the running program computes: what is approached from there has no known sense",
+            report.unknown_places
+        ))?;
+    }
+    if !args.check {
+        if !report.problems.is_empty() {
+            let n = report.problems.len();
+            say(format!("  {n} left as they are: {}", summarized(&report.problems)))?;
+        }
+        if let Some(out) = &args.out {
+            say(format!("Wrote {}", out.display()))?;
+        }
+    }
+    Ok(())
 }

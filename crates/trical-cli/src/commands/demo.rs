@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use nalgebra::Vector3;
+use trical_device::program::{self, Dialect, Frames, Options, Report};
 use trical_device::{VirtualCell, open_controller, read_recording};
 use trical_ident::{
     Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
@@ -22,7 +23,7 @@ use crate::measure_view::View;
 use crate::plant::{ArmPlant, cell_options, draw_truth};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::report::{Figure, Section, error_table, footer, render};
-use crate::{plan_report, progress, rapid, say, table};
+use crate::{plan_report, progress, say, table};
 
 const ROBOT: &str = include_str!("../../../../cells/irb120/robot.toml");
 const CELL: &str = include_str!("../../../../cells/irb120/cell.toml");
@@ -61,6 +62,16 @@ fn score(truth: &Forward, before: &Forward, after: &Forward, poses: Vec<Joints>)
     let places = place(truth);
     let off = |f: &Forward| place(f).iter().zip(&places).map(|(a, b)| (a - b).norm()).collect();
     Scored { before: off(before), after: off(after), places, poses }
+}
+
+/// The sample program rewritten for `model`, as the controller of the nominal arm reads it.
+fn rewritten(text: &[u8], nominal: &Model, model: &Model) -> Result<(Vec<u8>, Report)> {
+    let options = Options { model_name: "calibrated.toml".into(), details: true, ..Options::default() };
+    let mut out = Vec::new();
+    let report =
+        program::compensate(text, "sample.mod", Dialect::Rapid, nominal, model, &Frames::default(), &options, &mut out)
+            .map_err(|e| CliError::Failed(e.to_string()))?;
+    Ok((out, report))
 }
 
 /// Where the sample program's targets end up on the virtual arm, driven through the controller's socket: errors in m.
@@ -209,25 +220,26 @@ pub fn run(args: &Args) -> Result<()> {
     }
 
     // 6. a program
-    let (controller, real) = (
-        Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new())?,
-        Forward::new(fitted.model.clone(), Vec::new())?,
-    );
-    let plain = rapid::rewrite(PROGRAM, &controller, &controller, "sample.mod")?;
-    let better = rapid::rewrite(PROGRAM, &controller, &real, "sample.mod")?;
-    if let Some(problem) = better.problems.first() {
+    let controller = Model::nominal(robot.clone(), cell.clone());
+    let (_, plain) = rewritten(PROGRAM.as_bytes(), &controller, &controller)?;
+    let (better, done) = rewritten(PROGRAM.as_bytes(), &controller, &fitted.model)?;
+    if let Some(problem) = done.problems.first() {
         return Err(CliError::Failed(format!("sample.mod: {problem}")));
     }
-    write_whole(&file("sample.compensated.mod"), rapid::with_mark(&better.text, "calibrated.toml").as_bytes())?;
-    // what the controller reads from the two files, driven on the virtual arm
-    let again = rapid::rewrite(&better.text, &controller, &controller, "sample.compensated.mod")?;
+    write_whole(&file("sample.compensated.mod"), &better)?;
+    // what the controller reads from the two files (the second without its mark), driven on the virtual arm
+    let unmarked = better.iter().position(|b| *b == b'\n').map_or(0, |k| k + 1);
+    let (_, again) = rewritten(&better[unmarked..], &controller, &controller)?;
+    let poses =
+        |r: &Report| -> Vec<(trical_model::Pose, Joints)> { r.rows.iter().map(|r| (r.wanted, r.joints)).collect() };
+    let plain = poses(&plain);
     let rewritten: Vec<(trical_model::Pose, Joints)> =
-        plain.poses.iter().zip(&again.poses).map(|((wanted, _), (_, q))| (*wanted, *q)).collect();
-    let (missed, hit) = (drive(&running, &plain.poses)?, drive(&running, &rewritten)?);
+        plain.iter().zip(poses(&again)).map(|((wanted, _), (_, q))| (*wanted, q)).collect();
+    let (missed, hit) = (drive(&running, &plain)?, drive(&running, &rewritten)?);
     let (missed, hit) = (summary(&missed), summary(&hit));
     tell(format!(
         "6. A RAPID program is rewritten and driven: its {} targets are missed by {:.3} mm (mean) before and",
-        plain.poses.len(),
+        plain.len(),
         missed.mean_mm
     ))?;
     tell(format!("   {:.3} mm after (sample.compensated.mod).", hit.mean_mm))?;

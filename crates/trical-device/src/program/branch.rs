@@ -1,0 +1,203 @@
+//! Configurations: what a program's text demands of the arm's branch, and what joints have.
+//!
+//! The meaning of the numbers is as the makers' manuals describe it for arms with a spherical wrist; it was not tried on
+//! controllers \[I\]. So quadrants (ABB) and signs (KUKA) of single joints decide, and the rest (front or back, elbow up or
+//! down) only chooses among what is left.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use trical_model::{JointKind, Joints, Robot};
+
+/// What the text of a target demands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Configuration {
+    /// Nothing: the solution nearest to the target before.
+    Free,
+    /// ABB's cf1, cf4, cf6 (quadrants of joints 1, 4, 6) and cfx.
+    Abb([i16; 4]),
+    /// KUKA's status and turn, where given.
+    Kuka {
+        /// Status.
+        s: Option<u8>,
+        /// Turn: bit i is set where joint i + 1 is below zero.
+        t: Option<u8>,
+    },
+    /// FANUC's flip, up, front.
+    Fanuc {
+        /// F: flip.
+        flip: bool,
+        /// U: elbow up.
+        up: bool,
+        /// T: toward the front.
+        front: bool,
+    },
+}
+
+/// A joint may be this far beyond a quadrant that the text names, rad: texts are rounded.
+const SLACK: f64 = 2e-3;
+/// Joints that change by less than this have not changed, rad.
+const SAME: f64 = 1e-6;
+
+/// What tells the branches of a 6R arm apart.
+#[derive(Clone, Debug)]
+pub struct Branches {
+    /// Twist, length and offsets that place the wrist; `None` where axes 2 and 3 are not parallel or joints slide.
+    elbow: Option<Elbow>,
+    spherical: bool,
+    dof: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Elbow {
+    offset: [f64; 2],
+    a1: f64,
+    a2: f64,
+    fold: f64,
+    wrist: [f64; 2],
+}
+
+impl Branches {
+    /// Of an arm.
+    #[must_use]
+    pub fn of(robot: &Robot) -> Self {
+        let j = &robot.joints;
+        let revolute = j.len() == 6 && j.iter().all(|j| j.kind == JointKind::Revolute);
+        let parallel = revolute && j[2].alpha.sin().abs() < 1e-6 && j[2].a.abs() > 1e-6;
+        Self {
+            elbow: parallel.then(|| Elbow {
+                offset: [j[1].theta_offset, j[2].theta_offset],
+                a1: j[1].a,
+                a2: j[2].a,
+                fold: j[2].alpha.cos(),
+                wrist: [j[3].a, -j[3].alpha.sin() * j[3].d],
+            }),
+            spherical: parallel && j[4].a.abs() < 1e-9 && j[4].d.abs() < 1e-9,
+            dof: j.len(),
+        }
+    }
+
+    /// Distance of the wrist from the line of the lower arm, m: its sign says how the elbow is bent.
+    fn elbow(&self, q: &Joints) -> Option<f64> {
+        self.elbow.map(|e| e.across(q))
+    }
+
+    /// How far the wrist is in front of axis 1 (as seen at zero), m.
+    fn front(&self, q: &Joints) -> Option<f64> {
+        let e = self.elbow.filter(|_| self.spherical)?;
+        let ahead = |q: &Joints| {
+            let (s, c) = (q[1] + e.offset[0]).sin_cos();
+            e.a1 + c * (e.a2 + e.along(q)) - s * e.fold * e.across(q)
+        };
+        Some(ahead(q) * ahead(&Joints::default()).signum())
+    }
+
+    /// How badly `q` fits what the text demands: 0 is well; `None` is not at all.
+    #[must_use]
+    pub fn mismatch(&self, demanded: &Configuration, q: &Joints) -> Option<u32> {
+        let unlike = |has: Option<bool>, wants: bool| u32::from(has.is_some_and(|h| h != wants));
+        let below = |x: f64| (x.abs() > SLACK).then_some(x < 0.0);
+        let behind = self.front(q).map(|f| f < 0.0);
+        match demanded {
+            Configuration::Free => Some(0),
+            Configuration::Abb(cf) => {
+                if [(0, cf[0]), (3, cf[1]), (5, cf[2])].iter().any(|(j, cf)| outside(q[*j], *cf) > SLACK) {
+                    return None;
+                }
+                let Ok(x) = u8::try_from(cf[3]) else { return Some(0) };
+                let zero = self.elbow(&Joints::default());
+                let bent_back = self.elbow(q).zip(zero).map(|(e, z)| e * z < 0.0);
+                Some(unlike(behind, x & 4 != 0) + unlike(bent_back, x & 2 != 0) + unlike(below(q[4]), x & 1 != 0))
+            }
+            Configuration::Kuka { s, t } => {
+                if let Some(t) = t
+                    && (0..self.dof.min(6)).any(|i| below(q[i]).is_some_and(|b| b != (t >> i & 1 == 1)))
+                {
+                    return None;
+                }
+                let Some(s) = s else { return Some(0) };
+                let bent = self.elbow.map(|e| wrapped(q[2] - e.stretched()) >= 0.0);
+                let wrist = below(q[4]).filter(|_| t.is_none());
+                Some(unlike(behind, s & 1 != 0) + unlike(bent, s & 2 != 0) + unlike(wrist, s & 4 != 0))
+            }
+            Configuration::Fanuc { flip, up, front } => {
+                let zero = self.elbow(&Joints::default());
+                let is_up = self.elbow(q).zip(zero).map(|(e, z)| e * z > 0.0);
+                let turned = q.iter().filter(|q| q.abs() > PI).count() as u32;
+                Some(unlike(below(q[4]), !flip) + unlike(is_up, *up) + unlike(behind, !front) + turned)
+            }
+        }
+    }
+
+    /// What the text has to demand of `new`, where the way there from `old` crosses a quadrant or a zero: the numbers that
+    /// stand behind those of the pose.
+    #[must_use]
+    pub fn rewritten(&self, demanded: &Configuration, old: &Joints, new: &Joints) -> [Option<i16>; 3] {
+        match demanded {
+            Configuration::Abb(cf) => {
+                let mut k = 0;
+                [0, 3, 5].map(|j| {
+                    let cf = cf[k];
+                    k += 1;
+                    let left = outside(new[j], cf) > outside(old[j], cf) + SAME;
+                    left.then(|| (new[j] / FRAC_PI_2).floor() as i16)
+                })
+            }
+            Configuration::Kuka { t: Some(t), .. } => {
+                let mut bits = *t;
+                for i in 0..self.dof.min(6) {
+                    let set = t >> i & 1 == 1;
+                    let against = |q: f64| if set { q.max(0.0) } else { (-q).max(0.0) };
+                    if against(new[i]) > against(old[i]) + SAME {
+                        bits ^= 1 << i;
+                    }
+                }
+                [(bits != *t).then_some(i16::from(bits)), None, None]
+            }
+            _ => [None; 3],
+        }
+    }
+
+    /// Which part of the arm changes its branch between two sets of joint values.
+    #[must_use]
+    pub fn changed(&self, old: &Joints, new: &Joints) -> Option<&'static str> {
+        let flips = |a: f64, b: f64| a * b < 0.0 && (a - b).abs() > SAME;
+        let both = |a: Option<f64>, b: Option<f64>| a.zip(b).is_some_and(|(a, b)| flips(a, b));
+        if self.elbow.is_some() && flips(old[4].sin(), new[4].sin()) {
+            Some("the wrist flips (joint 5 passes zero)")
+        } else if both(self.elbow(old), self.elbow(new)) {
+            Some("the elbow passes its stretched position")
+        } else if both(self.front(old), self.front(new)) {
+            Some("the wrist passes axis 1")
+        } else {
+            None
+        }
+    }
+}
+
+impl Elbow {
+    fn along(&self, q: &Joints) -> f64 {
+        let (s, c) = (q[2] + self.offset[1]).sin_cos();
+        c * self.wrist[0] - s * self.wrist[1]
+    }
+
+    fn across(&self, q: &Joints) -> f64 {
+        let (s, c) = (q[2] + self.offset[1]).sin_cos();
+        s * self.wrist[0] + c * self.wrist[1]
+    }
+
+    /// Value of joint 3 at which the arm is stretched out.
+    fn stretched(&self) -> f64 {
+        let theta = (-self.wrist[1]).atan2(self.wrist[0]);
+        theta - self.offset[1] + if self.a2 < 0.0 { PI } else { 0.0 }
+    }
+}
+
+/// How far an angle is outside a quadrant, rad.
+fn outside(q: f64, quadrant: i16) -> f64 {
+    let from = f64::from(quadrant) * FRAC_PI_2;
+    (from - q).max(q - from - FRAC_PI_2).max(0.0)
+}
+
+fn wrapped(x: f64) -> f64 {
+    x - TAU * (x / TAU).round()
+}

@@ -1,0 +1,262 @@
+//! What is told of a compensated program.
+
+use serde_json::{Value, json};
+use trical_model::{Joints, Pose};
+
+use super::compensation::{Done, in_words};
+use super::frames::Frames;
+use super::scan::{Scan, Setup, Spot, Visit};
+use super::text::Lines;
+use super::{Dialect, Options};
+
+/// A target that stays as it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// Its line (1-based).
+    pub line: usize,
+    /// Its name, where it has one.
+    pub name: String,
+    /// Why.
+    pub what: String,
+}
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.place(), self.what)
+    }
+}
+
+/// Problems in one line: the first few reasons, each with the first few targets that have it.
+#[must_use]
+pub fn summarized(problems: &[Problem]) -> String {
+    let mut reasons: Vec<(&str, Vec<&Problem>)> = Vec::new();
+    let mut left = 0;
+    for p in problems {
+        if let Some((_, list)) = reasons.iter_mut().find(|(what, _)| *what == p.what) {
+            list.push(p);
+        } else if reasons.len() < REASONS {
+            reasons.push((&p.what, vec![p]));
+        } else {
+            left += 1;
+        }
+    }
+    let mut out: Vec<String> = reasons
+        .iter()
+        .map(|(what, list)| {
+            let mut places: Vec<String> = list.iter().take(PLACES).map(|p| p.place()).collect();
+            if list.len() > PLACES {
+                places.push(format!("{} more", list.len() - PLACES));
+            }
+            format!("{}: {what}", places.join(", "))
+        })
+        .collect();
+    if left > 0 {
+        out.push(format!("{left} more of other kinds (--json --partial lists all)"));
+    }
+    out.join("; ")
+}
+
+/// Reasons, and targets of each, that [`summarized`] shows.
+const REASONS: usize = 8;
+const PLACES: usize = 5;
+
+impl Problem {
+    fn place(&self) -> String {
+        if self.name.is_empty() { format!("line {}", self.line) } else { format!("line {} ({})", self.line, self.name) }
+    }
+}
+
+/// One rewritten target.
+#[derive(Clone, Debug)]
+pub struct TargetRow {
+    /// Its line (1-based).
+    pub line: usize,
+    /// Its name, where it has one.
+    pub name: String,
+    /// How far it moved, m.
+    pub moved: f64,
+    /// By the model, how far the arm is off with the program as it was, m.
+    pub before: f64,
+    /// The same with the numbers as written.
+    pub after: f64,
+    /// What the program wants: the tool in {w}.
+    pub wanted: Pose,
+    /// Joints to which the controller goes with the numbers as written.
+    pub joints: Joints,
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Targets that were rewritten.
+    pub rewritten: usize,
+    /// Targets that were not.
+    pub problems: Vec<Problem>,
+    /// Farthest that a target moved, m.
+    pub largest_move: f64,
+    /// Mean and largest error that the model predicts with the program as it was, m.
+    pub before: [f64; 2],
+    /// The same with the numbers as written.
+    pub after: [f64; 2],
+    /// The same two as angles, rad.
+    pub turned: [[f64; 2]; 2],
+    /// Number of targets with each tool and frame, in words.
+    pub setups: Vec<(String, usize)>,
+    /// Rewritten targets one by one, if asked for.
+    pub rows: Vec<TargetRow>,
+    /// Motions to places that only the running program knows.
+    pub unknown_places: usize,
+}
+
+impl Report {
+    /// As JSON, in mm and deg; with the rows where there are any.
+    #[must_use]
+    pub fn json(&self, dialect: Dialect) -> Value {
+        let mm = |x: f64| x * 1e3;
+        let both = |v: &[f64; 2], turn: &[f64; 2]| {
+            json!({
+                "mean_mm": mm(v[0]), "max_mm": mm(v[1]),
+                "mean_deg": turn[0].to_degrees(), "max_deg": turn[1].to_degrees(),
+            })
+        };
+        let mut value = json!({
+            "targets": self.rewritten,
+            "largest_move_mm": mm(self.largest_move),
+            "problems": self.problems.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "dialect": dialect.name(),
+            "before": both(&self.before, &self.turned[0]),
+            "after": both(&self.after, &self.turned[1]),
+            "meant_with":
+                self.setups.iter().map(|(s, n)| json!({ "tool_and_frame": s, "targets": n })).collect::<Vec<_>>(),
+            "unknown_places": self.unknown_places,
+        });
+        if !self.rows.is_empty() {
+            value["rows"] = self
+                .rows
+                .iter()
+                .map(|r| {
+                    json!({
+                        "line": r.line, "name": r.name, "move_mm": mm(r.moved),
+                        "before_mm": mm(r.before), "after_mm": mm(r.after),
+                    })
+                })
+                .collect();
+        }
+        value
+    }
+}
+
+/// Counts while targets are rewritten.
+pub(super) struct Tally<'a> {
+    scan: &'a Scan,
+    bytes: &'a [u8],
+    options: &'a Options,
+    lines: Lines<'a>,
+    report: Report,
+    counts: Vec<usize>,
+}
+
+impl<'a> Tally<'a> {
+    pub fn new(scan: &'a Scan, bytes: &'a [u8], options: &'a Options) -> Self {
+        let unknown_places = scan.visits.iter().filter(|v| matches!(v, Visit::Unknown)).count();
+        let report = Report { unknown_places, ..Report::default() };
+        Self { scan, bytes, options, lines: Lines::new(bytes), report, counts: vec![0; scan.setups.len() + 1] }
+    }
+
+    fn place(&mut self, spot: &Spot) -> (usize, String) {
+        let name = String::from_utf8_lossy(spot.name.text(self.bytes)).into_owned();
+        (self.lines.of(self.scan.at(spot)), name)
+    }
+
+    pub fn take(&mut self, spot: &Spot, done: Result<Done, String>) {
+        let done = match done {
+            Ok(done) => done,
+            Err(what) => {
+                let (line, name) = self.place(spot);
+                self.report.problems.push(Problem { line, name, what });
+                return;
+            }
+        };
+        if let Some(n) = self.counts.get_mut(spot.setup.map_or(self.scan.setups.len(), |s| s as usize)) {
+            *n += 1;
+        }
+        if self.options.details {
+            let (line, name) = self.place(spot);
+            self.report.rows.push(TargetRow {
+                line,
+                name,
+                moved: done.moved,
+                before: done.before.0,
+                after: done.after.0,
+                wanted: done.wanted,
+                joints: done.joints,
+            });
+        }
+        let r = &mut self.report;
+        r.rewritten += 1;
+        r.largest_move = r.largest_move.max(done.moved);
+        let [before, after] = &mut r.turned;
+        for (sums, x) in [
+            (&mut r.before, done.before.0),
+            (&mut r.after, done.after.0),
+            (before, done.before.1),
+            (after, done.after.1),
+        ] {
+            sums[0] += x;
+            sums[1] = sums[1].max(x);
+        }
+    }
+
+    pub fn report(mut self) -> Report {
+        for (at, what) in &self.scan.problems {
+            let line = self.lines.of(*at);
+            self.report.problems.push(Problem { line, name: String::new(), what: what.clone() });
+        }
+        let mut r = self.report;
+        r.problems.sort_by_key(|p| p.line);
+        let n = r.rewritten.max(1) as f64;
+        let [before, after] = &mut r.turned;
+        for sums in [&mut r.before, &mut r.after, before, after] {
+            sums[0] /= n;
+        }
+        let unsaid = Setup::default();
+        let setups = self.scan.setups.iter().chain(std::iter::once(&unsaid)).zip(self.counts);
+        let said = |s: &Setup| {
+            let or = |own: &Option<String>, asked: &Option<String>| own.clone().or_else(|| asked.clone());
+            in_words(&Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) })
+        };
+        for (setup, n) in setups.filter(|(_, n)| *n > 0) {
+            let words = said(setup);
+            match r.setups.iter_mut().find(|(w, _)| *w == words) {
+                Some((_, m)) => *m += n,
+                None => r.setups.push((words, n)),
+            }
+        }
+        r
+    }
+}
+
+/// Targets that no motion of the file names have the only tool and frame that the file's motions use. Where there are several,
+/// and the user says none either, nobody knows.
+pub(super) fn lonely(scan: &mut Scan, known: &mut Frames, options: &Options) {
+    let asked = options.tool.is_some() || options.frame.is_some();
+    let only = match scan.setups.len() {
+        0 => return,
+        1 => Some(0),
+        _ => None,
+    };
+    let mut unknown = None;
+    for k in 0..scan.spots.len() {
+        if scan.spots[k].setup.is_some() || asked {
+            continue;
+        }
+        scan.spots[k].setup = only.or_else(|| {
+            // a setup that nobody knows says so for each of its targets
+            let name = "(unused)".to_owned();
+            let setup = unknown.get_or_insert_with(|| Setup { tool: Some(name.clone()), frame: None }).clone();
+            let why = "no motion in the file names it, and the file uses several tools or frames; --tool and --frame say which";
+            known.tools.insert(name, Err(why.into()));
+            Some(scan.setup(setup))
+        });
+    }
+}

@@ -1,0 +1,223 @@
+//! Bytes of programs: a cursor over them, numbers in them, and new numbers in their place.
+//!
+//! Nothing here decodes text: keywords and numbers are ASCII in every dialect, and whatever else the file holds (Latin-1
+//! comments, mixed line ends) is copied as it stands.
+
+/// Where a number stands in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Span {
+    /// Offset of its first byte.
+    pub at: u32,
+    /// Number of its bytes.
+    pub len: u16,
+}
+
+impl Span {
+    /// Bytes `from..to` of the file.
+    #[must_use]
+    pub fn new(from: usize, to: usize) -> Self {
+        Self { at: u32::try_from(from).unwrap_or(u32::MAX), len: u16::try_from(to - from).unwrap_or(0) }
+    }
+
+    /// Its text.
+    #[must_use]
+    pub fn text(self, bytes: &[u8]) -> &[u8] {
+        bytes.get(self.at as usize..self.at as usize + self.len as usize).unwrap_or(&[])
+    }
+
+    /// The number that stands there; KUKA's binary form ('B1010') too.
+    #[must_use]
+    pub fn value(self, bytes: &[u8]) -> Option<f64> {
+        number(self.text(bytes))
+    }
+}
+
+/// A finite number, or `None`.
+#[must_use]
+pub fn number(text: &[u8]) -> Option<f64> {
+    if let Some(bits) = text.strip_prefix(b"'B").or_else(|| text.strip_prefix(b"'b")) {
+        let bits = std::str::from_utf8(bits.strip_suffix(b"'")?).ok()?;
+        return u32::from_str_radix(bits, 2).ok().map(f64::from);
+    }
+    // "inf" and "nan" are names here
+    if !text.first().is_some_and(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.')) {
+        return None;
+    }
+    std::str::from_utf8(text).ok()?.parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+/// A place in a program, and small steps from there.
+#[derive(Clone, Copy, Debug)]
+pub struct Cursor<'a> {
+    /// All of the file.
+    pub bytes: &'a [u8],
+    /// Where the next byte is read.
+    pub at: usize,
+    /// What begins a comment that lasts to the end of its line.
+    comment: u8,
+}
+
+impl<'a> Cursor<'a> {
+    /// At the beginning; `comment` begins comments.
+    #[must_use]
+    pub fn new(bytes: &'a [u8], comment: u8) -> Self {
+        Self { bytes, at: 0, comment }
+    }
+
+    /// The next byte, 0 at the end.
+    #[must_use]
+    pub fn peek(&self) -> u8 {
+        self.bytes.get(self.at).copied().unwrap_or(0)
+    }
+
+    /// Whether nothing is left.
+    #[must_use]
+    pub fn done(&self) -> bool {
+        self.at >= self.bytes.len()
+    }
+
+    /// To the line's end (which is not passed).
+    pub fn skip_line(&mut self) {
+        while !self.done() && !matches!(self.peek(), b'\n' | b'\r') {
+            self.at += 1;
+        }
+    }
+
+    /// Past a string that begins here, to its closing quote or the line's end.
+    pub fn skip_string(&mut self) {
+        let quote = self.peek();
+        self.at += 1;
+        while !self.done() && !matches!(self.peek(), b'\n' | b'\r') {
+            let end = self.peek() == quote;
+            self.at += 1;
+            if end {
+                return;
+            }
+        }
+    }
+
+    /// Past blanks, line ends and comments.
+    pub fn skip_space(&mut self) {
+        loop {
+            let b = self.peek();
+            if b.is_ascii_whitespace() {
+                self.at += 1;
+            } else if b == self.comment && !self.done() {
+                self.skip_line();
+            } else {
+                return;
+            }
+        }
+    }
+
+    /// Past blanks within the line.
+    pub fn skip_blank(&mut self) {
+        while matches!(self.peek(), b' ' | b'\t') {
+            self.at += 1;
+        }
+    }
+
+    /// Whether `b` comes next after space; it is then passed.
+    pub fn eat(&mut self, b: u8) -> bool {
+        self.skip_space();
+        let found = self.peek() == b && !self.done();
+        self.at += usize::from(found);
+        found
+    }
+
+    /// The name that begins here (letters, digits, `_`, and `$` for KUKA's system variables); empty where there is none.
+    pub fn word(&mut self) -> &'a [u8] {
+        let from = self.at;
+        if self.peek().is_ascii_alphabetic() || matches!(self.peek(), b'_' | b'$') {
+            while self.peek().is_ascii_alphanumeric() || matches!(self.peek(), b'_' | b'$') {
+                self.at += 1;
+            }
+        }
+        &self.bytes[from..self.at]
+    }
+
+    /// The number that begins here, where one does.
+    pub fn number(&mut self) -> Option<Span> {
+        let from = self.at;
+        if self.bytes[from..].starts_with(b"'B") || self.bytes[from..].starts_with(b"'b") {
+            let close = self.bytes[from + 2..].iter().take(34).position(|b| *b == b'\'')?;
+            self.at = from + close + 3;
+        } else {
+            if matches!(self.peek(), b'+' | b'-') {
+                self.at += 1;
+            }
+            while self.peek().is_ascii_digit() || self.peek() == b'.' {
+                self.at += 1;
+            }
+            if self.at > from && matches!(self.peek(), b'e' | b'E') {
+                let mut k = self.at + 1;
+                if matches!(self.bytes.get(k), Some(b'+' | b'-')) {
+                    k += 1;
+                }
+                if self.bytes.get(k).is_some_and(u8::is_ascii_digit) {
+                    self.at = k;
+                    while self.peek().is_ascii_digit() {
+                        self.at += 1;
+                    }
+                }
+            }
+        }
+        let span = Span::new(from, self.at);
+        if span.value(self.bytes).is_none() {
+            self.at = from;
+            return None;
+        }
+        Some(span)
+    }
+}
+
+/// Digits behind the point of a number's text; 0 where it has an exponent.
+fn decimals(text: &[u8]) -> usize {
+    if text.iter().any(|b| matches!(b, b'e' | b'E')) {
+        return 0;
+    }
+    text.iter().position(|b| *b == b'.').map_or(0, |k| text.len() - k - 1)
+}
+
+/// `new` with the digits that the old text has, and at least `least`.
+#[must_use]
+pub fn written(new: f64, old: &[u8], least: usize) -> String {
+    let places = decimals(old).clamp(least, 12);
+    let text = format!("{new:.places$}");
+    match text.strip_prefix('-') {
+        Some(positive) if positive.bytes().all(|b| matches!(b, b'0' | b'.')) => positive.to_owned(),
+        _ => text,
+    }
+}
+
+/// The line (1-based) of each offset; offsets must not fall.
+pub struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> Lines<'a> {
+    /// Counts lines of `bytes`.
+    #[must_use]
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, line: 1 }
+    }
+
+    /// The line of the byte at `offset`.
+    pub fn of(&mut self, offset: usize) -> usize {
+        if offset < self.at {
+            (self.at, self.line) = (0, 1);
+        }
+        let end = offset.min(self.bytes.len());
+        self.line += self.bytes[self.at..end].iter().filter(|b| **b == b'\n').count();
+        self.at = end;
+        self.line
+    }
+}
+
+/// Lower-case copy of an ASCII name.
+#[must_use]
+pub fn lower(name: &[u8]) -> String {
+    name.iter().map(|b| char::from(b.to_ascii_lowercase())).collect()
+}

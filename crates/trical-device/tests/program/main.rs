@@ -1,0 +1,302 @@
+//! Programs of every dialect, written here from joint values as a controller would teach them, compensated, read again as the
+//! controller reads them, and driven on the arm of the full model.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod fixtures;
+
+use fixtures::{
+    IRB, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
+};
+use proptest::prelude::*;
+use trical_device::program::{Dialect, Frames, Options, ProgramError, Report, compensate};
+use trical_model::{Forward, MAX_JOINTS, Model, Site, State, Tool};
+
+fn options() -> Options {
+    Options { temp_c: Some(32.0), details: true, model_name: "m.toml".into(), ..Options::default() }
+}
+
+fn run(text: &[u8], d: Dialect, nominal: &Model, model: &Model, frames: &Frames) -> (Vec<u8>, Report) {
+    let mut out = Vec::new();
+    let report = compensate(text, "p", d, nominal, model, frames, &options(), &mut out).unwrap();
+    (out, report)
+}
+
+fn refused(text: &[u8], d: Dialect) -> String {
+    let n = nominal(IRB);
+    match compensate(text, "p", d, &n, &n, &Frames::default(), &options(), &mut Vec::new()) {
+        Err(ProgramError::Input(e)) => e,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The line with the mark, taken away.
+fn unmarked(text: &[u8]) -> Vec<u8> {
+    let bom = if text.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+    let is_mark = |l: &&[u8]| l.windows(21).any(|w| w == b"compensated by TriCal");
+    let lines: Vec<&[u8]> = text[bom..].split_inclusive(|b| *b == b'\n').collect();
+    assert_eq!(lines.iter().filter(|l| is_mark(l)).count(), 1);
+    [&text[..bom], &lines.into_iter().filter(|l| !is_mark(l)).collect::<Vec<_>>().concat()].concat()
+}
+
+#[test]
+fn an_identity_model_changes_no_byte() {
+    for (d, text, frames, nominal, targets) in programs() {
+        let (out, report) = run(&text, d, &nominal, &nominal, &frames);
+        assert!(report.problems.is_empty(), "{d:?}: {:?}", report.problems);
+        assert_eq!(report.rewritten, targets, "{d:?}");
+        assert_eq!(String::from_utf8_lossy(&unmarked(&out)), String::from_utf8_lossy(&text), "{d:?}");
+        assert!(unmarked(&out) == text, "{d:?}");
+        assert!(report.largest_move < 1e-9);
+    }
+}
+
+#[test]
+fn the_arm_of_the_full_model_goes_where_each_program_says() {
+    for (d, text, frames, nominal, targets) in programs() {
+        let real = real(&nominal);
+        let (out, report) = run(&text, d, &nominal, &real, &frames);
+        assert!(report.problems.is_empty(), "{d:?}: {:?}", report.problems);
+        assert_eq!(report.rewritten, targets);
+        assert!(report.before[0] > 0.4e-3 && report.after[1] < 0.5e-6, "{d:?}: {:?} {:?}", report.before, report.after);
+        // as the controller reads the two files
+        let (_, was) = run(&text, d, &nominal, &nominal, &frames);
+        let (_, again) = run(&unmarked(&out), d, &nominal, &nominal, &frames);
+        assert!(again.problems.is_empty(), "{d:?}: {:?}", again.problems);
+        for ((was, again), row) in was.rows.iter().zip(&again.rows).zip(&report.rows) {
+            for (a, b) in again.joints.iter().zip(&row.joints) {
+                assert!((a - b).abs() < 1e-6, "{d:?} {}: {:?} {:?}", row.name, again.joints, row.joints);
+            }
+            assert!((was.wanted.translation - row.wanted.translation).norm() < 1e-12);
+        }
+        // only numbers changed
+        let rest = |t: &[u8]| -> Vec<u8> {
+            t.iter().copied().filter(|b| !b.is_ascii_digit() && !matches!(b, b'.' | b'-' | b'+' | b' ')).collect()
+        };
+        assert_eq!(rest(&unmarked(&out)), rest(&text), "{d:?}");
+        assert_ne!(unmarked(&out), text);
+    }
+}
+
+/// The joints to which the controller is sent are driven on an arm that is put together here: senses from the path, tool and
+/// frame by hand.
+#[test]
+fn frames_senses_and_heat_are_those_of_the_program() {
+    let nominal = nominal(IRB);
+    let real = real(&nominal);
+    let (_, report) = run(&rapid(&nominal), Dialect::Rapid, &nominal, &real, &Frames::default());
+    let all = joints([0.0; 6]);
+    // in the order of the file: p0, P1, path{1}, path{2}, jHome, inline
+    let taught = [0, 1, 2, 4, 9, 3];
+    // driven: home, p0, over P1, P1, path{1}, path{2}, inline
+    let world_from_base = nominal.cell.world_from_base;
+    for (row, k) in report.rows.iter().zip(taught) {
+        if k == 9 {
+            continue;
+        }
+        let wanted = world_from_base.compose(&flange(&nominal, &all[k])).compose(&if k.is_multiple_of(2) {
+            device()
+        } else {
+            gripper()
+        });
+        assert!((row.wanted.translation - wanted.translation).norm() < 2e-8, "{k}");
+        let mut arm = real.clone();
+        if !k.is_multiple_of(2) {
+            arm.cell.tool =
+                Tool { tcp: gripper().translation, rotation: gripper().rotation, mass: 0.5, ..arm.cell.tool };
+            arm.terms.retain(|t| !matches!(t.site, Site::Tool(_)));
+        }
+        let arm = Forward::new(arm, vec![]).unwrap();
+        let mut ws = arm.workspace();
+        let best = [-1, 1]
+            .iter()
+            .flat_map(|a| [-1, 1].map(|b| (*a, b)))
+            .map(|(two, three)| {
+                let mut dir = [0; MAX_JOINTS];
+                (dir[1], dir[2]) = (two, three);
+                let state = State { dir: Some(dir), temp_c: Some(32.0), ..State::at(&row.joints) };
+                ((arm.world_from_tool(&state, &mut ws).translation - wanted.translation).norm(), two, three)
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap();
+        assert!(best.0 < 3e-7, "{k}: {best:?}");
+        // joints 2 and 3 from home (20, 10) to p0 (12, -8); p0 to path is by P1 (20, 5)
+        let senses = match k {
+            0 => (-1, -1),
+            2 => (-1, 1),
+            4 => (1, -1),
+            _ => continue,
+        };
+        assert_eq!((best.1, best.2), senses, "{k}");
+    }
+}
+
+#[test]
+fn senses_matter_and_unknown_ones_are_zero() {
+    let nominal = nominal(IRB);
+    let real = real(&nominal);
+    let text = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,10,5,60,-7\n10,30,10,5,60,-7\n10,20,10,5,60,-7\n";
+    let (out, _) = run(text, Dialect::Csv, &nominal, &real, &Frames::default());
+    let lines: Vec<String> = String::from_utf8(unmarked(&out)).unwrap().lines().map(str::to_owned).collect();
+    // the first is approached from nowhere, the third downwards: half the gap apart
+    let q2 = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
+    assert!((q2(&lines[3]) - q2(&lines[1]) - 0.4e-3_f64.to_degrees()).abs() < 2e-4, "{lines:?}");
+}
+
+#[test]
+fn twice_is_refused_and_so_is_what_is_no_program() {
+    for (d, text, frames, nominal, _) in programs() {
+        let (out, _) = run(&text, d, &nominal, &nominal, &frames);
+        assert!(refused(&out, d).contains("compensated already"), "{d:?}");
+        assert!(refused(b"nothing here\n", d).contains("expected"), "{d:?}");
+        assert!(refused(b"\xff\xfea\0b\0", d).contains("UTF-16"), "{d:?}");
+    }
+}
+
+const TARGET: &str = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+
+fn problems(body: &str) -> Vec<String> {
+    let n = nominal(IRB);
+    let mut out = Vec::new();
+    let options = Options { configuration_off: true, ..options() };
+    let text = body.replace("TARGET", TARGET);
+    let report =
+        compensate(text.as_bytes(), "p", Dialect::Rapid, &n, &n, &Frames::default(), &options, &mut out).unwrap();
+    report.problems.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn what_cannot_be_right_is_listed_with_line_and_name() {
+    let one = |body: &str, words: &[&str]| {
+        let found = problems(body);
+        assert_eq!(found.len(), 1, "{body}: {found:?}");
+        for w in words {
+            assert!(found[0].contains(w), "'{w}' is missing in {found:?}");
+        }
+    };
+    let declare = "\nCONST robtarget p:=TARGET;\n";
+    one(&format!("{declare}MoveL p,v1,fine,tOther;"), &["line 2 (p)", "'tother'", "--frames"]);
+    one(&format!("{declare}MoveL p,v1,fine,tool0\\WObj:=w;"), &["'w'", "--frames"]);
+    one(
+        &format!(
+            "{declare}MoveL p,v1,fine,tool0;PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];MoveL p,v1,fine,t;"
+        ),
+        &["tool 'tool0' in 'wobj0'", "tool 't'"],
+    );
+    one(
+        &format!(
+            "{declare}PERS tooldata t:=[FALSE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];MoveL p,v1,fine,t;"
+        ),
+        &["robhold"],
+    );
+    one(
+        &format!(
+            "{declare}PERS wobjdata w:=[TRUE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];MoveL p,v1,fine,tool0\\WObj:=w;"
+        ),
+        &["robhold"],
+    );
+    one("CONST robtarget p:=[[3500,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", &["out of reach"]);
+    one("CONST robtarget p:=[[350,50,320],[0,0.6,0.9,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", &["quaternion"]);
+    one("CONST jointtarget p:=[[0,0,0,0,150,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", &["limits"]);
+}
+
+#[test]
+fn a_singular_target_is_listed_and_a_wrong_configuration_too() {
+    let n = nominal(IRB);
+    let real = real(&n);
+    let text = b"CONST jointtarget j:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];";
+    let (out, report) = run(text, Dialect::Rapid, &n, &real, &Frames::default());
+    assert!(report.problems[0].what.contains("singular"), "{:?}", report.problems);
+    assert_eq!(unmarked(&out), text);
+    let text = format!("CONST robtarget p:={};", TARGET.replace("[0,0,0,0],[9", "[1,0,0,0],[9"));
+    let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &real, &Frames::default());
+    assert!(report.problems[0].what.contains("[1,0,0,0]"), "{:?}", report.problems);
+}
+
+#[test]
+fn the_configuration_in_the_text_chooses_the_branch() {
+    let n = nominal(IRB);
+    // the same pose with the wrist flipped: joint 4 half a turn on, joint 5 negative, joint 6 half a turn back
+    for q in [[10.0, 12.0, -8.0, 20.0, 40.0, -30.0], [10.0, 12.0, -8.0, -160.0, -40.0, 150.0]] {
+        let p = flange(&n, &q).compose(&device());
+        let text = format!(
+            "CONST robtarget p:=[[{}],[{}],[{},{},{},{}],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+            numbers(&mm(&p)),
+            quaternion(&p),
+            quadrant(q[0]),
+            quadrant(q[3]),
+            quadrant(q[5]),
+            i32::from(q[4] < 0.0)
+        );
+        let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &n, &Frames::default());
+        for (a, b) in report.rows[0].joints.iter().zip(q) {
+            assert!((a.to_degrees() - b).abs() < 1e-3, "{:?} {q:?}", report.rows[0].joints);
+        }
+    }
+}
+
+#[test]
+fn a_quadrant_that_the_correction_crosses_is_rewritten() {
+    let n = nominal(IRB);
+    let real = real(&n);
+    let q = [0.0, 20.0, 5.0, 0.0, 45.0, 0.0];
+    let p = flange(&n, &q).compose(&device());
+    let text = format!(
+        "CONST robtarget p:=[[{}],[{}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        numbers(&mm(&p)),
+        quaternion(&p)
+    );
+    let (out, report) = run(text.as_bytes(), Dialect::Rapid, &n, &real, &Frames::default());
+    let j = report.rows[0].joints;
+    let cf = [j[0], j[3], j[5]].map(|q| quadrant(q.to_degrees()));
+    assert!(cf != [0, 0, 0], "{j:?}");
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.contains(&format!("[{},{},{},0]", cf[0], cf[1], cf[2])), "{text} {j:?}");
+}
+
+#[test]
+fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
+    let tools = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\nCONST robtarget b:=TARGET;\nCONST robtarget c:=TARGET;\nMoveL a,v1,fine,t;\n";
+    assert!(problems(tools).is_empty());
+    let found = problems(&format!("{tools}MoveL b,v1,fine,tool0;"));
+    assert!(found.len() == 1 && found[0].contains("line 4 (c)") && found[0].contains("--tool"), "{found:?}");
+}
+
+#[test]
+fn a_model_that_needs_a_temperature_asks_for_it() {
+    let n = nominal(IRB);
+    let options = Options::default();
+    let e = compensate(b"q1_deg\n1\n", "p", Dialect::Csv, &n, &real(&n), &Frames::default(), &options, &mut Vec::new());
+    assert!(e.unwrap_err().to_string().contains("--temp-c"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(150))]
+    /// Bytes changed, taken out, doubled: a report or a sentence, never a panic, and what is kept is kept.
+    #[test]
+    fn damaged_programs_never_panic(which in 0usize..5, cuts in proptest::collection::vec((any::<prop::sample::Index>(), 0u8..5, any::<u8>()), 1..12)) {
+        let (d, mut text, frames, nominal, _) = programs().swap_remove(which);
+        for (at, kind, byte) in cuts {
+            let k = at.index(text.len());
+            match kind {
+                0 => text[k] = byte,
+                1 => { text.remove(k); }
+                2 => text.insert(k, b"[]{},;:\"'!\\(=pP"[usize::from(byte) % 15]),
+                3 => text.truncate(k.max(text.len() / 2)),
+                _ => { let end = (k + usize::from(byte)).min(text.len()); text.drain(k..end); }
+            }
+            if text.is_empty() { text.push(b'x'); }
+        }
+        let mut out = Vec::new();
+        if compensate(&text, "p", d, &nominal, &nominal, &frames, &options(), &mut out).is_ok() {
+            prop_assert!(out.len() >= text.len());
+        }
+    }
+
+    #[test]
+    fn random_bytes_never_panic(which in 0usize..5, text in "[\\[\\]{}(),;:=!#pPXYZABCEMoveL0-9. \n&\"'/\\\\]{0,400}") {
+        let d = Dialect::ALL[which];
+        let n = nominal(IRB);
+        let _ = compensate(text.as_bytes(), "p", d, &n, &n, &Frames::default(), &options(), &mut Vec::new());
+    }
+}

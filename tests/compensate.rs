@@ -1,0 +1,122 @@
+//! `trical compensate` as its users meet it: files in, files out, refusals.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
+const CELL: &str = include_str!("../cells/irb120/cell.toml");
+const PROGRAM: &str = include_str!("../crates/trical-cli/assets/sample.mod");
+
+struct Place(tempfile::TempDir);
+
+impl Place {
+    /// A cell, the sample program, and the true model of a hidden arm (`truth.toml`).
+    fn new() -> Self {
+        let p = Self(tempfile::tempdir().unwrap());
+        p.write("robot.toml", ROBOT.as_bytes());
+        p.write("cell.toml", CELL.as_bytes());
+        p.write("sample.mod", PROGRAM.as_bytes());
+        let o = p.run(&["demo", "--out", "demo"]);
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        p
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &[u8]) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_trical")).args(args).current_dir(self.0.path()).output().unwrap()
+    }
+
+    fn compensate(&self, program: &str, more: &[&str]) -> Output {
+        let cell = ["--robot", "robot.toml", "--cell", "cell.toml", "--model", "demo/calibrated.toml"];
+        self.run(&[&["compensate", program][..], &cell, more].concat())
+    }
+
+    fn json(&self, program: &str, more: &[&str]) -> serde_json::Value {
+        let o = self.compensate(program, &[more, &["--json"]].concat());
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        serde_json::from_slice(&o.stdout).unwrap()
+    }
+
+    /// One sentence that has `words`, the exit code, and nothing written.
+    fn refuses(&self, code: i32, program: &str, more: &[&str], words: &[&str]) {
+        let o = self.compensate(program, &[more, &["--out", "new"]].concat());
+        let err = String::from_utf8_lossy(&o.stderr);
+        assert_eq!(o.status.code(), Some(code), "{err}");
+        assert_eq!(err.trim().lines().count(), 1, "{err}");
+        for w in words {
+            assert!(err.contains(w), "'{w}' is missing in: {err}");
+        }
+        let left: Vec<_> = std::fs::read_dir(self.0.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert!(!left.iter().any(|n| n.to_string_lossy().starts_with("new")), "{left:?}");
+    }
+}
+
+#[test]
+fn programs_are_rewritten_checked_and_refused() {
+    let p = Place::new();
+    let done = p.json("sample.mod", &["--out", "out.mod"]);
+    assert_eq!(done["targets"], 7);
+    assert_eq!(done["problems"], serde_json::json!([]));
+    assert!(done["before"]["mean_mm"].as_f64().unwrap() > 0.1 && done["after"]["max_mm"].as_f64().unwrap() < 1e-3);
+    // the same bytes as the library wrote for the demo, whatever the mark calls the model
+    let lines =
+        |b: Vec<u8>| b.split_inclusive(|b| *b == b'\n').skip(1).map(<[u8]>::to_vec).collect::<Vec<_>>().concat();
+    assert_eq!(lines(p.read("out.mod")), lines(p.read("demo/sample.compensated.mod")));
+    assert!(p.read("out.mod").starts_with(b"! compensated by TriCal"));
+
+    // Latin-1, mixed line ends, no line end at the end
+    let mut text = PROGRAM.replace("MODULE Sample\n", "MODULE Sample\r\n  ! Gr??e\n").into_bytes();
+    text.iter_mut().filter(|b| **b == b'?').for_each(|b| *b = 0xfc);
+    text.truncate(text.len() - 1);
+    p.write("latin.mod", &text);
+    p.json("latin.mod", &["--out", "latin.new.mod"]);
+    assert!(p.read("latin.new.mod").windows(7).any(|w| w == b"Gr\xfc\xfce\n "));
+
+    // a look without a file; another dialect than the extension says
+    let check = p.json("sample.mod", &["--check"]);
+    assert_eq!(check["rows"].as_array().unwrap().len(), 7);
+    p.write("poses.txt", b"x_mm,y_mm,z_mm,qw,qx,qy,qz\n350,50,320,0,0.6,0.8,0\n");
+    p.refuses(2, "poses.txt", &[], &["poses.txt", "extension", "--dialect", "krl", "urscript"]);
+    assert_eq!(p.json("poses.txt", &["--dialect", "csv", "--out", "poses.new"])["targets"], 1);
+    p.refuses(2, "poses.txt", &["--dialect", "vb"], &["'vb'", "rapid"]);
+
+    // frames from files
+    let moved = String::from_utf8(PROGRAM.into()).unwrap().replace("fine,tDevice;", "fine,tDevice\\WObj:=wTable;");
+    p.write("moved.mod", moved.as_bytes());
+    p.refuses(1, "moved.mod", &[], &["'wtable'", "not declared", "--frames", "line 4 (pCorner1)"]);
+    p.write("frames.toml", b"[frames.wTable]\nxyz_mm = [10, 5, -20]\nzyx_deg = [3, 0, 0]\n");
+    assert_eq!(p.json("moved.mod", &["--frames", "frames.toml", "--out", "moved.new.mod"])["targets"], 7);
+    p.write(
+        "CalibData.mod",
+        b"PERS wobjdata wTable:=[FALSE,TRUE,\"\",[[10,5,-20],[0.99965732,0,0,0.02617695]],[[0,0,0],[1,0,0,0]]];",
+    );
+    let with = |f: &str| p.json("moved.mod", &["--frames", f, "--check"])["largest_move_mm"].as_f64().unwrap();
+    assert!((with("frames.toml") - with("CalibData.mod")).abs() < 1e-4);
+    p.write("bad.toml", b"[frames.wTable]\nxyz_mm = [10, 5, -20]\nzyx_rad = [3, 0, 0]\n");
+    p.refuses(2, "moved.mod", &["--frames", "bad.toml"], &["bad.toml", "line 3", "zyx_rad"]);
+    p.refuses(2, "sample.mod", &["--tool", "tNone"], &["'tNone'", "tdevice"]);
+
+    // a target out of reach: nothing, or the others
+    p.write("far.mod", PROGRAM.replacen("[[300,", "[[3000,", 1).as_bytes());
+    p.refuses(1, "far.mod", &[], &["line 4 (pCorner1)", "out of reach", "--partial"]);
+    let part = p.json("far.mod", &["--partial", "--out", "far.new.mod"]);
+    assert_eq!((&part["targets"], part["problems"].as_array().unwrap().len()), (&serde_json::json!(6), 1));
+    p.write("all.mod", b"CONST robtarget p:=[[3000,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];");
+    p.refuses(1, "all.mod", &["--partial"], &["none of its 1 targets"]);
+    p.refuses(2, "out.mod", &[], &["out.mod", "compensated already"]);
+    p.write("wide.mod", &PROGRAM.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>());
+    p.refuses(2, "wide.mod", &[], &["wide.mod", "UTF-16"]);
+    p.refuses(2, "sample.mod", &["--temp-c", "nan"], &["--temp-c"]);
+}

@@ -1,0 +1,40 @@
+"""Programs rewritten from Python: the same as the command does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+trical = pytest.importorskip("trical")
+
+CELL = Path(__file__).resolve().parents[2] / "cells" / "irb120"
+FILES = {"robot": CELL / "robot.toml", "cell": CELL / "cell.toml"}
+PROGRAM = b"x_mm,y_mm,z_mm,qw,qx,qy,qz\r\n350,50,320,0,0.6,0.8,0\r\n# gr\xfc\xdfe\n"
+
+
+def test_the_nominal_arm_changes_no_byte(tmp_path: Path) -> None:
+    program, out = tmp_path / "p.csv", tmp_path / "new.csv"
+    program.write_bytes(PROGRAM)
+    done = trical.compensate(program, trical.Model.nominal(**FILES), out, **FILES)
+    assert done["targets"] == 1 and done["problems"] == []
+    mark, rest = out.read_bytes().split(b"\n", 1)
+    assert b"compensated by TriCal" in mark and rest == PROGRAM
+
+
+def test_without_an_output_each_target_is_told(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_bytes(PROGRAM)
+    done = trical.compensate(tmp_path / "p.csv", trical.Model.nominal(**FILES), **FILES)
+    assert [r["line"] for r in done["rows"]] == [2]
+    assert list(tmp_path.iterdir()) == [tmp_path / "p.csv"]
+
+
+def test_what_is_wrong_is_one_sentence(tmp_path: Path) -> None:
+    model = trical.Model.nominal(**FILES)
+    (tmp_path / "p.txt").write_bytes(PROGRAM)
+    with pytest.raises(trical.TricalError, match="dialect"):
+        trical.compensate(tmp_path / "p.txt", model, **FILES)
+    (tmp_path / "far.csv").write_bytes(PROGRAM.replace(b"350,", b"3500,"))
+    with pytest.raises(trical.TricalError, match="out of reach"):
+        trical.compensate(tmp_path / "far.csv", model, tmp_path / "new.csv", **FILES)
+    assert not (tmp_path / "new.csv").exists()

@@ -88,6 +88,7 @@ impl Work {
     pub(super) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
         let mut last: Option<(Vec<usize>, usize)> = None;
         for round in 0..ROUNDS {
+            trical_model::interrupt::checkpoint()?;
             #[expect(clippy::cast_precision_loss, reason = "counts")]
             progress(round as f64 / ROUNDS as f64);
             self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;

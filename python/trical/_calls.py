@@ -6,16 +6,17 @@ import json
 import math
 import os
 from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any
 
 from . import _native
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike, Recording
 from ._results import Diagnosis, Identified, Observability, Plan, Validation
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 Recordings = PathLike | Recording | Sequence[PathLike | Recording]
 
@@ -47,7 +48,8 @@ def identify(
     """Identify an arm's parameters from recordings of it.
 
     Args:
-        recordings: paths (CSV or MCAP) or Recordings, one or several; each keeps its own measuring frame where it has one.
+        recordings: paths (CSV or MCAP) or Recordings, one or several; each keeps its own measuring frame where it has
+            one.
         robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
         cell: path of a cell.toml, or a Cell.
         joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.
@@ -57,8 +59,8 @@ def identify(
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
         stream: read CSV files in passes, in memory that does not grow with their rows; by itself above 32 MB.
-        progress: True for a line on standard error, or a function of a fraction and what is being done. What it raises, and
-            Ctrl-C, ends the call.
+        progress: True for a line on standard error, or a function of a fraction and what is being done. What it
+            raises, and Ctrl-C, ends the call.
 
     Raises:
         RecordingError, NotEnoughDataError, TricalError: bad input, in one sentence.
@@ -107,7 +109,8 @@ def diagnose(
 ) -> Diagnosis:
     """Say which physics the model of an arm lacks, by recordings of it.
 
-    Takes seconds for hundreds of poses, and lets other threads run meanwhile. Arguments and errors are those of `identify`.
+    Takes seconds for hundreds of poses, and lets other threads run meanwhile. Arguments and errors are those of
+    `identify`.
     """
     model, text, errors = _native._diagnose(
         _sources(recordings), _file(robot), _file(cell), joints, listener(progress, "diagnosing")
@@ -136,10 +139,10 @@ def validate(
 ) -> Validation:
     """Score a model on recordings that it was not fitted to.
 
-    `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit` "frame" or
-    "frame,targets" these are identified again from every fourth pose, for an instrument that was set up anew, and the other
-    poses are scored. The other arguments and errors are those of `identify`; WrongModelError where model and recordings do not
-    belong together.
+    `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
+    "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
+    anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError
+    where model and recordings do not belong together.
     """
     what = refit.split(",") if isinstance(refit, str) else list(refit)
     text, errors = _native._validate(
@@ -164,8 +167,8 @@ def repeatability(
 ) -> dict[str, Any]:
     """Say how far repeat visits scatter: keys places, by_ball, by_joint_sense, drift, rows, single_visits.
 
-    Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place. `robot` and `cell` are
-    needed for touches. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
+    Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place. `robot` and
+    `cell` are needed for touches. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
     """
     rows = (recording if isinstance(recording, Recording) else Recording.load(recording, part=True))._rows
     parts = (None if robot is None else _file(robot), None if cell is None else _file(cell))
@@ -194,10 +197,10 @@ def plan(
         cell: path of a cell.toml, or a Cell.
         per_ball: touches a ball.
         pool: candidates a ball, from which the informative ones are chosen.
-        criterion: what the touches are to be best for: "d" all parameters together, "a" the sum of their variances, "e" the
-            worst known direction, "sphere" or "workspace" the position error there.
-        sphere: where the arm is to be accurate, (4,): centre in the world and radius, m; by default 0.2 m about a point 0.1 m
-            above the balls.
+        criterion: what the touches are to be best for: "d" all parameters together, "a" the sum of their variances,
+            "e" the worst known direction, "sphere" or "workspace" the position error there.
+        sphere: where the arm is to be accurate, (4,): centre in the world and radius, m; by default 0.2 m about a
+            point 0.1 m above the balls.
         max_tilt: largest angle between the device's z axis and straight down, rad.
         noise: standard deviation of each of a touch's three numbers, m, for what is expected.
         start: (joints,) where the arm stands before the first touch, rad (m); all zero where not given.
@@ -236,7 +239,8 @@ def _sphere(sphere: Sequence[float] | None) -> tuple[float, float, float, float]
 def poses(
     n: int, *, robot: PathLike | Robot, cell: PathLike | Cell, sphere: Sequence[float] | None = None, seed: int = 1
 ) -> npt.NDArray[np.float64]:
-    """Draw n poses free of collisions, (n, joints) rad (m): in a sphere (x, y, z, radius; m), or in the whole workspace.
+    """Draw n poses free of collisions, (n, joints) rad (m): in a sphere (x, y, z, radius; m), or in the whole
+    workspace.
 
     In no particular order; ways between them are not checked. The same seed gives the same poses.
     """
@@ -254,7 +258,7 @@ def simulate(
     noise: float = 1e-5,
     angle_noise: float = 1e-5,
     seed: int = 0,
-    onto_balls: bool = True,
+    stop_within: float | None = 2e-5,
     directions: npt.ArrayLike | None = None,
     temperature: npt.ArrayLike | None = None,
     time: npt.ArrayLike | None = None,
@@ -265,18 +269,19 @@ def simulate(
     Args:
         model: the true arm, with all of its terms.
         q: joint values, (n, joints), rad (m).
-        ball: touches: which ball, a number for all or (n,), from 1. With `onto_balls` the arm is first moved, as the measuring
-            procedure does it, until the TCP is in the ball, and its joints there are recorded; otherwise the indicators read
-            whatever they would.
-        target: tracker points: which target of the tool, from 1; in the model's first measuring frame, or in the world where
-            it has none.
+        ball: touches: which ball, a number for all or (n,), from 1. The arm is first moved, as the measuring procedure
+            does it, until the TCP is within `stop_within` of the ball's centre along each axis, and its joints there
+            are recorded; with `stop_within=None` it stays at q, and the indicators read whatever they would.
+        target: tracker points: which target of the tool, from 1; in the model's first measuring frame, or in the
+            world where it has none.
         anchor: lengths from an anchor to the TCP: which one, from 1.
         full_pose: full poses of the tool, in the same frame as targets.
         noise: standard deviation of every length that is measured, m.
         angle_noise: standard deviation of a measured orientation about each axis, rad.
         seed: the same seed gives the same recording.
-        onto_balls: see `ball`.
-        directions: as for `Model.forward`; so are the rest. A term that looks at something that is not given is an error here.
+        stop_within: m; see `ball`.
+        directions: as for `Model.forward`; so are the rest. A term that looks at something that is not given is an
+            error here.
 
     Exactly one of `ball`, `target`, `anchor` and `full_pose` says what is measured.
     """
@@ -294,7 +299,7 @@ def simulate(
         noise,
         angle_noise,
         seed,
-        onto_balls,
+        stop_within,
         directions,
         temperature,
         time,
@@ -314,16 +319,19 @@ def observability(
 ) -> Observability:
     """Say what measurements tell about the parameters of a set, whatever their values.
 
-    `recordings` as for `identify`; only where the arm stood and what was measured counts, so a Recording of planned touches does
-    with `indicators=[0, 0, 0]`. `noise` (m) scales the standard deviations of the parameters; 0.01 mm where not given.
+    `recordings` as for `identify`; only where the arm stood and what was measured counts, so a Recording of planned
+    touches does with `indicators=[0, 0, 0]`. `noise` (m) scales the standard deviations of the parameters; 0.01 mm
+    where not given.
     """
     text = _native._observability(_sources(recordings), _file(robot), _file(cell), joints, model, noise)
     s = json.loads(text)
+    # what is not finite is null in JSON: a condition without bound
+    indices = {k: math.inf if s[k] is None else s[k] for k in ("o1", "o2", "o3", "o4", "o5", "condition")}
     return Observability(
-        *(float("inf") if s[k] is None else s[k] for k in ("o1", "o2", "o3", "o4", "o5", "condition")),
-        s["rows"],
-        s["parameters"],
-        [(name, others) for name, others in s["not_identifiable"]],
+        **indices,
+        rows=s["rows"],
+        parameters=s["parameters"],
+        not_identifiable=[(name, others) for name, others in s["not_identifiable"]],
     )
 
 

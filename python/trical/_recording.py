@@ -7,20 +7,20 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
-
 from . import _html
 from ._native import Rows, TricalError
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
+    import numpy as np
+    import numpy.typing as npt
     import pandas
 
-PathLike = str | os.PathLike[str]
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+    Floats = npt.NDArray[np.float64]
+    Integers = npt.NDArray[np.int64]
 
-_KINDS = np.array(["touch", "point", "reference", "distance", "pose"])
+PathLike = str | os.PathLike[str]
+
+_KINDS = ("touch", "point", "reference", "distance", "pose")
 _KNOWN = ("commanded", "directions", "time", "temperature", "payload", "pose")
 _MEASURED = ("ball", "indicators", "target", "reference", "position", "orientation", "anchor", "distance")
 
@@ -28,9 +28,9 @@ _MEASURED = ("ball", "indicators", "target", "reference", "position", "orientati
 class Recording:
     """What one arm was measured to do in one session: n rows, in the order of time.
 
-    Arrays have one row for each measurement; a number (or a single row) stands for all of them. SI throughout: rad (m for
-    prismatic joints), m, s, kg; temperature in degC. Balls, targets, references and anchors count from 1, as in files; rows
-    without the value have 0 there, and nan in other columns.
+    Arrays have one row for each measurement; a number (or a single row) stands for all of them. SI throughout: rad (m
+    for prismatic joints), m, s, kg; temperature in degC. Balls, targets, references and anchors count from 1, as in
+    files; rows without the value have 0 there, and nan in other columns.
 
     Args:
         q: joint values that the controller reported, (n, joints).
@@ -149,7 +149,9 @@ class Recording:
     @cached_property
     def kind(self) -> npt.NDArray[np.str_]:
         """What each row is, (n,): "touch", "point", "reference", "distance" or "pose"."""
-        kind: npt.NDArray[np.str_] = _KINDS[self._rows.column("kind")]
+        import numpy as np
+
+        kind: npt.NDArray[np.str_] = np.array(_KINDS)[self._rows.column("kind")]
         return kind
 
     @cached_property
@@ -234,6 +236,8 @@ class Recording:
 
     def __getitem__(self, rows: slice | npt.ArrayLike) -> Recording:
         """Return the rows of a slice, a mask (n,) or an array of numbers, in the order of time."""
+        import numpy as np
+
         n = len(self)
         if isinstance(rows, int | np.integer):
             rows = [int(rows)]
@@ -257,12 +261,16 @@ class Recording:
         return Recording._restore, (self.name, columns)
 
     def _counts(self) -> list[tuple[str, int]]:
+        import numpy as np
+
         kinds, counts = np.unique(self.kind, return_counts=True)
         return list(zip(kinds.tolist(), counts.tolist(), strict=True))
 
     def __repr__(self) -> str:
         """Name, and how many rows of which kind."""
-        rows = ", ".join(f"{n} {kind}{'' if n == 1 else 's' if kind != 'touch' else 'es'}" for kind, n in self._counts())
+        rows = ", ".join(
+            f"{n} {kind}{'' if n == 1 else 's' if kind != 'touch' else 'es'}" for kind, n in self._counts()
+        )
         return f"<trical.Recording {self.name}: {rows}; {self.joints} joints>"
 
     def _repr_html_(self) -> str:

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
-
 from . import _html
 from ._native import Model
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
+    import numpy as np
+    import numpy.typing as npt
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
+    Floats = npt.NDArray[np.float64]
 Errors = dict[str, float]
 
 _SUMMARY = ("mean_mm", "median_mm", "sd_mm", "rms_mm", "max_mm")
@@ -50,10 +49,10 @@ class Identified:
     """A fitted model and what the fit knows about itself.
 
     `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
-    (mean_mm, max_mm, sd_mm, median_mm, rms_mm), `before` those of the nominal arm with only measuring frame (or base) and tool
-    identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the last poses by a fit
-    to the ones before. `errors_mm` (observations, 2) has them one by one, before and after (None for files that were read in
-    passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm.
+    (mean_mm, max_mm, sd_mm, median_mm, rms_mm), `before` those of the nominal arm with only measuring frame (or base)
+    and tool identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the
+    last poses by a fit to the ones before. `errors_mm` (observations, 2) has them one by one, before and after (None
+    for files that were read in passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm.
     """
 
     model: Model
@@ -109,8 +108,8 @@ class Identified:
 class Validation:
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
-    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `regions` the same by region; `errors_mm` (n, 2) one by
-    one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
+    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `regions` the same by region; `errors_mm` (n,
+    2) one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
@@ -133,7 +132,10 @@ class Validation:
         return "\n".join([head, *_error_lines(errors)])
 
     def _repr_html_(self) -> str:
-        errors: list[tuple[str, Errors | None]] = [("before: nominal arm", self.before), ("after: the model", self.after)]
+        errors: list[tuple[str, Errors | None]] = [
+            ("before: nominal arm", self.before),
+            ("after: the model", self.after),
+        ]
         errors += [(f"after, {r['region']}", r["after"]) for r in self.regions]
         head = f"{self.n} measurements scored, {len(self.rejected)} rejected"
         return _html.table(_HEAD, _error_rows(errors), head)
@@ -188,7 +190,9 @@ class Diagnosis:
         columns = ("finding", "sure, %", "lambda", "coefficients", "held out before, mm", "after, mm", "could also be")
         rows: list[list[object]] = []
         for f in self.findings:
-            values = (f"{c['name']} = {c['value']:.4g}{_unit(c['unit'])} (sd {_sd(c['sd'])})" for c in f["coefficients"])
+            values = (
+                f"{c['name']} = {c['value']:.4g}{_unit(c['unit'])} (sd {_sd(c['sd'])})" for c in f["coefficients"]
+            )
             rivals = (f"{r['effect']} at {site_words(r['site'])}" for r in f["rivals"])
             rows.append(
                 [
@@ -223,10 +227,11 @@ def _sd(sd: float | None) -> str:
 class Plan:
     """Touches in the order of measurement, and what they are expected to tell.
 
-    `ball` (n,) from 1; `q` (n, joints) joints at the touch, `approach` (n, joints) where the arm comes from and goes back to, rad
-    (m); `via` for each touch the configurations on the way to its approach, (k, joints); `directions` (n, joints) sense of each
-    joint's last motion. `parameters` are dicts with name, site, unit, sd, nominal; `expected` what noise leaves of the position
-    error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm); `answer` all that the planner says.
+    `ball` (n,) from 1; `q` (n, joints) joints at the touch, `approach` (n, joints) where the arm comes from and goes
+    back to, rad (m); `via` for each touch the configurations on the way to its approach, (k, joints); `directions`
+    (n, joints) sense of each joint's last motion. `parameters` are dicts with name, site, unit, sd, nominal;
+    `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm); `answer`
+    all that the planner says.
     """
 
     ball: npt.NDArray[np.int64]
@@ -253,7 +258,7 @@ class Plan:
 
     def __repr__(self) -> str:
         """Touches, gain, expected errors."""
-        head = f"<trical.Plan: {len(self)} touches of {len(np.unique(self.ball))} balls>"
+        head = f"<trical.Plan: {len(self)} touches of {len(set(self.ball.tolist()))} balls>"
         lines = [f"  {self.answer['gain_over_random']:.2g} times better than a random choice"]
         if not self.answer["determined"]:
             lines.append(f"  does not determine the {len(self.parameters)} parameters")
@@ -274,9 +279,10 @@ class Observability:
     """What measurements at given places tell about a set of parameters.
 
     From the singular values s of the Jacobian with columns of unit length, m scalars, p parameters: `o1` = (product of
-    s)^(1/p) / sqrt(m); `o2` = smallest / largest; `o3` = smallest; `o4` = smallest^2 / largest, the noise amplification index;
-    `o5` = 1 / sum(1 / s); `condition` = largest / smallest. `parameters` are dicts with name, site, unit, sd (for the noise that
-    was given), nominal; `not_identifiable` names those that move together with others, and these.
+    s)^(1/p) / sqrt(m); `o2` = smallest / largest; `o3` = smallest; `o4` = smallest^2 / largest, the noise
+    amplification index; `o5` = 1 / sum(1 / s); `condition` = largest / smallest. `parameters` are dicts with name,
+    site, unit, sd (for the noise that was given), nominal; `not_identifiable` names those that move together with
+    others, and these.
     """
 
     o1: float

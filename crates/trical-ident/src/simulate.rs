@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
+use rand_distr::{Distribution, Normal, Uniform};
 use rand_pcg::Pcg64Mcg;
 use trical_model::ik::continue_from;
 use trical_model::pose::{quaternion_from_rotation, rotation_zyx};
@@ -51,13 +51,18 @@ pub fn reading_at(forward: &Forward, state: &State, ball: usize, ws: &mut Worksp
     reading.into()
 }
 
-/// What would be recorded. With `onto_balls` the arm is first moved, as the measuring procedure does it, until the TCP of the
-/// model is in the ball that it is to touch, and its joints there are recorded.
+/// What would be recorded. With `stop_within` the arm is first moved, as the measuring procedure does it, until the TCP of the
+/// model is within that of the ball's centre (along each axis, m; evenly distributed), and its joints there are recorded.
 ///
 /// # Errors
 /// A ball, target or anchor that the cell does not have, something that a term needs and a state lacks, or a ball that the arm
 /// cannot be moved onto; rows are counted from 0.
-pub fn simulate(model: &Model, rows: &[(State, Aim)], scatter: &Scatter, onto_balls: bool) -> Result<Recording> {
+pub fn simulate(
+    model: &Model,
+    rows: &[(State, Aim)],
+    scatter: &Scatter,
+    stop_within: Option<f64>,
+) -> Result<Recording> {
     let mut model = model.clone();
     if model.frames.is_empty() {
         model.frames.push(Pose::identity());
@@ -71,8 +76,9 @@ pub fn simulate(model: &Model, rows: &[(State, Aim)], scatter: &Scatter, onto_ba
             |problem: String| IdentError::Recording { file: "simulation".into(), place: format!("row {k}"), problem };
         let mut state = *state;
         forward.check(&state, &nothing_at(*aim), 0).map_err(|e: ModelError| wrong(e.to_string()))?;
-        if let (Aim::Ball(ball), true) = (aim, onto_balls) {
-            state.q = onto(&forward, &state, *ball, &mut ws).map_err(|e| wrong(e.to_string()))?;
+        if let (Aim::Ball(ball), Some(within)) = (aim, stop_within) {
+            let off = noise.even(within);
+            state.q = onto(&forward, &state, *ball, &off, &mut ws).map_err(|e| wrong(e.to_string()))?;
         }
         let measured = match *aim {
             Aim::Ball(ball) => {
@@ -118,10 +124,11 @@ fn onto(
     forward: &Forward,
     state: &State,
     ball: usize,
+    off: &Vector3<f64>,
     ws: &mut Workspace,
 ) -> std::result::Result<trical_model::Joints, trical_model::IkError> {
     let at = forward.world_from_tool(state, ws);
-    let target = Pose { rotation: at.rotation, translation: forward.model().cell.balls[ball] };
+    let target = Pose { rotation: at.rotation, translation: forward.model().cell.balls[ball] + off };
     continue_from(forward, &target, state, ws)
 }
 
@@ -132,6 +139,11 @@ struct Noise {
 impl Noise {
     fn number(&mut self, sd: f64) -> f64 {
         Normal::new(0.0, sd.max(0.0)).map_or(0.0, |n| n.sample(&mut self.rng))
+    }
+
+    fn even(&mut self, most: f64) -> Vector3<f64> {
+        let most = most.max(0.0);
+        Vector3::from_fn(|_, _| Uniform::new_inclusive(-most, most).map_or(0.0, |u| u.sample(&mut self.rng)))
     }
 
     fn vector(&mut self, sd: f64) -> Vector3<f64> {

@@ -118,6 +118,7 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
         trical_model::interrupt::checkpoint()?;
         let chosen = choose_touches(&forward, &pool, options, regions.wanted(options)?)?;
         progress(0.75 + 0.2 * share(2 * round + 1, 2 * ROUNDS));
+        trical_model::interrupt::checkpoint()?;
         let touches = chosen.touches.clone();
         let touches = if senses_matter { touches } else { balance_senses(&model, touches, options) };
         match visit(&model, &touches, options) {

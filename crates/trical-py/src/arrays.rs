@@ -10,13 +10,14 @@ use crate::errors::bad;
 
 /// A value as an array of floats: not copied where it is one.
 pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    let py = value.py();
+    let numpy = py.import("numpy")?;
     if let Ok(array) = value.extract::<PyReadonlyArrayDyn<'py, f64>>() {
         return Ok(array);
     }
-    let py = value.py();
     let keywords = [("dtype", "float64")].into_py_dict(py)?;
     let wrong = |e: PyErr| bad(format!("{name}: expected numbers or an array of them ({})", e.value(py)));
-    let array = py.import("numpy")?.call_method("asarray", (value,), Some(&keywords)).map_err(wrong)?;
+    let array = numpy.call_method("asarray", (value,), Some(&keywords)).map_err(wrong)?;
     array.extract::<PyReadonlyArrayDyn<'py, f64>>().map_err(|e| wrong(e.into()))
 }
 
@@ -224,11 +225,7 @@ impl States<'_> {
 
 /// An array (n, columns), or its only row.
 pub fn rows_or_one<'py>(py: Python<'py>, array: Array2<f64>, single: bool) -> Bound<'py, PyAny> {
-    if single {
-        array.row(0).to_owned().into_pyarray(py).into_any()
-    } else {
-        array.into_pyarray(py).into_any()
-    }
+    if single { array.row(0).to_owned().into_pyarray(py).into_any() } else { array.into_pyarray(py).into_any() }
 }
 
 /// Joint values of many poses as an array (n, joints).

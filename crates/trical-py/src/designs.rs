@@ -186,7 +186,7 @@ pub fn _simulate(
     noise: f64,
     angle_noise: f64,
     seed: u64,
-    onto_balls: bool,
+    stop_within: Option<f64>,
     directions: Option<&Bound<'_, PyAny>>,
     temperature: Option<&Bound<'_, PyAny>>,
     time: Option<&Bound<'_, PyAny>>,
@@ -197,7 +197,7 @@ pub fn _simulate(
     let states = known.states()?;
     let n = states.len();
     let numbers = number.map(|b| counted(b, kind, n)).transpose()?.unwrap_or_else(|| vec![0; n]);
-    for (name, x) in [("noise", noise), ("angle_noise", angle_noise)] {
+    for (name, x) in [("noise", noise), ("angle_noise", angle_noise), ("stop_within", stop_within.unwrap_or(0.0))] {
         if !(x.is_finite() && x >= 0.0) {
             return Err(bad(format!("{name} is {x}, expected 0 or more")).into());
         }
@@ -210,7 +210,7 @@ pub fn _simulate(
     };
     let scatter = Scatter { length: noise, angle: angle_noise, seed };
     let rows: Vec<_> = (0..n).map(|k| (states.at(k), aim(k))).collect();
-    let recording = long(py, None, |_| simulate(&model, &rows, &scatter, onto_balls))?;
+    let recording = long(py, None, |_| simulate(&model, &rows, &scatter, stop_within))?;
     Ok(PyRows(Arc::new(recording)))
 }
 

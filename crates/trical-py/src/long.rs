@@ -26,6 +26,8 @@ where
     Failed: From<E>,
     E: Send,
 {
+    // arrays that come of the work need it, and an interrupted import in their midst could not be told
+    py.import("numpy")?;
     let run = move || -> Result<T> {
         let raised: Rc<RefCell<Option<PyErr>>> = Rc::default();
         let ask = {
@@ -60,5 +62,8 @@ where
             None => Ok(result?),
         }
     };
-    py.detach(run).map_err(PyErr::from)
+    let done = py.detach(run).map_err(PyErr::from)?;
+    // pressed since the work last looked
+    py.check_signals()?;
+    Ok(done)
 }

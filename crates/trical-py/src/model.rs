@@ -204,8 +204,8 @@ impl PyModel {
     ///
     /// q: (n, joints) or (joints,), rad (m for prismatic joints). What terms of the model look at, each for all poses or one a
     /// pose: directions (n, joints) or (joints,), -1, 0 or 1, sense of each joint's last motion; temperature (n,) degC; time
-    /// (n,) s since the recording began; payload (n,) kg on the flange beyond the cell's tool. A term that looks at something
-    /// that is not given adds nothing.
+    /// (n,) s since the recording began; payload (n,) kg on the flange beyond the cell's tool. Not given
+    /// means no sense of motion, the reference temperature, time 0, no payload.
     ///
     /// Returns positions (n, 3) m and rotations (n, 3, 3); (3,) and (3, 3) for q of shape (joints,).
     #[pyo3(signature = (q, *, directions=None, temperature=None, time=None, payload=None))]

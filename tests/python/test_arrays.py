@@ -52,7 +52,7 @@ def test_joints_come_back_from_where_they_led(model: trical.Model) -> None:
     assert one.shape == (6,)
     np.testing.assert_allclose(one, Q[0], atol=1e-9)
     with pytest.raises(trical.UnreachableError, match="pose 1: "):
-        model.inverse(positions + [[0], [9]], rotations, Q)
+        model.inverse(np.add(positions, [[0], [9]]), rotations, Q)
 
 
 TERMS = """

@@ -1,4 +1,4 @@
-"""The long calls: plan, simulate, identify, validate, diagnose, observability, repeatability; what they show and say."""
+"""The long calls, from plan to diagnosis: what they find, show and say."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ BINARY = ROOT / "target" / "release" / "trical"
 ARM = ROOT / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 
+# the arm lags behind: the other sign would not be lost motion
 TRUTH = """
 [[term]]
 name = "gap_2"
 effect = "lost_motion_direction"
-value = 0.02
+value = -0.02
 unit = "deg"
 [term.site.joint]
 joint = 2
@@ -93,7 +94,7 @@ def test_what_was_hidden_in_a_simulation_is_found(
     assert abs(a_2["value"] - a_2["nominal"] - 0.7) < 6 * a_2["sd"] + 0.02
     first = diagnosis.findings[0]
     assert (first["effect"], first["site"]) == ("lost_motion_direction", {"joint": 2})
-    assert first["coefficients"][0]["value"] == pytest.approx(0.02, rel=0.2)
+    assert first["coefficients"][0]["value"] == pytest.approx(0.02, rel=0.05)
     elsewhere = trical.poses(100, **FILES, seed=9)
     senses = np.ones((100, 6))
     miss = [
@@ -137,7 +138,7 @@ def test_results_are_readable(
     ]:
         text, html = repr(result), result._repr_html_()
         assert all(w in text for w in words), text
-        assert html.count("<table>") >= 1 and html.count("<tr>") == html.count("</tr>") > 2, html
+        assert html.count("<table>") >= 1 and html.count("<tr>") == html.count("</tr>") >= 2, html
         assert not any(line != line.rstrip() for line in text.splitlines())
     assert "a_2" in fitted._repr_html_() and "ball 2" in v._repr_html_()
 
@@ -187,7 +188,7 @@ def test_repeat_visits_scatter_as_their_noise(tmp_path: Path) -> None:
     assert [p["visits"] for p in said["places"]] == [50] * 4
     # the mean of a three-dimensional normal's length is 1.596 sd
     assert said["by_ball"][0]["mean_rp_mm"] == pytest.approx(0.01596 + 3 * 0.00673, rel=0.15)
-    with pytest.raises(trical.NotEnoughDataError, match="expected --robot and --cell|no place was visited twice"):
+    with pytest.raises(trical.NotEnoughDataError, match="no place was visited twice"):
         trical.repeatability(trical.simulate(model, trical.poses(4, **FILES), target=1))
 
 

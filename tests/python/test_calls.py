@@ -103,7 +103,8 @@ def test_what_was_hidden_in_a_simulation_is_found(
         )
         for m in (trical.Model.nominal(**FILES), fitted.model, diagnosis.model)
     ]
-    assert miss[0].mean() > miss[1].mean() > miss[2].mean()
+    # without the lost motion, what was fitted to touches goes wrong elsewhere
+    assert miss[2].mean() < 0.2 * min(miss[0].mean(), miss[1].mean())
 
 
 def test_errors_one_by_one_are_those_of_the_summary(

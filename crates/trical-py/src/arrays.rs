@@ -18,7 +18,7 @@ pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonly
     let keywords = [("dtype", "float64")].into_py_dict(py)?;
     let wrong = |e: PyErr| bad(format!("{name}: expected numbers or an array of them ({})", e.value(py)));
     let array = numpy.call_method("asarray", (value,), Some(&keywords)).map_err(wrong)?;
-    array.extract::<PyReadonlyArrayDyn<'py, f64>>().map_err(|e| wrong(e.into()))
+    array.extract::<PyReadonlyArrayDyn<'py, f64>>().map_err(wrong)
 }
 
 fn shape_of(array: &PyReadonlyArrayDyn<'_, f64>) -> String {

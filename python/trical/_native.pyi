@@ -116,6 +116,8 @@ class Model:
         """Write a model file."""
     def to_toml(self) -> str:
         """Return the text of the model file."""
+    def with_terms(self, text: str) -> Model:
+        """Add terms, given as the [[term]] tables of a model file: an arm with hidden flaws, to simulate."""
     @property
     def robot(self) -> str:
         """Name of the arm."""

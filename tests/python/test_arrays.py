@@ -104,7 +104,7 @@ reference_c = 20.0
     ],
 )
 def test_terms_see_what_is_known_beside_the_joints(model: trical.Model, known, joint: int, by_deg: float) -> None:
-    improved = trical.Model.from_toml(model.to_toml().replace("term = []\n", "") + TERMS)
+    improved = model.with_terms(TERMS)
     turned = Q + np.radians(by_deg) * np.eye(6)[joint]
     np.testing.assert_allclose(improved.forward(Q, **known)[0], model.forward(turned)[0], atol=1e-12)
     np.testing.assert_allclose(improved.flange(Q, **known)[0], model.flange(turned)[0], atol=1e-12)
@@ -125,7 +125,7 @@ shape = "linear"
 joint = 2
 axis = "z"
 """
-    soft = trical.Model.from_toml(model.to_toml().replace("term = []\n", "") + compliance)
+    soft = model.with_terms(compliance)
     free, loaded = soft.gravity_torques(Q), soft.gravity_torques(Q, payload=3.0)
     assert free.shape == (2, 6) and np.abs(loaded[:, 1] - free[:, 1]).min() > 0.1
     np.testing.assert_array_equal(soft.gravity_torques(Q[1], payload=3.0), loaded[1])

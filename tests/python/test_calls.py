@@ -48,7 +48,7 @@ parameter = "a"
 
 @pytest.fixture(scope="module")
 def truth() -> trical.Model:
-    return trical.Model.from_toml(trical.Model.nominal(**FILES).to_toml().replace("term = []\n", "") + TRUTH)
+    return trical.Model.nominal(**FILES).with_terms(TRUTH)
 
 
 @pytest.fixture(scope="module")
@@ -292,6 +292,12 @@ def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(touches: tri
         (lambda r: trical.plan(**FILES, per_ball=0), "PlanningError", "per_ball: found 0"),
         (lambda r: trical.simulate(trical.Model.nominal(**FILES), r.q), "TricalError", "given none of ball, target"),
         (lambda r: trical.simulate(trical.Model.nominal(**FILES), r.q, ball=9), "RecordingError", "the cell has 3"),
+        (
+            lambda r: trical.Model.nominal(**FILES).with_terms("name = 'x'"),
+            "WrongModelError",
+            "expected .*term.* tables",
+        ),
+        (lambda r: trical.Model.nominal(**FILES).with_terms("name ="), "TricalError", "terms, line 1"),
         (lambda r: trical.Model.from_toml("a = 1"), "WrongModelError", "is not a model file"),
     ],
 )

@@ -107,6 +107,11 @@ impl PyModel {
         Self::new(ModelFile::parse(text, "model")?)
     }
 
+    /// The model with further terms, given as the [[term]] tables of a model file: an arm with hidden flaws, to simulate.
+    fn with_terms(&self, text: &str) -> Result<Self> {
+        Self::new(self.file.with_terms(text)?)
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         let text = slf.get().to_toml().map_err(PyErr::from)?;
         Ok((slf.get_type().getattr("from_toml")?, (text,)))

@@ -37,13 +37,14 @@ from ._native import (
     __version__,
 )
 from ._recording import Recording
-from ._results import Diagnosis, Identified, Observability, Plan, Validation
+from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Touches, Validation
 
 __all__ = [
     "Cell",
     "Diagnosis",
     "Identified",
     "Model",
+    "NextTouches",
     "NotConvergedError",
     "NotEnoughDataError",
     "Observability",
@@ -52,6 +53,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "Robot",
+    "Touches",
     "TricalError",
     "UnreachableError",
     "Validation",

@@ -12,7 +12,7 @@ from . import _native
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike, Recording
-from ._results import Diagnosis, Identified, Observability, Plan, Validation
+from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Validation
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,18 +105,25 @@ def diagnose(
     robot: PathLike | Robot,
     cell: PathLike | Cell,
     joints: str = "read",
+    next: int | None = None,
     progress: Progress = False,
 ) -> Diagnosis:
     """Say which physics the model of an arm lacks, by recordings of it.
 
-    Takes seconds for hundreds of poses, and lets other threads run meanwhile. Arguments and errors are those of
-    `identify`.
+    Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, so many touches are
+    planned that would decide between the least sure finding and its rivals (`Diagnosis.next`). The other arguments
+    and errors are those of `identify`.
     """
-    model, text, errors = _native._diagnose(
-        _sources(recordings), _file(robot), _file(cell), joints, listener(progress, "diagnosing")
+    model, text, errors, planned = _native._diagnose(
+        _sources(recordings), _file(robot), _file(cell), joints, next, listener(progress, "diagnosing")
     )
     answer: dict[str, Any] = json.loads(text)
     nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
+    deciding = None
+    if planned is not None:
+        touches, said = planned
+        s = json.loads(said)
+        deciding = NextTouches(*touches, s["effect"], s["site"], s["explanations"], s["lambda"], s["random_lambda"])
     return Diagnosis(
         model=model,
         findings=answer["findings"],
@@ -124,6 +131,7 @@ def diagnose(
         blind_to=answer["blind_to"],
         answer=answer,
         errors_mm=errors,
+        next=deciding,
     )
 
 
@@ -210,7 +218,7 @@ def plan(
     Raises:
         PlanningError: there is no such plan.
     """
-    ball, q, approach, via, directions, text, csv = _native._plan(
+    touches, text = _native._plan(
         _file(robot),
         _file(cell),
         per_ball,
@@ -224,7 +232,7 @@ def plan(
         listener(progress, "planning"),
     )
     s = json.loads(text)
-    return Plan(ball, q, approach, via, directions, s["parameters"], s["expected"], s, csv)
+    return Plan(*touches, s["parameters"], s["expected"], s)
 
 
 def _sphere(sphere: Sequence[float] | None) -> tuple[float, float, float, float] | None:

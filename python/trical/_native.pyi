@@ -33,6 +33,7 @@ __all__ = [
 _Path = str | os.PathLike[str]
 _Floats = npt.NDArray[np.float64]
 _Listener = Callable[[float, str], object] | None
+_Touches = tuple[npt.NDArray[np.int64], _Floats, _Floats, list[_Floats], npt.NDArray[np.int8], str]
 
 class TricalError(ValueError): ...
 class RecordingError(TricalError): ...
@@ -234,8 +235,13 @@ def _identify(
     progress: _Listener,
 ) -> tuple[Model, str, _Floats | None, _Floats]: ...
 def _diagnose(
-    recordings: Sequence[_Path | Rows], robot: _Path | Robot, cell: _Path | Cell, joints: str, progress: _Listener
-) -> tuple[Model, str, _Floats]: ...
+    recordings: Sequence[_Path | Rows],
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    joints: str,
+    next: int | None,
+    progress: _Listener,
+) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None]: ...
 def _validate(
     model: Model,
     recordings: Sequence[_Path | Rows],
@@ -259,7 +265,7 @@ def _plan(
     noise: float,
     start: npt.ArrayLike | None,
     progress: _Listener,
-) -> tuple[npt.NDArray[np.int64], _Floats, _Floats, list[_Floats], npt.NDArray[np.int8], str, str]: ...
+) -> tuple[_Touches, str]: ...
 def _poses(
     robot: _Path | Robot,
     cell: _Path | Cell,

@@ -148,12 +148,62 @@ class Validation:
 
 
 @dataclass(frozen=True, repr=False)
+class Touches:
+    """Touches in the order of measurement, and the ways between them.
+
+    `ball` (n,) from 1; `q` (n, joints) joints at the touch, `approach` (n, joints) where the arm comes from and goes
+    back to, rad (m); `via` for each touch the configurations on the way to its approach, (k, joints); `directions`
+    (n, joints) sense of each joint's last motion; `text` that of a plan.csv.
+    """
+
+    ball: npt.NDArray[np.int64]
+    q: Floats
+    approach: Floats
+    via: list[Floats]
+    directions: npt.NDArray[np.int8]
+    text: str
+
+    def __len__(self) -> int:
+        """Return the number of touches."""
+        return len(self.ball)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a plan.csv, as `trical measure --plan` reads it."""
+        with open(path, "w", encoding="utf-8", newline="") as f:
+            f.write(self.text)
+
+
+@dataclass(frozen=True, repr=False)
+class NextTouches(Touches):
+    """Touches that would decide between a finding and its rivals.
+
+    The finding is `effect` at `site`; `explanations` are its and its rivals' names. `separation` says how many standard
+    deviations the touches set any two of them apart at least, `random_separation` what as many random touches would:
+    below 1 nothing is decided. The rest as in `Touches`: ball, q, approach, via, directions, text.
+    """
+
+    effect: str
+    site: dict[str, Any]
+    explanations: list[str]
+    separation: float
+    random_separation: float
+
+    def __repr__(self) -> str:
+        """Say what would be decided, and how well."""
+        return (
+            f"<trical.NextTouches: {len(self)} touches set {' and '.join(self.explanations)} "
+            f"{self.separation:.1f} standard deviations apart (random ones: {self.random_separation:.1f})>"
+        )
+
+
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """What a model lacks, by the recordings, and the model that has it.
 
     `findings` are dicts with effect, site, located, confidence, lambda, coefficients, evidence, rivals; `blind_to` what
     the recordings could not show; `unexplained` where a mismatch has no name; `answer` all of the command's JSON;
-    `errors_mm` (observations, 2) position errors one by one, before and after.
+    `errors_mm` (observations, 2) position errors one by one, before and after; `next` touches that would decide between
+    the least sure finding and its rivals, where they were asked for and anything is undecided.
     """
 
     model: Model
@@ -162,6 +212,7 @@ class Diagnosis:
     blind_to: list[dict[str, Any]]
     answer: dict[str, Any]
     errors_mm: Floats
+    next: NextTouches | None = None
 
     @property
     def joints(self) -> str:
@@ -182,7 +233,9 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         """As str, with a head."""
-        return f"<trical.Diagnosis: {len(self.findings)} findings>\n{self}"
+        n = len(self.findings)
+        tail = "" if self.next is None else f"\n{self.next!r}"
+        return f"<trical.Diagnosis: {n} finding{'' if n == 1 else 's'}>\n{self}{tail}"
 
     def _repr_html_(self) -> str:
         base, final = self.answer["baseline"], self.answer["final"]
@@ -224,34 +277,17 @@ def _sd(sd: float | None) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Plan:
+class Plan(Touches):
     """Touches in the order of measurement, and what they are expected to tell.
 
-    `ball` (n,) from 1; `q` (n, joints) joints at the touch, `approach` (n, joints) where the arm comes from and goes
-    back to, rad (m); `via` for each touch the configurations on the way to its approach, (k, joints); `directions`
-    (n, joints) sense of each joint's last motion. `parameters` are dicts with name, site, unit, sd, nominal;
-    `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm); `answer`
-    all that the planner says.
+    Arrays as in `Touches`: ball, q, approach, via, directions, text. `parameters` are dicts with name, site, unit, sd,
+    nominal; `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm);
+    `answer` all that the planner says.
     """
 
-    ball: npt.NDArray[np.int64]
-    q: Floats
-    approach: Floats
-    via: list[Floats]
-    directions: npt.NDArray[np.int8]
     parameters: list[dict[str, Any]]
     expected: dict[str, Any]
     answer: dict[str, Any]
-    text: str
-
-    def __len__(self) -> int:
-        """Return the number of touches."""
-        return len(self.ball)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a plan.csv, as `trical measure --plan` reads it."""
-        with open(path, "w", encoding="utf-8", newline="") as f:
-            f.write(self.text)
 
     def _expected(self) -> list[tuple[str, dict[str, float]]]:
         return [(k, self.expected[k]) for k in ("sphere", "workspace") if self.expected[k] is not None]

@@ -107,6 +107,18 @@ def test_what_was_hidden_in_a_simulation_is_found(
     assert miss[2].mean() < 0.2 * min(miss[0].mean(), miss[1].mean())
 
 
+def test_touches_that_would_decide_are_planned(touches: trical.Recording, tmp_path: Path) -> None:
+    found = trical.diagnose(touches, **FILES, next=12)
+    assert found.next is not None and len(found.next) == 12 and found.next.q.shape == (12, 6)
+    assert found.next.effect in [f["effect"] for f in found.findings] and len(found.next.explanations) >= 2
+    assert found.next.separation >= found.next.random_separation > 0
+    assert "standard deviations apart" in repr(found)
+    found.next.save(tmp_path / "next.csv")
+    assert (tmp_path / "next.csv").read_text().startswith("order,ball,q1_deg")
+    again = pickle.loads(pickle.dumps(found))
+    assert again.next is not None and again.next.text == found.next.text
+
+
 def test_errors_one_by_one_are_those_of_the_summary(
     fitted: trical.Identified, diagnosis: trical.Diagnosis, touches: trical.Recording
 ) -> None:
@@ -287,6 +299,7 @@ def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(touches: tri
             "stream reads paths of CSV recordings only",
         ),
         (lambda r: trical.validate(trical.Model.nominal(**FILES), r, refit="all"), "TricalError", "refit holds 'all'"),
+        (lambda r: trical.diagnose(r, **FILES, next=0), "TricalError", "next: expected 1 to 1000 touches"),
         (lambda r: trical.plan(**FILES, criterion="best"), "TricalError", "criterion is 'best'"),
         (lambda r: trical.plan(**FILES, sphere=[0, 0, 1]), "TricalError", "sphere has 3 numbers, expected 4"),
         (lambda r: trical.plan(**FILES, per_ball=0), "PlanningError", "per_ball: found 0"),

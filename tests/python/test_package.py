@@ -43,7 +43,7 @@ def test_everything_public_is_documented() -> None:
     forgiven = {
         f"Identified.{f}" for f in ("model", "observations", "rejected", "observability", "cautions", "joints")
     } | {"Identified.not_identifiable", "Identified.correlated", "Validation.n", "Validation.rejected"}
-    forgiven |= {"Diagnosis.model", "Plan.text", "Observability.rows"}
+    forgiven |= {"Diagnosis.model", "Observability.rows"}
     assert sorted(set(bare) - forgiven) == []
 
 

@@ -3,14 +3,15 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 use trical_ident::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
-use trical_model::{Forward, Joints, Measured, Model, Pose, residual_rows};
+use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, residual_rows};
 use trical_plan::{
-    CollisionModel, Criterion, Plan, PlanOptions, PredictedError, Sphere, ValidationOptions, plan_touches,
+    CollisionModel, Criterion, Plan, PlanEntry, PlanOptions, PredictedError, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, write_plan,
 };
 
@@ -69,18 +70,33 @@ fn summary(model: &Model, plan: &Plan, noise_m: f64) -> Value {
     })
 }
 
-/// Balls (from 1), joints, stand-off joints, ways, senses; a JSON summary; the text of plan.csv.
-type Planned<'py> = (
+/// Touches as arrays: balls (from 1), joints, stand-off joints, ways, senses; the text of plan.csv.
+pub type Touches<'py> = (
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
     Vec<Bound<'py, PyArray2<f64>>>,
     Bound<'py, PyArray2<i8>>,
     String,
-    String,
 );
 
-/// Plans touches.
+/// As Python has them.
+pub fn touches<'py>(py: Python<'py>, robot: &Robot, entries: &[PlanEntry]) -> Touches<'py> {
+    let n = robot.dof();
+    let of = |f: fn(&PlanEntry) -> Joints| -> Vec<Joints> { entries.iter().map(f).collect() };
+    let balls: Vec<i64> = entries.iter().map(|e| i64::try_from(e.ball + 1).unwrap_or(0)).collect();
+    let senses: Vec<[i8; MAX_JOINTS]> = entries.iter().map(PlanEntry::senses).collect();
+    (
+        balls.into_pyarray(py),
+        joints_array(&of(|e| e.joints), n).into_pyarray(py),
+        joints_array(&of(|e| e.approach), n).into_pyarray(py),
+        entries.iter().map(|e| joints_array(&e.via, n).into_pyarray(py)).collect(),
+        Array2::from_shape_fn((entries.len(), n), |(k, j)| senses[k][j]).into_pyarray(py),
+        write_plan(robot, entries),
+    )
+}
+
+/// Plans touches; also a JSON summary.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _plan<'py>(
@@ -96,13 +112,13 @@ pub fn _plan<'py>(
     noise: f64,
     start: Option<&Bound<'py, PyAny>>,
     progress: Option<Py<PyAny>>,
-) -> Result<Planned<'py>> {
+) -> Result<(Touches<'py>, String)> {
     let (criterion, whole_workspace) = criterion(best)?;
     let sphere = sphere(in_sphere)?;
     let (robot, cell) = read(&robot, &cell)?;
     let n = robot.dof();
     let start: Joints = match start {
-        None => [0.0; trical_model::MAX_JOINTS],
+        None => [0.0; MAX_JOINTS],
         Some(q) => Known::new(q, n, &Beside::default())?.states()?.at(0).q,
     };
     let model = model_of_touches(&robot, &cell, usual_set(&robot))?;
@@ -120,19 +136,7 @@ pub fn _plan<'py>(
         ..PlanOptions::default()
     };
     let plan = long(py, progress, |say| plan_touches(&robot, &cell, &options, &mut |f| say(f, "planning")))?;
-    let e = &plan.entries;
-    let of = |f: fn(&trical_plan::PlanEntry) -> Joints| -> Vec<Joints> { e.iter().map(f).collect() };
-    let balls: Vec<i64> = e.iter().map(|e| i64::try_from(e.ball + 1).unwrap_or(0)).collect();
-    let senses: Vec<[i8; trical_model::MAX_JOINTS]> = e.iter().map(trical_plan::PlanEntry::senses).collect();
-    Ok((
-        balls.into_pyarray(py),
-        joints_array(&of(|e| e.joints), n).into_pyarray(py),
-        joints_array(&of(|e| e.approach), n).into_pyarray(py),
-        e.iter().map(|e| joints_array(&e.via, n).into_pyarray(py)).collect(),
-        numpy::ndarray::Array2::from_shape_fn((e.len(), n), |(k, j)| senses[k][j]).into_pyarray(py),
-        summary(&model, &plan, noise).to_string(),
-        write_plan(&robot, e),
-    ))
+    Ok((touches(py, &robot, &plan.entries), summary(&model, &plan, noise).to_string()))
 }
 
 /// Poses free of collisions, in a sphere or in the whole workspace: joints (n, joints).

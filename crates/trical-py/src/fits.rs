@@ -7,11 +7,14 @@ use serde_json::{Value, json};
 use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::fit::position_errors;
 use trical_ident::{
-    Choice, CsvStream, Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Refit, cautions, clean,
-    cross_validate, diagnose_recordings, forward_in_time, identify, identify_stream, repeatability, shown, validate,
+    Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Refit,
+    cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify, identify_stream, repeatability,
+    shown, validate,
 };
 use trical_model::{Cell, Forward, Robot};
+use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate};
 
+use crate::designs::{Touches, touches};
 use crate::errors::{Result, bad};
 use crate::long::{Say, long};
 use crate::machine::{CellArgument, RobotArgument, read};
@@ -211,19 +214,63 @@ pub fn _identify<'py>(
     Ok((PyModel::new(found.file)?, found.summary.to_string(), errors, found.covariance.into_pyarray(py)))
 }
 
-/// Diagnoses; returns the extended model, the contract's JSON, and position errors before and after (n, 2) in mm.
+/// Candidates at each ball from which deciding touches are chosen.
+const POOL: usize = 150;
+
+/// Touches that would decide between the least sure finding and its rivals, and what is to be said of them.
+fn plan_next(
+    robot: &Robot,
+    cell: &Cell,
+    found: &Diagnosis,
+    count: usize,
+    say: Say<'_>,
+) -> Result<Option<(Next, Value)>> {
+    let Some(undecided) = found.undecided()? else { return Ok(None) };
+    let rivals = undecided.forwards()?;
+    let question = Question {
+        rivals: &rivals,
+        information: &undecided.information,
+        sigma: undecided.sigma,
+        state: &undecided.state,
+    };
+    let options = PlanOptions { pool_per_ball: POOL, noise_m: undecided.sigma, ..PlanOptions::default() };
+    let next = plan_to_discriminate(robot, cell, &options, &question, count, &mut |_| {
+        say(1.0, "planning what would decide");
+    })?;
+    let said = json!({
+        "effect": undecided.finding.effect,
+        "site": undecided.finding.site,
+        "explanations": undecided.names,
+        "lambda": next.lambda,
+        "random_lambda": next.random_lambda,
+    });
+    Ok(Some((next, said)))
+}
+
+/// The extended model, the contract's JSON, position errors before and after (n, 2) in mm, deciding touches with JSON.
+type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>);
+
+/// Diagnoses.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _diagnose<'py>(
     py: Python<'py>,
     recordings: Vec<RecordingArgument>,
     robot: RobotArgument,
     cell: CellArgument,
     joints: &str,
+    next: Option<usize>,
     progress: Option<Py<PyAny>>,
-) -> Result<(PyModel, String, Bound<'py, PyArray2<f64>>)> {
+) -> Result<Diagnosed<'py>> {
     let joints = source(joints)?;
-    let (file, text, errors) = long(py, progress, |say| -> Result<_> {
-        let (robot, cell) = read(&robot, &cell)?;
+    let (robot, cell) = read(&robot, &cell)?;
+    if next.is_some() && cell.balls.is_empty() {
+        return Err(bad("next: found no [balls] in the cell, expected balls that can be touched").into());
+    }
+    if next.is_some_and(|n| !(1..=1000).contains(&n)) {
+        return Err(bad("next: expected 1 to 1000 touches").into());
+    }
+    let (file, text, errors, planned) = long(py, progress, |say| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
         let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, say)?;
         let mut value = serde_json::to_value(&found)?;
@@ -232,15 +279,20 @@ pub fn _diagnose<'py>(
         let errors =
             |model| -> Result<Vec<f64>> { Ok(position_errors(&Forward::new(model, Vec::new())?, &found.data)) };
         let pairs = pairs_mm(&errors(found.before.clone())?, &errors(found.model.clone())?);
+        let planned = match next {
+            Some(count) => plan_next(&robot, &cell, &found, count, say)?,
+            None => None,
+        };
         let file = ModelFile {
             model: found.model,
             joints: source,
             references: found.data.references,
             recordings: found.data.names,
         };
-        Ok((file, value.to_string(), pairs))
+        Ok((file, value.to_string(), pairs, planned))
     })?;
-    Ok((PyModel::new(file)?, text, errors.into_pyarray(py)))
+    let planned = planned.map(|(next, said)| (touches(py, &robot, &next.entries), said.to_string()));
+    Ok((PyModel::new(file)?, text, errors.into_pyarray(py), planned))
 }
 
 /// Scores a model; returns a JSON summary and position errors before and after (n, 2) in mm.

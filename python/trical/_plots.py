@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ._native import TricalError
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -39,7 +41,7 @@ def errors(errors_mm: npt.NDArray[np.float64] | None, after: str) -> Figure:
     """Histograms of position errors (n, 2) mm, before and after."""
     figure, (axes,) = _figure(1)
     if errors_mm is None:
-        raise ValueError("the recordings were read in passes: there are no errors one by one to draw")
+        raise TricalError("the recordings were read in passes: there are no errors one by one to draw")
     _draw_errors(axes, errors_mm, after)
     return figure
 
@@ -50,7 +52,6 @@ def diagnosis(d: Diagnosis) -> Figure:
 
     figure, (left, right) = _figure(2)
     _draw_errors(left, d.errors_mm, "with what was found")
-    left.get_legend_handles_labels()
     findings = d.findings[::-1]
     names = [f"{f['effect']} at {site_words(f['site'])}" for f in findings]
     right.barh(range(len(findings)), [100 * f["confidence"] for f in findings], color="tab:blue")

@@ -177,6 +177,16 @@ def test_files_recordings_and_formats_mix(tmp_path: Path) -> None:
     assert by_object.observations == 80
 
 
+def test_files_in_passes_give_what_files_at_once_give(tmp_path: Path) -> None:
+    trical.simulate(trical.Model.nominal(**FILES), trical.poses(80, **FILES), target=1).save(tmp_path / "r.csv")
+    at_once = trical.identify(tmp_path / "r.csv", **FILES)
+    in_passes = trical.identify(tmp_path / "r.csv", **FILES, stream=True)
+    assert in_passes.errors == pytest.approx(at_once.errors, rel=1e-3) and in_passes.observations == 80
+    assert in_passes.errors_mm is None
+    with pytest.raises(trical.TricalError, match="stream goes without folds"):
+        trical.identify(tmp_path / "r.csv", **FILES, stream=True, folds=4)
+
+
 def test_the_command_line_reads_what_is_written_here(tmp_path: Path) -> None:
     binary = ROOT / "target" / "release" / "trical"
     if not binary.is_file():

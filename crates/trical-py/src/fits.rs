@@ -252,7 +252,6 @@ type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touch
 
 /// Diagnoses.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _diagnose<'py>(
     py: Python<'py>,
     recordings: Vec<RecordingArgument>,

@@ -26,15 +26,15 @@ def _figure(wide: int) -> tuple[Figure, list[Axes]]:
     return figure, list(np.atleast_1d(figure.subplots(1, wide)))
 
 
-def _draw_errors(axes: Axes, errors_mm: npt.NDArray[np.float64], after: str) -> None:
+def _draw_errors(axes: Axes, errors_mm: npt.NDArray[np.float64], names: tuple[str, str]) -> None:
     largest = float(np.nanmax(errors_mm, initial=1e-6))
     smallest = max(float(np.nanmin(errors_mm, initial=largest)), 1e-3 * largest)
     bins = np.geomspace(smallest, largest, 30).tolist()
-    for column, (name, color) in enumerate([("nominal arm", "tab:gray"), (after, "tab:blue")]):
+    for column, (name, color) in enumerate(zip(names, ("tab:gray", "tab:blue"), strict=True)):
         mean = errors_mm[:, column].mean()
         axes.hist(errors_mm[:, column], bins, color=color, alpha=0.6, label=f"{name}: mean {mean:.3g} mm")
     axes.set(xscale="log", xlabel="position error, mm", ylabel="measurements")
-    axes.legend()
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
 
 
 def errors(errors_mm: npt.NDArray[np.float64] | None, after: str) -> Figure:
@@ -42,7 +42,7 @@ def errors(errors_mm: npt.NDArray[np.float64] | None, after: str) -> Figure:
     figure, (axes,) = _figure(1)
     if errors_mm is None:
         raise TricalError("the recordings were read in passes: there are no errors one by one to draw")
-    _draw_errors(axes, errors_mm, after)
+    _draw_errors(axes, errors_mm, ("nominal arm", after))
     return figure
 
 
@@ -51,10 +51,16 @@ def diagnosis(d: Diagnosis) -> Figure:
     from ._results import site_words
 
     figure, (left, right) = _figure(2)
-    _draw_errors(left, d.errors_mm, "with what was found")
+    _draw_errors(left, d.errors_mm, ("without what was found", "with it"))
     findings = d.findings[::-1]
     names = [f"{f['effect']} at {site_words(f['site'])}" for f in findings]
-    right.barh(range(len(findings)), [100 * f["confidence"] for f in findings], color="tab:blue")
-    right.set(xlim=(0, 100), xlabel="sure, %", yticks=range(len(findings)), yticklabels=names)
+    right.barh(range(len(findings)), [100 * f["confidence"] for f in findings], color="tab:blue", height=0.6)
+    right.set(
+        xlim=(0, 100),
+        ylim=(min(len(findings) - 5, 0) - 0.5, max(len(findings), 1) - 0.5),
+        xlabel="sure, %",
+        yticks=range(len(findings)),
+        yticklabels=names,
+    )
     right.set_title("nothing is asked for" if not findings else "findings, most important first")
     return figure

@@ -202,8 +202,8 @@ class Diagnosis:
 
     `findings` are dicts with effect, site, located, confidence, lambda, coefficients, evidence, rivals; `blind_to` what
     the recordings could not show; `unexplained` where a mismatch has no name; `answer` all of the command's JSON;
-    `errors_mm` (observations, 2) position errors one by one, before and after; `next` touches that would decide between
-    the least sure finding and its rivals, where they were asked for and anything is undecided.
+    `errors_mm` (observations, 2) position errors one by one, without and with what was found; `next` touches that
+    would decide between the least sure finding and its rivals, where they were asked for and anything is undecided.
     """
 
     model: Model

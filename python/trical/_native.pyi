@@ -1,41 +1,145 @@
 import os
+from collections.abc import Callable, Sequence
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
 
 __version__: str
+__all__ = [
+    "Cell",
+    "Model",
+    "NotConvergedError",
+    "NotEnoughDataError",
+    "PlanningError",
+    "RecordingError",
+    "Robot",
+    "Rows",
+    "TricalError",
+    "UnreachableError",
+    "WrongModelError",
+    "__version__",
+    "_diagnose",
+    "_effects_json",
+    "_identify",
+    "_observability",
+    "_plan",
+    "_poses",
+    "_repeatability",
+    "_simulate",
+    "_validate",
+]
+
+_Path = str | os.PathLike[str]
+_Floats = npt.NDArray[np.float64]
+_Listener = Callable[[float, str], object] | None
+_Touches = tuple[npt.NDArray[np.int64], _Floats, _Floats, list[_Floats], npt.NDArray[np.int8], str]
 
 class TricalError(ValueError): ...
+class RecordingError(TricalError): ...
+class NotEnoughDataError(TricalError): ...
+class WrongModelError(TricalError): ...
+class PlanningError(TricalError): ...
+class UnreachableError(TricalError): ...
 class NotConvergedError(RuntimeError): ...
 
+@final
+class Robot:
+    """A nominal arm: modified Denavit-Hartenberg parameters, limits, masses."""
+
+    @staticmethod
+    def load(path: _Path) -> Robot:
+        """Read a robot.toml, or a URDF as in "arm.urdf#base_link:tool0"."""
+    @staticmethod
+    def from_toml(text: str) -> Robot:
+        """Read the text of a robot.toml."""
+    def to_toml(self) -> str:
+        """Return the text of a robot.toml."""
+    def save(self, path: _Path) -> None:
+        """Write a robot.toml."""
+    @property
+    def name(self) -> str:
+        """Its name."""
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+    @property
+    def limits(self) -> _Floats:
+        """Lower and upper limits of the joints, (joints, 2), rad (m for prismatic joints)."""
+    @property
+    def kinds(self) -> list[str]:
+        """Kind of each joint: "revolute" or "prismatic"."""
+    def __reduce__(self) -> tuple[Any, tuple[str]]: ...
+
+@final
+class Cell:
+    """Where an arm stands, what it carries, and what it can touch."""
+
+    @staticmethod
+    def load(path: _Path) -> Cell:
+        """Read a cell.toml."""
+    @staticmethod
+    def from_toml(text: str) -> Cell:
+        """Read the text of a cell.toml."""
+    def to_toml(self) -> str:
+        """Return the text of a cell.toml."""
+    def save(self, path: _Path) -> None:
+        """Write a cell.toml."""
+    @property
+    def balls(self) -> _Floats:
+        """Centres of the balls in the world, (balls, 3), m."""
+    @property
+    def targets(self) -> _Floats:
+        """Targets on the tool in the flange's frame, (targets, 3), m."""
+    def __reduce__(self) -> tuple[Any, tuple[str]]: ...
+
+@final
 class Model:
     """A model ready to predict where the tool is.
 
-    Joint values `q` are arrays (n, joints), in rad (m for prismatic joints); everything else is in m, rad, N m too.
+    Joint values `q` are arrays or lists (n, joints) or, for one pose, (joints,), in rad (m for prismatic joints);
+    everything else is in m, rad, N m too. What comes back has no first axis for one pose.
     """
 
     @staticmethod
-    def nominal(robot: str | os.PathLike[str], cell: str | os.PathLike[str] | None = None) -> Model:
+    def nominal(robot: _Path | Robot, cell: _Path | Cell | None = None) -> Model:
         """Nominal arm of a robot.toml, or of a URDF as in "arm.urdf#base_link:tool0", in the cell of a cell.toml.
 
         Without a cell, the arm's foot is the world and its flange is the tool.
         """
     @staticmethod
-    def load(path: str | os.PathLike[str]) -> Model: ...
+    def load(path: _Path) -> Model:
+        """Read a model file (calibrated.toml, improved.toml)."""
     @staticmethod
-    def from_toml(text: str) -> Model: ...
-    def save(self, path: str | os.PathLike[str]) -> None: ...
-    def to_toml(self) -> str: ...
+    def from_toml(text: str) -> Model:
+        """Read the text of a model file."""
+    def save(self, path: _Path) -> None:
+        """Write a model file."""
+    def to_toml(self) -> str:
+        """Return the text of the model file."""
+    def with_terms(self, text: str) -> Model:
+        """Add terms, given as the [[term]] tables of a model file: an arm with hidden flaws, to simulate."""
     @property
-    def robot(self) -> str: ...
+    def robot(self) -> str:
+        """Name of the arm."""
     @property
-    def dof(self) -> int: ...
+    def nominal_robot(self) -> Robot:
+        """The nominal arm."""
     @property
-    def limits(self) -> npt.NDArray[np.float64]:
+    def nominal_cell(self) -> Cell:
+        """The nominal cell."""
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+    @property
+    def limits(self) -> _Floats:
         """Lower and upper limits of the joints, (joints, 2), rad (m for prismatic joints)."""
     @property
     def kinds(self) -> list[str]:
         """Kind of each joint: "revolute" or "prismatic"."""
+    @property
+    def joints(self) -> str:
+        """Which joint angles the model was fitted to: "read" or "commanded"."""
     def robot_toml(self) -> str:
         """Text of a robot.toml: the nominal arm."""
     def rigid(self) -> Model:
@@ -44,30 +148,161 @@ class Model:
         """Names of the terms that `rigid` and `to_urdf` leave out."""
     def to_urdf(self) -> str:
         """Text of a URDF: the rigid part, links world, base_link, link_1 ... link_n, flange, tcp."""
-    def forward(self, q: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Positions (n, 3) in m and rotations (n, 3, 3) of the tool in the world."""
-    def flange(self, q: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Positions (n, 3) in m and rotations (n, 3, 3) of the flange in the world."""
-    def jacobian(self, q: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def save_urdf(self, path: _Path) -> None:
+        """Write the rigid part as a URDF."""
+    def forward(
+        self,
+        q: npt.ArrayLike,
+        *,
+        directions: npt.ArrayLike | None = None,
+        temperature: npt.ArrayLike | None = None,
+        time: npt.ArrayLike | None = None,
+        payload: npt.ArrayLike | None = None,
+    ) -> tuple[_Floats, _Floats]:
+        """Where the tool is, in the world: positions (n, 3) m and rotations (n, 3, 3).
+
+        What terms of the model look at, one value for all poses or one a pose: directions (n, joints) or (joints,),
+        -1, 0 or 1, sense of each joint's last motion; temperature (n,) degC; time (n,) s since the recording began;
+        payload (n,) kg on the flange beyond the cell's tool. Not given means no sense of motion, the reference
+        temperature, time 0, no payload.
+        """
+    def flange(
+        self,
+        q: npt.ArrayLike,
+        *,
+        directions: npt.ArrayLike | None = None,
+        temperature: npt.ArrayLike | None = None,
+        time: npt.ArrayLike | None = None,
+        payload: npt.ArrayLike | None = None,
+    ) -> tuple[_Floats, _Floats]:
+        """Where the flange is, in the world: positions (n, 3) m and rotations (n, 3, 3). Arguments as for `forward`."""
+    def jacobian(self, q: npt.ArrayLike) -> _Floats:
         """Jacobians (n, 6, joints), world axes: velocity of the TCP (m), then angular velocity (rad), per rad (m)."""
-    def gravity_torques(self, q: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """What gravity does at each joint, (n, joints), in N m about its axis (N along a prismatic one)."""
+    def gravity_torques(self, q: npt.ArrayLike, *, payload: npt.ArrayLike | None = None) -> _Floats:
+        """What gravity does at each joint, (n, joints), in N m about its axis (N along a prismatic one).
+
+        The tool's mass is counted and, with payload (n,) kg, that on the flange; compliance is not.
+        """
+    def inverse(
+        self,
+        positions: npt.ArrayLike,
+        rotations: npt.ArrayLike,
+        near: npt.ArrayLike,
+        *,
+        directions: npt.ArrayLike | None = None,
+        temperature: npt.ArrayLike | None = None,
+        time: npt.ArrayLike | None = None,
+        payload: npt.ArrayLike | None = None,
+    ) -> _Floats:
+        """Joint values (n, joints) at which the tool, by the whole model, has poses in the world: those nearest to
+        `near`.
+
+        positions (n, 3) m; rotations (n, 3, 3); near (n, joints) or (joints,), rad (m). Without the n: one pose. The
+        other arguments are those of `forward`. Raises UnreachableError for the first pose that the arm cannot take.
+        """
     def _terms_json(self) -> str: ...
+    def __reduce__(self) -> tuple[Any, tuple[str]]: ...
+
+@final
+class Rows:
+    """The rows of a recording; `trical.Recording` shows them."""
+
+    @staticmethod
+    def load(path: _Path, joints: int | None, part: bool) -> Rows: ...
+    @staticmethod
+    def build(name: str, columns: dict[str, Any]) -> Rows: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def joints(self) -> int: ...
+    def __len__(self) -> int: ...
+    def take(self, rows: Sequence[int]) -> Rows: ...
+    def column(self, name: str) -> Any: ...
+    def to_csv(self) -> bytes: ...
+    def save(self, path: _Path) -> None: ...
 
 def _identify(
-    recordings: list[str], robot: str, cell: str, joints: str, model: str, folds: int | None
-) -> tuple[Model, str]: ...
-def _diagnose(recordings: list[str], robot: str, cell: str, joints: str) -> tuple[Model, str]: ...
-def _effects_json() -> str: ...
-def _validate(model: Model, recordings: list[str], robot: str, cell: str) -> str: ...
-def _compensate(
-    program: str,
+    recordings: Sequence[_Path | Rows],
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    joints: str,
+    model: str,
+    compliant: Sequence[int],
+    folds: int | None,
+    hold_out_last: int | None,
+    keep_outliers: bool,
+    in_stream: bool,
+    progress: _Listener,
+) -> tuple[Model, str, _Floats | None, _Floats]: ...
+def _diagnose(
+    recordings: Sequence[_Path | Rows],
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    joints: str,
+    next: int | None,
+    progress: _Listener,
+) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None]: ...
+def _validate(
     model: Model,
-    out: str | None,
-    robot: str,
-    cell: str,
+    recordings: Sequence[_Path | Rows],
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    joints: str | None,
+    refit: Sequence[str],
+    progress: _Listener,
+) -> tuple[str, _Floats]: ...
+def _repeatability(recording: Rows, robot: _Path | Robot | None, cell: _Path | Cell | None, same: float) -> str: ...
+def _effects_json() -> str: ...
+def _plan(
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    per_ball: int,
+    pool: int,
+    seed: int,
+    best: str,
+    in_sphere: tuple[float, float, float, float] | None,
+    max_tilt: float,
+    noise: float,
+    start: npt.ArrayLike | None,
+    progress: _Listener,
+) -> tuple[_Touches, str]: ...
+def _poses(
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    n: int,
+    in_sphere: tuple[float, float, float, float] | None,
+    seed: int,
+) -> _Floats: ...
+def _simulate(
+    model: Model,
+    q: npt.ArrayLike,
+    kind: str,
+    number: npt.ArrayLike | None,
+    noise: float,
+    angle_noise: float,
+    seed: int,
+    stop_within: float | None,
+    directions: npt.ArrayLike | None,
+    temperature: npt.ArrayLike | None,
+    time: npt.ArrayLike | None,
+    payload: npt.ArrayLike | None,
+) -> Rows: ...
+def _observability(
+    recordings: Sequence[_Path | Rows],
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    joints: str,
+    set: str,
+    noise: float | None,
+) -> str: ...
+def _compensate(
+    program: _Path,
+    model: Model,
+    out: _Path | None,
+    robot: _Path | Robot,
+    cell: _Path | Cell,
     dialect: str | None,
-    frames: list[str],
+    frames: Sequence[_Path],
     partial: bool,
     tool: str | None,
     frame: str | None,

@@ -42,6 +42,17 @@ pub enum Joints {
     Auto,
 }
 
+impl Joints {
+    /// `None` for those that the data is to choose.
+    pub fn source(self) -> Option<JointSource> {
+        match self {
+            Self::Read => Some(JointSource::Read),
+            Self::Commanded => Some(JointSource::Commanded),
+            Self::Auto => None,
+        }
+    }
+}
+
 /// Reads recordings of one arm, CSV or MCAP.
 pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
     paths.iter().map(|p| recording(p, joints)).collect()

@@ -5,6 +5,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 use trical_device::virtual_cell::Frame;
 use trical_device::{CellOptions, Plant};
+use trical_ident::simulate::reading_at;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet};
 use trical_model::ik::{continue_from, nearest_solution};
 use trical_model::{Forward, Joints, Measured, Model, Motion, Parameter, Pose, Recording, Row, Site, State, Workspace};
@@ -51,21 +52,7 @@ impl Plant for ArmPlant {
     }
 
     fn offset_to_ball(&mut self, state: &State, ball: usize) -> [f64; 3] {
-        // the residual of a touch is TCP plus reading minus ball, in {w}: the reading that makes it vanish is asked for.
-        // Effects of the indicators depend on the reading, so a few rounds are needed; one without them
-        let tool = self.truth.world_from_tool(state, &mut self.truth_ws).rotation;
-        let mut reading = nalgebra::Vector3::zeros();
-        for _ in 0..8 {
-            let touch = Measured::Touch { ball, reading: reading.into() };
-            self.truth.residual(state, &touch, 0, &mut self.truth_ws);
-            let r = *self.truth_ws.residual();
-            let left = tool.transpose() * nalgebra::Vector3::new(r[0], r[1], r[2]);
-            reading -= left;
-            if left.norm() < 1e-10 {
-                break;
-            }
-        }
-        reading.into()
+        reading_at(&self.truth, state, ball, &mut self.truth_ws)
     }
 
     fn tcp(&mut self, state: &State) -> Frame {

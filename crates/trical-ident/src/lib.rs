@@ -13,6 +13,9 @@
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`] | identification from files of any size, in bounded memory |
 //! | [`validate`] | a model on data that it was not fitted to |
+//! | [`repeatability`] | how far repeat visits scatter |
+//! | [`joint_choice`] | which joint angles to believe |
+//! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod caution;
@@ -24,15 +27,19 @@ pub mod fit;
 pub mod gross;
 pub mod identifiability;
 pub mod identify;
+pub mod joint_choice;
 pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
 pub mod recording_csv;
+pub mod repeatability;
 pub mod rigid;
+pub mod simulate;
 pub mod solver;
 pub mod start;
 pub mod stream;
+pub mod touches;
 pub mod trilateration;
 pub mod units;
 pub mod validate;
@@ -44,10 +51,14 @@ pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
 pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify};
+pub use joint_choice::{clean, diagnose_recordings};
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv, write_csv};
+pub use repeatability::{Repeatability, repeatability};
+pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{CsvStream, Sample, Streamed, identify_stream};
+pub use touches::{model_of_touches, usual_set};
 pub use units::{Shown, shown, site_json, site_words, unit};
 pub use validate::{Refit, Region, Validation, validate};

@@ -124,6 +124,23 @@ impl ModelFile {
         toml::to_string(&file).map_err(|e| IdentError::WrongModel(format!("the model cannot be written: {e}")))
     }
 
+    /// The model with further terms: `[[term]]` tables as a model file has them.
+    ///
+    /// # Errors
+    /// Text that is anything else, or terms at sites that the arm does not have.
+    pub fn with_terms(&self, text: &str) -> Result<Self> {
+        let mut more: toml::Table = parse_toml(text, "terms")?;
+        let Some(toml::Value::Array(terms)) = more.remove("term").filter(|_| more.is_empty()) else {
+            return Err(IdentError::WrongModel("terms: expected [[term]] tables and nothing else".into()));
+        };
+        let mut whole = table(&self.to_toml()?);
+        match whole.entry("term").or_insert_with(|| toml::Value::Array(Vec::new())) {
+            toml::Value::Array(own) => own.extend(terms),
+            other => *other = toml::Value::Array(terms),
+        }
+        Self::parse(&whole.to_string(), "terms")
+    }
+
     /// Writes the file whole, then renames it into place.
     ///
     /// # Errors

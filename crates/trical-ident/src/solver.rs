@@ -213,6 +213,7 @@ impl Solver {
         }
         let mut fresh = true;
         while report.iterations < params.max_iterations {
+            trical_model::interrupt::checkpoint()?;
             report.iterations += 1;
             if fresh {
                 self.hold(&x, known);

@@ -60,6 +60,9 @@ pub enum ModelError {
         /// How many there are.
         have: usize,
     },
+    /// Whoever started the work wants it no more ([`crate::interrupt`]).
+    #[error("stopped before the end, as was asked")]
+    Stopped,
 }
 
 /// Results of this crate.

@@ -14,6 +14,7 @@
 //! | [`forward`] | prediction and Jacobians |
 //! | [`rigid`] | the rigid part of a calibrated model, for others |
 //! | [`ik`] | inverse kinematics on the full model |
+//! | [`interrupt`] | long work that can be asked to stop |
 //! | [`pose`] | rigid transforms |
 
 pub mod cell;
@@ -21,6 +22,7 @@ mod chain;
 pub mod error;
 pub mod forward;
 pub mod ik;
+pub mod interrupt;
 mod jacobian;
 pub mod pose;
 pub mod recording;

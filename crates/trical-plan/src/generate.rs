@@ -156,6 +156,7 @@ pub fn generate(
     let mut rejected = Rejected::default();
     let stream = TOUCH | ((ball as u64) << 8);
     while pool.len() < wanted && rejected.attempts < most {
+        trical_model::interrupt::checkpoint()?;
         let first = rejected.attempts;
         let results: Vec<std::result::Result<Candidate, Refusal>> = (first..(first + CHUNK).min(most))
             .into_par_iter()

@@ -115,8 +115,10 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
     let mut last_error = PlanError::NoBalls;
     let mut planned = None;
     for round in 0..ROUNDS {
+        trical_model::interrupt::checkpoint()?;
         let chosen = choose_touches(&forward, &pool, options, regions.wanted(options)?)?;
         progress(0.75 + 0.2 * share(2 * round + 1, 2 * ROUNDS));
+        trical_model::interrupt::checkpoint()?;
         let touches = chosen.touches.clone();
         let touches = if senses_matter { touches } else { balance_senses(&model, touches, options) };
         match visit(&model, &touches, options) {

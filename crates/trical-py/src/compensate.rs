@@ -4,26 +4,28 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use trical_device::program::{Job, Options, ProgramError};
-use trical_model::{Cell, Model, Robot};
+use trical_model::Model;
 
-use crate::{PyModel, TricalError, ident_error, model_error};
+use crate::errors::{Result, bad};
+use crate::machine::{CellArgument, RobotArgument, read};
+use crate::model::PyModel;
 
 #[expect(clippy::needless_pass_by_value, reason = "used with map_err")]
 fn program_error(e: ProgramError) -> PyErr {
-    TricalError::new_err(e.to_string())
+    bad(e.to_string())
 }
 
 /// Rewrites a program file; returns the command's JSON.
 #[pyfunction]
 #[pyo3(signature = (program, model, out, robot, cell, dialect, frames, partial, tool, frame, temp_c, time_s, payload_kg, any_configuration, own_base))]
 #[expect(clippy::too_many_arguments, reason = "the keywords of trical.compensate")]
-pub(crate) fn _compensate(
+pub fn _compensate(
     py: Python<'_>,
     program: PathBuf,
     model: &Bound<'_, PyModel>,
     out: Option<PathBuf>,
-    robot: PathBuf,
-    cell: PathBuf,
+    robot: RobotArgument,
+    cell: CellArgument,
     dialect: Option<String>,
     frames: Vec<PathBuf>,
     partial: bool,
@@ -34,10 +36,11 @@ pub(crate) fn _compensate(
     payload_kg: Option<f64>,
     any_configuration: bool,
     own_base: bool,
-) -> PyResult<String> {
-    let nominal = Model::nominal(Robot::load(&robot).map_err(model_error)?, Cell::load(&cell).map_err(model_error)?);
+) -> Result<String> {
+    let (robot, cell) = read(&robot, &cell)?;
+    let nominal = Model::nominal(robot, cell);
     let file = model.get().file.clone();
-    file.require_robot(&nominal.robot, "the model").map_err(ident_error)?;
+    file.require_robot(&nominal.robot, "the model")?;
     let options = Options {
         model_name: "a model in Python".into(),
         tool,

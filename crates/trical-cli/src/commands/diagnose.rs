@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_ident::{Diagnosis, Finding, JointSource, ModelFile, Rival, Undecided, diagnose, site_words, write_whole};
+use trical_ident::{
+    Diagnosis, Finding, JointSource, ModelFile, Rival, Undecided, diagnose_recordings, site_words, write_whole,
+};
 use trical_model::{Cell, Robot};
 use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate, write_plan};
 
@@ -60,24 +62,7 @@ pub fn run(args: &Args) -> Result<()> {
     let recordings = input::recordings(&args.recordings, robot.dof())?;
     let bar = progress::bar("diagnosing");
     let mut at = |fraction: f64, what: &str| progress::at(&bar, fraction, what);
-    let mut one = |source| -> Result<(Diagnosis, JointSource)> {
-        let data = input::dataset(&recordings, source, None)?;
-        Ok((diagnose(&robot, &cell, &data, &mut at)?, source))
-    };
-    let (diagnosis, source) = match args.joints {
-        Joints::Read => one(JointSource::Read)?,
-        Joints::Commanded => one(JointSource::Commanded)?,
-        Joints::Auto => {
-            let read = one(JointSource::Read)?;
-            let all = recordings.iter().all(|r| r.rows.iter().all(|r| r.state.q_commanded.is_some()));
-            if all {
-                let commanded = one(JointSource::Commanded)?;
-                if commanded.0.after.holdout_rms_mm < read.0.after.holdout_rms_mm { commanded } else { read }
-            } else {
-                read
-            }
-        }
-    };
+    let (diagnosis, source) = diagnose_recordings(&robot, &cell, &recordings, args.joints.source(), &mut at)?;
     // rivals are fitted anew only for those who ask
     let undecided = args.next.map(|_| diagnosis.undecided()).transpose()?.flatten();
     let next = match (args.next, undecided) {

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
-    CsvStream, Dataset, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, ParameterSet, Rejected,
-    Streamed, cautions, cross_validate, forward_in_time, identify, identify_stream, reject_gross_errors, shown,
+    CsvStream, Dataset, ErrorSummary, Identified, KnownParameters, ModelFile, ParameterSet, Rejected, Streamed,
+    cautions, clean, cross_validate, forward_in_time, identify, identify_stream, shown,
 };
 use trical_model::{Cell, Recording, Robot};
 
@@ -107,28 +107,10 @@ fn stream(args: &Args, joints: usize) -> Result<Option<CsvStream>> {
     Ok(CsvStream::open(&args.recordings, joints).ok())
 }
 
-/// Reads, cleans and chooses the joints.
+/// Cleans and chooses the joints.
 fn prepare(args: &Args, robot: &Robot, cell: &Cell, recordings: &[Recording]) -> Result<Dataset> {
-    let clean = |source| -> Result<Dataset> {
-        let data = input::dataset(recordings, source, None)?;
-        if args.keep_outliers { Ok(data) } else { Ok(reject_gross_errors(robot, cell, &data)?) }
-    };
-    match args.joints {
-        Joints::Read => clean(JointSource::Read),
-        Joints::Commanded => clean(JointSource::Commanded),
-        Joints::Auto => {
-            let commanded = recordings.iter().all(|r| r.rows.iter().all(|r| r.state.q_commanded.is_some()));
-            if !commanded {
-                return clean(JointSource::Read);
-            }
-            let score = |data: &Dataset| -> Result<f64> {
-                let errors = identify(robot, cell, data, ParameterSet::from(args.model))?.errors()?;
-                Ok(trical_ident::rigid::median(&errors))
-            };
-            let (read, commanded) = (clean(JointSource::Read)?, clean(JointSource::Commanded)?);
-            Ok(if score(&commanded)? < score(&read)? { commanded } else { read })
-        }
-    }
+    let set = ParameterSet::from(args.model);
+    Ok(clean(robot, cell, recordings, args.joints.source(), set, args.keep_outliers)?)
 }
 
 /// Runs the command.

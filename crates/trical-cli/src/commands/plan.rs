@@ -7,8 +7,8 @@ use clap::ValueEnum;
 use nalgebra::Vector3;
 use serde_json::json;
 use trical_device::PlanEntry;
-use trical_ident::{Choice, Dataset, JointSource, ParameterSet, Shown, shown, write_whole};
-use trical_model::{Cell, JointKind, MAX_JOINTS, Measured, Model, Recording, Robot, Row, State};
+use trical_ident::{Shown, model_of_touches, shown, usual_set, write_whole};
+use trical_model::{Cell, JointKind, MAX_JOINTS, Model, Robot};
 use trical_plan::{
     CollisionModel, Criterion, Facing, Plan, PlanError, PlanOptions, PredictedError, Rejected, Sphere,
     ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace, read_plan, write_plan,
@@ -187,24 +187,7 @@ impl Args {
 
 /// The nominal model with the paper's parameters: what touches are to identify.
 pub fn model_to_identify(robot: &Robot, cell: &Cell) -> Result<Model> {
-    let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
-    model_with(robot, cell, set)
-}
-
-/// The nominal model with the parameters of a set that touches can tell apart.
-pub fn model_with(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result<Model> {
-    let touch = |ball| Row {
-        state: State::at(&[0.0; MAX_JOINTS]),
-        measured: Measured::Touch { ball, reading: [0.0; 3] },
-        seq: None,
-        line: 0,
-    };
-    let rows = (0..cell.balls.len()).map(touch).collect();
-    let recording = Recording { name: "plan".into(), joints: robot.dof(), rows };
-    let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let mut model = Model::nominal(robot.clone(), cell.clone());
-    model.terms = trical_ident::identifiability::independent_terms(&model, &data, &Choice::from(set))?.0;
-    Ok(model)
+    Ok(model_of_touches(robot, cell, usual_set(robot))?)
 }
 
 /// The plan as entries for the procedure: the stand-off pose is the last point on the way.

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use plotters::style::RGBColor;
 use rayon::prelude::*;
 use serde_json::json;
-use trical_ident::{ParameterSet, write_whole};
+use trical_ident::{ParameterSet, model_of_touches, write_whole};
 use trical_model::{Cell, Forward, Model, Robot};
 use trical_plan::predict::tool_rows;
 use trical_plan::{
@@ -15,7 +15,7 @@ use trical_plan::{
     nominal_forward, poses_in_sphere, poses_in_workspace,
 };
 
-use crate::commands::plan::{Best, model_with};
+use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
 use crate::input::RobotAndCell;
 use crate::plots::{self, Band};
@@ -295,7 +295,7 @@ fn touches(args: &TouchesArgs) -> Result<()> {
         )));
     }
     let set = common.set(&robot);
-    let known = model_with(&robot, &cell, set)?;
+    let known = model_of_touches(&robot, &cell, set)?;
     let options = common.options(&known);
     let poses = poses(&robot, &cell, common.seed)?;
     let pool = pool(&robot, &cell, &options)?;
@@ -615,7 +615,7 @@ fn try_layout(
 ) -> Result<std::result::Result<(Spread, Spread, usize), String>> {
     let common = &args.common;
     let cell = layout.cell(cell);
-    let known = model_with(robot, &cell, set)?;
+    let known = model_of_touches(robot, &cell, set)?;
     let mut options = common.options(&known);
     options.per_ball = args.touches / layout.balls;
     options.pool_per_ball = common.pool.max(options.per_ball);

@@ -37,11 +37,7 @@ pub fn run(args: &Args) -> Result<()> {
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;
     let refit = refit(&args.refit)?;
-    let source = match args.joints {
-        None | Some(Joints::Auto) => file.joints,
-        Some(Joints::Read) => trical_ident::JointSource::Read,
-        Some(Joints::Commanded) => trical_ident::JointSource::Commanded,
-    };
+    let source = args.joints.and_then(Joints::source).unwrap_or(file.joints);
     let recordings = input::recordings(&args.recordings, robot.dof())?;
     let known = refit.is_none().then_some(file.references.as_slice());
     let data = input::dataset(&recordings, source, known)?;

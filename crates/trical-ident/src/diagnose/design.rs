@@ -117,6 +117,9 @@ impl Design {
         let mut block = vec![0.0; 6 * total];
         let mut row = 0;
         for (index, o) in data.observations.iter().enumerate() {
+            if index % 64 == 0 {
+                trical_model::interrupt::checkpoint()?;
+            }
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
             for k in 0..n {
                 let sigma = noise.sigma(o.recording, &o.measured, k);

@@ -3,6 +3,7 @@
 
 use super::catalogue::Candidate;
 use super::design::{Design, Stage};
+use trical_model::interrupt::stop_wanted;
 
 /// A candidate must better the criterion by this many nats. With the prior spread over all candidates, an effect-free data
 /// set passes it about once in a hundred.
@@ -167,7 +168,8 @@ impl Search<'_> {
 
     fn forward(&self, start: &Stage, chosen: &mut Vec<usize>) {
         let mut stage = self.with(start, chosen);
-        while chosen.len() < MOST {
+        // asked to stop, whatever was chosen will not be used
+        while chosen.len() < MOST && !stop_wanted() {
             let Some(best) = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate)) else { break };
             if best.evidence < THRESHOLD {
                 break;
@@ -209,6 +211,7 @@ impl Search<'_> {
     /// work (n log n additions instead of n^2).
     fn without_each(&self, stage: &Stage, set: &[usize], visit: &mut dyn FnMut(usize, &Stage)) {
         match set {
+            _ if stop_wanted() => {}
             [] => {}
             [one] => visit(*one, stage),
             _ => {

@@ -1,5 +1,6 @@
 //! The search in progress: what was believed, tried and chosen so far.
 
+use trical_model::interrupt::checkpoint;
 use trical_model::{Cell, Forward, Measured, Model, Robot, Term};
 
 use super::catalogue::{Candidate, Untestable, catalogue, device_orientation, reading_noise};
@@ -90,11 +91,15 @@ impl Work {
     pub(super) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
         let mut last: Option<(Vec<usize>, usize)> = None;
         for round in 0..ROUNDS {
+            checkpoint()?;
             #[expect(clippy::cast_precision_loss, reason = "counts")]
             progress(round as f64 / ROUNDS as f64);
             self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
+            checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
+            checkpoint()?;
             let design = self.design()?;
+            checkpoint()?;
             let before = std::mem::take(&mut self.chosen);
             self.chosen = self.searcher(&design).choose(&design.stage(), &before);
             self.refine();

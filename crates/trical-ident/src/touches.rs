@@ -1,0 +1,32 @@
+//! What touches of a cell's balls can tell apart, before any is made.
+
+use trical_model::{Cell, MAX_JOINTS, Measured, Model, Recording, Robot, Row, State};
+
+use crate::dataset::{Dataset, JointSource};
+use crate::error::Result;
+use crate::identifiability::{Choice, ParameterSet, independent_terms};
+
+/// The nominal model with the parameters of a set that touches of its balls can tell apart, their values zero.
+///
+/// # Errors
+/// A cell without balls, and a robot without masses where compliance is asked for.
+pub fn model_of_touches(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result<Model> {
+    let touch = |ball| Row {
+        state: State::at(&[0.0; MAX_JOINTS]),
+        measured: Measured::Touch { ball, reading: [0.0; 3] },
+        seq: None,
+        line: 0,
+    };
+    let rows = (0..cell.balls.len()).map(touch).collect();
+    let recording = Recording { name: "plan".into(), joints: robot.dof(), rows };
+    let data = Dataset::build(&[recording], JointSource::Read, None)?;
+    let mut model = Model::nominal(robot.clone(), cell.clone());
+    model.terms = independent_terms(&model, &data, &Choice::from(set))?.0;
+    Ok(model)
+}
+
+/// The richest of the usual sets that the robot allows: with compliance where the links have masses.
+#[must_use]
+pub fn usual_set(robot: &Robot) -> ParameterSet {
+    if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry }
+}

@@ -1,0 +1,259 @@
+//! Before anything is measured: plans, simulated recordings, and what measurements could tell.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+use trical_ident::identifiability::{independent_terms, observability, r_factor};
+use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
+use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, residual_rows};
+use trical_plan::{
+    CollisionModel, Criterion, Plan, PlanEntry, PlanOptions, PredictedError, Sphere, ValidationOptions, plan_touches,
+    poses_in_sphere, poses_in_workspace, write_plan,
+};
+
+use crate::arrays::{Beside, Column, Known, joints_array};
+use crate::errors::{Result, bad};
+use crate::fits::{parameter_set, source};
+use crate::long::long;
+use crate::machine::{CellArgument, RobotArgument, read};
+use crate::model::PyModel;
+use crate::rows::{PyRows, RecordingArgument, read_all};
+
+fn criterion(name: &str) -> PyResult<(Criterion, bool)> {
+    match name {
+        "d" => Ok((Criterion::Determinant, false)),
+        "a" => Ok((Criterion::Variances, false)),
+        "e" => Ok((Criterion::Weakest, false)),
+        "sphere" => Ok((Criterion::Region, false)),
+        "workspace" => Ok((Criterion::Region, true)),
+        other => Err(bad(format!("criterion is '{other}', expected 'd', 'a', 'e', 'sphere' or 'workspace'"))),
+    }
+}
+
+fn sphere(given: Option<[f64; 4]>) -> PyResult<Option<Sphere>> {
+    match given {
+        None => Ok(None),
+        Some([x, y, z, r]) if r > 0.0 => Ok(Some(Sphere { centre: Vector3::new(x, y, z), radius: r })),
+        Some([.., r]) => Err(bad(format!("sphere has a radius of {r} m, expected more than 0"))),
+    }
+}
+
+fn summary(model: &Model, plan: &Plan, noise_m: f64) -> Value {
+    let e = &plan.expected;
+    let mut known = model.clone();
+    known.terms.retain(|t| e.parameters.contains(&t.name));
+    for t in &mut known.terms {
+        t.sd = e.parameters.iter().position(|n| *n == t.name).and_then(|k| e.sd.get(k).copied());
+    }
+    let error = |p: &Option<PredictedError>| {
+        p.map(|p| json!({ "mean_mm": p.mean_m * 1e3, "rms_mm": p.rms_m * 1e3, "worst_rms_mm": p.worst_rms_m * 1e3 }))
+    };
+    json!({
+        "touches": plan.entries.len(),
+        "criterion": e.criterion,
+        "gain_over_random": e.gain_over_random,
+        "determined": e.sd.iter().all(|s| s.is_finite()),
+        "parameters": known.terms.iter().map(|t| shown(&known, t)).collect::<Vec<_>>(),
+        "not_identifiable": e.dependent,
+        "observability": { "o1": e.o1, "condition": e.condition },
+        "expected": {
+            "noise_mm": noise_m * 1e3,
+            "sphere": error(&e.in_sphere),
+            "workspace": error(&e.in_workspace),
+        },
+        "senses": e.senses,
+        "travel_rad": e.travel_rad,
+    })
+}
+
+/// Touches as arrays: balls (from 1), joints, stand-off joints, ways, senses; the text of plan.csv.
+pub type Touches<'py> = (
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Vec<Bound<'py, PyArray2<f64>>>,
+    Bound<'py, PyArray2<i8>>,
+    String,
+);
+
+/// As Python has them.
+pub fn touches<'py>(py: Python<'py>, robot: &Robot, entries: &[PlanEntry]) -> Touches<'py> {
+    let n = robot.dof();
+    let of = |f: fn(&PlanEntry) -> Joints| -> Vec<Joints> { entries.iter().map(f).collect() };
+    let balls: Vec<i64> = entries.iter().map(|e| i64::try_from(e.ball + 1).unwrap_or(0)).collect();
+    let senses: Vec<[i8; MAX_JOINTS]> = entries.iter().map(PlanEntry::senses).collect();
+    (
+        balls.into_pyarray(py),
+        joints_array(&of(|e| e.joints), n).into_pyarray(py),
+        joints_array(&of(|e| e.approach), n).into_pyarray(py),
+        entries.iter().map(|e| joints_array(&e.via, n).into_pyarray(py)).collect(),
+        Array2::from_shape_fn((entries.len(), n), |(k, j)| senses[k][j]).into_pyarray(py),
+        write_plan(robot, entries),
+    )
+}
+
+/// Plans touches; also a JSON summary.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
+pub fn _plan<'py>(
+    py: Python<'py>,
+    robot: RobotArgument,
+    cell: CellArgument,
+    per_ball: usize,
+    pool: usize,
+    seed: u64,
+    best: &str,
+    in_sphere: Option<[f64; 4]>,
+    max_tilt: f64,
+    noise: f64,
+    start: Option<&Bound<'py, PyAny>>,
+    progress: Option<Py<PyAny>>,
+) -> Result<(Touches<'py>, String)> {
+    let (criterion, whole_workspace) = criterion(best)?;
+    let sphere = sphere(in_sphere)?;
+    let (robot, cell) = read(&robot, &cell)?;
+    let n = robot.dof();
+    let start: Joints = match start {
+        None => [0.0; MAX_JOINTS],
+        Some(q) => Known::new(q, n, &Beside::default())?.states()?.at(0).q,
+    };
+    let model = model_of_touches(&robot, &cell, usual_set(&robot))?;
+    let options = PlanOptions {
+        per_ball,
+        pool_per_ball: pool.max(per_ball),
+        seed,
+        criterion,
+        whole_workspace,
+        sphere,
+        max_tilt_rad: max_tilt,
+        noise_m: noise,
+        parameters: Some(model.terms.clone()),
+        start: Some(start),
+        ..PlanOptions::default()
+    };
+    let plan = long(py, progress, |say| plan_touches(&robot, &cell, &options, &mut |f| say(f, "planning")))?;
+    Ok((touches(py, &robot, &plan.entries), summary(&model, &plan, noise).to_string()))
+}
+
+/// Poses free of collisions, in a sphere or in the whole workspace: joints (n, joints).
+#[pyfunction]
+pub fn _poses<'py>(
+    py: Python<'py>,
+    robot: RobotArgument,
+    cell: CellArgument,
+    n: usize,
+    in_sphere: Option<[f64; 4]>,
+    seed: u64,
+) -> Result<Bound<'py, PyArray2<f64>>> {
+    let sphere = sphere(in_sphere)?;
+    let (robot, cell) = read(&robot, &cell)?;
+    let poses = long(py, None, |_| -> Result<Vec<Joints>> {
+        let model = CollisionModel::new(&robot, &cell)?;
+        let options = ValidationOptions { seed, ..ValidationOptions::default() };
+        Ok(match &sphere {
+            Some(s) => poses_in_sphere(&model, &s.centre, s.radius, n, &options)?,
+            None => poses_in_workspace(&model, n, &options)?,
+        })
+    })?;
+    Ok(joints_array(&poses, robot.dof()).into_pyarray(py))
+}
+
+/// A number counted from 1 for each of n rows.
+fn counted(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<usize>> {
+    let column = Column::new(value, name, n)?;
+    (0..n)
+        .map(|k| {
+            let x = column.at(k)?;
+            if x.fract() != 0.0 || !(1.0..1e6).contains(&x) {
+                return Err(bad(format!("{name}, row {k}: found {x}, expected a number counted from 1")));
+            }
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+            let x = x as usize;
+            Ok(x - 1)
+        })
+        .collect()
+}
+
+/// Simulates a recording.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
+pub fn _simulate(
+    py: Python<'_>,
+    model: &Bound<'_, PyModel>,
+    q: &Bound<'_, PyAny>,
+    kind: &str,
+    number: Option<&Bound<'_, PyAny>>,
+    noise: f64,
+    angle_noise: f64,
+    seed: u64,
+    stop_within: Option<f64>,
+    directions: Option<&Bound<'_, PyAny>>,
+    temperature: Option<&Bound<'_, PyAny>>,
+    time: Option<&Bound<'_, PyAny>>,
+    payload: Option<&Bound<'_, PyAny>>,
+) -> Result<PyRows> {
+    let model = model.get().file.model.clone();
+    let known = Known::new(q, model.robot.dof(), &Beside { directions, time, temperature, payload })?;
+    let states = known.states()?;
+    let n = states.len();
+    let numbers = number.map(|b| counted(b, kind, n)).transpose()?.unwrap_or_else(|| vec![0; n]);
+    for (name, x) in [("noise", noise), ("angle_noise", angle_noise), ("stop_within", stop_within.unwrap_or(0.0))] {
+        if !(x.is_finite() && x >= 0.0) {
+            return Err(bad(format!("{name} is {x}, expected 0 or more")).into());
+        }
+    }
+    let aim = |k: usize| match kind {
+        "ball" => Aim::Ball(numbers[k]),
+        "anchor" => Aim::Anchor(numbers[k]),
+        "pose" => Aim::Pose,
+        _ => Aim::Target(numbers[k]),
+    };
+    let scatter = Scatter { length: noise, angle: angle_noise, seed };
+    let rows: Vec<_> = (0..n).map(|k| (states.at(k), aim(k))).collect();
+    let recording = long(py, None, |_| simulate(&model, &rows, &scatter, stop_within))?;
+    Ok(PyRows(Arc::new(recording)))
+}
+
+/// What measurements at these places tell about a set of parameters, as JSON text.
+#[pyfunction]
+pub fn _observability(
+    py: Python<'_>,
+    recordings: Vec<RecordingArgument>,
+    robot: RobotArgument,
+    cell: CellArgument,
+    joints: &str,
+    set: &str,
+    noise: Option<f64>,
+) -> Result<String> {
+    let (joints, set) = (source(joints)?.unwrap_or(JointSource::Read), parameter_set(set)?);
+    let value = long(py, None, |_| -> Result<Value> {
+        let (robot, cell) = read(&robot, &cell)?;
+        let data = Dataset::build(&read_all(&recordings, robot.dof())?, joints, None)?;
+        let mut model = Model::nominal(robot, cell);
+        model.frames = vec![Pose::identity(); data.frames()];
+        let (terms, dependent) = independent_terms(&model, &data, &Choice::from(set))?;
+        model.terms = terms;
+        let free = (0..model.terms.len()).collect();
+        let forward = Forward::new(model.clone(), free)?;
+        trical_ident::fit::check_observations(&forward, &data)?;
+        let weights = Noise::usual(data.names.len());
+        let scalars = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let (indices, covariance) = observability(&r_factor(&forward, &data, &weights, &[]), scalars);
+        let p = model.terms.len();
+        let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+        let factor = noise.map_or(1.0, |n| n / weights.sigma(0, &touch, 0));
+        for (k, term) in model.terms.iter_mut().enumerate() {
+            term.sd = Some(covariance[k * p + k].max(0.0).sqrt() * factor);
+        }
+        let parameters: Vec<_> = model.terms.iter().map(|t| shown(&model, t)).collect();
+        let mut value = serde_json::to_value(&indices)?;
+        value["parameters"] = json!(parameters);
+        value["not_identifiable"] = json!(dependent.iter().map(|d| (&d.name, &d.with)).collect::<Vec<_>>());
+        Ok(value)
+    })?;
+    Ok(value.to_string())
+}

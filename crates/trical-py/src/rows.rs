@@ -1,0 +1,436 @@
+//! The rows of a recording: from files, from arrays, as arrays.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use numpy::ndarray::{Array1, Array2};
+use numpy::{Element, IntoPyArray};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use trical_device::record::write_recording;
+use trical_device::{Header, read_recording};
+use trical_ident::{IdentError, load_csv, write_csv, write_whole};
+use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
+
+use crate::arrays::floats;
+use crate::errors::{RecordingError, Result, bad};
+
+/// Joints turn no further (rad or m), and no instrument looks further (m), than in files.
+const FAR_JOINT: f64 = 1750.0;
+const FAR: f64 = 1e3;
+
+/// The rows of a recording; `trical.Recording` shows them.
+#[pyclass(name = "Rows", module = "trical._native", frozen)]
+pub struct PyRows(pub Arc<Recording>);
+
+fn wrong(text: String) -> PyErr {
+    RecordingError::new_err(text)
+}
+
+/// Whether a file is an MCAP recording, by its name or its first bytes.
+pub fn is_mcap(path: &Path) -> Result<bool> {
+    use std::io::Read;
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
+        return Ok(true);
+    }
+    let mut magic = [0; 8];
+    let read = std::fs::File::open(path)
+        .and_then(|mut f| f.read(&mut magic))
+        .map_err(|e| wrong(format!("{}: cannot be read: {e}", path.display())))?;
+    Ok(magic[..read].starts_with(b"\x89MCAP"))
+}
+
+/// Number of joints by a CSV's header.
+fn joints_of(path: &Path) -> Result<usize> {
+    use std::io::{BufRead, BufReader, Read};
+    let mut line = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|f| BufReader::new(f.take(1 << 16)).read_until(b'\n', &mut line))
+        .map_err(|e| wrong(format!("{}: cannot be read: {e}", path.display())))?;
+    let line = String::from_utf8_lossy(&line);
+    let names: Vec<&str> = line.split(',').map(|n| n.trim().trim_matches('"')).collect();
+    let has = |k: &usize| names.iter().any(|n| *n == format!("q{k}_deg") || *n == format!("q{k}_mm"));
+    // without any, the reader says what is missing
+    Ok((1..=MAX_JOINTS).take_while(has).count().max(1))
+}
+
+/// Reads a recording, CSV or MCAP. A damaged MCAP is refused unless a part of it will do.
+pub fn load(path: &Path, joints: Option<usize>, part: bool) -> Result<Recording> {
+    if !is_mcap(path)? {
+        return Ok(load_csv(path, joints.map_or_else(|| joints_of(path), Ok)?)?);
+    }
+    let read = read_recording(path)?;
+    if read.recording.rows.is_empty() {
+        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
+        return Err(wrong(format!("{why}; there is no complete measurement in it")).into());
+    }
+    if let (Some(lost), false) = (read.lost, part) {
+        let n = read.recording.rows.len();
+        return Err(wrong(format!("{lost}; part=True takes its {n} complete measurements")).into());
+    }
+    if let Some(joints) = joints.filter(|j| *j != read.recording.joints) {
+        let found = read.recording.joints;
+        return Err(wrong(format!("{}: has {found} joints, but the robot has {joints}", path.display())).into());
+    }
+    Ok(read.recording)
+}
+
+/// A recording, or the file that it is in.
+#[derive(FromPyObject)]
+pub enum RecordingArgument {
+    /// An object.
+    Rows(Py<PyRows>),
+    /// A path.
+    Path(PathBuf),
+}
+
+/// Reads what is in files.
+pub fn read_all(list: &[RecordingArgument], joints: usize) -> Result<Vec<Recording>> {
+    let one = |r: &RecordingArgument| match r {
+        RecordingArgument::Rows(rows) => Ok(Recording::clone(&rows.get().0)),
+        RecordingArgument::Path(path) => load(path, Some(joints), false),
+    };
+    list.iter().map(one).collect()
+}
+
+/// Columns that came from Python.
+struct Given<'a, 'py> {
+    columns: &'a Bound<'py, PyDict>,
+    n: usize,
+}
+
+/// The values of a column, row by row.
+struct Values {
+    width: usize,
+    data: Vec<f64>,
+}
+
+impl Values {
+    fn row(&self, k: usize) -> &[f64] {
+        &self.data[self.width * k..self.width * (k + 1)]
+    }
+
+    /// Nothing was measured or known here.
+    fn empty(&self, k: usize) -> bool {
+        self.row(k).iter().all(|x| x.is_nan())
+    }
+}
+
+impl Given<'_, '_> {
+    /// A column with `width` numbers a row; one row (one number) stands for all. `None` where it is not given.
+    fn values(&self, name: &str, width: usize) -> PyResult<Option<Values>> {
+        let Some(value) = self.columns.get_item(name)?.filter(|v| !v.is_none()) else { return Ok(None) };
+        let array = floats(&value, name)?;
+        let view = array.as_array();
+        let (shape, n) = (view.shape(), self.n);
+        let whole: &[usize] = if width == 1 { &[n] } else { &[n, width] };
+        let data: Vec<f64> = if shape == whole {
+            view.iter().copied().collect()
+        } else if (width == 1 && shape.is_empty()) || (width > 1 && shape == [width]) {
+            let row: Vec<f64> = view.iter().copied().collect();
+            row.iter().copied().cycle().take(width * n).collect()
+        } else {
+            return Err(wrong(format!("{name} has the shape {shape:?}, expected {whole:?}")));
+        };
+        Ok(Some(Values { width, data }))
+    }
+}
+
+fn finite(v: &[f64], limit: f64, name: &str, k: usize) -> PyResult<()> {
+    match v.iter().find(|x| x.is_nan() || x.abs() > limit) {
+        None => Ok(()),
+        Some(x) => Err(wrong(format!("{name}, row {k}: found {x}, expected a number between -{limit} and {limit}"))),
+    }
+}
+
+/// A number counted from 1, or `None` for 0 and nan.
+fn count(values: Option<&Values>, name: &str, k: usize) -> PyResult<Option<usize>> {
+    match values.map(|v| v.row(k)[0]) {
+        None => Ok(None),
+        Some(x) if x.is_nan() || x == 0.0 => Ok(None),
+        Some(x) if x.fract() == 0.0 && (1.0..1e6).contains(&x) => {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+            let n = x as usize;
+            Ok(Some(n - 1))
+        }
+        Some(x) => Err(wrong(format!("{name}, row {k}: found {x}, expected a number counted from 1"))),
+    }
+}
+
+fn array<const N: usize>(v: &[f64]) -> [f64; N] {
+    std::array::from_fn(|i| v[i])
+}
+
+#[pymethods]
+impl PyRows {
+    /// Reads a CSV or an MCAP.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, joints: Option<usize>, part: bool) -> Result<Self> {
+        py.detach(|| load(&path, joints, part)).map(|r| Self(Arc::new(r)))
+    }
+
+    /// From arrays by name.
+    #[staticmethod]
+    fn build(name: String, columns: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let q = columns.get_item("q")?.ok_or_else(|| wrong("q is missing".into()))?;
+        let q = floats(&q, "q")?;
+        let q = q.as_array();
+        let (n, joints) = match q.shape() {
+            [n, j] if *n > 0 && (1..=MAX_JOINTS).contains(j) => (*n, *j),
+            other => {
+                return Err(wrong(format!(
+                    "q has the shape {other:?}, expected (n, joints) with 1 to {MAX_JOINTS} joints"
+                )));
+            }
+        };
+        let given = Given { columns, n };
+        let all_q = given.values("q", joints)?.ok_or_else(|| wrong("q is missing".into()))?;
+        let commanded = given.values("commanded", joints)?;
+        let directions = given.values("directions", joints)?;
+        let [time, temperature, payload, pose, ball, target, reference, anchor, distance, line] =
+            ["time", "temperature", "payload", "pose", "ball", "target", "reference", "anchor", "distance", "line"]
+                .map(|name| given.values(name, 1));
+        let (time, temperature, payload, pose) = (time?, temperature?, payload?, pose?);
+        let (ball, target, reference, anchor, distance, line) = (ball?, target?, reference?, anchor?, distance?, line?);
+        let indicators = given.values("indicators", 3)?;
+        let position = given.values("position", 3)?;
+        let orientation = given.values("orientation", 4)?;
+        let number = |v: &Option<Values>, k: usize| v.as_ref().map(|v| v.row(k)[0]).filter(|x| !x.is_nan());
+        let filled = |v: &Option<Values>, k: usize| v.as_ref().is_some_and(|v| !v.empty(k));
+        let mut rows = Vec::with_capacity(n);
+        let mut last = f64::NEG_INFINITY;
+        for k in 0..n {
+            let mut state = State::at(all_q.row(k));
+            finite(all_q.row(k), FAR_JOINT, "q", k)?;
+            if let Some(c) = commanded.as_ref().filter(|c| !c.empty(k)) {
+                finite(c.row(k), FAR_JOINT, "commanded", k)?;
+                state.q_commanded = Some(State::at(c.row(k)).q);
+            }
+            if let Some(d) = directions.as_ref().filter(|d| !d.empty(k)) {
+                let mut dir = [0; MAX_JOINTS];
+                for (to, from) in dir.iter_mut().zip(d.row(k)) {
+                    *to = match *from {
+                        1.0 => 1,
+                        0.0 => 0,
+                        -1.0 => -1,
+                        x => return Err(wrong(format!("directions, row {k}: found {x}, expected -1, 0 or 1"))),
+                    };
+                }
+                state.dir = Some(dir);
+            }
+            for (v, name) in [(&time, "time"), (&temperature, "temperature"), (&payload, "payload")] {
+                if let Some(x) = number(v, k) {
+                    finite(&[x], 1e9, name, k)?;
+                }
+            }
+            state.t = number(&time, k);
+            state.temp_c = number(&temperature, k);
+            state.payload_kg = number(&payload, k);
+            if let Some(t) = state.t {
+                if t < last {
+                    let text = format!("time, row {k}: found {t} after {last}, expected rows in the order of time");
+                    return Err(wrong(text));
+                }
+                last = t;
+            }
+            let touch = count(ball.as_ref(), "ball", k)?;
+            let kinds = [touch.is_some(), filled(&distance, k), filled(&position, k)];
+            if kinds.iter().filter(|k| **k).count() != 1 {
+                return Err(wrong(format!(
+                    "row {k}: {}; expected ball and indicators (a touch), position (a point or pose) or distance",
+                    if kinds.contains(&true) { "found several measurements" } else { "found no measurement" }
+                )));
+            }
+            let measured = if let Some(ball) = touch {
+                let Some(i) = indicators.as_ref().filter(|i| !i.empty(k)) else {
+                    return Err(wrong(format!("row {k}: touches ball {}, but has no indicators", ball + 1)));
+                };
+                finite(i.row(k), FAR, "indicators", k)?;
+                Measured::Touch { ball, reading: array(i.row(k)) }
+            } else if let Some(length) = number(&distance, k) {
+                finite(&[length], FAR, "distance", k)?;
+                if length <= 0.0 {
+                    return Err(wrong(format!("distance, row {k}: found {length}, expected a positive length")));
+                }
+                Measured::Distance { anchor: count(anchor.as_ref(), "anchor", k)?.unwrap_or(0), length }
+            } else if let Some(p) = &position {
+                finite(p.row(k), FAR, "position", k)?;
+                let position = array(p.row(k));
+                let target = count(target.as_ref(), "target", k)?;
+                let reference = count(reference.as_ref(), "reference", k)?;
+                match (orientation.as_ref().filter(|o| !o.empty(k)), target, reference) {
+                    (_, Some(_), Some(_)) => {
+                        return Err(wrong(format!("row {k}: names a target and a reference, expected one of them")));
+                    }
+                    (Some(o), ..) => {
+                        let norm = o.row(k).iter().map(|x| x * x).sum::<f64>().sqrt();
+                        if norm.is_nan() || (norm - 1.0).abs() > 1e-2 {
+                            let text = format!("orientation, row {k}: the quaternion has length {norm:.4}, expected 1");
+                            return Err(wrong(text));
+                        }
+                        Measured::Pose { position, quaternion: array(o.row(k)) }
+                    }
+                    (None, _, Some(reference)) => Measured::Reference { reference, position },
+                    (None, target, None) => Measured::Point { target: target.unwrap_or(0), position },
+                }
+            } else {
+                return Err(wrong(format!("row {k}: found no measurement")));
+            };
+            let seq = match number(&pose, k) {
+                None => None,
+                Some(x) if x.fract() == 0.0 && (0.0..1e15).contains(&x) => {
+                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+                    let x = x as u64;
+                    Some(x)
+                }
+                Some(x) => return Err(wrong(format!("pose, row {k}: found {x}, expected a whole number from 0"))),
+            };
+            let line = count(line.as_ref(), "line", k)?.map_or(k + 2, |l| l + 1);
+            rows.push(Row { state, measured, seq, line });
+        }
+        Ok(Self(Arc::new(Recording { name, joints, rows })))
+    }
+
+    /// Where it came from.
+    #[getter]
+    fn name(&self) -> String {
+        self.0.name.clone()
+    }
+
+    /// Number of the arm's joints.
+    #[getter]
+    fn joints(&self) -> usize {
+        self.0.joints
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.rows.len()
+    }
+
+    /// Some of the rows, in the order of the recording.
+    fn take(&self, rows: Vec<usize>) -> PyResult<Self> {
+        let n = self.0.rows.len();
+        let one = |k: &usize| self.0.rows.get(*k).copied().ok_or_else(|| bad(format!("there is no row {k} of {n}")));
+        let rows = rows.iter().map(one).collect::<PyResult<Vec<_>>>()?;
+        Ok(Self(Arc::new(Recording { name: self.0.name.clone(), joints: self.0.joints, rows })))
+    }
+
+    /// A column as an array, or None where no row has it.
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let (rows, n) = (&self.0.rows, self.0.joints);
+        let joints = |f: &dyn Fn(&Row) -> Option<[f64; MAX_JOINTS]>| -> Option<Bound<'py, PyAny>> {
+            wide(py, rows, n, &|r| f(r).map(|q| q[..n].to_vec()))
+        };
+        let xyz = |f: &dyn Fn(&Row) -> Option<[f64; 3]>| wide(py, rows, 3, &|r| f(r).map(|v| v.to_vec()));
+        let whole = |f: &dyn Fn(&Row) -> Option<usize>| {
+            let any = rows.iter().any(|r| f(r).is_some());
+            any.then(|| column(py, rows, &|r| f(r).map_or(0_i64, |k| i64::try_from(k + 1).unwrap_or(0))))
+        };
+        let number = |f: &dyn Fn(&Row) -> Option<f64>| {
+            rows.iter().any(|r| f(r).is_some()).then(|| column(py, rows, &|r| f(r).unwrap_or(f64::NAN)))
+        };
+        Ok(match name {
+            "q" => joints(&|r| Some(r.state.q)),
+            "commanded" => joints(&|r| r.state.q_commanded),
+            "directions" if rows.iter().all(|r| r.state.dir.is_some()) => {
+                let all = Array2::from_shape_fn((rows.len(), n), |(k, j)| rows[k].state.dir.map_or(0, |d| d[j]));
+                Some(all.into_pyarray(py).into_any())
+            }
+            // nan can say that a row has none
+            "directions" => joints(&|r| r.state.dir.map(|d| d.map(f64::from))),
+            "time" => number(&|r| r.state.t),
+            "temperature" => number(&|r| r.state.temp_c),
+            "payload" => number(&|r| r.state.payload_kg),
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            "pose" => number(&|r| r.seq.map(|s| s as f64)),
+            "line" => Some(column(py, rows, &|r| i64::try_from(r.line).unwrap_or(0))),
+            "kind" => Some(column(py, rows, &|r| match r.measured {
+                Measured::Touch { .. } => 0_i8,
+                Measured::Point { .. } => 1,
+                Measured::Reference { .. } => 2,
+                Measured::Distance { .. } => 3,
+                Measured::Pose { .. } => 4,
+            })),
+            "ball" => whole(&|r| match r.measured {
+                Measured::Touch { ball, .. } => Some(ball),
+                _ => None,
+            }),
+            "target" => whole(&|r| match r.measured {
+                Measured::Point { target, .. } => Some(target),
+                _ => None,
+            }),
+            "reference" => whole(&|r| match r.measured {
+                Measured::Reference { reference, .. } => Some(reference),
+                _ => None,
+            }),
+            "anchor" => whole(&|r| match r.measured {
+                Measured::Distance { anchor, .. } => Some(anchor),
+                _ => None,
+            }),
+            "distance" => number(&|r| match r.measured {
+                Measured::Distance { length, .. } => Some(length),
+                _ => None,
+            }),
+            "indicators" => xyz(&|r| match r.measured {
+                Measured::Touch { reading, .. } => Some(reading),
+                _ => None,
+            }),
+            "position" => xyz(&|r| match r.measured {
+                Measured::Point { position, .. }
+                | Measured::Reference { position, .. }
+                | Measured::Pose { position, .. } => Some(position),
+                _ => None,
+            }),
+            "orientation" => wide(py, rows, 4, &|r| match r.measured {
+                Measured::Pose { quaternion, .. } => Some(quaternion.to_vec()),
+                _ => None,
+            }),
+            other => return Err(bad(format!("a recording has no column {other}"))),
+        })
+    }
+
+    /// The bytes of the CSV.
+    fn to_csv<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.csv()?))
+    }
+
+    /// Writes a .csv or an .mcap.
+    fn save(&self, path: PathBuf) -> Result<()> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("csv") => Ok(write_whole(&path, &self.csv()?)?),
+            Some("mcap") => Ok(write_recording(&path, &self.0, &Header::for_joints(self.0.joints))?),
+            _ => Err(bad(format!("{}: the name must end in .csv or .mcap", path.display())).into()),
+        }
+    }
+}
+
+impl PyRows {
+    fn csv(&self) -> Result<Vec<u8>> {
+        let mut text = Vec::new();
+        let problem = |e: std::io::Error| IdentError::File { file: self.0.name.clone(), problem: e.to_string() };
+        write_csv(&self.0, &mut text).map_err(problem)?;
+        Ok(text)
+    }
+}
+
+fn column<'py, T: Element>(py: Python<'py>, rows: &[Row], f: &dyn Fn(&Row) -> T) -> Bound<'py, PyAny> {
+    Array1::from_iter(rows.iter().map(f)).into_pyarray(py).into_any()
+}
+
+/// An array (n, width), nan where a row has nothing; `None` where none has.
+fn wide<'py>(
+    py: Python<'py>,
+    rows: &[Row],
+    width: usize,
+    f: &dyn Fn(&Row) -> Option<Vec<f64>>,
+) -> Option<Bound<'py, PyAny>> {
+    let mut all = Array2::from_elem((rows.len(), width), f64::NAN);
+    let mut any = false;
+    for (mut to, row) in all.rows_mut().into_iter().zip(rows) {
+        if let Some(v) = f(row) {
+            any = true;
+            to.iter_mut().zip(v).for_each(|(to, from)| *to = from);
+        }
+    }
+    any.then(|| all.into_pyarray(py).into_any())
+}

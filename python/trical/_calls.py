@@ -1,0 +1,399 @@
+"""The long calls: what the commands of the same names do."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from . import _native
+from ._native import Cell, Model, Robot, Rows, TricalError
+from ._progress import Progress, listener
+from ._recording import PathLike, Recording
+from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Validation
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+Recordings = PathLike | Recording | Sequence[PathLike | Recording]
+
+
+def _sources(recordings: Recordings) -> list[str | Rows]:
+    if isinstance(recordings, str | os.PathLike | Recording):
+        recordings = [recordings]
+    return [r._rows if isinstance(r, Recording) else os.fspath(r) for r in recordings]
+
+
+def _file(part: PathLike | Robot | Cell) -> Any:
+    return part if isinstance(part, Robot | Cell) else os.fspath(part)
+
+
+def identify(
+    recordings: Recordings,
+    *,
+    robot: PathLike | Robot,
+    cell: PathLike | Cell,
+    joints: str = "read",
+    model: str = "compliance",
+    compliant: Sequence[int] = (),
+    folds: int | None = None,
+    hold_out_last: int | None = None,
+    keep_outliers: bool = False,
+    stream: bool = False,
+    progress: Progress = False,
+) -> Identified:
+    """Identify an arm's parameters from recordings of it.
+
+    Args:
+        recordings: paths (CSV or MCAP) or Recordings, one or several; each keeps its own measuring frame where it has
+            one.
+        robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
+        cell: path of a cell.toml, or a Cell.
+        joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.
+        model: "nominal" (measuring frame or base, and tool points only), "geometry", "compliance" or "complete".
+        compliant: joints (from 1) whose compliance is identified; all that carry gravity where empty.
+        folds: also score every pose by a fit without it, in so many folds.
+        hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
+        keep_outliers: keep gross errors instead of rejecting them.
+        stream: read CSV files in passes, in memory that does not grow with their rows; by itself above 32 MB.
+        progress: True for a line on standard error, or a function of a fraction and what is being done. What it
+            raises, and Ctrl-C, ends the call.
+
+    Raises:
+        RecordingError, NotEnoughDataError, TricalError: bad input, in one sentence.
+        NotConvergedError: the fit did not reach a minimum.
+    """
+    fitted, text, errors, covariance = _native._identify(
+        _sources(recordings),
+        _file(robot),
+        _file(cell),
+        joints,
+        model,
+        list(compliant),
+        folds,
+        hold_out_last,
+        keep_outliers,
+        stream,
+        listener(progress, "identifying"),
+    )
+    s = json.loads(text)
+    return Identified(
+        model=fitted,
+        parameters=s["parameters"],
+        errors=s["errors"],
+        observations=s["observations"],
+        rejected=s["rejected"],
+        observability=s["observability"],
+        before=s["before"],
+        covariance=covariance,
+        errors_mm=errors,
+        cross_validation=s["cross_validation"],
+        forward_in_time=s["forward_in_time"],
+        cautions=s["cautions"],
+        not_identifiable=[(name, others) for name, others in s["not_identifiable"]],
+        correlated=s["correlated"],
+        joints=s["joints"],
+    )
+
+
+def diagnose(
+    recordings: Recordings,
+    *,
+    robot: PathLike | Robot,
+    cell: PathLike | Cell,
+    joints: str = "read",
+    next: int | None = None,
+    progress: Progress = False,
+) -> Diagnosis:
+    """Say which physics the model of an arm lacks, by recordings of it.
+
+    Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, so many touches are
+    planned that would decide between the least sure finding and its rivals (`Diagnosis.next`). The other arguments
+    and errors are those of `identify`.
+    """
+    model, text, errors, planned = _native._diagnose(
+        _sources(recordings), _file(robot), _file(cell), joints, next, listener(progress, "diagnosing")
+    )
+    answer: dict[str, Any] = json.loads(text)
+    nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
+    deciding = None
+    if planned is not None:
+        touches, said = planned
+        s = json.loads(said)
+        deciding = NextTouches(*touches, s["effect"], s["site"], s["explanations"], s["lambda"], s["random_lambda"])
+    return Diagnosis(
+        model=model,
+        findings=answer["findings"],
+        unexplained=nameless,
+        blind_to=answer["blind_to"],
+        answer=answer,
+        errors_mm=errors,
+        next=deciding,
+    )
+
+
+def validate(
+    model: Model,
+    recordings: Recordings,
+    *,
+    robot: PathLike | Robot | None = None,
+    cell: PathLike | Cell | None = None,
+    joints: str | None = None,
+    refit: str | Sequence[str] = (),
+    progress: Progress = False,
+) -> Validation:
+    """Score a model on recordings that it was not fitted to.
+
+    `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
+    "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
+    anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError
+    where model and recordings do not belong together.
+    """
+    what = refit.split(",") if isinstance(refit, str) else list(refit)
+    text, errors = _native._validate(
+        model,
+        _sources(recordings),
+        model.nominal_robot if robot is None else _file(robot),
+        model.nominal_cell if cell is None else _file(cell),
+        joints,
+        [w for w in what if w],
+        listener(progress, "validating"),
+    )
+    s = json.loads(text)
+    return Validation(s["before"], s["after"], s["n"], s["regions"], s["rejected"], errors)
+
+
+def repeatability(
+    recording: PathLike | Recording,
+    *,
+    robot: PathLike | Robot | None = None,
+    cell: PathLike | Cell | None = None,
+    same: float = math.radians(1.0),
+) -> dict[str, Any]:
+    """Say how far repeat visits scatter: keys places, by_ball, by_joint_sense, drift, rows, single_visits.
+
+    Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place. `robot` and
+    `cell` are needed for touches. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
+    """
+    rows = (recording if isinstance(recording, Recording) else Recording.load(recording, part=True))._rows
+    parts = (None if robot is None else _file(robot), None if cell is None else _file(cell))
+    result: dict[str, Any] = json.loads(_native._repeatability(rows, *parts, same))
+    return result
+
+
+def plan(
+    *,
+    robot: PathLike | Robot,
+    cell: PathLike | Cell,
+    per_ball: int = 15,
+    pool: int = 100,
+    criterion: str = "d",
+    sphere: Sequence[float] | None = None,
+    max_tilt: float = math.pi / 2,
+    noise: float = 1e-5,
+    start: npt.ArrayLike | None = None,
+    seed: int = 1,
+    progress: Progress = False,
+) -> Plan:
+    """Plan collision-free, informative touches of the cell's balls.
+
+    Args:
+        robot: path of a robot.toml or URDF, or a Robot.
+        cell: path of a cell.toml, or a Cell.
+        per_ball: touches a ball.
+        pool: candidates a ball, from which the informative ones are chosen.
+        criterion: what the touches are to be best for: "d" all parameters together, "a" the sum of their variances,
+            "e" the worst known direction, "sphere" or "workspace" the position error there.
+        sphere: where the arm is to be accurate, (4,): centre in the world and radius, m; by default 0.2 m about a
+            point 0.1 m above the balls.
+        max_tilt: largest angle between the device's z axis and straight down, rad.
+        noise: standard deviation of each of a touch's three numbers, m, for what is expected.
+        start: (joints,) where the arm stands before the first touch, rad (m); all zero where not given.
+        seed: the same seed gives the same plan.
+        progress: as for `identify`.
+
+    Raises:
+        PlanningError: there is no such plan.
+    """
+    touches, text = _native._plan(
+        _file(robot),
+        _file(cell),
+        per_ball,
+        pool,
+        seed,
+        criterion,
+        _sphere(sphere),
+        max_tilt,
+        noise,
+        start,
+        listener(progress, "planning"),
+    )
+    s = json.loads(text)
+    return Plan(*touches, s["parameters"], s["expected"], s)
+
+
+def _sphere(sphere: Sequence[float] | None) -> tuple[float, float, float, float] | None:
+    if sphere is None:
+        return None
+    numbers = [float(x) for x in sphere]
+    if len(numbers) != 4:
+        raise TricalError(f"sphere has {len(numbers)} numbers, expected 4: x, y, z and radius, m")
+    return (numbers[0], numbers[1], numbers[2], numbers[3])
+
+
+def poses(
+    n: int, *, robot: PathLike | Robot, cell: PathLike | Cell, sphere: Sequence[float] | None = None, seed: int = 1
+) -> npt.NDArray[np.float64]:
+    """Draw n poses free of collisions, (n, joints) rad (m): in a sphere (x, y, z, radius; m), or in the whole
+    workspace.
+
+    In no particular order; ways between them are not checked. The same seed gives the same poses.
+    """
+    return _native._poses(_file(robot), _file(cell), n, _sphere(sphere), seed)
+
+
+def simulate(
+    model: Model,
+    q: npt.ArrayLike,
+    *,
+    ball: npt.ArrayLike | None = None,
+    target: npt.ArrayLike | None = None,
+    anchor: npt.ArrayLike | None = None,
+    full_pose: bool = False,
+    noise: float = 1e-5,
+    angle_noise: float = 1e-5,
+    seed: int = 0,
+    stop_within: float | None = 2e-5,
+    directions: npt.ArrayLike | None = None,
+    temperature: npt.ArrayLike | None = None,
+    time: npt.ArrayLike | None = None,
+    payload: npt.ArrayLike | None = None,
+) -> Recording:
+    """Return what would be recorded of an arm that is `model`.
+
+    Args:
+        model: the true arm, with all of its terms.
+        q: joint values, (n, joints), rad (m).
+        ball: touches: which ball, a number for all or (n,), from 1. The arm is first moved, as the measuring procedure
+            does it, until the TCP is within `stop_within` of the ball's centre along each axis, and its joints there
+            are recorded; with `stop_within=None` it stays at q, and the indicators read whatever they would.
+        target: tracker points: which target of the tool, from 1; in the model's first measuring frame, or in the
+            world where it has none.
+        anchor: lengths from an anchor to the TCP: which one, from 1.
+        full_pose: full poses of the tool, in the same frame as targets.
+        noise: standard deviation of every length that is measured, m.
+        angle_noise: standard deviation of a measured orientation about each axis, rad.
+        seed: the same seed gives the same recording.
+        stop_within: m; see `ball`.
+        directions: as for `Model.forward`; so are the rest. A term that looks at something that is not given is an
+            error here.
+
+    Exactly one of `ball`, `target`, `anchor` and `full_pose` says what is measured.
+    """
+    given = {"ball": ball, "target": target, "anchor": anchor}
+    kinds = [k for k, v in given.items() if v is not None] + (["pose"] if full_pose else [])
+    if len(kinds) != 1:
+        found = " and ".join(kinds) or "none"
+        raise TricalError(f"simulate was given {found} of ball, target, anchor and full_pose, expected one of them")
+    (kind,) = kinds
+    rows = _native._simulate(
+        model,
+        q,
+        kind,
+        given.get(kind),
+        noise,
+        angle_noise,
+        seed,
+        stop_within,
+        directions,
+        temperature,
+        time,
+        payload,
+    )
+    return Recording._of(rows)
+
+
+def observability(
+    recordings: Recordings,
+    *,
+    robot: PathLike | Robot,
+    cell: PathLike | Cell,
+    joints: str = "read",
+    model: str = "compliance",
+    noise: float | None = None,
+) -> Observability:
+    """Say what measurements tell about the parameters of a set, whatever their values.
+
+    `recordings` as for `identify`; only where the arm stood and what was measured counts, so a Recording of planned
+    touches does with `indicators=[0, 0, 0]`. `noise` (m) scales the standard deviations of the parameters; 0.01 mm
+    where not given.
+    """
+    text = _native._observability(_sources(recordings), _file(robot), _file(cell), joints, model, noise)
+    s = json.loads(text)
+    # what is not finite is null in JSON: a condition without bound
+    indices = {k: math.inf if s[k] is None else s[k] for k in ("o1", "o2", "o3", "o4", "o5", "condition")}
+    return Observability(
+        **indices,
+        rows=s["rows"],
+        parameters=s["parameters"],
+        not_identifiable=[(name, others) for name, others in s["not_identifiable"]],
+    )
+
+
+def effects() -> list[dict[str, str]]:
+    """Return the catalogue of effects: dicts with name, site, form, needs, typical, rivals."""
+    result: list[dict[str, str]] = json.loads(_native._effects_json())
+    return result
+
+
+def parameters(model: Model) -> list[dict[str, Any]]:
+    """Return the terms of a model: dicts with name, site, value, unit, sd, nominal."""
+    result: list[dict[str, Any]] = json.loads(model._terms_json())
+    return result
+
+
+def compensate(
+    program: PathLike,
+    model: Model,
+    out: PathLike | None = None,
+    *,
+    robot: PathLike | Robot,
+    cell: PathLike | Cell,
+    dialect: str | None = None,
+    frames: PathLike | Sequence[PathLike] = (),
+    partial: bool = False,
+    tool: str | None = None,
+    frame: str | None = None,
+    temp_c: float | None = None,
+    time_s: float | None = None,
+    payload_kg: float | None = None,
+    any_configuration: bool = False,
+    own_base: bool = False,
+) -> dict[str, Any]:
+    """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
+
+    The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target
+    with its error before and after. Keys: targets, largest_move_mm, problems, before, after, meant_with.
+    """
+    text = _native._compensate(
+        os.fspath(program),
+        model,
+        None if out is None else os.fspath(out),
+        _file(robot),
+        _file(cell),
+        dialect,
+        [os.fspath(f) for f in ([frames] if isinstance(frames, str | os.PathLike) else frames)],
+        partial,
+        tool,
+        frame,
+        temp_c,
+        time_s,
+        payload_kg,
+        any_configuration,
+        own_base,
+    )
+    result: dict[str, Any] = json.loads(text)
+    return result

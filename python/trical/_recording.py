@@ -1,0 +1,280 @@
+"""Recordings as NumPy arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from . import _html
+from ._native import Rows, TricalError
+
+if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
+    import numpy as np
+    import numpy.typing as npt
+    import pandas
+
+    Floats = npt.NDArray[np.float64]
+    Integers = npt.NDArray[np.int64]
+
+PathLike = str | os.PathLike[str]
+
+_KINDS = ("touch", "point", "reference", "distance", "pose")
+_KNOWN = ("commanded", "directions", "time", "temperature", "payload", "pose")
+_MEASURED = ("ball", "indicators", "target", "reference", "position", "orientation", "anchor", "distance")
+
+
+class Recording:
+    """What one arm was measured to do in one session: n rows, in the order of time.
+
+    Arrays have one row for each measurement; a number (or a single row) stands for all of them. SI throughout: rad (m
+    for prismatic joints), m, s, kg; temperature in degC. Balls, targets, references and anchors count from 1, as in
+    files; rows without the value have 0 there, and nan in other columns.
+
+    Args:
+        q: joint values that the controller reported, (n, joints).
+        commanded: joint values that were commanded, (n, joints).
+        directions: sense of each joint's last motion before the reading, (n, joints): -1, 0 or 1.
+        time: (n,), s since the recording began, never falling.
+        temperature: (n,), degC.
+        payload: (n,), kg on the flange beyond the cell's tool.
+        pose: (n,), number of the pose, where a pose has several rows.
+        ball: (n,), the ball that was touched; with `indicators`.
+        indicators: (n, 3), m: the ball's centre relative to the TCP, in the device's axes.
+        target: (n,), which target of the tool the tracker saw at `position`; 1 where not given.
+        reference: (n,), which fixed point of the cell was seen at `position`.
+        position: (n, 3), m, in the measuring frame.
+        orientation: (n, 4), unit quaternion w, x, y, z, measuring frame from tool: with `position`, a full pose.
+        anchor: (n,), where `distance` was measured from; 1 where not given.
+        distance: (n,), m, from the anchor to the TCP.
+        name: for messages.
+
+    >>> r = Recording(q=[[0.0, 0.1], [0.2, 0.1]], position=[[0.4, 0, 0.3], [0.4, 0.1, 0.3]])
+    >>> len(r), r.joints, list(r.kind)
+    (2, 2, ['point', 'point'])
+    """
+
+    _rows: Rows
+
+    def __init__(
+        self,
+        *,
+        q: npt.ArrayLike,
+        commanded: npt.ArrayLike | None = None,
+        directions: npt.ArrayLike | None = None,
+        time: npt.ArrayLike | None = None,
+        temperature: npt.ArrayLike | None = None,
+        payload: npt.ArrayLike | None = None,
+        pose: npt.ArrayLike | None = None,
+        ball: npt.ArrayLike | None = None,
+        indicators: npt.ArrayLike | None = None,
+        target: npt.ArrayLike | None = None,
+        reference: npt.ArrayLike | None = None,
+        position: npt.ArrayLike | None = None,
+        orientation: npt.ArrayLike | None = None,
+        anchor: npt.ArrayLike | None = None,
+        distance: npt.ArrayLike | None = None,
+        name: str = "recording",
+    ) -> None:
+        """See the class."""
+        given = locals()
+        columns = {k: given[k] for k in ("q", *_KNOWN, *_MEASURED) if given[k] is not None}
+        self._rows = Rows.build(name, columns)
+
+    @classmethod
+    def _of(cls, rows: Rows) -> Recording:
+        made = cls.__new__(cls)
+        made._rows = rows
+        return made
+
+    @classmethod
+    def _restore(cls, name: str, columns: dict[str, Any]) -> Recording:
+        return cls._of(Rows.build(name, columns))
+
+    @classmethod
+    def load(cls, path: PathLike, *, joints: int | None = None, part: bool = False) -> Recording:
+        """Read a CSV or an MCAP.
+
+        `joints` is the number of the arm's joints, by default as many as the file has. A damaged MCAP is refused unless
+        `part` is true: then its complete measurements are taken.
+        """
+        return cls._of(Rows.load(os.fspath(path), joints, part))
+
+    def save(self, path: PathLike) -> None:
+        """Write a .csv or an .mcap, by the ending of the name."""
+        self._rows.save(os.fspath(path))
+
+    def to_csv(self, path: PathLike | None = None) -> str | None:
+        """Write the recording as CSV (mm and degrees, as names of columns say), or return its text without a path."""
+        text = self._rows.to_csv()
+        if path is None:
+            return text.decode()
+        with open(path, "wb") as f:
+            f.write(text)
+        return None
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a DataFrame with the columns of the CSV: mm and degrees, one row a measurement."""
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("to_pandas needs pandas, which is not installed: pip install pandas") from None
+        import io
+
+        return pandas.read_csv(io.BytesIO(self._rows.to_csv()))
+
+    def _column(self, name: str) -> Any:
+        found = self._rows.column(name)
+        if found is not None:
+            found.flags.writeable = False  # a view of what was measured, not a place to change it
+        return found
+
+    @property
+    def name(self) -> str:
+        """Where it came from, for messages."""
+        return self._rows.name
+
+    @property
+    def joints(self) -> int:
+        """Number of the arm's joints."""
+        return self._rows.joints
+
+    @cached_property
+    def q(self) -> Floats:
+        """Joint values that the controller reported, (n, joints), rad (m for prismatic joints)."""
+        q: Floats = self._column("q")
+        return q
+
+    @cached_property
+    def kind(self) -> npt.NDArray[np.str_]:
+        """What each row is, (n,): "touch", "point", "reference", "distance" or "pose"."""
+        import numpy as np
+
+        kind: npt.NDArray[np.str_] = np.array(_KINDS)[self._rows.column("kind")]
+        return kind
+
+    @cached_property
+    def line(self) -> Integers:
+        """Line of each row in its file, (n,); the header is line 1."""
+        line: Integers = self._column("line")
+        return line
+
+    @cached_property
+    def commanded(self) -> Floats | None:
+        """Joint values that were commanded, (n, joints), rad (m); None where no row has them."""
+        return self._column("commanded")  # type: ignore[no-any-return]
+
+    @cached_property
+    def directions(self) -> npt.NDArray[np.int8] | Floats | None:
+        """Sense of each joint's last motion, (n, joints): -1, 0 or 1 (floats with nan if some rows lack it)."""
+        return self._column("directions")  # type: ignore[no-any-return]
+
+    @cached_property
+    def time(self) -> Floats | None:
+        """Time since the recording began, (n,), s."""
+        return self._column("time")  # type: ignore[no-any-return]
+
+    @cached_property
+    def temperature(self) -> Floats | None:
+        """Temperature, (n,), degC."""
+        return self._column("temperature")  # type: ignore[no-any-return]
+
+    @cached_property
+    def payload(self) -> Floats | None:
+        """Mass on the flange beyond the cell's tool, (n,), kg."""
+        return self._column("payload")  # type: ignore[no-any-return]
+
+    @cached_property
+    def pose(self) -> Floats | None:
+        """Number of the pose in the original order, (n,)."""
+        return self._column("pose")  # type: ignore[no-any-return]
+
+    @cached_property
+    def ball(self) -> Integers | None:
+        """Ball that was touched, (n,), from 1; 0 in rows that touch none."""
+        return self._column("ball")  # type: ignore[no-any-return]
+
+    @cached_property
+    def indicators(self) -> Floats | None:
+        """The three indicators, (n, 3), m: the ball's centre relative to the TCP, in the device's axes."""
+        return self._column("indicators")  # type: ignore[no-any-return]
+
+    @cached_property
+    def target(self) -> Integers | None:
+        """Target of the tool that was seen, (n,), from 1; 0 in other rows."""
+        return self._column("target")  # type: ignore[no-any-return]
+
+    @cached_property
+    def reference(self) -> Integers | None:
+        """Fixed point of the cell that was seen, (n,), from 1; 0 in other rows."""
+        return self._column("reference")  # type: ignore[no-any-return]
+
+    @cached_property
+    def position(self) -> Floats | None:
+        """Measured position of target, reference or tool in the measuring frame, (n, 3), m."""
+        return self._column("position")  # type: ignore[no-any-return]
+
+    @cached_property
+    def orientation(self) -> Floats | None:
+        """Measured orientation, (n, 4): unit quaternion w, x, y, z, measuring frame from tool."""
+        return self._column("orientation")  # type: ignore[no-any-return]
+
+    @cached_property
+    def anchor(self) -> Integers | None:
+        """Anchor from which a length was measured, (n,), from 1; 0 in other rows."""
+        return self._column("anchor")  # type: ignore[no-any-return]
+
+    @cached_property
+    def distance(self) -> Floats | None:
+        """Length from the anchor to the TCP, (n,), m."""
+        return self._column("distance")  # type: ignore[no-any-return]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._rows)
+
+    def __getitem__(self, rows: slice | npt.ArrayLike) -> Recording:
+        """Return the rows of a slice, a mask (n,) or an array of numbers, in the order of time."""
+        import numpy as np
+
+        n = len(self)
+        if isinstance(rows, int | np.integer):
+            rows = [int(rows)]
+        chosen = np.arange(n)[rows if isinstance(rows, slice) else np.asarray(rows)]
+        if len(chosen) == 0:
+            raise TricalError(f"{self.name}: no row was chosen of {n}")
+        return Recording._of(self._rows.take([int(k) for k in np.sort(chosen)]))
+
+    def __eq__(self, other: object) -> bool:
+        """Say whether all values are the same."""
+        if not isinstance(other, Recording):
+            return NotImplemented
+        return self.name == other.name and self._rows.to_csv() == other._rows.to_csv()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, tuple[str, dict[str, Any]]]:
+        """Pickle as arrays."""
+        names = ("q", *_KNOWN, *_MEASURED, "line")
+        columns = {k: c for k in names if (c := self._rows.column(k)) is not None}
+        return Recording._restore, (self.name, columns)
+
+    def _counts(self) -> list[tuple[str, int]]:
+        import numpy as np
+
+        kinds, counts = np.unique(self.kind, return_counts=True)
+        return list(zip(kinds.tolist(), counts.tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        """Name, and how many rows of which kind."""
+        rows = ", ".join(
+            f"{n} {kind}{'' if n == 1 else 's' if kind != 'touch' else 'es'}" for kind, n in self._counts()
+        )
+        return f"<trical.Recording {self.name}: {rows}; {self.joints} joints>"
+
+    def _repr_html_(self) -> str:
+        known = [k for k in _KNOWN if self._rows.column(k) is not None]
+        rows: list[Sequence[object]] = [(kind, n) for kind, n in self._counts()]
+        table = _html.table(["rows", "n"], rows, f"{self.name}: {self.joints} joints")
+        return table + _html.note(f"with {', '.join(known)}" if known else "")

@@ -1,0 +1,352 @@
+"""What the long calls return: plain data with a readable face."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from . import _html
+from ._native import Model
+
+if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
+    import numpy as np
+    import numpy.typing as npt
+    from matplotlib.figure import Figure
+
+    Floats = npt.NDArray[np.float64]
+Errors = dict[str, float]
+
+_SUMMARY = ("mean_mm", "median_mm", "sd_mm", "rms_mm", "max_mm")
+_HEAD = ("position error, mm", "mean", "median", "sd", "rms", "max")
+
+
+def site_words(site: dict[str, Any]) -> str:
+    """Say where: {"joint": 3} is "joint 3"."""
+    return ", ".join(k if v is True else f"{k} {v}" for k, v in site.items())
+
+
+def _error_rows(errors: Sequence[tuple[str, Errors | None]]) -> list[list[object]]:
+    return [[name, *(float(e[k]) for k in _SUMMARY)] for name, e in errors if e is not None]
+
+
+def _error_lines(errors: Sequence[tuple[str, Errors | None]]) -> list[str]:
+    lines = [f"{_HEAD[0]:<32}" + "".join(f"{h:>9}" for h in _HEAD[1:])]
+    lines += [f"  {r[0]:<30}" + "".join(f"{x:9.4f}" for x in r[1:]) for r in _error_rows(errors)]
+    return lines
+
+
+def _parameter_rows(parameters: Sequence[dict[str, Any]]) -> list[list[object]]:
+    def number(x: float | None) -> object:
+        return "" if x is None else float(x)
+
+    return [[p["name"], number(p["nominal"]), number(p["value"]), number(p["sd"]), p["unit"]] for p in parameters]
+
+
+@dataclass(frozen=True, repr=False)
+class Identified:
+    """A fitted model and what the fit knows about itself.
+
+    `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
+    (mean_mm, max_mm, sd_mm, median_mm, rms_mm), `before` those of the nominal arm with only measuring frame (or base)
+    and tool identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the
+    last poses by a fit to the ones before. `errors_mm` (observations, 2) has them one by one, before and after (None
+    for files that were read in passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm.
+    """
+
+    model: Model
+    parameters: list[dict[str, Any]]
+    errors: Errors
+    observations: int
+    rejected: list[dict[str, Any]]
+    observability: dict[str, float]
+    before: Errors
+    covariance: Floats
+    errors_mm: Floats | None = None
+    cross_validation: Errors | None = None
+    forward_in_time: Errors | None = None
+    cautions: list[str] = field(default_factory=list)
+    not_identifiable: list[tuple[str, list[str]]] = field(default_factory=list)
+    correlated: list[Any] = field(default_factory=list)
+    joints: str = "read"
+
+    def _errors(self) -> list[tuple[str, Errors | None]]:
+        return [
+            ("nominal arm", self.before),
+            ("identified", self.errors),
+            ("poses not in the fit", self.cross_validation),
+            ("later, by a fit to those before", self.forward_in_time),
+        ]
+
+    def __repr__(self) -> str:
+        """Errors before and after, in a few lines."""
+        head = (
+            f"<trical.Identified: {len(self.parameters)} parameters from {self.observations} measurements, "
+            f"{len(self.rejected)} rejected>"
+        )
+        return "\n".join([head, *_error_lines(self._errors()), *(f"  caution: {c}" for c in self.cautions)])
+
+    def _repr_html_(self) -> str:
+        head = f"{len(self.parameters)} parameters from {self.observations} measurements, {len(self.rejected)} rejected"
+        columns = ("parameter", "nominal", "identified", "sd", "unit")
+        parts = [
+            _html.table(_HEAD, _error_rows(self._errors()), head),
+            _html.table(columns, _parameter_rows(self.parameters), f"joints as {self.joints}"),
+            *map(_html.note, self.cautions),
+        ]
+        return "".join(parts)
+
+    def plot(self) -> Figure:
+        """Draw position errors before and after; needs matplotlib (pip install "trical[plot]")."""
+        from ._plots import errors
+
+        return errors(self.errors_mm, "identified")
+
+
+@dataclass(frozen=True, repr=False)
+class Validation:
+    """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
+
+    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `regions` the same by region; `errors_mm` (n,
+    2) one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
+    """
+
+    before: Errors
+    after: Errors
+    n: int
+    regions: list[dict[str, Any]]
+    rejected: list[dict[str, Any]]
+    errors_mm: Floats
+
+    def __getitem__(self, key: str) -> Any:
+        """Return before, after, n, regions or rejected."""
+        if key not in ("before", "after", "n", "regions", "rejected"):
+            raise KeyError(key)
+        return getattr(self, key)
+
+    def __repr__(self) -> str:
+        """Errors before and after, in a few lines."""
+        errors = [("before: nominal arm", self.before), ("after: the model", self.after)]
+        head = f"<trical.Validation: {self.n} measurements scored, {len(self.rejected)} rejected>"
+        return "\n".join([head, *_error_lines(errors)])
+
+    def _repr_html_(self) -> str:
+        errors: list[tuple[str, Errors | None]] = [
+            ("before: nominal arm", self.before),
+            ("after: the model", self.after),
+        ]
+        errors += [(f"after, {r['region']}", r["after"]) for r in self.regions]
+        head = f"{self.n} measurements scored, {len(self.rejected)} rejected"
+        return _html.table(_HEAD, _error_rows(errors), head)
+
+    def plot(self) -> Figure:
+        """Draw position errors before and after; needs matplotlib (pip install "trical[plot]")."""
+        from ._plots import errors
+
+        return errors(self.errors_mm, "the model")
+
+
+@dataclass(frozen=True, repr=False)
+class Touches:
+    """Touches in the order of measurement, and the ways between them.
+
+    `ball` (n,) from 1; `q` (n, joints) joints at the touch, `approach` (n, joints) where the arm comes from and goes
+    back to, rad (m); `via` for each touch the configurations on the way to its approach, (k, joints); `directions`
+    (n, joints) sense of each joint's last motion; `text` that of a plan.csv.
+    """
+
+    ball: npt.NDArray[np.int64]
+    q: Floats
+    approach: Floats
+    via: list[Floats]
+    directions: npt.NDArray[np.int8]
+    text: str
+
+    def __len__(self) -> int:
+        """Return the number of touches."""
+        return len(self.ball)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a plan.csv, as `trical measure --plan` reads it."""
+        with open(path, "w", encoding="utf-8", newline="") as f:
+            f.write(self.text)
+
+
+@dataclass(frozen=True, repr=False)
+class NextTouches(Touches):
+    """Touches that would decide between a finding and its rivals.
+
+    The finding is `effect` at `site`; `explanations` are its and its rivals' names. `separation` says how many standard
+    deviations the touches set any two of them apart at least, `random_separation` what as many random touches would:
+    below 1 nothing is decided. The rest as in `Touches`: ball, q, approach, via, directions, text.
+    """
+
+    effect: str
+    site: dict[str, Any]
+    explanations: list[str]
+    separation: float
+    random_separation: float
+
+    def __repr__(self) -> str:
+        """Say what would be decided, and how well."""
+        return (
+            f"<trical.NextTouches: {len(self)} touches set {' and '.join(self.explanations)} "
+            f"{self.separation:.1f} standard deviations apart (random ones: {self.random_separation:.1f})>"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis:
+    """What a model lacks, by the recordings, and the model that has it.
+
+    `findings` are dicts with effect, site, located, confidence, lambda, coefficients, evidence, rivals; `blind_to` what
+    the recordings could not show; `unexplained` where a mismatch has no name; `answer` all of the command's JSON;
+    `errors_mm` (observations, 2) position errors one by one, without and with what was found; `next` touches that
+    would decide between the least sure finding and its rivals, where they were asked for and anything is undecided.
+    """
+
+    model: Model
+    findings: list[dict[str, Any]]
+    unexplained: list[dict[str, Any]]
+    blind_to: list[dict[str, Any]]
+    answer: dict[str, Any]
+    errors_mm: Floats
+    next: NextTouches | None = None
+
+    @property
+    def joints(self) -> str:
+        """Which joint angles were believed: "read" or "commanded"."""
+        joints: str = self.answer["joints"]
+        return joints
+
+    def __str__(self) -> str:
+        """Held-out error before and after, and a line for each finding."""
+        base, final = self.answer["baseline"], self.answer["final"]
+        lines = [f"held out {base['holdout_rms_mm']:.4f} -> {final['holdout_rms_mm']:.4f} mm"]
+        lines += [
+            f"  {f['effect']} at {site_words(f['site'])}: {100 * f['confidence']:.0f} % sure, lambda {f['lambda']:.1f}"
+            for f in self.findings
+        ]
+        lines += [f"  without a name: {site_words(u['site'])}, {u['region']}" for u in self.unexplained]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        """As str, with a head."""
+        n = len(self.findings)
+        tail = "" if self.next is None else f"\n{self.next!r}"
+        return f"<trical.Diagnosis: {n} finding{'' if n == 1 else 's'}>\n{self}{tail}"
+
+    def _repr_html_(self) -> str:
+        base, final = self.answer["baseline"], self.answer["final"]
+        head = f"held out {base['holdout_rms_mm']:.4f} to {final['holdout_rms_mm']:.4f} mm rms"
+        columns = ("finding", "sure, %", "lambda", "coefficients", "held out before, mm", "after, mm", "could also be")
+        rows: list[list[object]] = []
+        for f in self.findings:
+            values = (
+                f"{c['name']} = {c['value']:.4g}{_unit(c['unit'])} (sd {_sd(c['sd'])})" for c in f["coefficients"]
+            )
+            rivals = (f"{r['effect']} at {site_words(r['site'])}" for r in f["rivals"])
+            rows.append(
+                [
+                    f"{f['effect']} at {site_words(f['site'])}",
+                    round(100 * f["confidence"]),
+                    float(f["lambda"]),
+                    ", ".join(values),
+                    float(f["evidence"]["holdout_rms_before_mm"]),
+                    float(f["evidence"]["holdout_rms_after_mm"]),
+                    ", ".join(rivals),
+                ]
+            )
+        nameless = (f"without a name: {site_words(u['site'])}, {u['region']}" for u in self.unexplained)
+        return _html.table(columns, rows, head) + "".join(map(_html.note, [*nameless, *self.answer["cautions"]]))
+
+    def plot(self) -> Figure:
+        """Draw position errors before and after, and how sure the findings are; needs matplotlib (trical[plot])."""
+        from ._plots import diagnosis
+
+        return diagnosis(self)
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
+
+
+def _sd(sd: float | None) -> str:
+    return "-" if sd is None else f"{sd:.2g}"
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Touches):
+    """Touches in the order of measurement, and what they are expected to tell.
+
+    Arrays as in `Touches`: ball, q, approach, via, directions, text. `parameters` are dicts with name, site, unit, sd,
+    nominal; `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm);
+    `answer` all that the planner says.
+    """
+
+    parameters: list[dict[str, Any]]
+    expected: dict[str, Any]
+    answer: dict[str, Any]
+
+    def _expected(self) -> list[tuple[str, dict[str, float]]]:
+        return [(k, self.expected[k]) for k in ("sphere", "workspace") if self.expected[k] is not None]
+
+    def __repr__(self) -> str:
+        """Touches, gain, expected errors."""
+        head = f"<trical.Plan: {len(self)} touches of {len(set(self.ball.tolist()))} balls>"
+        lines = [f"  {self.answer['gain_over_random']:.2g} times better than a random choice"]
+        if not self.answer["determined"]:
+            lines.append(f"  does not determine the {len(self.parameters)} parameters")
+        lines += [f"  expected in the {k}: mean {e['mean_mm']:.3f} mm" for k, e in self._expected()]
+        return "\n".join([head, *lines])
+
+    def _repr_html_(self) -> str:
+        rows = [[k, e["mean_mm"], e["rms_mm"], e["worst_rms_mm"]] for k, e in self._expected()]
+        head = f"{len(self)} touches; position error that noise of {self.expected['noise_mm']:.3g} mm would leave"
+        parameters = [[p["name"], "-" if p["sd"] is None else float(p["sd"]), p["unit"]] for p in self.parameters]
+        return _html.table(("in the", "mean, mm", "rms, mm", "worst rms, mm"), rows, head) + _html.table(
+            ("parameter", "sd", "unit"), parameters, "expected standard deviations"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Observability:
+    """What measurements at given places tell about a set of parameters.
+
+    From the singular values s of the Jacobian with columns of unit length, m scalars, p parameters: `o1` = (product of
+    s)^(1/p) / sqrt(m); `o2` = smallest / largest; `o3` = smallest; `o4` = smallest^2 / largest, the noise
+    amplification index; `o5` = 1 / sum(1 / s); `condition` = largest / smallest. `parameters` are dicts with name,
+    site, unit, sd (for the noise that was given), nominal; `not_identifiable` names those that move together with
+    others, and these.
+    """
+
+    o1: float
+    o2: float
+    o3: float
+    o4: float
+    o5: float
+    condition: float
+    rows: int
+    parameters: list[dict[str, Any]]
+    not_identifiable: list[tuple[str, list[str]]]
+
+    @property
+    def noise_amplification(self) -> float:
+        """The noise amplification index of Nahvi and Hollerbach: o4."""
+        return self.o4
+
+    def _indices(self) -> list[tuple[str, float]]:
+        return [(k, getattr(self, k)) for k in ("o1", "o2", "o3", "o4", "o5", "condition")]
+
+    def __repr__(self) -> str:
+        """All indices on one line."""
+        said = ", ".join(f"{k} {v:.3g}" for k, v in self._indices())
+        return f"<trical.Observability: {len(self.parameters)} parameters, {self.rows} scalars: {said}>"
+
+    def _repr_html_(self) -> str:
+        rows = [[p["name"], "-" if p["sd"] is None else float(p["sd"]), p["unit"]] for p in self.parameters]
+        head = f"{len(self.parameters)} parameters from {self.rows} scalars"
+        return _html.table(("index", "value"), self._indices(), head) + _html.table(
+            ("parameter", "sd", "unit"), rows, "standard deviations for the noise that was given"
+        )

@@ -1,0 +1,319 @@
+"""The long calls, from plan to diagnosis: what they find, show and say."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trical
+
+ROOT = Path(__file__).resolve().parents[2]
+BINARY = ROOT / "target" / "release" / "trical"
+ARM = ROOT / "cells" / "irb120"
+FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
+
+# the arm lags behind: the other sign would not be lost motion
+TRUTH = """
+[[term]]
+name = "gap_2"
+effect = "lost_motion_direction"
+value = -0.02
+unit = "deg"
+[term.site.joint]
+joint = 2
+[term.basis]
+of = "nothing"
+shape = "one"
+sense = 2
+
+[[term]]
+name = "a_2"
+effect = "geometry"
+value = 0.7
+unit = "mm"
+[term.site.link]
+link = 2
+parameter = "a"
+"""
+
+
+@pytest.fixture(scope="module")
+def truth() -> trical.Model:
+    return trical.Model.nominal(**FILES).with_terms(TRUTH)
+
+
+@pytest.fixture(scope="module")
+def plan() -> trical.Plan:
+    return trical.plan(**FILES, per_ball=30, pool=60)
+
+
+@pytest.fixture(scope="module")
+def touches(truth: trical.Model, plan: trical.Plan) -> trical.Recording:
+    return trical.simulate(truth, plan.q, ball=plan.ball, directions=plan.directions, noise=5e-6, seed=1)
+
+
+@pytest.fixture(scope="module")
+def fitted(touches: trical.Recording) -> trical.Identified:
+    return trical.identify(touches, **FILES, folds=4, hold_out_last=25)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(touches: trical.Recording) -> trical.Diagnosis:
+    return trical.diagnose(touches, **FILES)
+
+
+def test_a_plan_touches_the_balls_by_the_nominal_arm(plan: trical.Plan, tmp_path: Path) -> None:
+    assert len(plan) == 90 and plan.q.shape == plan.approach.shape == plan.directions.shape == (90, 6)
+    assert len(plan.via) == 90 and all(v.ndim == 2 and v.shape[1] == 6 for v in plan.via)
+    balls = trical.Cell.load(FILES["cell"]).balls
+    positions, _ = trical.Model.nominal(**FILES).forward(plan.q)
+    np.testing.assert_allclose(positions, balls[plan.ball - 1], atol=1e-7)
+    assert np.array_equal(np.sign(plan.q - plan.approach)[plan.directions != 0], plan.directions[plan.directions != 0])
+    again = trical.plan(**FILES, per_ball=30, pool=60)
+    assert again.text == plan.text
+    plan.save(tmp_path / "plan.csv")
+    if BINARY.is_file():
+        args = ["--robot", FILES["robot"], "--cell", FILES["cell"], "--per-ball", "30", "--pool", "60"]
+        subprocess.run([BINARY, "plan", *args, "--out", "p.csv"], cwd=tmp_path, check=True, capture_output=True)
+        assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "plan.csv").read_bytes()
+
+
+def test_what_was_hidden_in_a_simulation_is_found(
+    fitted: trical.Identified, diagnosis: trical.Diagnosis, truth: trical.Model
+) -> None:
+    a_2 = next(p for p in fitted.parameters if p["name"] == "a_2")
+    assert abs(a_2["value"] - a_2["nominal"] - 0.7) < 6 * a_2["sd"] + 0.02
+    first = diagnosis.findings[0]
+    assert (first["effect"], first["site"]) == ("lost_motion_direction", {"joint": 2})
+    assert first["coefficients"][0]["value"] == pytest.approx(0.02, rel=0.05)
+    elsewhere = trical.poses(100, **FILES, seed=9)
+    senses = np.ones((100, 6))
+    miss = [
+        np.linalg.norm(
+            m.forward(elsewhere, directions=senses)[0] - truth.forward(elsewhere, directions=senses)[0], axis=1
+        )
+        for m in (trical.Model.nominal(**FILES), fitted.model, diagnosis.model)
+    ]
+    # without the lost motion, what was fitted to touches goes wrong elsewhere
+    assert miss[2].mean() < 0.2 * min(miss[0].mean(), miss[1].mean())
+
+
+def test_touches_that_would_decide_are_planned(touches: trical.Recording, tmp_path: Path) -> None:
+    found = trical.diagnose(touches, **FILES, next=12)
+    assert found.next is not None and len(found.next) == 12 and found.next.q.shape == (12, 6)
+    assert found.next.effect in [f["effect"] for f in found.findings] and len(found.next.explanations) >= 2
+    assert found.next.separation >= found.next.random_separation > 0
+    assert "standard deviations apart" in repr(found)
+    found.next.save(tmp_path / "next.csv")
+    assert (tmp_path / "next.csv").read_text().startswith("order,ball,q1_deg")
+    again = pickle.loads(pickle.dumps(found))
+    assert again.next is not None and again.next.text == found.next.text
+
+
+def test_errors_one_by_one_are_those_of_the_summary(
+    fitted: trical.Identified, diagnosis: trical.Diagnosis, touches: trical.Recording
+) -> None:
+    assert fitted.errors_mm is not None and fitted.errors_mm.shape == (90, 2)
+    assert fitted.errors_mm.mean(axis=0) == pytest.approx([fitted.before["mean_mm"], fitted.errors["mean_mm"]])
+    assert fitted.cross_validation is not None and fitted.forward_in_time is not None
+    p = len(fitted.parameters)
+    assert fitted.covariance.shape == (p, p)
+    sd_m = next(q["sd"] for q in fitted.parameters if q["name"] == "a_2") * 1e-3
+    k = [q["name"] for q in fitted.parameters].index("a_2")
+    assert np.sqrt(fitted.covariance[k, k]) == pytest.approx(sd_m, rel=1e-6)
+    v = trical.validate(fitted.model, touches)
+    assert v.after["mean_mm"] == v["after"]["mean_mm"] == pytest.approx(v.errors_mm[:, 1].mean())
+    assert diagnosis.errors_mm[:, 1].mean() < diagnosis.errors_mm[:, 0].mean()
+    with pytest.raises(KeyError):
+        v["model"]
+
+
+def test_results_are_readable(
+    fitted: trical.Identified, diagnosis: trical.Diagnosis, plan: trical.Plan, touches: trical.Recording
+) -> None:
+    v = trical.validate(fitted.model, touches)
+    o = trical.observability(touches, **FILES)
+    for result, words in [
+        (fitted, ["nominal arm", "poses not in the fit", "parameters from 90"]),
+        (v, ["after: the model", "90 measurements"]),
+        (diagnosis, ["lost_motion_direction at joint 2", "held out"]),
+        (plan, ["90 touches of 3 balls", "expected in the sphere"]),
+        (o, ["condition", "o5"]),
+    ]:
+        text, html = repr(result), result._repr_html_()
+        assert all(w in text for w in words), text
+        assert html.count("<table>") >= 1 and html.count("<tr>") == html.count("</tr>") >= 2, html
+        assert not any(line != line.rstrip() for line in text.splitlines())
+    assert "a_2" in fitted._repr_html_() and "ball 2" in v._repr_html_()
+
+
+@pytest.mark.parametrize("name", ["fitted", "diagnosis", "plan", "touches"])
+def test_results_pickle(name: str, request: pytest.FixtureRequest) -> None:
+    result = request.getfixturevalue(name)
+    assert repr(pickle.loads(pickle.dumps(result))) == repr(result)
+
+
+def test_plots_are_figures(fitted: trical.Identified, diagnosis: trical.Diagnosis, touches: trical.Recording) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    import io
+
+    for figure, axes in [
+        (fitted.plot(), 1),
+        (trical.validate(fitted.model, touches).plot(), 1),
+        (diagnosis.plot(), 2),
+    ]:
+        assert len(figure.axes) == axes
+        out = io.BytesIO()
+        figure.savefig(out, format="png")
+        assert len(out.getvalue()) > 5000
+
+
+def test_observability_is_that_of_the_singular_values(truth: trical.Model, touches: trical.Recording) -> None:
+    o = trical.observability(touches, **FILES, noise=5e-6)
+    fitted = trical.identify(touches, **FILES, keep_outliers=True)
+    found = fitted.observability
+    for k in ("o1", "o2", "o3", "o4", "o5"):
+        assert getattr(o, k) == pytest.approx(found[k], rel=0.02), k
+    assert o.noise_amplification == o.o4 and o.condition == pytest.approx(1 / o.o2)
+    assert [p["name"] for p in o.parameters] == [p["name"] for p in fitted.parameters]
+    # planned touches, before anything is measured
+    before = trical.Recording(q=touches.q, ball=touches.ball, indicators=[0, 0, 0])
+    assert trical.observability(before, **FILES).o1 == pytest.approx(o.o1, rel=1e-3)
+    # half the noise, half the standard deviations
+    sd = np.array([[p["sd"] for p in trical.observability(before, **FILES, noise=n).parameters] for n in (1e-5, 5e-6)])
+    np.testing.assert_allclose(sd[0], 2 * sd[1])
+
+
+def test_repeat_visits_scatter_as_their_noise(tmp_path: Path) -> None:
+    model = trical.Model.nominal(**FILES)
+    q = np.repeat(trical.poses(4, **FILES), 50, axis=0)
+    rec = trical.simulate(model, q, target=1, noise=1e-5, seed=4, time=np.arange(200.0))
+    said = trical.repeatability(rec)
+    assert [p["visits"] for p in said["places"]] == [50] * 4
+    # the mean of a three-dimensional normal's length is 1.596 sd
+    assert said["by_ball"][0]["mean_rp_mm"] == pytest.approx(0.01596 + 3 * 0.00673, rel=0.15)
+    with pytest.raises(trical.NotEnoughDataError, match="no place was visited twice"):
+        trical.repeatability(trical.simulate(model, trical.poses(4, **FILES), target=1))
+
+
+def test_joints_are_chosen_by_the_data(truth: trical.Model) -> None:
+    q = trical.poses(60, **FILES, seed=3)
+    seen = trical.simulate(truth, q, target=1, noise=5e-6, directions=np.zeros((60, 6)))
+    rng = np.random.default_rng(1)
+    early = trical.Recording(q=q + rng.normal(0, 1e-3, q.shape), commanded=q, position=seen.position, target=1)
+    assert trical.identify(early, **FILES, joints="auto").joints == "commanded"
+    assert trical.identify(early, **FILES, joints="auto").model.joints == "commanded"
+
+
+def test_progress_is_told_and_what_it_raises_ends_the_call(
+    touches: trical.Recording, capfd: pytest.CaptureFixture[str]
+) -> None:
+    heard: list[tuple[float, str]] = []
+    trical.diagnose(touches, **FILES, progress=lambda f, what: heard.append((f, what)))
+    assert heard[0][0] == 0.0 and heard[-1] == (1.0, "done")
+    assert [f for f, _ in heard] == sorted(f for f, _ in heard)
+
+    class Enough(Exception):
+        pass
+
+    def stop(fraction: float, what: str) -> None:
+        if fraction > 0.05:
+            raise Enough(what)
+
+    with pytest.raises(Enough, match="searching"):
+        trical.diagnose(touches, **FILES, progress=stop)
+    with pytest.raises(Enough):
+        trical.plan(**FILES, per_ball=5, pool=20, progress=stop)
+    trical.identify(touches, **FILES, progress=True)
+    assert "identifying 100 % done" in capfd.readouterr().err
+
+
+def test_other_threads_run_meanwhile(touches: trical.Recording) -> None:
+    ticks, ended = 0, threading.Event()
+
+    def work() -> None:
+        trical.diagnose(touches, **FILES)
+        ended.set()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    while not ended.wait(0.001):
+        ticks += 1
+    thread.join()
+    assert ticks > 5
+
+
+SLEEPER = """
+import sys, trical
+say = lambda fraction, what: print(what, flush=True)
+try:
+    while True:
+        trical.diagnose(sys.argv[1], robot=sys.argv[2], cell=sys.argv[3], progress=say)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(touches: trical.Recording, tmp_path: Path) -> None:
+    touches.save(tmp_path / "r.csv")
+    child = subprocess.Popen(
+        [sys.executable, "-c", SLEEPER, tmp_path / "r.csv", FILES["robot"], FILES["cell"]],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout is not None and child.stderr is not None
+    try:
+        while child.stdout.readline().strip() != "searching":
+            assert child.poll() is None, child.stderr.read()
+        start = time.monotonic()
+        os.kill(child.pid, signal.SIGINT)
+        out, err = child.communicate(timeout=60)
+        assert out.splitlines()[-1] == "interrupted", err
+        assert "done" not in out, "it went on to the end"
+        assert child.returncode == 0 and time.monotonic() - start < 30
+    finally:
+        child.kill()
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "said"),
+    [
+        (lambda r: trical.identify(r, **FILES, joints="late"), "TricalError", "joints is 'late', expected 'read', "),
+        (lambda r: trical.identify(r, **FILES, compliant=[7]), "TricalError", "compliant: joint 7 does not exist"),
+        (lambda r: trical.identify("nowhere.csv", **FILES), "RecordingError", "nowhere.csv"),
+        (lambda r: trical.identify(r[:9], **FILES), "NotEnoughDataError", "more measurements"),
+        (lambda r: trical.identify(r, **FILES, joints="commanded"), "RecordingError", "has no commanded joints"),
+        (
+            lambda r: trical.identify(r, **FILES, stream=True),
+            "TricalError",
+            "stream reads paths of CSV recordings only",
+        ),
+        (lambda r: trical.validate(trical.Model.nominal(**FILES), r, refit="all"), "TricalError", "refit holds 'all'"),
+        (lambda r: trical.diagnose(r, **FILES, next=0), "TricalError", "next: expected 1 to 1000 touches"),
+        (lambda r: trical.plan(**FILES, criterion="best"), "TricalError", "criterion is 'best'"),
+        (lambda r: trical.plan(**FILES, sphere=[0, 0, 1]), "TricalError", "sphere has 3 numbers, expected 4"),
+        (lambda r: trical.plan(**FILES, per_ball=0), "PlanningError", "per_ball: found 0"),
+        (lambda r: trical.simulate(trical.Model.nominal(**FILES), r.q), "TricalError", "given none of ball, target"),
+        (lambda r: trical.simulate(trical.Model.nominal(**FILES), r.q, ball=9), "RecordingError", "the cell has 3"),
+        (
+            lambda r: trical.Model.nominal(**FILES).with_terms("name = 'x'"),
+            "WrongModelError",
+            "expected .*term.* tables",
+        ),
+        (lambda r: trical.Model.nominal(**FILES).with_terms("name ="), "TricalError", "terms, line 1"),
+        (lambda r: trical.Model.from_toml("a = 1"), "WrongModelError", "is not a model file"),
+    ],
+)
+def test_errors_have_names_and_one_sentence(touches: trical.Recording, call, kind: str, said: str) -> None:
+    with pytest.raises(getattr(trical, kind), match=said):
+        call(touches)

@@ -1,0 +1,81 @@
+"""The package itself: stubs that fit the extension, docstrings everywhere, extras that are optional, a quick import."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+import trical
+from trical import _native
+
+ERRORS = [getattr(trical, n) for n in trical.__all__ if n.endswith("Error")]
+
+
+def test_stubs_fit_the_extension() -> None:
+    pytest.importorskip("mypy.stubtest", reason="mypy is not installed")
+    command = [sys.executable, "-m", "mypy.stubtest", "trical._native"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def public(of: object) -> list[tuple[str, object]]:
+    return [(n, v) for n, v in vars(of).items() if not n.startswith("_")]
+
+
+def test_everything_public_is_documented() -> None:
+    bare = []
+    for name in trical.__all__:
+        value = getattr(trical, name)
+        if isinstance(value, str):
+            continue
+        if not (inspect.getdoc(value) or "").strip():
+            bare.append(name)
+        if inspect.isclass(value) and not issubclass(value, Exception):
+            fields = getattr(value, "__dataclass_fields__", {})
+            for member, m in public(value):
+                if member not in fields and not (inspect.getdoc(m) or "").strip():
+                    bare.append(f"{name}.{member}")
+            bare += [f"{name}.{f}" for f in fields if f not in inspect.getdoc(value)]
+    forgiven = {
+        f"Identified.{f}" for f in ("model", "observations", "rejected", "observability", "cautions", "joints")
+    } | {"Identified.not_identifiable", "Identified.correlated", "Validation.n", "Validation.rejected"}
+    forgiven |= {"Diagnosis.model", "Observability.rows"}
+    assert sorted(set(bare) - forgiven) == []
+
+
+def test_the_extension_offers_only_what_the_package_wraps() -> None:
+    outside = [n for n in _native.__all__ if not n.startswith("_") and n not in trical.__all__]
+    assert outside == ["Rows"]
+
+
+@pytest.mark.parametrize("kind", ERRORS)
+def test_errors_are_named_and_travel(kind: type[Exception]) -> None:
+    again = pickle.loads(pickle.dumps(kind("line 3: found nothing")))
+    assert type(again) is kind and str(again) == "line 3: found nothing"
+    assert issubclass(kind, trical.TricalError) or kind is trical.NotConvergedError
+    assert kind.__module__ == "trical" and kind.__doc__
+
+
+def test_import_needs_neither_numpy_nor_extras() -> None:
+    code = "import sys, trical; print([m for m in ('numpy', 'pandas', 'matplotlib') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_plots_without_matplotlib_say_what_to_install() -> None:
+    code = """
+import sys
+sys.modules["matplotlib"] = None
+import trical
+v = trical.Validation({}, {}, 0, [], [], None)
+try:
+    v.plot()
+except ImportError as e:
+    print(e)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == 'plots need matplotlib, which is not installed: pip install "trical[plot]"'

@@ -43,6 +43,7 @@ def identify(
     hold_out_last: int | None = None,
     keep_outliers: bool = False,
     stream: bool = False,
+    known: PathLike | None = None,
     progress: Progress = False,
 ) -> Identified:
     """Identify an arm's parameters from recordings of it.
@@ -59,6 +60,8 @@ def identify(
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
         stream: read CSV files in passes, in memory that does not grow with their rows; by itself above 32 MB.
+        known: a TOML file of what is known beforehand: tables `[[parameter]]` with name and value and sd (a prior), min,
+            max, in the units of `parameters`.
         progress: True for a line on standard error, or a function of a fraction and what is being done. What it
             raises, and Ctrl-C, ends the call.
 
@@ -77,6 +80,7 @@ def identify(
         hold_out_last,
         keep_outliers,
         stream,
+        None if known is None else os.fspath(known),
         listener(progress, "identifying"),
     )
     s = json.loads(text)

@@ -19,6 +19,7 @@ __all__ = [
     "UnreachableError",
     "WrongModelError",
     "__version__",
+    "_compensate",
     "_diagnose",
     "_effects_json",
     "_identify",
@@ -232,6 +233,7 @@ def _identify(
     hold_out_last: int | None,
     keep_outliers: bool,
     in_stream: bool,
+    known: _Path | None,
     progress: _Listener,
 ) -> tuple[Model, str, _Floats | None, _Floats]: ...
 def _diagnose(

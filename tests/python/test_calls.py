@@ -177,6 +177,14 @@ def test_plots_are_figures(fitted: trical.Identified, diagnosis: trical.Diagnosi
         assert len(out.getvalue()) > 5000
 
 
+def test_what_is_known_beforehand_counts(touches: trical.Recording, tmp_path: Path) -> None:
+    known = tmp_path / "known.toml"
+    known.write_text("[[parameter]]\nname = 'a_2'\nvalue = 271.0\nsd = 1e-4\n[[parameter]]\nname = 'c_2'\nmin = 1.0\n")
+    values = {p["name"]: p for p in trical.identify(touches, **FILES, known=known).parameters}
+    assert values["a_2"]["value"] == pytest.approx(271.0, abs=1e-3)
+    assert values["c_2"]["value"] == pytest.approx(1.0) and values["c_2"]["sd"] is None
+
+
 def test_observability_is_that_of_the_singular_values(truth: trical.Model, touches: trical.Recording) -> None:
     o = trical.observability(touches, **FILES, noise=5e-6)
     fitted = trical.identify(touches, **FILES, keep_outliers=True)

@@ -1,5 +1,7 @@
 //! Identification, diagnosis, validation: recordings in, a model, numbers as JSON text, and arrays out.
 
+use std::path::PathBuf;
+
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
@@ -7,9 +9,9 @@ use serde_json::{Value, json};
 use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::fit::position_errors;
 use trical_ident::{
-    Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Refit,
-    cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify, identify_stream, repeatability,
-    shown, validate,
+    Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile,
+    ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
+    identify_stream, repeatability, shown, validate,
 };
 use trical_model::{Cell, Forward, Robot};
 use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate};
@@ -188,19 +190,28 @@ pub fn _identify<'py>(
     hold_out_last: Option<usize>,
     keep_outliers: bool,
     in_stream: bool,
+    known: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Fit<'py>> {
     let (joints, set) = (source(joints)?, parameter_set(model)?);
+    if in_stream && known.is_some() {
+        return Err(
+            bad("known with stream=True; expected one of them, since files are read in passes without priors").into()
+        );
+    }
     let found = long(py, progress, |say| -> Result<Found> {
         let (robot, cell) = read(&robot, &cell)?;
         if set >= ParameterSet::Compliance {
             robot.require_masses()?;
         }
         let choice = Choice::new(set, &compliant, robot.dof())
-            .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?;
+            .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?
+            .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
         let asked = Asked { joints, set, choice, folds, hold_out_last, keep_outliers };
         say(0.0, "reading");
-        if let Some(stream) = stream(&recordings, robot.dof(), &asked, in_stream)? {
+        if known.is_none()
+            && let Some(stream) = stream(&recordings, robot.dof(), &asked, in_stream)?
+        {
             return in_passes(&robot, &cell, &stream, &asked, say);
         }
         let recordings = read_all(&recordings, robot.dof())?;

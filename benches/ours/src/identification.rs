@@ -1,6 +1,7 @@
 //! Identification and identifiability.
 
 use trical_ident::identifiability::{independent_terms, observability, r_factor};
+use trical_ident::identify::prepared;
 use trical_ident::{Choice, Dataset, Identified, JointSource, Noise, ParameterSet, fit_model, identify, load_csv};
 use trical_model::{Forward, Measured, Model, State};
 
@@ -52,13 +53,12 @@ pub fn run(task: &Task) {
             let fit = || identify(&nominal.robot, &nominal.cell, &data, set).unwrap();
             let words = held_out(task, kind, &fit().model);
             let t = time(9, |_| fit().covariance[0]);
-            report(&row, "TriCal, Rust, with choice of parameters and covariance", t, &words);
-            let start =
-                trical_ident::identify::prepared(&nominal.robot, &nominal.cell, &data, &Choice::from(set)).unwrap().0;
+            report(&row, "TriCal, Rust: choice of parameters, fit, covariance", t, &words);
+            let start = prepared(&nominal.robot, &nominal.cell, &data, &Choice::from(set)).unwrap().0;
             let only = || -> Identified { fit_model(start.clone(), &data, &Noise::usual(1), Vec::new()).unwrap() };
             let words = held_out(task, kind, &only().model);
             let t = time(9, |_| only().covariance[0]);
-            report(&row, "TriCal, Rust, the fit alone, with covariance", t, &words);
+            report(&row, "TriCal, Rust: fit and covariance alone", t, &words);
         }
     }
     if task.wants("identification, 1000000 poses, 31 parameters") && task.path("elastic_big.csv").exists() {

@@ -5,6 +5,7 @@
 mod identification;
 mod kinematics;
 mod planning;
+mod scale;
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -85,6 +86,12 @@ fn main() {
     let mut args = std::env::args().skip(1);
     let folder = args.next().unwrap();
     let task = Task { folder: Path::new(&folder).to_owned(), rows: args.collect() };
+    if let [first, what, n] = task.rows.as_slice()
+        && first == "scale"
+    {
+        scale::run(&task, what, n.parse().unwrap());
+        return;
+    }
     kinematics::run(&task);
     identification::run(&task);
     planning::run(&task);

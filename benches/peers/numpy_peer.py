@@ -115,10 +115,10 @@ def identification():
                 continue
             q, p = read(FOLDER / f"{kind}_{'touches' if 'touches' in what else 'points'}.csv")
             ways = [
-                ("NumPy, analytic Jacobian, Gauss-Newton", lambda q=q, p=p, n=parameters: gauss_newton(q, p, n), "numpy"),
-                ("NumPy, analytic, normal equations", lambda q=q, p=p, n=parameters: normal_equations(q, p, n), "numpy"),
-                ("SciPy least_squares (lm), analytic", lambda q=q, p=p, n=parameters: by_scipy(q, p, n, True), "scipy"),
-                ("SciPy least_squares (lm), differences", lambda q=q, p=p, n=parameters: by_scipy(q, p, n, False), "scipy"),
+                ("NumPy by hand, analytic Jacobian, Gauss-Newton", lambda q=q, p=p, n=parameters: gauss_newton(q, p, n), "numpy"),
+                ("NumPy by hand, analytic, normal equations", lambda q=q, p=p, n=parameters: normal_equations(q, p, n), "numpy"),
+                ("SciPy least_squares (lm), by hand: analytic Jacobian", lambda q=q, p=p, n=parameters: by_scipy(q, p, n, True), "scipy"),
+                ("SciPy least_squares (lm), by hand: forward function, differences", lambda q=q, p=p, n=parameters: by_scipy(q, p, n, False), "scipy"),
             ]
             for who, fit, package in ways:
                 report(row, who, cpu_time(fit), held_out(kind, fit()), package)
@@ -132,12 +132,12 @@ def identification():
         found = []
         spent = cpu_time(lambda: found.append(normal_equations(q, p, arm.ELASTIC)))
         words = held_out("elastic", found[-1])
-        report(row, "NumPy, analytic, normal equations, in memory", spent, words, "numpy")
-        report("identification, 1000000 poses from CSV", "NumPy, loadtxt and the above", spent + read, words, "numpy")
+        report(row, "NumPy by hand, analytic, normal equations", spent, words, "numpy")
+        report("identification, 1000000 poses from CSV", "NumPy by hand, loadtxt and normal equations", spent + read, words, "numpy")
 
 
 def identifiability():
-    """Which of 6 + 24 + 9 + ... candidates are independent, by a pivoted QR of the Jacobian at 100 random poses."""
+    """Which of 45 candidates are independent, by a pivoted QR of the Jacobian at 100 random poses."""
     rng = np.random.default_rng(7)
     q = arm.random_joints(rng, 100)
 
@@ -156,7 +156,7 @@ def identifiability():
         r = scipy.linalg.qr(jacobian / np.where(length > 0, length, 1.0), mode="r", pivoting=True)[0]
         return int((np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0])).sum()), jacobian.shape[1]
 
-    report("identifiability", "SciPy, pivoted QR at 100 poses: rank only", cpu_time(rank), "%d of %d" % rank(), "scipy")
+    report("identifiability", "NumPy and SciPy by hand, pivoted QR at 100 poses: rank only", cpu_time(rank), "%d of %d" % rank(), "scipy")
 
 
 def observability():
@@ -169,7 +169,7 @@ def observability():
         s = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), compute_uv=False)
         return s[0] / s[-1]
 
-    report("observability", "NumPy, SVD", cpu_time(condition), f"condition {condition():.4f}", "numpy")
+    report("observability", "NumPy by hand, SVD", cpu_time(condition), f"condition {condition():.4f}", "numpy")
 
 
 def choice():
@@ -204,7 +204,7 @@ def choice():
         return chosen
 
     chosen = choose()
-    report("choice of configurations", "NumPy, greedy and exchanges", cpu_time(choose, 3), worth_of(q, chosen), "numpy")
+    report("choice of configurations", "NumPy by hand, greedy start, exchanges", cpu_time(choose, 3), worth_of(q, chosen), "numpy")
 
 
 def worth_of(q, chosen):
@@ -221,13 +221,13 @@ def kinematics():
     v, w = np.zeros(arm.RIGID), np.zeros(arm.ELASTIC)
     torque, nothing = arm.gravity_torques(q, v), np.zeros((len(q), 3))
     if wants("forward kinematics"):
-        report("forward kinematics", "NumPy, 1000 poses at once", cpu_time(lambda: arm.positions(q, v)) / len(q), "", "numpy")
+        report("forward kinematics", "NumPy by hand, 1000 poses at once", cpu_time(lambda: arm.positions(q, v)) / len(q), "", "numpy")
     if wants("parameter Jacobian"):
         spent = cpu_time(lambda: linearize(q, nothing, v)) / len(q)
-        report("parameter Jacobian", "NumPy, 1000 poses at once", spent, "3 x 26", "numpy")
+        report("parameter Jacobian", "NumPy by hand, 1000 poses at once", spent, "3 x 26", "numpy")
     if wants("parameter Jacobian with compliance"):
         spent = cpu_time(lambda: linearize(q, nothing, w, torque)) / len(q)
-        report("parameter Jacobian with compliance", "NumPy, 1000 at once, torques ready", spent, "3 x 31", "numpy")
+        report("parameter Jacobian with compliance", "NumPy by hand, 1000 poses at once, torques ready", spent, "3 x 31", "numpy")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """The task that everybody is timed on, written once from a seed: an arm like the IRB 120, its touches and poses.
 
-The arm is in modified Denavit-Hartenberg parameters (Craig): frame i from frame i - 1 is Rx(alpha) Tx(a) Rz(theta + offset)
-Tz(d). Its truth is off nominal in 26 parameters (base pose 6, links 17, tool point 3), and in the elastic tasks in the
-compliance of joints 2 to 6 as well: the joint gives way by coefficient times gravity torque. Lengths in m, angles in rad.
+The arm is in modified Denavit-Hartenberg parameters (Craig): frame i from frame i - 1 is Rx(alpha) Tx(a) Rz(theta +
+offset) Tz(d). Its truth is off nominal in 26 parameters (base pose 6, links 17, tool point 3), and in the elastic tasks
+in the compliance of joints 2 to 6 as well: a joint gives way by coefficient times gravity torque. In m and rad.
 Needs NumPy only; run as a script it writes the files.
 """
 
@@ -62,7 +62,7 @@ def rpy_matrix(angles):
 
 
 def unpack(v):
-    """Link parameters, base rotation, base origin, tool point of a parameter vector (links, base xyz rpy, tool, ...)."""
+    """Link parameters, base rotation, base origin, tool point of a vector (links, base xyz rpy, tool, ...)."""
     dh = MDH.copy()
     dh[MASK] += v[:LINKS]
     return dh, rpy_matrix(v[LINKS + 3 : LINKS + 6]), v[LINKS : LINKS + 3], TOOL + v[LINKS + 6 : LINKS + 9]
@@ -84,7 +84,7 @@ def positions(q, v, torque=None):
 
 
 def frames(q, v, give=0.0):
-    """Of every joint: the x axis before it (n, 6, 3) and where it starts, its own z axis, its origin; the last rotation."""
+    """Of every joint: the x axis before it (n, 6, 3) and where it starts, its z axis, its origin; all rotations."""
     dh, turn, origin, _ = unpack(v)
     n = len(q)
     x_before, o_before, z_axis, origins = (np.empty((n, 6, 3)) for _ in range(4))
@@ -145,7 +145,9 @@ def touches(rng, v, n):
         miss = BALLS[ball] - true_positions(q, v)
         if np.abs(miss).max() < 1e-12:
             break
-        jac = np.stack([(true_positions(q + 1e-7 * e, v) - true_positions(q - 1e-7 * e, v)) / 2e-7 for e in np.eye(6)], 2)
+        jac = np.stack(
+            [(true_positions(q + 1e-7 * e, v) - true_positions(q - 1e-7 * e, v)) / 2e-7 for e in np.eye(6)], 2
+        )
         step = np.einsum("nij,nj->ni", np.linalg.pinv(jac, rcond=1e-3), miss)
         q = q + np.clip(step, -0.3, 0.3)
     alive = np.linalg.norm(BALLS[ball] - true_positions(q, v), axis=1) < 1e-10

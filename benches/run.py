@@ -1,11 +1,10 @@
-"""Runs everybody on the same tasks in one run and writes docs/benchmarks.md. Called by ../bench; standard library only."""
+"""Runs everybody on the same tasks in one run and writes docs/benchmarks.md."""
 
 import argparse
 import datetime
 import json
 import os
 import platform
-import resource
 import shutil
 import statistics
 import subprocess
@@ -85,6 +84,7 @@ class Results:
     """Lines as they come, kept on disk as well."""
 
     def __init__(self, path):
+        """An empty file."""
         self.lines, self.file = [], open(path, "w")
 
     def add(self, line):
@@ -122,7 +122,15 @@ def build():
     say("building the native peers")
     reasons = {}
     for name, command in {
-        "Rust peers": ["cargo", "build", "--release", "--quiet", "--locked", "--manifest-path", HERE / "rust_peers/Cargo.toml"],
+        "Rust peers": [
+            "cargo",
+            "build",
+            "--release",
+            "--quiet",
+            "--locked",
+            "--manifest-path",
+            HERE / "rust_peers/Cargo.toml",
+        ],
         "Pinocchio and coal, C++": [HERE / "native/build", HERE / ".venv-main", WORK / "pinocchio"],
     }.items():
         try:
@@ -155,7 +163,12 @@ def peers(results, rows):
     results.of("Pinocchio and coal, C++", [WORK / "pinocchio"], reasons.get("Pinocchio and coal, C++"), rows)
     for name, scripts in PEERS.items():
         for script in scripts:
-            results.of(script.removesuffix("_peer"), [python(name), "-W", "ignore", HERE / f"peers/{script}.py"], reasons.get(name), rows)
+            results.of(
+                script.removesuffix("_peer"),
+                [python(name), "-W", "ignore", HERE / f"peers/{script}.py"],
+                reasons.get(name),
+                rows,
+            )
 
 
 def whole_program(results):
@@ -225,7 +238,11 @@ def startup(results, path, reason, clean):
         say("clean release build (minutes)")
         folder = WORK / "clean"
         begun = time.perf_counter()
-        run(["cargo", "build", "--release", "--quiet", "--bin", "trical", "-p", "trical-cli"], cwd=ROOT, env={**os.environ, "CARGO_TARGET_DIR": str(folder)})
+        run(
+            ["cargo", "build", "--release", "--quiet", "--bin", "trical", "-p", "trical-cli"],
+            cwd=ROOT,
+            env={**os.environ, "CARGO_TARGET_DIR": str(folder)},
+        )
         target("clean release build, wall", 360, "s", time.perf_counter() - begun)
         shutil.rmtree(folder)
 
@@ -233,19 +250,19 @@ def startup(results, path, reason, clean):
 SCALE = {
     "poses": (
         "Poses: `trical identify` of a CSV, 31 parameters",
-        "Every row is read, linearized and added to sums, so time is proportional to rows once starting the program no longer "
-        "counts; memory is proportional until 32 MB of CSV (about 360 000 rows), above which files are read in passes and "
-        "memory does not grow.",
+        "Every row is read, linearized and added to sums, so time is proportional to rows once starting the program no "
+        "longer counts; memory is proportional until 32 MB of CSV (some 300 000 of these rows), above which files are "
+        "read in passes and memory does not grow.",
     ),
     "parameters": (
         "Parameters: fit of 1000 poses",
-        "Sums of J'J cost the square of the parameters, the covariance's triangular factor as well, and solving their cube; "
-        "the exponent stays below two while linearizing, linear in the parameters, still counts.",
+        "Sums of J'J cost the square of the parameters, as does the covariance's triangular factor, and solving their "
+        "cube; linearizing is linear in them.",
     ),
     "candidates": (
         "Candidates in a diagnosis: linearized at 1000 poses, and the evidence of each",
-        "Linearizing is linear in the candidates, their inner products with each other are quadratic and take over; a search "
-        "step afterwards costs no more than there are columns.",
+        "Linearizing is linear in the candidates, their inner products with each other are quadratic and take over; a "
+        "search step afterwards costs no more than there are columns.",
     ),
     "fleet": (
         "Arms in a fleet: 45 touches each, 31 parameters",
@@ -322,9 +339,11 @@ def main():
     """The command."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("part", nargs="?", choices=["all", "peers", "scale", "startup"], default="all")
-    parser.add_argument("--rows", nargs="+", default=[], metavar="ROW", help="with peers: only these rows (names as in the table)")
+    parser.add_argument(
+        "--rows", nargs="+", default=[], metavar="ROW", help="with peers: only these rows (names as in the table)"
+    )
     parser.add_argument("--quick", action="store_true", help="without the million poses and the clean build")
-    parser.add_argument("--huge", action="store_true", help="scale up to ten million poses: 1 GB of CSV for some minutes")
+    parser.add_argument("--huge", action="store_true", help="scale up to ten million poses (1 GB of CSV)")
     args = parser.parse_args()
     begun, where = time.time(), machine()
     reason = environment("main")
@@ -350,7 +369,13 @@ def main():
     if whole:
         write(results, where, begun)
     else:
-        print(table.summary(results.lines), table.targets(results.lines), table.scale(results.lines, SCALE), table.details(results.lines), sep="\n\n")
+        print(
+            table.summary(results.lines),
+            table.targets(results.lines),
+            table.scale(results.lines, SCALE),
+            table.details(results.lines),
+            sep="\n\n",
+        )
 
 
 if __name__ == "__main__":

@@ -31,13 +31,10 @@ BY_HAND = "by hand"
 
 def quantity(seconds):
     """A time with three digits and a unit."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
-        if seconds >= 0.9995 * size:
-            break
-    else:
-        unit, size = "ns", 1e-9
+    units = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+    unit, size = next((x for x in units.items() if seconds >= 0.9995 * x[1]), ("ns", 1e-9))
     value = seconds / size
-    return f"{value:.{max(0, 2 - math.floor(math.log10(value))) if value > 0 else 2}f} {unit}"
+    return f"{value:.{2 if value < 9.995 else 1 if value < 99.95 else 0}f} {unit}"
 
 
 def ratio(value):
@@ -71,7 +68,7 @@ def grouped(results):
 
 
 def summary(results):
-    """One line a row: ours, the fastest package, the fastest program written by hand, and how many times faster ours is."""
+    """One line a row: ours, the fastest package and program by hand, and how many times faster ours is."""
     lines = [
         "| task | ours | fastest package | times ours | fastest written by hand | times ours |",
         "|---|---:|---|---:|---|---:|",
@@ -87,7 +84,10 @@ def summary(results):
                 cells += ["", ""]
             else:
                 times = peer["seconds"] / ours["seconds"]
-                cells += [f"{peer['who']}, {quantity(peer['seconds'])}", f"**{ratio(times)}**" if times < 1 else ratio(times)]
+                cells += [
+                    f"{peer['who']}, {quantity(peer['seconds'])}",
+                    f"**{ratio(times)}**" if times < 1 else ratio(times),
+                ]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -109,7 +109,12 @@ def details(results):
     out = []
     for name, list_ in grouped(results).items():
         ours = ours_of(list_)
-        out += [f"### {title(name)[0].upper()}{title(name)[1:]}", "", f"{ROWS.get(name, '')}".strip().capitalize() + ".", ""]
+        out += [
+            f"### {title(name)[0].upper()}{title(name)[1:]}",
+            "",
+            f"{ROWS.get(name, '')}".strip().capitalize() + ".",
+            "",
+        ]
         out += ["| who | version | CPU time | times ours | reached |", "|---|---|---:|---:|---|"]
         timed = sorted((r for r in list_ if r.get("seconds")), key=lambda r: r["seconds"])
         for r in timed:
@@ -151,7 +156,11 @@ def scale(results, sentences):
         if not list_:
             continue
         wall = any(r.get("wall_2") for r in list_)
-        out += [f"### {heading}", "", f"| n | CPU time | memory, peak |{' wall, 1 thread | wall, 2 threads |' if wall else ''}"]
+        out += [
+            f"### {heading}",
+            "",
+            f"| n | CPU time | memory, peak |{' wall, 1 thread | wall, 2 threads |' if wall else ''}",
+        ]
         out.append("|---:|---:|---:|" + ("---:|---:|" if wall else ""))
         for r in list_:
             cells = [f"{r['n']:,}".replace(",", " "), quantity(r["seconds"]), f"{r['peak_mb']:.0f} MB"]

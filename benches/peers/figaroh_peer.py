@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from measure import FOLDER, cpu_time, report, wants  # isort: skip
+from measure import FOLDER, report, wants  # isort: skip
 
 import contextlib
 import io
@@ -70,6 +70,7 @@ class Arm:
     """What FIGAROH asks of a robot."""
 
     def __init__(self):
+        """Writes and reads the URDF."""
         path = TEMP / "arm.urdf"
         path.write_text(urdf())
         self.model = pin.buildModelFromUrdf(str(path))
@@ -81,6 +82,7 @@ class Calibration(BaseCalibration):
     """Base and tool unknown; residuals are positions."""
 
     def __init__(self, *args):
+        """As FIGAROH's own."""
         super().__init__(*args)
         self.calib_config["known_baseframe"] = False
         self.calib_config["known_tipframe"] = False
@@ -137,7 +139,7 @@ def identification():
 
 
 def choice():
-    """Its own exchange (Detmax) on the same 900 candidates, given the information matrices of the 26 parameters ready made."""
+    """Its own exchange (Detmax) on the same 900 candidates, given the information matrices ready made."""
     row = "choice of configurations"
     if not wants(row):
         return

@@ -1,4 +1,4 @@
-"""NumPy and SciPy by hand: vectorised forward function, analytic Jacobian, Gauss-Newton; what a good programmer writes in a day."""
+"""NumPy and SciPy by hand: all poses at once, analytic Jacobian; what a good programmer writes in a day."""
 
 import sys
 from pathlib import Path
@@ -44,7 +44,7 @@ def linearize(q, p, v, torque=None):
     k = arm.LINKS
     out[:, :k] = links.reshape(n, 24, 3)[:, COLUMN]
     out[:, k : k + 3] = np.eye(3)
-    roll, pitch, yaw = v[k + 3 : k + 6]
+    pitch, yaw = v[k + 4 : k + 6]
     cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
     axes = np.array([[cy * cp, sy * cp, -sp], [-sy, cy, 0.0], [0.0, 0.0, 1.0]])
     out[:, k + 3 : k + 6] = cross(axes, (point - base)[:, None])
@@ -115,10 +115,26 @@ def identification():
                 continue
             q, p = read(FOLDER / f"{kind}_{'touches' if 'touches' in what else 'points'}.csv")
             ways = [
-                ("NumPy by hand, analytic Jacobian, Gauss-Newton", lambda q=q, p=p, n=parameters: gauss_newton(q, p, n), "numpy"),
-                ("NumPy by hand, analytic, normal equations", lambda q=q, p=p, n=parameters: normal_equations(q, p, n), "numpy"),
-                ("SciPy least_squares (lm), by hand: analytic Jacobian", lambda q=q, p=p, n=parameters: by_scipy(q, p, n, True), "scipy"),
-                ("SciPy least_squares (lm), by hand: forward function, differences", lambda q=q, p=p, n=parameters: by_scipy(q, p, n, False), "scipy"),
+                (
+                    "NumPy by hand, analytic Jacobian, Gauss-Newton",
+                    lambda q=q, p=p, n=parameters: gauss_newton(q, p, n),
+                    "numpy",
+                ),
+                (
+                    "NumPy by hand, analytic, normal equations",
+                    lambda q=q, p=p, n=parameters: normal_equations(q, p, n),
+                    "numpy",
+                ),
+                (
+                    "SciPy least_squares (lm), by hand: analytic Jacobian",
+                    lambda q=q, p=p, n=parameters: by_scipy(q, p, n, True),
+                    "scipy",
+                ),
+                (
+                    "SciPy least_squares (lm), by hand: forward function, differences",
+                    lambda q=q, p=p, n=parameters: by_scipy(q, p, n, False),
+                    "scipy",
+                ),
             ]
             for who, fit, package in ways:
                 report(row, who, cpu_time(fit), held_out(kind, fit()), package)
@@ -133,7 +149,13 @@ def identification():
         spent = cpu_time(lambda: found.append(normal_equations(q, p, arm.ELASTIC)))
         words = held_out("elastic", found[-1])
         report(row, "NumPy by hand, analytic, normal equations", spent, words, "numpy")
-        report("identification, 1000000 poses from CSV", "NumPy by hand, loadtxt and normal equations", spent + read, words, "numpy")
+        report(
+            "identification, 1000000 poses from CSV",
+            "NumPy by hand, loadtxt and normal equations",
+            spent + read,
+            words,
+            "numpy",
+        )
 
 
 def identifiability():
@@ -156,7 +178,13 @@ def identifiability():
         r = scipy.linalg.qr(jacobian / np.where(length > 0, length, 1.0), mode="r", pivoting=True)[0]
         return int((np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0])).sum()), jacobian.shape[1]
 
-    report("identifiability", "NumPy and SciPy by hand, pivoted QR at 100 poses: rank only", cpu_time(rank), "%d of %d" % rank(), "scipy")
+    report(
+        "identifiability",
+        "NumPy and SciPy by hand, pivoted QR at 100 poses: rank only",
+        cpu_time(rank),
+        "{} of {}".format(*rank()),
+        "scipy",
+    )
 
 
 def observability():
@@ -173,7 +201,7 @@ def observability():
 
 
 def choice():
-    """45 of 900 by the determinant: greedy, then exchanges, each judged by 3 x 3 determinants over all candidates at once."""
+    """45 of 900 by the determinant: greedy, then exchanges, judged by 3 x 3 determinants of all at once."""
     q = np.loadtxt(FOLDER / "joints.txt")[:900]
 
     def choose(size=45):
@@ -204,7 +232,13 @@ def choice():
         return chosen
 
     chosen = choose()
-    report("choice of configurations", "NumPy by hand, greedy start, exchanges", cpu_time(choose, 3), worth_of(q, chosen), "numpy")
+    report(
+        "choice of configurations",
+        "NumPy by hand, greedy start, exchanges",
+        cpu_time(choose, 3),
+        worth_of(q, chosen),
+        "numpy",
+    )
 
 
 def worth_of(q, chosen):
@@ -221,18 +255,34 @@ def kinematics():
     v, w = np.zeros(arm.RIGID), np.zeros(arm.ELASTIC)
     torque, nothing = arm.gravity_torques(q, v), np.zeros((len(q), 3))
     if wants("forward kinematics"):
-        report("forward kinematics", "NumPy by hand, 1000 poses at once", cpu_time(lambda: arm.positions(q, v)) / len(q), "", "numpy")
+        report(
+            "forward kinematics",
+            "NumPy by hand, 1000 poses at once",
+            cpu_time(lambda: arm.positions(q, v)) / len(q),
+            "",
+            "numpy",
+        )
     if wants("parameter Jacobian"):
         spent = cpu_time(lambda: linearize(q, nothing, v)) / len(q)
         report("parameter Jacobian", "NumPy by hand, 1000 poses at once", spent, "3 x 26", "numpy")
     if wants("parameter Jacobian with compliance"):
         spent = cpu_time(lambda: linearize(q, nothing, w, torque)) / len(q)
-        report("parameter Jacobian with compliance", "NumPy by hand, 1000 poses at once, torques ready", spent, "3 x 31", "numpy")
+        report(
+            "parameter Jacobian with compliance",
+            "NumPy by hand, 1000 poses at once, torques ready",
+            spent,
+            "3 x 31",
+            "numpy",
+        )
 
 
 if __name__ == "__main__":
     kinematics()
     identification()
-    for row, run in (("identifiability", identifiability), ("observability", observability), ("choice of configurations", choice)):
+    for row, run in (
+        ("identifiability", identifiability),
+        ("observability", observability),
+        ("choice of configurations", choice),
+    ):
         if wants(row):
             run()

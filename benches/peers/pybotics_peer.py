@@ -67,11 +67,19 @@ def main():
     if wants(row):
         q, p = arm.read_touches(FOLDER / "rigid_touches.csv")
         h, start = handler(), time.process_time()
-        s = least_squares(optimize_accuracy, h.generate_optimization_vector(), args=(h, q, p), method="lm", max_nfev=300)
+        s = least_squares(
+            optimize_accuracy, h.generate_optimization_vector(), args=(h, q, p), method="lm", max_nfev=300
+        )
         spent = time.process_time() - start
         h.apply_optimization_vector(s.x)
         report(row, "pybotics, its optimize_accuracy, SciPy lm, 300 evaluations (once)", spent, held_out(h), "pybotics")
-        report(row, "pybotics, vector residuals", cpu_time(lambda: by_positions(q, p), 3), held_out(by_positions(q, p)), "pybotics")
+        report(
+            row,
+            "pybotics, vector residuals",
+            cpu_time(lambda: by_positions(q, p), 3),
+            held_out(by_positions(q, p)),
+            "pybotics",
+        )
     row = "identification, 1000 poses, 26 parameters"
     if wants(row):
         q, p = arm.read_points(FOLDER / "rigid_points.csv")

@@ -9,6 +9,7 @@ from measure import FOLDER, cpu_time, wants  # isort: skip
 import json
 
 import numpy as np
+
 import trical
 
 FILES = {"robot": str(FOLDER / "robot.toml"), "cell": str(FOLDER / "cell.toml")}
@@ -16,7 +17,14 @@ FILES = {"robot": str(FOLDER / "robot.toml"), "cell": str(FOLDER / "cell.toml")}
 
 def report(row, who, seconds, accuracy=""):
     """A line of the table, marked as ours."""
-    line = {"row": row, "who": who, "ours": True, "version": trical.__version__, "seconds": seconds, "accuracy": accuracy}
+    line = {
+        "row": row,
+        "who": who,
+        "ours": True,
+        "version": trical.__version__,
+        "seconds": seconds,
+        "accuracy": accuracy,
+    }
     print(json.dumps(line), flush=True)
 
 

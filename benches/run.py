@@ -323,7 +323,7 @@ def write(results, where, begun):
     lines = results.lines
     reasons = json.loads((HERE / "reasons.json").read_text())
     slower = [
-        f"- {table.title(row)}: {who} takes {100 * times:.0f} % of our time. {reasons.get(row, 'Why is not known yet.')}"
+        f"- {table.title(row)}: {who} takes {100 * times:.0f} % of our time. {reasons.get(row, 'Why is not known.')}"
         for row, who, times in table.behind(lines)
     ]
     parts = [(HERE / "benchmarks.head.md").read_text().rstrip(), ""]

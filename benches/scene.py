@@ -1,8 +1,8 @@
 """The scene of the collision row: seven shapes on the arm's frames, five obstacles, 45 pairs, in three kinds of shape.
 
 Written for everybody from one source: `scene_KIND.txt`, one shape a line (`frame x y z` and then `capsule r l`,
-`box x y z` or `hull n ...`; frame 0 for what stands still), and `scene_KIND.toml`, as TriCal reads it. Capsules lie along z of their
-frame, l is the length of the segment.
+`box x y z` or `hull n ...`; frame 0 for what stands still), and `scene_KIND.toml`, as TriCal reads it. Capsules lie
+along z of their frame, l is the length of the segment.
 """
 
 import sys

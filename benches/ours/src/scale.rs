@@ -48,7 +48,7 @@ fn parameters(task: &Task, n: usize) {
     let mut k = 0_u32;
     while model.terms.len() < n {
         let (joint, cycles) = (1 + k as usize % 6, f64::from(2 + 2 * (k / 12)));
-        let shape = if k / 6 % 2 == 0 { Shape::Sine { cycles } } else { Shape::Cosine { cycles } };
+        let shape = if (k / 6).is_multiple_of(2) { Shape::Sine { cycles } } else { Shape::Cosine { cycles } };
         let basis = Basis::new(Variable::Joint { joint }, shape);
         model.terms.push(Term::new(format!("ripple_{k}"), "ripple", Site::Joint { joint }, basis));
         k += 1;

@@ -60,8 +60,8 @@ def identify(
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
         stream: read CSV files in passes, in memory that does not grow with their rows; by itself above 32 MB.
-        known: a TOML file of what is known beforehand: tables `[[parameter]]` with name and value and sd (a prior), min,
-            max, in the units of `parameters`.
+        known: a TOML file of what is known beforehand: tables `[[parameter]]` with name, value and sd (a prior), min
+            and max, in the units of `parameters`.
         progress: True for a line on standard error, or a function of a fraction and what is being done. What it
             raises, and Ctrl-C, ends the call.
 

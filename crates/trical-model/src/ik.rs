@@ -301,9 +301,9 @@ fn seeds(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Work
     let robot = &forward.model().robot;
     if robot.dof() == 6 && robot.joints.iter().all(|j| j.kind == JointKind::Revolute) {
         // where base and tool really are, so that only what is inside the arm separates seed and solution
-        let world_from_flange = forward.world_from_flange(state, ws);
+        let from_tool = forward.world_from_tool(state, ws);
         let world_from_base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
-        let flange_from_tool = world_from_flange.inverse().compose(&forward.world_from_tool(state, ws));
+        let flange_from_tool = ws.moved.flange.pose().inverse().compose(&from_tool);
         let base_from_flange = world_from_base.inverse().compose(&world_from_tool.compose(&flange_from_tool.inverse()));
         let base_from_flange =
             robot.root_from_zero.inverse().compose(&base_from_flange.compose(&robot.last_from_flange.inverse()));
@@ -325,6 +325,8 @@ fn seeds(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Work
 /// Nominal lengths and angles of a 6R arm, in the file's order (entry i belongs to joint i + 1).
 struct Arm {
     alpha: [f64; 6],
+    /// Sine and cosine of each alpha.
+    twist: [wrist::Twist; 6],
     a: [f64; 6],
     d: [f64; 6],
     offset: [f64; 6],
@@ -334,9 +336,11 @@ struct Arm {
 
 impl Arm {
     fn of(robot: &Robot) -> Self {
-        let mut arm = Self { alpha: [0.0; 6], a: [0.0; 6], d: [0.0; 6], offset: [0.0; 6], size: 0.0 };
+        let zero = [0.0; 6];
+        let mut arm = Self { alpha: zero, twist: [(0.0, 1.0); 6], a: zero, d: zero, offset: zero, size: 0.0 };
         for (i, j) in robot.joints.iter().enumerate().take(6) {
             arm.alpha[i] = j.alpha;
+            arm.twist[i] = j.alpha.sin_cos();
             arm.a[i] = j.a;
             arm.d[i] = j.d;
             arm.offset[i] = j.theta_offset;
@@ -354,13 +358,13 @@ impl Arm {
         self.zero(self.a[4])
             && self.zero(self.d[4])
             && self.zero(self.a[5])
-            && self.alpha[4].sin().abs() > 1e-6
-            && self.alpha[5].sin().abs() > 1e-6
+            && self.twist[4].0.abs() > 1e-6
+            && self.twist[5].0.abs() > 1e-6
     }
 
     fn has_parallel_axes(&self) -> bool {
-        [2, 3].iter().all(|i| self.alpha[*i].sin().abs() < 1e-9 && self.alpha[*i].cos() > 0.0)
-            && [1, 4, 5].iter().all(|i| self.alpha[*i].sin().abs() > 1e-6)
+        [2, 3].iter().all(|i| self.twist[*i].0.abs() < 1e-9 && self.twist[*i].1 > 0.0)
+            && [1, 4, 5].iter().all(|i| self.twist[*i].0.abs() > 1e-6)
             && self.zero(self.a[5])
             && !self.zero(self.a[2])
             && !self.zero(self.a[3])

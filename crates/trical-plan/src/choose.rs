@@ -283,25 +283,60 @@ fn random_set(members: &[Vec<usize>], wanted: &[usize], seed: u64, k: u64) -> Ve
 
 /// Adds the candidate that gains most, group by group in turn, starting from a little of everything.
 fn greedy(white: &White, members: &[Vec<usize>], wanted: &[usize]) -> Vec<usize> {
-    let mut information = DMatrix::identity(white.p, white.p) * 1e-3;
     let mut chosen: Vec<usize> = Vec::new();
+    let Some(mut state) = State::of(white, DMatrix::identity(white.p, white.p) * 1e-3) else { return chosen };
     for round in 0..wanted.iter().copied().max().unwrap_or(0) {
         for (group, _) in members.iter().zip(wanted).filter(|(_, w)| round < **w) {
-            let Some(inverse) = inverse(&information) else { return chosen };
-            let w = inverse * &white.z;
             let best = group
                 .iter()
                 .filter(|i| !chosen.contains(i))
-                .map(|i| (with(&dot(&w, &white.z, *i, *i)).determinant(), *i))
+                .map(|i| (with(&state.own[*i]).determinant(), *i))
                 .reduce(|a, b| if b.0 > a.0 { b } else { a });
             if let Some((_, i)) = best {
                 chosen.push(i);
-                let block = white.z.columns(3 * i, 3);
-                information.gemm(1.0, &block, &block.transpose(), 1.0);
+                if !state.change(white, i, 1.0) {
+                    return chosen;
+                }
             }
         }
     }
     chosen
+}
+
+/// The inverse of M, and `D_jj = Z_j M^-1 Z_j'` of every candidate: what adding it does to the determinant.
+struct State {
+    inverse: DMatrix<f64>,
+    own: Vec<Matrix3<f64>>,
+}
+
+impl State {
+    fn of(white: &White, m: DMatrix<f64>) -> Option<Self> {
+        let inverse = inverse(&m)?;
+        let w = &inverse * &white.z;
+        let own = (0..white.z.ncols() / 3)
+            .map(|j| white.z.fixed_columns::<3>(3 * j).tr_mul(&w.fixed_columns::<3>(3 * j)))
+            .collect();
+        Some(Self { inverse, own })
+    }
+
+    /// `Z_i M^-1 Z_j'` of one i and all j, side by side: 3 x 3 N.
+    fn row(&self, white: &White, i: usize) -> DMatrix<f64> {
+        (&self.inverse * white.z.columns(3 * i, 3)).tr_mul(&white.z)
+    }
+
+    /// Adds (`sign` 1) or removes (-1) candidate i: `M^-1 -= s M^-1 Z_i' (I + s D_ii)^-1 Z_i M^-1`. Whether that was possible.
+    fn change(&mut self, white: &White, i: usize, sign: f64) -> bool {
+        let Some(middle) = (Matrix3::identity() + self.own[i] * sign).try_inverse() else { return false };
+        let row = self.row(white, i);
+        for (j, d) in self.own.iter_mut().enumerate() {
+            let dij = row.fixed_columns::<3>(3 * j);
+            *d -= dij.tr_mul(&(middle * dij)) * sign;
+        }
+        let w = &self.inverse * white.z.columns(3 * i, 3);
+        let left = &w * middle;
+        self.inverse.gemm(-sign, &left, &w.transpose(), 1.0);
+        true
+    }
 }
 
 pub(crate) fn inverse(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
@@ -313,57 +348,45 @@ fn with(d: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + d
 }
 
-/// `Z_i M^-1 Z_j'`, from `w = M^-1 Z'` and `z = Z'`.
-#[inline]
-fn dot(w: &DMatrix<f64>, z: &DMatrix<f64>, i: usize, j: usize) -> Matrix3<f64> {
-    let p = z.nrows();
-    let block = |k: usize| 3 * k * p..3 * (k + 1) * p;
-    let (x, y) = (&w.as_slice()[block(i)], &z.as_slice()[block(j)]);
-    let mut d = Matrix3::zeros();
-    for (r, x) in x.chunks_exact(p).enumerate() {
-        for (c, y) in y.chunks_exact(p).enumerate() {
-            d[(r, c)] = x.iter().zip(y).map(|(a, b)| a * b).sum();
-        }
-    }
-    d
-}
-
 /// A swap must multiply the determinant by more than this, or rounding could make the search run in circles.
 const GAIN: f64 = 1.0 + 1e-9;
 
-/// Swaps a chosen for a free candidate of its group, the best swap of each group in turn, until no swap gains.
+/// Swaps chosen candidates, one after the other, each for the free candidate of its group that gains most, until no swap gains.
 ///
 /// Removing i and adding j multiplies det M by `det(I + D_jj) det(I - D_ii + D_ij (I + D_jj)^-1 D_ji)`,
-/// `D_ij = Z_i M^-1 Z_j'`.
+/// `D_ij = Z_i M^-1 Z_j'`. Which candidate may leave first is a matter of their order; the end is one that no single swap improves.
 fn exchange(white: &White, candidates: &Candidates, members: &[Vec<usize>], chosen: &mut [usize]) {
-    let z = &white.z;
     for _ in 0..200 {
         let mut swapped = false;
-        for (g, group) in members.iter().enumerate() {
-            let mut m = white.information(chosen);
-            // a set that does not determine everything has no inverse: a little of everything lets it climb out
-            m += DMatrix::identity(white.p, white.p) * 1e-9;
-            let Some(inverse) = inverse(&m) else { return };
-            let w = inverse * z;
+        let mut m = white.information(chosen);
+        // a set that does not determine everything has no inverse: a little of everything lets it climb out
+        m += DMatrix::identity(white.p, white.p) * 1e-9;
+        // anew in every round, so that rounding does not add up
+        let Some(mut state) = State::of(white, m) else { return };
+        for slot in 0..chosen.len() {
+            let i = chosen[slot];
+            let row = state.row(white, i);
+            let without = Matrix3::identity() - state.own[i];
             let mut best = (GAIN, None);
-            let free: Vec<usize> = group.iter().copied().filter(|j| !chosen.contains(j)).collect();
-            for j in free {
-                let plus = with(&dot(&w, z, j, j));
-                let (Some(back), gain) = (plus.try_inverse(), plus.determinant()) else { continue };
+            for &j in &members[candidates.groups[i]] {
+                let plus = with(&state.own[j]);
+                let gain = plus.determinant();
                 // removing can only lose: no i can make up for too small a gain
-                if gain <= best.0 {
+                if gain <= best.0 || chosen.contains(&j) {
                     continue;
                 }
-                for (slot, i) in chosen.iter().enumerate().filter(|(_, i)| candidates.groups[**i] == g) {
-                    let dij = dot(&w, z, *i, j);
-                    let ratio =
-                        gain * (Matrix3::identity() - dot(&w, z, *i, *i) + dij * back * dij.transpose()).determinant();
-                    if ratio > best.0 {
-                        best = (ratio, Some((slot, j)));
-                    }
+                let Some(back) = plus.try_inverse() else { continue };
+                let dij = row.fixed_columns::<3>(3 * j);
+                let ratio = gain * (without + dij * back * dij.transpose()).determinant();
+                if ratio > best.0 {
+                    best = (ratio, Some(j));
                 }
             }
-            if let (_, Some((slot, j))) = best {
+            if let (_, Some(j)) = best {
+                // in this order M has an inverse between the two
+                if !(state.change(white, j, 1.0) && state.change(white, i, -1.0)) {
+                    return;
+                }
                 chosen[slot] = j;
                 swapped = true;
             }

@@ -77,9 +77,31 @@ pub(super) fn put_within(robot: &Robot, q: &mut Joints) -> Result<(), IkError> {
     worst.map_or(Ok(()), Err)
 }
 
+/// `q` within limits, where every joint has one way to be there: the usual case, for which nothing is allocated.
+fn only_wrap(robot: &Robot, q: &Joints) -> Option<Joints> {
+    let mut out = *q;
+    for (x, j) in out.iter_mut().zip(&robot.joints) {
+        let [lower, upper] = [j.limits[0] - LIMIT_SLACK, j.limits[1] + LIMIT_SLACK];
+        if j.kind == JointKind::Revolute {
+            *x += TAU * ((lower - *x) / TAU).ceil();
+            if *x + TAU <= upper {
+                return None;
+            }
+        }
+        if *x < lower || *x > upper {
+            return None;
+        }
+        *x = x.clamp(j.limits[0], j.limits[1]);
+    }
+    Some(out)
+}
+
 /// All whole turns of `q` within limits.
 pub(super) fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Result<(), IkError> {
-    // turns[i] = the values joint i can have
+    if let Some(only) = only_wrap(robot, q) {
+        out.push(only);
+        return Ok(());
+    }
     let mut worst: Option<IkError> = None;
     out.push(*q);
     for (i, j) in robot.joints.iter().enumerate() {

@@ -42,9 +42,22 @@ fn miss(target: &Pose, pose: &Pose) -> Vector6<f64> {
     Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z)
 }
 
+/// Of a miss: m, rad.
+#[inline]
+fn lengths(e: &Vector6<f64>) -> (f64, f64) {
+    (e.fixed_rows::<3>(0).norm(), e.fixed_rows::<3>(3).norm())
+}
+
 /// Changes `state.q` until the tool is at `target`: `dq = J' (J J' + damping)^-1 e`, the damping growing when a step fails
 /// and falling to zero when steps succeed, so that the end is Newton's quadratic one.
 pub(super) fn refine(forward: &Forward, target: &Pose, state: &mut State, ws: &mut Workspace) -> Ended {
+    // the seed of a closed form is often the solution itself: then the Jacobian is not needed
+    let pose = forward.world_from_tool(state, ws);
+    let far = (target.translation - pose.translation).norm();
+    // matrices of rotations by a small angle to each other differ by sqrt 2 times the angle
+    if far < ACCURATE_M && (target.rotation - pose.rotation).norm() < ACCURATE_RAD {
+        return Ended::Converged;
+    }
     let n = forward.model().robot.dof();
     let mut flat = [0.0; 6 * MAX_JOINTS];
     let mut pose = forward.joint_jacobian(state, ws, &mut flat);
@@ -54,7 +67,7 @@ pub(super) fn refine(forward: &Forward, target: &Pose, state: &mut State, ws: &m
     let mut damping: f64 = least;
     let mut iterations = 0;
     loop {
-        let (far, turn) = (e.fixed_rows::<3>(0).norm(), e.fixed_rows::<3>(3).norm());
+        let (far, turn) = lengths(&e);
         if far < ACCURATE_M && turn < ACCURATE_RAD {
             return Ended::Converged;
         }
@@ -106,7 +119,7 @@ pub(super) fn refine(forward: &Forward, target: &Pose, state: &mut State, ws: &m
             }
         }
         if !improved {
-            let (far, turn) = (e.fixed_rows::<3>(0).norm(), e.fixed_rows::<3>(3).norm());
+            let (far, turn) = lengths(&e);
             let gradient = (j.transpose() * e).norm();
             // a miss that no joint can reduce: the arm's reach ends here
             return if gradient < 1e-3 * e.norm() * size.sqrt() && e.norm() > 1e-6 {

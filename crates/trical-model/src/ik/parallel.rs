@@ -9,15 +9,15 @@ use crate::pose::{Pose, rotation_x, rotation_z};
 
 /// Angles theta of the nominal arm with its flange at `base_from_flange`; `start` chooses where the wrist is singular.
 pub(super) fn solve(arm: &Arm, base_from_flange: &Pose, start: &[f64; 6], out: &mut Vec<[f64; 6]>) {
-    let Arm { alpha, a, d, .. } = arm;
+    let Arm { alpha, twist, a, d, .. } = arm;
     // in the frame in which joint 1 turns about z
     let undo = rotation_x(-alpha[0]);
     let r = undo * base_from_flange.rotation;
     let p = undo * base_from_flange.translation - Vector3::new(a[0], 0.0, d[0]);
     // the origin of frame {5} keeps its distance along the parallel axes from axis 1's origin
     let o5 = p - r.column(2) * d[5];
-    let (s1, c1) = alpha[1].sin_cos();
-    let along = d[1] + d[2] + d[3] + alpha[4].cos() * d[4];
+    let ((s1, c1), (s4, c4)) = (twist[1], twist[4]);
+    let along = d[1] + d[2] + d[3] + c4 * d[4];
     // (s1 sin t1, -s1 cos t1, c1) . o5 = along
     let radius = o5.x.hypot(o5.y);
     if radius < 1e-12 {
@@ -29,8 +29,7 @@ pub(super) fn solve(arm: &Arm, base_from_flange: &Pose, start: &[f64; 6], out: &
     for t1 in arc_cosines(sine).into_iter().flatten().map(|t| t + towards) {
         let shoulder = (rotation_z(t1) * rotation_x(alpha[1])).transpose();
         let m = shoulder * r;
-        wrist::solve(&m, alpha[4], alpha[5], start[1] + start[2] + start[3], |[sum, t5, t6]| {
-            let (s4, c4) = alpha[4].sin_cos();
+        wrist::solve(&m, twist[4], twist[5], start[1] + start[2] + start[3], |[sum, t5, t6]| {
             let five = Vector3::new(a[4], -s4 * d[4], c4 * d[4]);
             let o4 = shoulder * o5 - rotation_z(sum) * five - Vector3::new(a[1], 0.0, 0.0);
             let reach2 = o4.x * o4.x + o4.y * o4.y;

@@ -1,14 +1,14 @@
 //! The three angles of `M = Rz(t1) Rx(a1) Rz(t2) Rx(a2) Rz(t3)`.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
-use crate::pose::{rotation_x, rotation_z};
+/// A twist that is the same at every pose: sine and cosine of it.
+pub(super) type Twist = (f64, f64);
 
 /// Both solutions `[t1, t2, t3]`; where axes 1 and 3 coincide there is one for each choice of t1, and `start` is chosen.
 /// Nothing where no t2 fits, which for a true rotation and axes at right angles does not happen.
-pub(super) fn solve(m: &Matrix3<f64>, a1: f64, a2: f64, start: f64, mut found: impl FnMut([f64; 3])) {
-    let (s1, c1) = a1.sin_cos();
-    let (s2, c2) = a2.sin_cos();
+pub(super) fn solve(m: &Matrix3<f64>, a1: Twist, a2: Twist, start: f64, mut found: impl FnMut([f64; 3])) {
+    let ((s1, c1), (s2, c2)) = (a1, a2);
     // z component of M z: c1 c2 - s1 s2 cos t2
     let cosine = (c1 * c2 - m[(2, 2)]) / (s1 * s2);
     if cosine.abs() > 1.02 {
@@ -22,12 +22,17 @@ pub(super) fn solve(m: &Matrix3<f64>, a1: f64, a2: f64, start: f64, mut found: i
     };
     let branches: &[f64] =
         if t2.abs() < 1e-9 || (std::f64::consts::PI - t2).abs() < 1e-9 { &[1.0] } else { &[1.0, -1.0] };
+    let (sin, cos) = t2.sin_cos();
     for sign in branches {
-        let t2 = t2 * sign;
-        // M z = Rz(t1) u
-        let u = rotation_x(a1) * rotation_z(t2) * rotation_x(a2).column(2);
-        let t1 = if u.x.hypot(u.y) < 1e-9 { start } else { m[(1, 2)].atan2(m[(0, 2)]) - u.y.atan2(u.x) };
-        let rest = (rotation_z(t1) * rotation_x(a1) * rotation_z(t2) * rotation_x(a2)).transpose() * m;
-        found([t1, t2, rest[(1, 0)].atan2(rest[(0, 0)])]);
+        let (t2, sin) = (t2 * sign, sin * sign);
+        // columns of Rx(a1) Rz(t2) Rx(a2); M z = Rz(t1) z
+        let x = Vector3::new(cos, c1 * sin, s1 * sin);
+        let before = (Vector3::new(-sin, c1 * cos, s1 * cos), Vector3::new(0.0, -s1, c1));
+        let (y, z) = (before.0 * c2 + before.1 * s2, before.1 * c2 - before.0 * s2);
+        let t1 = if z.x * z.x + z.y * z.y < 1e-18 { start } else { m[(1, 2)].atan2(m[(0, 2)]) - z.y.atan2(z.x) };
+        // what is left of M's first column after Rz(t1), along x and y
+        let (s, c) = t1.sin_cos();
+        let left = Vector3::new(c * m[(0, 0)] + s * m[(1, 0)], c * m[(1, 0)] - s * m[(0, 0)], m[(2, 0)]);
+        found([t1, t2, y.dot(&left).atan2(x.dot(&left))]);
     }
 }

@@ -242,6 +242,7 @@ fn hidden_backlash_is_found_at_its_joint() {
     assert_eq!((f.effect.as_str(), &f.site), ("lost_motion_direction", &serde_json::json!({ "joint": 4 })));
     assert!((f.coefficients[0].value - 0.01).abs() < 5.0 * f.coefficients[0].sd.unwrap());
     assert!(f.evidence.holdout_rms_after_mm < 0.7 * f.evidence.holdout_rms_before_mm);
+    assert!(f.evidence.forward_rms_after_mm < 0.7 * f.evidence.forward_rms_before_mm);
     assert!(d.unexplained.is_none());
 }
 

@@ -31,6 +31,10 @@ pub struct Evidence {
     pub holdout_rms_before_mm: f64,
     /// And with it.
     pub holdout_rms_after_mm: f64,
+    /// Error at the last quarter of the poses by a fit to those before, without this one.
+    pub forward_rms_before_mm: f64,
+    /// And with it.
+    pub forward_rms_after_mm: f64,
 }
 
 /// Another explanation that the data cannot exclude.

@@ -68,6 +68,27 @@ pub(super) fn ordered(search: &Search<'_>, start: &Stage, mut groups: Vec<Group>
     out
 }
 
+/// Root mean square position errors, mm, at poses that the fit did not see.
+#[derive(Clone, Copy)]
+pub(super) struct Proof {
+    /// By blocks: each pose by a fit without its fold.
+    pub(super) blocks: f64,
+    /// The last quarter of the poses, by a fit to those before.
+    pub(super) forward: f64,
+}
+
+/// How well the baseline with the candidates of `set` predicts what it was not fitted to.
+pub(super) fn prove(design: &Design, set: &[usize], poses: &[usize]) -> Proof {
+    let rms = |errors: &[f64]| ErrorSummary::of(errors).rms_mm;
+    Proof { blocks: rms(&held_out(design, set, poses)), forward: rms(&forward_in_time(design, set, poses)) }
+}
+
+/// Position errors of the last quarter of the poses, by a fit to those before.
+pub(super) fn forward_in_time(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
+    let three_quarters = poses[(poses.len() * 3) / 4];
+    design.held_out(set, &|p| p < three_quarters, &|p| p >= three_quarters)
+}
+
 /// Position errors of all poses, each scored by a fit without its fold: pose k is in fold k mod 4.
 pub(super) fn held_out(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
     let fold = |p: usize| poses.binary_search(&p).map_or(0, |i| i % 4);
@@ -107,7 +128,7 @@ pub(super) fn finding(
     group: &Group,
     others: &[usize],
     model: &Model,
-    held_out: (f64, f64),
+    [before, after]: [Proof; 2],
 ) -> (Finding, Vec<Candidate>) {
     let first = group.members[0];
     let local = search.candidates;
@@ -168,8 +189,10 @@ pub(super) fn finding(
         evidence: Evidence {
             delta_bic,
             p_value: f_test(search, stage, dss, rank),
-            holdout_rms_before_mm: held_out.0,
-            holdout_rms_after_mm: held_out.1,
+            holdout_rms_before_mm: before.blocks,
+            holdout_rms_after_mm: after.blocks,
+            forward_rms_before_mm: before.forward,
+            forward_rms_after_mm: after.forward,
         },
         rivals,
         next_measurements,
@@ -182,7 +205,7 @@ pub(super) fn unexplained_from(
     stage: &Stage,
     group: &Group,
     model: &Model,
-    held_out: (f64, f64),
+    [before, after]: [Proof; 2],
     data: &Dataset,
 ) -> Unexplained {
     let first = &search.candidates[group.members[0]];
@@ -202,8 +225,8 @@ pub(super) fn unexplained_from(
         variable: located.variable,
         region: located.region,
         rms_mm,
-        holdout_rms_before_mm: held_out.0,
-        holdout_rms_after_mm: held_out.1,
+        holdout_rms_before_mm: before.blocks,
+        holdout_rms_after_mm: after.blocks,
         curve: located.curve,
         curve_units: located.units,
     }

@@ -40,8 +40,8 @@ use crate::identify::ErrorSummary;
 
 use alternatives::Grounds;
 use explain::{
-    at_same_place, beside_unknown, blind, finding, grouped, held_out, lack_of_fit, left_over, noise_of, of_one_kind,
-    ordered, unexplained_from, unknowns,
+    at_same_place, beside_unknown, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, left_over,
+    noise_of, of_one_kind, ordered, prove, unexplained_from, unknowns,
 };
 use work::Work;
 
@@ -78,19 +78,19 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let mut grounds = Vec::new();
     let mut unexplained = Vec::new();
     let mut so_far: Vec<usize> = Vec::new();
-    let none = cv(&[]);
-    let mut before_rms = ErrorSummary::of(&none).rms_mm;
+    let none = prove(&design, &[], &poses);
+    let mut before = none;
     for (k, group) in groups.iter().enumerate() {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
         progress(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving");
         so_far.extend(&group.members);
-        let after_rms = ErrorSummary::of(&cv(&so_far)).rms_mm;
+        let after = prove(&design, &so_far, &poses);
         let others: Vec<usize> = chosen.iter().filter(|c| !group.members.contains(c)).copied().collect();
         let stage = search.with(&start, &others);
         if candidates[group.members[0]].effect == locators::UNEXPLAINED {
-            unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, (before_rms, after_rms), kept));
+            unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, [before, after], kept));
         } else {
-            let (mut f, rivals) = finding(&search, &stage, group, &others, &fitted.model, (before_rms, after_rms));
+            let (mut f, rivals) = finding(&search, &stage, group, &others, &fitted.model, [before, after]);
             let own = stage.ss - full.ss;
             let doubt = judge.doubt(&full, &stage, own, &|site| at_same_place(site, &f.site));
             let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, candidates);
@@ -99,7 +99,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
             let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
             grounds.push((members, rivals));
         }
-        before_rms = after_rms;
+        before = after;
     }
 
     unexplained.extend(left_over(
@@ -128,15 +128,14 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let errors = fitted.errors()?;
     let last = ErrorSummary::of(&cv(chosen));
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, kept);
-    let three_quarters = poses[(poses.len() * 3) / 4];
-    let forward = design.held_out(chosen, &|p| p < three_quarters, &|p| p >= three_quarters);
+    let forward = forward_in_time(&design, chosen, &poses);
     let diagnosis = Diagnosis {
         baseline: Baseline {
             parameters: arm_parameters(&baseline),
             rms_mm: ErrorSummary::of(&before_errors).rms_mm,
             noise_mm: noise_of(fitted, &errors),
             lack_of_fit_p: lack_of_fit(&search, &start, chosen),
-            holdout_rms_mm: ErrorSummary::of(&none).rms_mm,
+            holdout_rms_mm: none.blocks,
             reading_noise: nuisances
                 .iter()
                 .zip(believed)

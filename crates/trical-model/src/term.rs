@@ -412,6 +412,12 @@ impl Term {
     pub fn new(name: impl Into<String>, effect: impl Into<String>, site: Site, basis: Basis) -> Self {
         Self { name: name.into(), effect: effect.into(), site, basis, value: 0.0, sd: None }
     }
+
+    /// Whether both do the same for the same reason: effect, site and basis, whatever their names and coefficients.
+    #[must_use]
+    pub fn does_as(&self, other: &Self) -> bool {
+        self.effect == other.effect && self.site == other.site && self.basis == other.basis
+    }
 }
 
 /// What a site consists of, after `Across`, `AllJoints` and `Links` are resolved. Indices are 0-based.

@@ -103,9 +103,8 @@ impl Diagnosis {
 
     /// Where in the model a candidate's terms are.
     fn places(&self, c: &Candidate) -> Vec<usize> {
-        let same = |a: &Term, b: &Term| a.effect == b.effect && a.site == b.site && a.basis == b.basis;
         let terms = self.model.terms.iter().enumerate();
-        terms.filter(|(_, m)| c.terms.iter().any(|t| same(t, m))).map(|(k, _)| k).collect()
+        terms.filter(|(_, m)| c.terms.iter().any(|t| t.does_as(m))).map(|(k, _)| k).collect()
     }
 
     /// After the last measurement, at its temperature and load.

@@ -100,7 +100,7 @@ pub(super) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient>
         .terms
         .iter()
         .filter_map(|t| {
-            let fitted = model.terms.iter().find(|m| m.site == t.site && m.basis == t.basis && m.effect == t.effect)?;
+            let fitted = model.terms.iter().find(|m| m.does_as(t))?;
             let u = unit(fitted);
             // a gap is what it measures: positive, though it adds to the angle against the sense of motion
             let sign = if fitted.basis.sense.is_some() { -1.0 } else { 1.0 };

@@ -189,7 +189,7 @@ pub fn describe<'a>(
         (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));
     let terms: Vec<&Term> = members
         .flat_map(|c| &c.terms)
-        .filter_map(|t| model.terms.iter().find(|m| m.site == t.site && m.basis == t.basis && m.effect == t.effect))
+        .filter_map(|t| model.terms.iter().find(|m| m.does_as(t)))
         .filter(|t| t.basis.of == variable && t.basis.sense == basis.sense)
         .collect();
     let at = |u: f64| terms.iter().map(|t| t.value * t.basis.shape.at(u).0).sum::<f64>();

@@ -9,7 +9,7 @@ use crate::diagnose::recorded::Recorded;
 pub const EFFECT: Effect = Effect {
     name: "axis_wobble",
     site: "joint",
-    form: "bearing run-out: the axis tilts about x and y with sin(n q_j), cos(n q_j), n = 1, 2",
+    form: "bearing run-out: the axis tilts about x and y, at the joint's origin or its foot, with sin(n q_j), cos(n q_j), n = 1, 2",
     needs: "-",
     typical: "0.003 to 0.03 deg",
     rivals: "joint_harmonic, axis_twist, geometry",

@@ -9,7 +9,7 @@ use crate::diagnose::recorded::Recorded;
 pub const EFFECT: Effect = Effect {
     name: "cross_axis_compliance",
     site: "joint",
-    form: "bearing and link give way across the axis: rotation k M_perp",
+    form: "bearing and link give way across the axis: rotation k M_perp about the joint's origin or its foot (joint 1: base and table, its foot)",
     needs: "masses",
     typical: "1e-5 to 4e-4 rad/Nm",
     rivals: "payload, axis_wobble; mostly absorbed by the geometry",

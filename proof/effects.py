@@ -316,7 +316,7 @@ class Family:
     tracker: bool = True
 
 
-# Tilts turn about a point of the axis, `back` of the offset d before the origin of the joint's frame: the bearing stands
+# Tilts turn about a point of the axis, `back` of the offset d before the origin of the joint's frame: the bearing is
 # somewhere on it. At joint 1 base and table give way, at the foot.
 
 

@@ -141,6 +141,23 @@ fn measuring_a_virtual_cell_from_another_process() {
 }
 
 #[test]
+fn an_mcap_recording_is_read_in_passes_as_its_csv_is() {
+    let p = Place::new();
+    let run = |args: &[&str]| {
+        let o = p.run(args);
+        assert!(o.status.success(), "{args:?}: {}", String::from_utf8_lossy(&o.stderr));
+        String::from_utf8(o.stdout).unwrap()
+    };
+    run(&["demo", "--out", "demo"]);
+    run(&["convert", "demo/run.mcap", "run.csv"]);
+    let of = |recording: &str| run(&[identify(recording).as_slice(), &["--stream", "--json"]].concat());
+    assert_eq!(of("demo/run.mcap"), of("run.csv").replace("run.csv", "demo/run.mcap"));
+    let bytes = std::fs::read(p.path("demo/run.mcap")).unwrap();
+    std::fs::write(p.path("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
+    p.refuses(&[identify("cut.mcap").as_slice(), &["--stream"]].concat(), &["cut.mcap: is cut", "trical convert"]);
+}
+
+#[test]
 fn bad_recordings_are_refused_with_file_line_and_column() {
     let place = Place::new();
     let row = "1,10,20,30,40,50,60,0.001,0.002,0.003\n";

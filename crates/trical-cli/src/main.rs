@@ -8,6 +8,7 @@ mod fault_script;
 mod hidden;
 mod input;
 mod interrupt;
+mod large;
 mod measure_view;
 mod picture;
 mod plan_report;

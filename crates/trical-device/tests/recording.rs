@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::{Gantry, options, plan};
-use trical_device::record::{Attachment, RunLog, write_recording};
+use trical_device::record::{Attachment, RunLog, each_row, write_recording};
 use trical_device::{
     CellOptions, Header, JointSample, PlanEntry, ProcedureOptions, Progress, ReadRecording, RecordError,
     RecordingWriter, VirtualCell, open_controller, open_gauge, read_recording, run,
@@ -150,6 +150,35 @@ fn a_file_cut_anywhere_gives_all_complete_measurements() {
 }
 
 #[test]
+fn rows_come_one_by_one_as_they_do_at_once_and_a_cut_file_is_refused() {
+    let (folder, path, _) = recorded(6);
+    let mut rows = Vec::new();
+    let joints = each_row(&path, &mut |row| {
+        rows.push(row);
+        Ok(())
+    });
+    let whole = read_recording(&path).unwrap().recording;
+    assert_eq!(joints.unwrap(), whole.joints);
+    assert_eq!(rows, whole.rows);
+
+    let bytes = std::fs::read(&path).unwrap();
+    let cut = folder.path().join("cut.mcap");
+    for length in (0..bytes.len()).step_by(97) {
+        std::fs::write(&cut, &bytes[..length]).unwrap();
+        let end = each_row(&cut, &mut |_| Ok(()));
+        let read = read_recording(&cut);
+        // what is lost behind the end record is lost to nobody
+        let lost = read.map_or(true, |r| r.lost.is_some());
+        assert_eq!(end.is_err(), lost, "cut at {length}: {end:?}");
+        if let Err(e) = end {
+            assert!(e.to_string().contains("cut.mcap"), "{e}");
+        }
+    }
+    let stop = || RecordError::Unreadable { path: path.clone(), problem: "enough".into() };
+    assert!(matches!(each_row(&path, &mut |_| Err(stop())), Err(RecordError::Unreadable { .. })));
+}
+
+#[test]
 fn bytes_that_changed_are_an_error_or_a_shorter_recording_never_a_panic() {
     let (folder, path, _) = recorded(3);
     let bytes = std::fs::read(&path).unwrap();
@@ -162,7 +191,9 @@ fn bytes_that_changed_are_an_error_or_a_shorter_recording_never_a_panic() {
         bytes[at] ^= 0xFF;
         std::fs::write(&broken, &bytes).unwrap();
         if let Ok(read) = read_recording(&broken) {
-            assert!(read.recording.rows.iter().all(|row| rows.contains(row)), "a wrong row, byte {at}");
+            // their numbers change where one is lost before them
+            let one_of = |row: &Row| rows.iter().any(|r| *row == Row { line: row.line, ..*r });
+            assert!(read.recording.rows.iter().all(one_of), "a wrong row, byte {at}");
             recovered += read.recording.rows.len();
             tried += 1;
         }

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`recording_csv`] | recordings as CSV |
+//! | [`recording_csv`], [`csv_layout`] | recordings as CSV, read and written |
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`start`], [`trilateration`] | closed-form starting values |
@@ -19,6 +19,7 @@
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod caution;
+pub mod csv_layout;
 pub mod dataset;
 pub mod degenerate;
 pub mod diagnose;
@@ -45,6 +46,7 @@ pub mod units;
 pub mod validate;
 
 pub use caution::cautions;
+pub use csv_layout::{Layout, write_csv};
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose};
 pub use error::{IdentError, Result};
@@ -55,7 +57,7 @@ pub use joint_choice::{clean, diagnose_recordings};
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
-pub use recording_csv::{load_csv, parse_csv, write_csv};
+pub use recording_csv::{load_csv, parse_csv};
 pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{CsvStream, Sample, Streamed, identify_stream};

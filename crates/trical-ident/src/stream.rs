@@ -84,14 +84,8 @@ impl Source {
         IdentError::File { file: self.name.clone(), problem: problem.into() }
     }
 
-    fn open(path: &Path) -> Result<Self> {
-        let mut this = Self {
-            path: path.to_owned(),
-            name: path.display().to_string(),
-            header: csv::StringRecord::new(),
-            offset: 0,
-            bytes: 0,
-        };
+    fn open(path: &Path, name: String) -> Result<Self> {
+        let mut this = Self { path: path.to_owned(), name, header: csv::StringRecord::new(), offset: 0, bytes: 0 };
         let file = File::open(path).map_err(|e| this.error(format!("cannot be read: {e}")))?;
         this.bytes = file.metadata().map_err(|e| this.error(format!("cannot be read: {e}")))?.len();
         let mut line = Vec::new();
@@ -194,7 +188,15 @@ impl CsvStream {
     /// A file that cannot be read, or a header that is not a recording's. Fixed references, since a pose is registered by them
     /// with a view to all others.
     pub fn open(paths: &[PathBuf], joints: usize) -> Result<Self> {
-        let files = paths.iter().map(|p| Source::open(p)).collect::<Result<Vec<_>>>()?;
+        Self::open_as(paths.iter().map(|p| (p.clone(), p.display().to_string())), joints)
+    }
+
+    /// As [`Self::open`]; each file comes with the name that messages give it: a CSV may stand for another recording.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn open_as(files: impl IntoIterator<Item = (PathBuf, String)>, joints: usize) -> Result<Self> {
+        let files = files.into_iter().map(|(path, name)| Source::open(&path, name)).collect::<Result<Vec<_>>>()?;
         for f in &files {
             if Parser::new(&f.name, &f.header, joints)?.has_references() {
                 return Err(f.error(

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
-    CsvStream, Dataset, ErrorSummary, Identified, KnownParameters, ModelFile, ParameterSet, Rejected, Streamed,
-    cautions, clean, cross_validate, forward_in_time, identify, identify_stream, shown,
+    Dataset, ErrorSummary, Identified, KnownParameters, ModelFile, ParameterSet, Rejected, Streamed, cautions, clean,
+    cross_validate, forward_in_time, identify, identify_stream, shown,
 };
 use trical_model::{Cell, Recording, Robot};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
+use crate::large::passes;
 use crate::{say, table};
 
 /// Which parameters to identify.
@@ -70,41 +71,12 @@ pub struct Args {
     /// Keep gross errors instead of rejecting them
     #[arg(long)]
     keep_outliers: bool,
-    /// Read CSV recordings in passes, in memory that does not grow with their rows; by itself above 32 MB
+    /// Read recordings in passes, in memory that does not grow with their rows; by itself for a CSV above 32 MB
     #[arg(long, conflicts_with_all = ["cross_validate", "hold_out_last"])]
     stream: bool,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
-}
-
-/// Recordings beyond this are read in passes, bytes: some 300 000 touches.
-const LARGE: u64 = 32 << 20;
-
-/// The recordings to be read in passes, where they are large and of a kind that can be.
-fn stream(args: &Args, joints: usize) -> Result<Option<CsvStream>> {
-    let mut bytes = 0;
-    for path in &args.recordings {
-        let named_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-        if named_mcap || input::is_mcap(path)? {
-            return match args.stream {
-                false => Ok(None),
-                true => Err(CliError::Input(format!(
-                    "{}: --stream reads CSV recordings only; trical convert makes one of an MCAP recording",
-                    path.display()
-                ))),
-            };
-        }
-        bytes += std::fs::metadata(path).map_or(0, |m| m.len());
-    }
-    if args.stream {
-        return Ok(Some(CsvStream::open(&args.recordings, joints)?));
-    }
-    if bytes <= LARGE || args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some() {
-        return Ok(None);
-    }
-    // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
-    Ok(CsvStream::open(&args.recordings, joints).ok())
 }
 
 /// Cleans and chooses the joints.
@@ -125,11 +97,13 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
     let options = trical_ident::Choice::new(set, &args.compliant, robot.dof())?.knowing(known);
-    let found = match stream(args, robot.dof())? {
-        Some(stream) => {
+    let all_at_once = args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some();
+    let found = match passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
+        Some(passes) => {
+            let stream = &passes.stream;
             let sample = stream.sample()?;
             let data = prepare(args, &robot, &cell, &sample.recordings)?;
-            let streamed = identify_stream(&robot, &cell, &stream, &data, options, args.keep_outliers)?;
+            let streamed = identify_stream(&robot, &cell, stream, &data, options, args.keep_outliers)?;
             Found::of_stream(streamed)
         }
         None => {

@@ -19,7 +19,7 @@ use trical_model::recording::{Recording, Row};
 
 use crate::motion::JointSample;
 
-pub use read::{read_bytes, read_recording};
+pub use read::{each_row, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 
 /// A file inside a recording.

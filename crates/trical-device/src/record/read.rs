@@ -1,13 +1,15 @@
 //! Reading of recordings, whole or cut.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::Path;
 
 use serde_json::Value;
 use trical_model::recording::{MAX_JOINTS, Recording, Row};
 
 use super::cdr::JointState;
-use super::walk::{MAGIC, RawFile, RawMessage, walk};
+use super::walk::{Channels, MAGIC, RawFile, RawMessage, walk, walk_pieces};
 use super::{IndicatorSample, ReadRecording, RecordError, json, schema};
 use crate::motion::{JointSample, MotionSense};
 
@@ -36,12 +38,15 @@ pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
 }
 
 fn raw_of(path: &Path, bytes: &[u8]) -> Result<RawFile, RecordError> {
-    let Some(body) = bytes.strip_prefix(&MAGIC) else {
-        let begin = bytes.get(..MAGIC.len()).unwrap_or(bytes);
-        let found = if begin.is_empty() { "nothing".to_owned() } else { format!("\"{}\"", begin.escape_ascii()) };
-        return Err(RecordError::NotMcap { path: path.to_owned(), found });
-    };
+    let Some(body) = bytes.strip_prefix(&MAGIC) else { return Err(not_mcap(path, bytes)) };
     walk(body).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
+}
+
+/// What stands where the magic bytes should.
+fn not_mcap(path: &Path, bytes: &[u8]) -> RecordError {
+    let begin = bytes.get(..MAGIC.len()).unwrap_or(bytes);
+    let found = if begin.is_empty() { "nothing".to_owned() } else { format!("\"{}\"", begin.escape_ascii()) };
+    RecordError::NotMcap { path: path.to_owned(), found }
 }
 
 /// What was lost of a file, as one sentence.
@@ -70,20 +75,95 @@ pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, Rec
     let mut messages: Vec<&RawMessage> = raw.messages.iter().collect();
     messages.sort_by_key(|message| message.log_time);
 
-    let mut joints: Option<usize> = None;
     let mut rows: Vec<Row> = Vec::new();
     let mut joint_states = Vec::new();
     let mut indicators = Vec::new();
-    let mut motion = MotionSense::default();
-    let mut numbers: BTreeMap<u16, usize> = BTreeMap::new();
+    let mut reader = Interpreter::new(path);
     for message in messages {
-        let Some(channel) = raw.channels.get(&message.channel) else {
-            continue;
-        };
-        let number = numbers.entry(message.channel).or_insert(0);
+        match reader.read(&raw.channels, message)? {
+            Said::Row(row) => rows.push(*row),
+            Said::Joints(q) => joint_states.push(JointSample { t: seconds_since(start_ns, message.log_time), q }),
+            Said::Indicators(sample) => indicators.push(sample),
+            Said::Nothing => {}
+        }
+    }
+    let recording = Recording { name: path.display().to_string(), joints: reader.joints.unwrap_or(0), rows };
+    Ok(ReadRecording {
+        recording,
+        attachments: raw.attachments.clone(),
+        metadata,
+        joint_states,
+        indicators,
+        start_ns,
+        lost,
+    })
+}
+
+/// Hands the measurements of a recording to `take` one after the other, in memory that does not grow with the file. Returns the
+/// number of joints.
+///
+/// # Errors
+/// As [`read_recording`]; a recording that is not whole, or whose messages do not stand in the order of time; what `take` returns.
+pub fn each_row(path: &Path, take: &mut dyn FnMut(Row) -> Result<(), RecordError>) -> Result<usize, RecordError> {
+    let file = File::open(path).map_err(RecordError::io(path, "open"))?;
+    let mut file = BufReader::with_capacity(1 << 20, file);
+    let mut magic = Vec::new();
+    (&mut file).take(MAGIC.len() as u64).read_to_end(&mut magic).map_err(RecordError::io(path, "read"))?;
+    if magic != MAGIC {
+        return Err(not_mcap(path, &magic));
+    }
+    let unreadable = |problem: String| RecordError::Unreadable { path: path.to_owned(), problem };
+    let io = |source: std::io::Error| RecordError::io(path, "read")(source);
+    let mut reader = Interpreter::new(path);
+    let mut last = 0;
+    let mut each = |channels: &Channels, message: RawMessage| {
+        let said = reader.read(channels, &message)?;
+        // the sense of motion of a measurement comes from the joints before it
+        if !matches!(said, Said::Nothing) {
+            if message.log_time < last {
+                return Err(unreadable(
+                    "its messages do not stand in the order of time, and are to be read piece by piece; expected a recording \
+                     as TriCal writes it, or one that fits into the memory"
+                        .into(),
+                ));
+            }
+            last = message.log_time;
+        }
+        if let Said::Row(row) = said { take(*row) } else { Ok(()) }
+    };
+    walk_pieces(&mut file, &mut each, &unreadable, &io)?;
+    Ok(reader.joints.unwrap_or(0))
+}
+
+/// What a message says.
+enum Said {
+    Row(Box<Row>),
+    Joints([f64; MAX_JOINTS]),
+    Indicators(IndicatorSample),
+    Nothing,
+}
+
+/// Makes sense of messages in the order of time.
+struct Interpreter<'a> {
+    path: &'a Path,
+    joints: Option<usize>,
+    moved: bool,
+    motion: MotionSense,
+    /// Messages so far of each channel.
+    numbers: BTreeMap<u16, usize>,
+}
+
+impl<'a> Interpreter<'a> {
+    fn new(path: &'a Path) -> Self {
+        Self { path, joints: None, moved: false, motion: MotionSense::default(), numbers: BTreeMap::new() }
+    }
+
+    fn read(&mut self, channels: &Channels, message: &RawMessage) -> Result<Said, RecordError> {
+        let Some(channel) = channels.get(&message.channel) else { return Ok(Said::Nothing) };
+        let number = self.numbers.entry(message.channel).or_insert(0);
         *number += 1;
         let wrong = |problem: String| RecordError::Message {
-            path: path.to_owned(),
+            path: self.path.to_owned(),
             topic: channel.topic.clone(),
             number: *number,
             problem,
@@ -99,36 +179,29 @@ pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, Rec
                 for (to, from) in q.iter_mut().zip(&state.position) {
                     *to = *from;
                 }
-                motion.push(&q);
-                joint_states.push(JointSample { t: seconds_since(start_ns, message.log_time), q });
+                self.motion.push(&q);
+                self.moved = true;
+                Ok(Said::Joints(q))
             }
             schema::MEASUREMENT => {
                 let (mut row, count) = json::row_from_json(&message.data).map_err(wrong)?;
-                match joints {
+                match self.joints {
                     Some(before) if before != count => {
                         return Err(wrong(format!("{count} joints; expected {before} as before")));
                     }
-                    _ => joints = Some(count),
+                    _ => self.joints = Some(count),
                 }
-                if row.state.dir.is_none() && !joint_states.is_empty() {
-                    row.state.dir = Some(motion.sense());
+                // that of the CSV which `trical convert` makes of it
+                row.line = *number + 1;
+                if row.state.dir.is_none() && self.moved {
+                    row.state.dir = Some(self.motion.sense());
                 }
-                rows.push(row);
+                Ok(Said::Row(Box::new(row)))
             }
-            schema::INDICATORS => indicators.push(read_indicators(&message.data).map_err(wrong)?),
-            _ => {}
+            schema::INDICATORS => Ok(Said::Indicators(read_indicators(&message.data).map_err(wrong)?)),
+            _ => Ok(Said::Nothing),
         }
     }
-    let recording = Recording { name: path.display().to_string(), joints: joints.unwrap_or(0), rows };
-    Ok(ReadRecording {
-        recording,
-        attachments: raw.attachments.clone(),
-        metadata,
-        joint_states,
-        indicators,
-        start_ns,
-        lost,
-    })
 }
 
 fn seconds_since(start_ns: u64, log_time: u64) -> f64 {

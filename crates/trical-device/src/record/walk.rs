@@ -34,10 +34,13 @@ pub(super) struct RawSchema {
     pub(super) data: Vec<u8>,
 }
 
+/// Channels by their numbers.
+pub(super) type Channels = BTreeMap<u16, RawChannel>;
+
 /// All that is whole in a file.
 #[derive(Default)]
 pub(super) struct RawFile {
-    pub(super) channels: BTreeMap<u16, RawChannel>,
+    pub(super) channels: Channels,
     pub(super) messages: Vec<RawMessage>,
     pub(super) attachments: Vec<Attachment>,
     pub(super) metadata: Vec<(String, BTreeMap<String, String>)>,
@@ -116,6 +119,68 @@ pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
         file.losses.push(format!("{} messages belong to no known channel", all - file.messages.len()));
     }
     Ok(file)
+}
+
+/// As [`walk`], of a file that is read piece by piece, and hands out messages as they come instead of keeping them. Attachments are
+/// passed over. A file that is not whole is refused.
+///
+/// # Errors
+/// What `each` returns, what the operating system says, and what is wrong with the file, each with the way to say it.
+pub(super) fn walk_pieces<E>(
+    reader: &mut dyn Read,
+    each: &mut dyn FnMut(&Channels, RawMessage) -> Result<(), E>,
+    unreadable: &dyn Fn(String) -> E,
+    io: &dyn Fn(std::io::Error) -> E,
+) -> Result<(), E> {
+    let mut file = RawFile::default();
+    let mut at = MAGIC.len() as u64;
+    let mut content = Vec::new();
+    while !file.ended {
+        let mut head = [0; 9];
+        reader.read_exact(&mut head).map_err(|e| match e.kind() {
+            std::io::ErrorKind::UnexpectedEof => {
+                unreadable(format!("is cut: it ends at byte {at} without an end record"))
+            }
+            _ => io(e),
+        })?;
+        let (opcode, mut length) = (head[0], [0; 8]);
+        length.copy_from_slice(&head[1..]);
+        let length = u64::from_le_bytes(length);
+        content.clear();
+        if opcode == ATTACHMENT {
+            let passed = std::io::copy(&mut reader.take(length), &mut std::io::sink()).map_err(io)?;
+            if passed < length {
+                return Err(unreadable(format!("is cut: it ends in the middle of a record at byte {at}")));
+            }
+        } else {
+            if length > LARGEST_CHUNK {
+                return Err(unreadable(format!(
+                    "the record at byte {at} says that it is {length} bytes long; expected at most {LARGEST_CHUNK}"
+                )));
+            }
+            reader.take(length).read_to_end(&mut content).map_err(io)?;
+            if (content.len() as u64) < length {
+                return Err(unreadable(format!("is cut: it ends in the middle of a record at byte {at}")));
+            }
+            match opcode {
+                CHUNK => file.chunk(&content, usize::try_from(at).unwrap_or(usize::MAX)).map_err(unreadable)?,
+                DATA_END => {}
+                FOOTER => file.ended = true,
+                _ if file.record(opcode, &content).is_none() => {
+                    file.losses.push(format!("the record at byte {at} is damaged"));
+                }
+                _ => {}
+            }
+        }
+        if let Some(loss) = file.losses.first() {
+            return Err(unreadable(format!("the recording is not whole ({loss})")));
+        }
+        for message in file.messages.drain(..) {
+            each(&file.channels, message)?;
+        }
+        at += 9 + length;
+    }
+    Ok(())
 }
 
 impl RawFile {

@@ -5,22 +5,19 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 use trical_ident::{Diagnosis, Finding, JointSource, Rival, site_words};
-use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
+use trical_model::{Basis, Forward, Measured, Pose, Shape, Site, State, Variable};
 
 use crate::commands::diagnose::number;
 use crate::error::Result;
+use crate::evidence::{residuals, row};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{self, Figure, Section, footer};
+use crate::report::{self, Figure, Made, Section};
 
 /// Findings with a figure of their own.
 const SHOWN: usize = 12;
 
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
-
-fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
-    cells.map(String::from).to_vec()
-}
 
 fn rivals(f: &Finding) -> String {
     f.rivals.iter().map(Rival::in_words).collect::<Vec<_>>().join(", ")
@@ -36,17 +33,6 @@ struct Seen {
     part: Vec<f64>,
 }
 
-/// Residuals of up to three numbers an observation.
-fn residuals(model: &Model, d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
-    let forward = Forward::new(model.clone(), Vec::new())?;
-    let mut ws = forward.workspace();
-    let of = |o: &trical_ident::Observation| {
-        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws).min(3);
-        Vector3::from_fn(|k, _| if k < rows { ws.residual()[k] * 1e3 } else { 0.0 })
-    };
-    Ok(d.data.observations.iter().map(of).collect())
-}
-
 fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let own = |name: &str| f.coefficients.iter().any(|c| c.name == name);
     let mut without = d.model.clone();
@@ -58,9 +44,9 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     for t in always.terms.iter_mut().filter(|t| own(&t.name)) {
         t.basis = Basis::CONSTANT;
     }
-    let with = residuals(&d.model, d)?;
-    let without = residuals(&without, d)?;
-    let always = residuals(&always, d).ok();
+    let with = residuals(&d.model, &d.data)?;
+    let without = residuals(&without, &d.data)?;
+    let always = residuals(&always, &d.data).ok();
     let mut out = Seen { before: Vec::new(), after: Vec::new(), part: Vec::new() };
     for k in 0..with.len() {
         let part = with[k] - without[k];
@@ -377,7 +363,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
 }
 
 /// The whole report.
-pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
+pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<String> {
     let verdict = if d.findings.is_empty() && d.unexplained.is_none() {
         format!(
             "The model explains the data: {} parameters leave {:.4} mm, and nothing else earns its place.",
@@ -426,7 +412,6 @@ pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
             ..Section::default()
         });
     }
-    let mut foot = footer(&d.data.names);
-    foot.push(format!("joints: {source:?}").to_lowercase());
-    report::render("TriCal: diagnosis", &verdict, &sections, &foot)
+    made.notes.push(format!("Joint angles that were believed: {source:?}.").to_lowercase().replacen('j', "J", 1));
+    report::render("TriCal: diagnosis", &verdict, &sections, &made)
 }

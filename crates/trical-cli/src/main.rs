@@ -4,8 +4,10 @@ mod blindness;
 mod commands;
 mod diagnosis_report;
 mod error;
+mod evidence;
 mod fault_script;
 mod hidden;
+mod identify_report;
 mod input;
 mod interrupt;
 mod measure_view;
@@ -17,6 +19,7 @@ mod progress;
 mod report;
 mod simulation;
 mod table;
+mod validate_report;
 
 use std::process::ExitCode;
 

@@ -259,12 +259,24 @@ fn hull(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     all
 }
 
-/// What is drawn of a plan.
+/// A dot.
+pub struct Mark {
+    /// Place in {w}, m.
+    pub place: V3,
+    /// Colour.
+    pub color: String,
+    /// What shows under the pointer.
+    pub title: String,
+}
+
+/// What is drawn of a plan or of a recording.
 pub struct Scene<'a> {
     /// Arm and cell.
     pub model: &'a CollisionModel,
     /// The touches.
     pub touches: &'a [PlanEntry],
+    /// Dots over everything.
+    pub marks: &'a [Mark],
     /// The pose in which arm and device are drawn as bodies.
     pub shown: Joints,
     /// Centre ({w}, m) and radius of the sphere in which the arm is to be accurate.
@@ -291,7 +303,11 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
         .collect();
     let base = links.first().map_or_else(V3::zeros, |b| b.translation);
     #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let middle = cell.balls.iter().sum::<V3>() / cell.balls.len().max(1) as f64;
+    let middle = if cell.balls.is_empty() {
+        scene.marks.iter().map(|m| m.place).sum::<V3>() / scene.marks.len().max(1) as f64
+    } else {
+        cell.balls.iter().sum::<V3>() / cell.balls.len() as f64
+    };
     let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
     let camera = Camera::new(view, ahead);
 
@@ -300,6 +316,7 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
     shown.extend(cell.balls.iter().copied());
     shown.extend(links.iter().map(|l| l.translation));
     shown.extend(skeletons.iter().flat_map(|s| s.1.iter().copied()));
+    shown.extend(scene.marks.iter().map(|m| m.place));
     let pad = 0.16;
     let seen: Vec<V3> = shown.iter().map(|p| camera.see(p)).collect();
     let range = |k: usize| {
@@ -386,6 +403,15 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
             let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"1.7\" fill=\"{color}\" opacity=\"0.6\"/>");
         }
         let _ = write!(svg, "{last}</g>");
+    }
+    for m in scene.marks {
+        let (x, y, _) = page.at(&m.place);
+        let title = m.title.replace('&', "&amp;").replace('<', "&lt;");
+        let _ = write!(
+            svg,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\" fill=\"{}\" fill-opacity=\"0.8\"><title>{title}</title></circle>",
+            m.color
+        );
     }
     for (k, ball) in cell.balls.iter().enumerate() {
         svg += &page.text(

@@ -9,7 +9,7 @@ use trical_model::{Basis, Forward, Measured, Pose, Shape, Site, State, Variable}
 
 use crate::commands::diagnose::number;
 use crate::error::Result;
-use crate::evidence::{residuals, row};
+use crate::evidence::{rejected, residuals, row};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::report::{self, Figure, Made, Section};
 
@@ -402,15 +402,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         ..Section::default()
     });
     if !d.rejected.is_empty() {
-        let mut rows = vec![row(["recording", "line", "why"])];
-        rows.extend(
-            d.rejected.iter().take(200).map(|r| vec![r.recording.clone(), r.line.to_string(), r.reason.clone()]),
-        );
-        sections.push(Section {
-            heading: "Rows that were not believed".into(),
-            tables: vec![rows],
-            ..Section::default()
-        });
+        sections.push(rejected(&d.rejected, d.rejected.len()));
     }
     made.notes.push(format!("Joint angles that were believed: {source:?}.").to_lowercase().replacen('j', "J", 1));
     report::render("TriCal: diagnosis", &verdict, &sections, &made)

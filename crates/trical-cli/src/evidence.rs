@@ -51,6 +51,11 @@ pub fn residuals(model: &Model, data: &Dataset) -> Result<Vec<Vector3<f64>>> {
     Ok(data.observations.iter().map(of).collect())
 }
 
+/// Where a row is: its line in a file of lines, its number in any other.
+fn line_or_row(line: usize, row: usize) -> String {
+    if line > 0 { format!("line {line}") } else { format!("row {row}") }
+}
+
 /// The pose nearest to the middle of them all.
 pub fn typical(poses: &[Joints]) -> Joints {
     let middle = poses.iter().fold([0.0; MAX_JOINTS], |mut sum, q| {
@@ -72,7 +77,7 @@ impl Errors<'_> {
         ((0..n).step_by(step).collect(), some)
     }
 
-    /// "run.csv, line 12, ball 2".
+    /// "run.csv, line 12, ball 2"; of one recording alone "line 12, ball 2".
     fn name(&self, k: usize) -> String {
         let o = &self.data.observations[k];
         let what = match o.measured {
@@ -81,8 +86,9 @@ impl Errors<'_> {
             Measured::Distance { anchor, .. } => format!(", anchor {}", anchor + 1),
             Measured::Reference { .. } | Measured::Pose { .. } => String::new(),
         };
-        let recording = self.data.names.get(o.recording).map_or("", String::as_str);
-        format!("{recording}, line {}{what}", o.line)
+        // one recording need not be named at each of its points
+        let recording = self.data.names.get(o.recording).filter(|_| self.data.names.len() > 1);
+        format!("{}{}{what}", recording.map_or_else(String::new, |r| format!("{r}, ")), line_or_row(o.line, o.row))
     }
 
     /// Errors against `x`, before and after.
@@ -153,11 +159,13 @@ impl Errors<'_> {
     }
 
     /// The arm, the balls, and where the tool was at each measurement.
-    pub fn picture(&self) -> Result<Section> {
+    pub fn pictures(&self) -> Result<Vec<Section>> {
         let heading = "Where it was measured".to_owned();
         let solids = match CollisionModel::new(&self.model.robot, &self.model.cell) {
             Ok(solids) => solids,
-            Err(e) => return Ok(Section { heading, text: vec![format!("No picture: {e}.")], ..Section::default() }),
+            Err(e) => {
+                return Ok(vec![Section { heading, text: vec![format!("No picture: {e}.")], ..Section::default() }]);
+            }
         };
         let o = &self.data.observations;
         let forward = Forward::new(self.model.clone(), Vec::new())?;
@@ -197,19 +205,23 @@ impl Errors<'_> {
         if step > 1 {
             caption += &format!(" Every {step}th of {} measurements is drawn.", o.len());
         }
-        Ok(Section {
-            heading,
-            text: vec![
-                "The model was tried between the lowest and the highest angle of each joint below; beyond, it extrapolates.".into(),
-            ],
-            tables: vec![coverage(&self.model.robot, &poses)],
-            figures: vec![
-                Figure { caption, svg: picture::draw(&scene, View::Oblique, 900.0) },
-                Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
-                Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
-            ],
-            ..Section::default()
-        })
+        let others = vec![
+            Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
+            Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
+        ];
+        Ok(vec![
+            Section {
+                heading,
+                text: vec![
+                    "The model was tried between the lowest and the highest angle of each joint below; beyond, it extrapolates."
+                        .into(),
+                ],
+                tables: vec![coverage(&self.model.robot, &poses)],
+                figures: vec![Figure { caption, svg: picture::draw(&scene, View::Oblique, 900.0) }],
+                ..Section::default()
+            },
+            Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
+        ])
     }
 }
 
@@ -248,8 +260,10 @@ pub fn rejected(named: &[Rejected], all: usize) -> Section {
     if all == 0 {
         return Section { heading, text: vec!["No row was rejected.".into()], ..Section::default() };
     }
-    let mut rows = vec![row(["recording", "line", "why"])];
-    rows.extend(named.iter().take(ROWS).map(|r| vec![r.recording.clone(), r.line.to_string(), r.reason.clone()]));
+    let mut rows = vec![row(["recording", "where", "why"])];
+    rows.extend(
+        named.iter().take(ROWS).map(|r| vec![r.recording.clone(), line_or_row(r.line, r.row), r.reason.clone()]),
+    );
     let more = all - named.len().min(ROWS);
     let text = if more > 0 { vec![format!("{more} more are not listed.")] } else { Vec::new() };
     Section { heading, text, tables: vec![rows], ..Section::default() }

@@ -92,9 +92,8 @@ fn verdict(t: &Told<'_>, concerns: usize) -> String {
         t.after.mean_mm,
         t.after.max_mm
     );
-    if let Some((name, e)) = t.unseen.first() {
-        out +=
-            &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}; {name}).", e.mean_mm, e.max_mm);
+    if let Some((_, e)) = t.unseen.first() {
+        out += &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
     out += &match concerns {
         0 => " Nothing that was checked speaks against the model where it was measured.".to_owned(),
@@ -166,10 +165,9 @@ pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
             ..Section::default()
         },
         one_by_one,
-        errors.picture()?,
-        parameters(t),
-        evidence::rejected(t.named, t.rejected),
     ]);
+    sections.extend(errors.pictures()?);
+    sections.extend([parameters(t), evidence::rejected(t.named, t.rejected)]);
     made.notes
         .push(format!("Joint angles that were believed: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
     report::render("TriCal: identification", &verdict, &sections, &made)

@@ -180,7 +180,7 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
                     .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], color.stroke_width(2)));
             } else {
                 chart
-                    .draw_series(s.points.iter().map(|p| Circle::new(*p, 2, color.mix(0.55).filled())))
+                    .draw_series(s.points.iter().map(|p| Circle::new(*p, 3, color.mix(0.65).filled())))
                     .map_err(failed)?
                     .label(s.name)
                     .legend(move |(x, y)| Circle::new((x + 7, y), 4, color.filled()));

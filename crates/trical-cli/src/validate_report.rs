@@ -91,7 +91,9 @@ pub fn render(
             tables: vec![regions],
             ..Section::default()
         },
-        errors.picture()?,
+    ]);
+    sections.extend(errors.pictures()?);
+    sections.extend([
         Section {
             heading: "Parameters of the model".into(),
             text: vec![

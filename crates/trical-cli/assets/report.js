@@ -40,7 +40,7 @@
       ],
       cursor: { dataIdx: nearest, drag: { x: true, y: true, uni: 30 } },
       series: [
-        { label: plot.x.split(",")[0], value: (_, v, __, k) => (v == null ? "-" : round(v) + (plot.rows[k] ? " (" + plot.rows[k] + ")" : "")) },
+        { label: plot.x.replace(/, in the order.*/, ""), value: (_, v, __, k) => (v == null ? "-" : round(v) + (plot.rows[k] ? " (" + plot.rows[k] + ")" : "")) },
         ...plot.series.map((s) => ({
           label: s.name,
           stroke: s.color,

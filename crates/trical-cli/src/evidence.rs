@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use trical_ident::{Dataset, Rejected, shown};
+use trical_ident::{Dataset, ErrorSummary, Rejected, shown};
 use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
 use trical_plan::{CollisionModel, PlanEntry};
 
@@ -73,7 +73,7 @@ impl Errors<'_> {
     fn drawn(&self) -> (Vec<usize>, String) {
         let n = self.after.len();
         let step = n.div_ceil(POINTS).max(1);
-        let some = if step > 1 { format!(" Every {step}th of {n} is drawn.") } else { String::new() };
+        let some = if step > 1 { format!(" One in {step} of {n} is drawn.") } else { String::new() };
         ((0..n).step_by(step).collect(), some)
     }
 
@@ -203,7 +203,7 @@ impl Errors<'_> {
             caption += " Thin lines are the arm at the touches, each in the colour of its ball.";
         }
         if step > 1 {
-            caption += &format!(" Every {step}th of {} measurements is drawn.", o.len());
+            caption += &format!(" One in {step} of {} measurements is drawn.", o.len());
         }
         let others = vec![
             Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
@@ -267,6 +267,21 @@ pub fn rejected(named: &[Rejected], all: usize) -> Section {
     let more = all - named.len().min(ROWS);
     let text = if more > 0 { vec![format!("{more} more are not listed.")] } else { Vec::new() };
     Section { heading, text, tables: vec![rows], ..Section::default() }
+}
+
+/// Noise alike along all axes passes 3 times the rms of positions once in 170 000 (Maxwell's distribution).
+const TAIL: f64 = 3.0;
+
+/// A largest error that noise would hardly make; lengths alone have a longer tail and are left out.
+pub fn long_tail(e: &ErrorSummary, data: &Dataset) -> Option<String> {
+    let lengths = data.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
+    (!lengths && e.max_mm > TAIL * e.rms_mm).then(|| {
+        format!(
+            "The largest error is {:.1} times the rms, more than noise alike in all directions would make: trical diagnose asks \
+             what the model lacks.",
+            e.max_mm / e.rms_mm
+        )
+    })
 }
 
 /// How many standard deviations to each side hold 95 %, when so many numbers were measured beyond what the parameters need.

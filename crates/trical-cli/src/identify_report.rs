@@ -58,6 +58,7 @@ fn concerns(t: &Told<'_>) -> Vec<String> {
                 .into(),
         );
     }
+    out.extend(evidence::long_tail(t.after, &f.data));
     if t.rejected > 0 {
         out.push(format!(
             "{} of {} rows were rejected; each is named below with its reason.",

@@ -11,6 +11,7 @@ mod identify_report;
 mod input;
 mod interrupt;
 mod measure_view;
+mod outline;
 mod picture;
 mod plan_report;
 mod plant;

@@ -107,7 +107,8 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
             let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
             let (uplot_js, report_js) =
                 (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
-            t.render(context! { title, verdict, sections, made, live, uplot_css, uplot_js, report_js })
+            let uplot_license = include_str!("../assets/uPlot.LICENSE");
+            t.render(context! { title, verdict, sections, made, live, uplot_css, uplot_license, uplot_js, report_js })
         })
         .map_err(|e| CliError::Failed(format!("the report could not be written: {e}")))
 }

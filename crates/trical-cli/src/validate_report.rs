@@ -29,6 +29,7 @@ fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Vec<String> {
     if lost > 0 && v.after.mean_mm < v.before.mean_mm {
         out.push(format!("In {lost} of {} regions the model is no better than the nominal arm.", v.regions.len()));
     }
+    out.extend(evidence::long_tail(&v.after, &v.data));
     if rejected > 0 {
         out.push(format!("{rejected} rows were rejected; each is named below with its reason."));
     }

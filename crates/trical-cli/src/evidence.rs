@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use trical_ident::{Dataset, ErrorSummary, Rejected, shown};
+use trical_ident::{Dataset, ErrorSummary, Noise, Rejected, shown};
 use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
 use trical_plan::{CollisionModel, PlanEntry};
 
@@ -282,6 +282,46 @@ pub fn long_tail(e: &ErrorSummary, data: &Dataset) -> Option<String> {
             e.max_mm / e.rms_mm
         )
     })
+}
+
+/// What is left of the residuals beyond this multiple of the usual noise is worth a word.
+const UNUSUAL: f64 = 3.0;
+
+/// The section of concerns, and what else was looked at.
+pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
+    Section {
+        heading: "To be looked at before signing".into(),
+        text: vec![format!(
+            "Checked: rejected rows, errors at poses that the fit did not use, the largest error against the rms, what is left \
+             against usual noise, {also}.{}",
+            if concerns.is_empty() { " None of it gives cause for concern." } else { "" }
+        )],
+        list: concerns,
+        ..Section::default()
+    }
+}
+
+/// Recordings of which more is left than the usual noise of their kind.
+pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
+    let usual = Noise::usual(data.names.len());
+    let mut sums = vec![(0.0, 0.0); data.names.len()];
+    for (o, r) in data.observations.iter().zip(residuals(model, data)?) {
+        let sigma = usual.sigma(o.recording, &o.measured, 0) * 1e3;
+        let (square, n) = &mut sums[o.recording];
+        *square += (r / sigma).norm_squared();
+        *n += if matches!(o.measured, Measured::Distance { .. }) { 1.0 } else { 3.0 };
+    }
+    let factor = sums.into_iter().map(|(square, n)| if n > 0.0 { (square / n).sqrt() } else { 0.0 });
+    let far = data.names.iter().zip(factor).filter(|(_, f)| *f > UNUSUAL);
+    Ok(far
+        .map(|(name, f)| {
+            format!(
+                "What is left in {name} is {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
+                 0.05 mm for poses): either it was measured that much worse, or the model lacks something, and trical diagnose \
+                 asks what."
+            )
+        })
+        .collect())
 }
 
 /// How many standard deviations to each side hold 95 %, when so many numbers were measured beyond what the parameters need.

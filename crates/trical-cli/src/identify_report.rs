@@ -35,7 +35,7 @@ pub struct Told<'a> {
 }
 
 /// What speaks against signing, in one sentence each.
-fn concerns(t: &Told<'_>) -> Vec<String> {
+fn concerns(t: &Told<'_>) -> Result<Vec<String>> {
     let f = t.fitted;
     let mut out = Vec::new();
     if t.after.mean_mm >= t.before.mean_mm {
@@ -58,6 +58,7 @@ fn concerns(t: &Told<'_>) -> Vec<String> {
                 .into(),
         );
     }
+    out.extend(evidence::beyond_noise(&f.model, &f.data)?);
     out.extend(evidence::long_tail(t.after, &f.data));
     if t.rejected > 0 {
         out.push(format!(
@@ -73,7 +74,7 @@ fn concerns(t: &Told<'_>) -> Vec<String> {
     if !stopped.is_empty() {
         out.push(format!("Stopped by a limit of --known, which the data would pass: {}.", stopped.join(", ")));
     }
-    out
+    Ok(out)
 }
 
 fn sentence(text: &str) -> String {
@@ -144,14 +145,13 @@ pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
     let f = t.fitted;
     let after = f.errors()?;
     let errors = Errors { model: &f.model, data: &f.data, before: t.each_before, after: &after };
-    let list = concerns(t);
+    let list = concerns(t)?;
     let verdict = verdict(t, list.len());
     let mut rows = vec![("before: nominal arm", t.before), ("after: identified", t.after)];
     rows.extend(t.unseen.iter().map(|(name, e)| (name.as_str(), *e)));
     let mut sections = Vec::new();
-    if !list.is_empty() {
-        sections.push(Section { heading: "To be looked at before signing".into(), list, ..Section::default() });
-    }
+    sections
+        .push(evidence::to_be_looked_at(list, "numbers measured for each parameter, where the base came out, limits"));
     let mut one_by_one = errors.section()?;
     if after.len() < t.observations {
         one_by_one.text.push(format!("These are of a sample of {} of {} measurements.", after.len(), t.observations));

@@ -9,7 +9,7 @@ use crate::report::{self, Made, Section, error_table};
 /// A region with a mean error larger than that of all by this is worth a word.
 const WORSE: f64 = 2.0;
 
-fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Vec<String> {
+fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Result<Vec<String>> {
     let mut out = Vec::new();
     if v.after.mean_mm >= v.before.mean_mm {
         out.push("The model is no better than the nominal arm on these recordings: do not use it here.".to_owned());
@@ -29,11 +29,12 @@ fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Vec<String> {
     if lost > 0 && v.after.mean_mm < v.before.mean_mm {
         out.push(format!("In {lost} of {} regions the model is no better than the nominal arm.", v.regions.len()));
     }
+    out.extend(evidence::beyond_noise(&v.model, &v.data)?);
     out.extend(evidence::long_tail(&v.after, &v.data));
     if rejected > 0 {
         out.push(format!("{rejected} rows were rejected; each is named below with its reason."));
     }
-    out
+    Ok(out)
 }
 
 /// The whole report; `refit`: what was identified again.
@@ -46,7 +47,7 @@ pub fn render(
 ) -> Result<String> {
     let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
     let errors = Errors { model: &v.model, data: &v.data, before: &before, after: &after };
-    let list = concerns(v, file, rejected.len());
+    let list = concerns(v, file, rejected.len())?;
     let mut verdict = format!(
         "At {} measurements the model errs by {:.3} mm on average and {:.3} mm at most; the nominal arm by {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
@@ -77,9 +78,7 @@ pub fn render(
         regions.push(cells);
     }
     let mut sections = Vec::new();
-    if !list.is_empty() {
-        sections.push(Section { heading: "To be looked at before signing".into(), list, ..Section::default() });
-    }
+    sections.push(evidence::to_be_looked_at(list, "errors region by region"));
     let table = error_table(&[("before: nominal arm", &v.before), ("after: the model", &v.after)]);
     let terms = v.model.terms.iter().filter(|t| t.sd.is_some());
     sections.extend([

@@ -4,14 +4,14 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_ident::{Diagnosis, Finding, JointSource, Rival, site_words};
-use trical_model::{Basis, Forward, Measured, Pose, Shape, Site, State, Variable};
+use trical_ident::{Diagnosis, ErrorSummary, Finding, JointSource, Rival, site_words};
+use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
 
 use crate::commands::diagnose::number;
 use crate::error::Result;
-use crate::evidence::{rejected, residuals, row};
+use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{self, Figure, Made, Section};
+use crate::report::{self, Figure, Made, Section, error_table};
 
 /// Findings with a figure of their own.
 const SHOWN: usize = 12;
@@ -379,11 +379,41 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
             d.after.holdout_rms_mm
         )
     };
-    let mut sections = vec![overview(d)?];
+    // of lengths and positions alike, m
+    let lengths =
+        |m: &Model| -> Result<Vec<f64>> { Ok(residuals(m, &d.data)?.iter().map(|r| r.norm() * 1e-3).collect()) };
+    let (before, after) = (lengths(&d.before)?, lengths(&d.model)?);
+    let was = format!("{} parameters", d.baseline.parameters);
+    let errors = Errors { model: &d.model, data: &d.data, was: &was, before: &before, after: &after };
+    let table = error_table(&[
+        (&format!("before: {was}"), &ErrorSummary::of(&before)),
+        ("after: everything found is modelled", &ErrorSummary::of(&after)),
+    ]);
+    let mut sections = vec![
+        overview(d)?,
+        Section {
+            heading: "Position error before and after".into(),
+            text: vec!["At the poses of the fit; the error at poses that it did not see is in the verdict.".into()],
+            tables: vec![table],
+            ..Section::default()
+        },
+    ];
     for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(nameless(d)?);
+    sections.push(errors.section()?);
+    sections.extend(errors.pictures()?);
+    let known = d.model.terms.iter().filter(|t| t.sd.is_some());
+    sections.push(Section {
+        heading: "Parameters".into(),
+        text: vec![
+            "Each lies between the two ends with 95 % (1.96 standard deviations to each side), if nothing further is lacking."
+                .into(),
+        ],
+        tables: vec![parameters(&d.model, known, half_width(None), |_| String::new())],
+        ..Section::default()
+    });
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();

@@ -29,7 +29,9 @@ pub struct Errors<'a> {
     pub model: &'a Model,
     /// Where.
     pub data: &'a Dataset,
-    /// Of the nominal arm, m.
+    /// What came before it, "the nominal arm".
+    pub was: &'a str,
+    /// The errors of that, m.
     pub before: &'a [f64],
     /// Of the model, m.
     pub after: &'a [f64],
@@ -114,11 +116,13 @@ impl Errors<'_> {
         let one = |name, points| [Series { name, color: AFTER, points }];
         let mut figures = vec![
             Figure {
-                caption: format!("Each measurement before (the nominal arm) and after (the model).{some}"),
+                caption: format!("Each measurement before ({}) and after (the model).{some}", self.was),
                 svg: self.against(label, number)?,
             },
             Figure {
-                caption: format!("After alone. A trend or a step says that something changed while measuring.{some}"),
+                caption: format!(
+                    "After alone. A trend or a step within a recording says that something changed while measuring.{some}"
+                ),
                 svg: plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
             },
             Figure {

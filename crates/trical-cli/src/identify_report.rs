@@ -144,7 +144,8 @@ fn parameters(t: &Told<'_>) -> Section {
 pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
     let f = t.fitted;
     let after = f.errors()?;
-    let errors = Errors { model: &f.model, data: &f.data, before: t.each_before, after: &after };
+    let errors =
+        Errors { model: &f.model, data: &f.data, was: "the nominal arm", before: t.each_before, after: &after };
     let list = concerns(t)?;
     let verdict = verdict(t, list.len());
     let mut rows = vec![("before: nominal arm", t.before), ("after: identified", t.after)];

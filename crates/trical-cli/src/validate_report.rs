@@ -46,7 +46,7 @@ pub fn render(
     mut made: Made,
 ) -> Result<String> {
     let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
-    let errors = Errors { model: &v.model, data: &v.data, before: &before, after: &after };
+    let errors = Errors { model: &v.model, data: &v.data, was: "the nominal arm", before: &before, after: &after };
     let list = concerns(v, file, rejected.len())?;
     let mut verdict = format!(
         "At {} measurements the model errs by {:.3} mm on average and {:.3} mm at most; the nominal arm by {:.3} and {:.3} mm.",

@@ -53,6 +53,21 @@ fn seen(chromium: &str, page: &Path) -> String {
     browse("--dump-dom")
 }
 
+/// No table or picture is cut off at the edge of an A4 page with its margins (688 pixels wide).
+fn fits_on_paper(chromium: &str, page: &Path) {
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(html.contains("@media print"));
+    let measure = "<script>onload = () => document.querySelectorAll('table, p, svg').forEach((e) => {\
+                   const right = e.getBoundingClientRect().right;\
+                   if (right > 689) console.log('cut off at the edge: ' + right + ' ' + (e.textContent || '').slice(0, 80));\
+                   })</script></body>";
+    let paper = page.with_extension("paper.html");
+    let html = html.replace("@media print", "@media all").replace("</body>", measure);
+    // a narrow page stands for paper, whatever the window's least width
+    std::fs::write(&paper, html.replace("<body>", "<body style=\"width: 688px\">")).unwrap();
+    seen(chromium, &paper);
+}
+
 /// Every plot of the page was drawn; how many.
 fn drawn(page: &Path) -> Option<usize> {
     let Some(chromium) = chromium() else {
@@ -60,6 +75,7 @@ fn drawn(page: &Path) -> Option<usize> {
         return None;
     };
     let dom = seen(chromium, page);
+    fits_on_paper(chromium, page);
     let html = std::fs::read_to_string(page).unwrap();
     let plots = html.matches("<div class=\"plot\">").count();
     assert_eq!(dom.matches("class=\"plot drawn\"").count(), plots, "{}", page.display());

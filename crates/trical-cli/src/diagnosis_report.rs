@@ -4,23 +4,20 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_ident::{Diagnosis, Finding, JointSource, Rival, site_words};
+use trical_ident::{Diagnosis, ErrorSummary, Finding, JointSource, Rival, site_words};
 use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
 
 use crate::commands::diagnose::number;
 use crate::error::Result;
+use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{self, Figure, Section, footer};
+use crate::report::{self, Figure, Made, Section, error_table};
 
 /// Findings with a figure of their own.
 const SHOWN: usize = 12;
 
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
-
-fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
-    cells.map(String::from).to_vec()
-}
 
 fn rivals(f: &Finding) -> String {
     f.rivals.iter().map(Rival::in_words).collect::<Vec<_>>().join(", ")
@@ -36,17 +33,6 @@ struct Seen {
     part: Vec<f64>,
 }
 
-/// Residuals of up to three numbers an observation.
-fn residuals(model: &Model, d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
-    let forward = Forward::new(model.clone(), Vec::new())?;
-    let mut ws = forward.workspace();
-    let of = |o: &trical_ident::Observation| {
-        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws).min(3);
-        Vector3::from_fn(|k, _| if k < rows { ws.residual()[k] * 1e3 } else { 0.0 })
-    };
-    Ok(d.data.observations.iter().map(of).collect())
-}
-
 fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let own = |name: &str| f.coefficients.iter().any(|c| c.name == name);
     let mut without = d.model.clone();
@@ -58,9 +44,9 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     for t in always.terms.iter_mut().filter(|t| own(&t.name)) {
         t.basis = Basis::CONSTANT;
     }
-    let with = residuals(&d.model, d)?;
-    let without = residuals(&without, d)?;
-    let always = residuals(&always, d).ok();
+    let with = residuals(&d.model, &d.data)?;
+    let without = residuals(&without, &d.data)?;
+    let always = residuals(&always, &d.data).ok();
     let mut out = Seen { before: Vec::new(), after: Vec::new(), part: Vec::new() };
     for k in 0..with.len() {
         let part = with[k] - without[k];
@@ -377,7 +363,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
 }
 
 /// The whole report.
-pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
+pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<String> {
     let verdict = if d.findings.is_empty() && d.unexplained.is_none() {
         format!(
             "The model explains the data: {} parameters leave {:.4} mm, and nothing else earns its place.",
@@ -393,11 +379,41 @@ pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
             d.after.holdout_rms_mm
         )
     };
-    let mut sections = vec![overview(d)?];
+    // of lengths and positions alike, m
+    let lengths =
+        |m: &Model| -> Result<Vec<f64>> { Ok(residuals(m, &d.data)?.iter().map(|r| r.norm() * 1e-3).collect()) };
+    let (before, after) = (lengths(&d.before)?, lengths(&d.model)?);
+    let was = format!("{} parameters", d.baseline.parameters);
+    let errors = Errors { model: &d.model, data: &d.data, was: &was, before: &before, after: &after };
+    let table = error_table(&[
+        (&format!("before: {was}"), &ErrorSummary::of(&before)),
+        ("after: everything found is modelled", &ErrorSummary::of(&after)),
+    ]);
+    let mut sections = vec![
+        overview(d)?,
+        Section {
+            heading: "Position error before and after".into(),
+            text: vec!["At the poses of the fit; the error at poses that it did not see is in the verdict.".into()],
+            tables: vec![table],
+            ..Section::default()
+        },
+    ];
     for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(nameless(d)?);
+    sections.push(errors.section()?);
+    sections.extend(errors.pictures()?);
+    let known = d.model.terms.iter().filter(|t| t.sd.is_some());
+    sections.push(Section {
+        heading: "Parameters".into(),
+        text: vec![
+            "Each lies between the two ends with 95 % (1.96 standard deviations to each side), if nothing further is lacking."
+                .into(),
+        ],
+        tables: vec![parameters(&d.model, known, half_width(None), |_| String::new())],
+        ..Section::default()
+    });
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
@@ -416,17 +432,8 @@ pub fn render(d: &Diagnosis, source: JointSource) -> Result<String> {
         ..Section::default()
     });
     if !d.rejected.is_empty() {
-        let mut rows = vec![row(["recording", "line", "why"])];
-        rows.extend(
-            d.rejected.iter().take(200).map(|r| vec![r.recording.clone(), r.line.to_string(), r.reason.clone()]),
-        );
-        sections.push(Section {
-            heading: "Rows that were not believed".into(),
-            tables: vec![rows],
-            ..Section::default()
-        });
+        sections.push(rejected(&d.rejected, d.rejected.len()));
     }
-    let mut foot = footer(&d.data.names);
-    foot.push(format!("joints: {source:?}").to_lowercase());
-    report::render("TriCal: diagnosis", &verdict, &sections, &foot)
+    made.notes.push(format!("Joint angles that were believed: {source:?}.").to_lowercase().replacen('j', "J", 1));
+    report::render("TriCal: diagnosis", &verdict, &sections, &made)
 }

@@ -22,6 +22,11 @@ pub struct RobotAndCell {
 }
 
 impl RobotAndCell {
+    /// The two files.
+    pub fn files(&self) -> [&Path; 2] {
+        [&self.robot, &self.cell]
+    }
+
     /// Reads both.
     pub fn load(&self) -> Result<(Robot, Cell)> {
         let mut cell = Cell::load(&self.cell)?;
@@ -29,6 +34,11 @@ impl RobotAndCell {
         resolve_meshes(&mut cell, folder).map_err(|e| CliError::Input(format!("{}: {e}", self.cell.display())))?;
         Ok((Robot::load(&self.robot)?, cell))
     }
+}
+
+/// All that was read, in the order in which a report names it.
+pub fn files<'a>(recordings: &'a [PathBuf], cell: &'a RobotAndCell, more: Option<&'a Path>) -> Vec<&'a Path> {
+    recordings.iter().map(PathBuf::as_path).chain(cell.files()).chain(more).collect()
 }
 
 /// Which joint angles to believe.

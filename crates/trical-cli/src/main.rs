@@ -4,12 +4,15 @@ mod blindness;
 mod commands;
 mod diagnosis_report;
 mod error;
+mod evidence;
 mod fault_script;
 mod hidden;
+mod identify_report;
 mod input;
 mod interrupt;
 mod large;
 mod measure_view;
+mod outline;
 mod picture;
 mod plan_report;
 mod plant;
@@ -18,6 +21,7 @@ mod progress;
 mod report;
 mod simulation;
 mod table;
+mod validate_report;
 
 use std::process::ExitCode;
 

@@ -11,6 +11,8 @@ use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
+use crate::outline::hull;
+
 type V3 = Vector3<f64>;
 
 /// Colours of balls and of what touches them: told apart by those who see red and green alike, too.
@@ -237,34 +239,24 @@ impl Page {
     }
 }
 
-/// The convex outline of points, counter-clockwise (Andrew's chain).
-fn hull(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let mut sorted = points.to_vec();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    sorted.dedup();
-    let turn = |o: &(f64, f64), a: &(f64, f64), b: &(f64, f64)| (a.0 - o.0) * (b.1 - o.1) - (a.1 - o.1) * (b.0 - o.0);
-    let half = |list: &mut dyn Iterator<Item = &(f64, f64)>| {
-        let mut chain: Vec<(f64, f64)> = Vec::new();
-        for p in list {
-            while chain.len() > 1 && turn(&chain[chain.len() - 2], &chain[chain.len() - 1], p) <= 0.0 {
-                chain.pop();
-            }
-            chain.push(*p);
-        }
-        chain.pop();
-        chain
-    };
-    let mut all = half(&mut sorted.iter());
-    all.extend(half(&mut sorted.iter().rev()));
-    all
+/// A dot.
+pub struct Mark {
+    /// Place in {w}, m.
+    pub place: V3,
+    /// Colour.
+    pub color: String,
+    /// What shows under the pointer.
+    pub title: String,
 }
 
-/// What is drawn of a plan.
+/// What is drawn of a plan or of a recording.
 pub struct Scene<'a> {
     /// Arm and cell.
     pub model: &'a CollisionModel,
     /// The touches.
     pub touches: &'a [PlanEntry],
+    /// Dots over everything.
+    pub marks: &'a [Mark],
     /// The pose in which arm and device are drawn as bodies.
     pub shown: Joints,
     /// Centre ({w}, m) and radius of the sphere in which the arm is to be accurate.
@@ -291,7 +283,11 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
         .collect();
     let base = links.first().map_or_else(V3::zeros, |b| b.translation);
     #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let middle = cell.balls.iter().sum::<V3>() / cell.balls.len().max(1) as f64;
+    let middle = if cell.balls.is_empty() {
+        scene.marks.iter().map(|m| m.place).sum::<V3>() / scene.marks.len().max(1) as f64
+    } else {
+        cell.balls.iter().sum::<V3>() / cell.balls.len() as f64
+    };
     let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
     let camera = Camera::new(view, ahead);
 
@@ -300,6 +296,7 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
     shown.extend(cell.balls.iter().copied());
     shown.extend(links.iter().map(|l| l.translation));
     shown.extend(skeletons.iter().flat_map(|s| s.1.iter().copied()));
+    shown.extend(scene.marks.iter().map(|m| m.place));
     let pad = 0.16;
     let seen: Vec<V3> = shown.iter().map(|p| camera.see(p)).collect();
     let range = |k: usize| {
@@ -387,6 +384,15 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
         }
         let _ = write!(svg, "{last}</g>");
     }
+    for m in scene.marks {
+        let (x, y, _) = page.at(&m.place);
+        let title = m.title.replace('&', "&amp;").replace('<', "&lt;");
+        let _ = write!(
+            svg,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\" fill=\"{}\" fill-opacity=\"0.8\"><title>{title}</title></circle>",
+            m.color
+        );
+    }
     for (k, ball) in cell.balls.iter().enumerate() {
         svg += &page.text(
             ball,
@@ -437,16 +443,5 @@ fn extent(solid: &Solid) -> f64 {
             };
             wide(|p| p.x).max(wide(|p| p.y)).max(wide(|p| p.z))
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::hull;
-
-    #[test]
-    fn the_outline_of_a_square_with_points_inside_is_the_square() {
-        let points = [(0.0, 0.0), (2.0, 0.0), (1.0, 1.0), (2.0, 2.0), (0.0, 2.0), (1.0, 0.0), (0.5, 1.5)];
-        assert_eq!(hull(&points), [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]);
     }
 }

@@ -7,12 +7,9 @@ use trical_plan::{CollisionModel, PredictedError, Sphere};
 use crate::blindness::{self, VISIBLE};
 use crate::commands::plan::{Told, two_digits};
 use crate::error::Result;
+use crate::evidence::{row, typical};
 use crate::picture::{self, Scene, View};
-use crate::report::{self, Figure, Section, footer};
-
-fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
-    cells.map(String::from).to_vec()
-}
+use crate::report::{self, Figure, Made, Section};
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
     let number = |f: fn(&PredictedError) -> f64| p.map_or_else(|| "-".into(), |p| format!("{:.3}", f(&p) * 1e3));
@@ -25,15 +22,8 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
     let touches = &told.plan.entries;
     let sphere = told.options.sphere.or_else(|| Sphere::above(&cell.balls)).map(|s| (s.centre, s.radius));
     // the arm itself stands at the touch that is nearest to the middle of them all
-    let middle = touches.iter().fold([0.0; trical_model::MAX_JOINTS], |mut sum, e| {
-        for (s, q) in sum.iter_mut().zip(&e.joints) {
-            *s += q / f64::from(u32::try_from(touches.len()).unwrap_or(1));
-        }
-        sum
-    });
-    let off = |q: &trical_model::Joints| q.iter().zip(&middle).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-    let shown = touches.iter().min_by(|a, b| off(&a.joints).total_cmp(&off(&b.joints))).map_or(middle, |e| e.joints);
-    let scene = Scene { model: &model, touches, shown, sphere };
+    let shown = typical(&touches.iter().map(|e| e.joints).collect::<Vec<_>>());
+    let scene = Scene { model: &model, touches, marks: &[], shown, sphere };
     Ok(vec![
         Figure {
             caption: format!(
@@ -107,7 +97,7 @@ fn verdict(cell: &Cell, told: &Told) -> String {
 }
 
 /// The whole report.
-pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
+pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<String> {
     let e = &told.plan.expected;
     let verdict = if told.determined() {
         verdict(cell, told)
@@ -189,5 +179,5 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told) -> Result<String> {
         },
         Section { heading: "All effects".into(), tables: vec![seen], ..Section::default() },
     ];
-    report::render("TriCal: plan", &verdict, &sections, &footer(std::slice::from_ref(&robot.name)))
+    report::render("TriCal: plan", &verdict, &sections, made)
 }

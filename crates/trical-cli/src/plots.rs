@@ -47,8 +47,111 @@ fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>)
     Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &format!("width=\"100%\" style=\"max-width:{w}px\""), 1))
 }
 
-/// A scatter plot. With `curves`, points are joined.
+/// What a plot that can be zoomed begins with.
+pub const LIVE: &str = "<div class=\"plot\">";
+
+/// A scatter plot that can be zoomed, with a static picture for paper. With `curves`, points are joined.
 pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
+    scatter_named(x_label, y_label, from_zero, curves, series, &[])
+}
+
+/// The same, with a name for each point, shown beside its x.
+pub fn scatter_named(
+    x_label: &str,
+    y_label: &str,
+    from_zero: bool,
+    curves: bool,
+    series: &[Series],
+    names: &[String],
+) -> Result<String> {
+    let picture = still(x_label, y_label, from_zero, curves, series)?;
+    let values = live(series, names);
+    let legend: Vec<_> = series
+        .iter()
+        .map(|s| {
+            let (r, g, b) = (s.color.0, s.color.1, s.color.2);
+            serde_json::json!({ "name": s.name, "color": format!("#{r:02x}{g:02x}{b:02x}") })
+        })
+        .collect();
+    let data = serde_json::json!({
+        "x": x_label, "y": y_label, "zero": from_zero, "joined": curves,
+        "series": legend, "data": values.0, "rows": values.1,
+    });
+    // nothing in it may end the script
+    let data = serde_json::to_string(&data)?.replace('<', "\\u003c");
+    Ok(format!("{LIVE}{picture}<script type=\"application/json\">{data}</script></div>"))
+}
+
+/// Columns with one ascending x, and the names in that order.
+fn live(series: &[Series], names: &[String]) -> (Vec<Vec<Option<f64>>>, Vec<String>) {
+    let round = |v: f64| v.is_finite().then(|| (v * 1e6).round() / 1e6);
+    let shared = series.iter().skip(1).all(|s| {
+        s.points.len() == series[0].points.len()
+            && s.points.iter().zip(&series[0].points).all(|(a, b)| a.0.is_finite() && a.0 == b.0)
+    });
+    let mut rows: Vec<(f64, Vec<Option<f64>>, String)> = Vec::new();
+    for (s, these) in series.iter().enumerate() {
+        for (k, (x, y)) in these.points.iter().enumerate().filter(|(_, p)| p.0.is_finite()) {
+            match rows.get_mut(k).filter(|_| shared && s > 0) {
+                Some(row) => row.1[s] = round(*y),
+                None => {
+                    let mut values = vec![None; series.len()];
+                    values[s] = round(*y);
+                    rows.push((*x, values, names.get(k).cloned().unwrap_or_default()));
+                }
+            }
+        }
+    }
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut columns = vec![rows.iter().map(|r| round(r.0)).collect::<Vec<_>>()];
+    columns.extend((0..series.len()).map(|s| rows.iter().map(|r| r.1[s]).collect()));
+    let names = if names.is_empty() { Vec::new() } else { rows.into_iter().map(|r| r.2).collect() };
+    (columns, names)
+}
+
+/// Bars of equal width: how many values fall into each.
+pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
+    const BARS: usize = 30;
+    let high = values.iter().copied().fold(0.0, f64::max).max(1e-9) * 1.000_001;
+    let width = high / 30.0;
+    let mut counts = [0_u32; BARS];
+    for v in values.iter().filter(|v| v.is_finite()) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to BARS")]
+        let k = ((v / width).max(0.0) as usize).min(BARS - 1);
+        counts[k] += 1;
+    }
+    let most = f64::from(counts.iter().copied().max().unwrap_or(1).max(1)) * 1.08;
+    draw((620, 320), |root| {
+        let mut chart = ChartBuilder::on(root)
+            .margin(10)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(0.0..high, 0.0..most)
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .light_line_style(WHITE)
+            .bold_line_style(RGBColor(225, 225, 225))
+            .x_desc(x_label)
+            .y_desc("measurements")
+            .y_label_formatter(&|n| format!("{n:.0}"))
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 14))
+            .draw()
+            .map_err(failed)?;
+        let mut left = 0.0;
+        for n in counts {
+            let bar = Rectangle::new([(left + 0.06 * width, 0.0), (left + 0.94 * width, f64::from(n))], AFTER.filled());
+            chart.draw_series(std::iter::once(bar)).map_err(failed)?;
+            left += width;
+        }
+        Ok(())
+    })
+}
+
+/// The static picture of a scatter plot.
+fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
     draw((620, 360), |root| {
         let all = || series.iter().flat_map(|s| s.points.iter());
         let mut chart = ChartBuilder::on(root)
@@ -77,7 +180,7 @@ pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, seri
                     .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], color.stroke_width(2)));
             } else {
                 chart
-                    .draw_series(s.points.iter().map(|p| Circle::new(*p, 2, color.mix(0.55).filled())))
+                    .draw_series(s.points.iter().map(|p| Circle::new(*p, 3, color.mix(0.65).filled())))
                     .map_err(failed)?
                     .label(s.name)
                     .legend(move |(x, y)| Circle::new((x + 7, y), 4, color.filled()));

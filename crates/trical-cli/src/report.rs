@@ -1,11 +1,15 @@
 //! Reports: one self-contained HTML file each.
 
+use std::path::Path;
+
 use minijinja::value::Serde;
 use minijinja::{Environment, context};
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
 
 use crate::error::{CliError, Result};
+use crate::plots;
 
 /// A figure.
 #[derive(Serialize)]
@@ -23,31 +27,90 @@ pub struct Section {
     pub heading: String,
     /// Paragraphs.
     pub text: Vec<String>,
+    /// Points of a list.
+    pub list: Vec<String>,
     /// Tables; the first row is the header.
     pub tables: Vec<Vec<Vec<String>>>,
     /// Figures.
     pub figures: Vec<Figure>,
 }
 
+/// A file that a report was made from.
+#[derive(Serialize)]
+pub struct Input {
+    /// As it was named on the command line.
+    name: String,
+    /// Its size.
+    bytes: String,
+    /// Hash of its bytes; why there is none, where it cannot be read twice.
+    sha256: String,
+}
+
+/// What ends every report: version, command, inputs. No clock: the same inputs give the same bytes.
+#[derive(Serialize)]
+pub struct Made {
+    version: &'static str,
+    command: String,
+    /// Further sentences.
+    pub notes: Vec<String>,
+    inputs: Vec<Input>,
+}
+
+impl Made {
+    /// From these files, with their hashes.
+    pub fn from(inputs: &[&Path]) -> Self {
+        let command =
+            std::iter::once("trical".to_owned()).chain(std::env::args_os().skip(1).map(quoted)).collect::<Vec<_>>();
+        let inputs = inputs.iter().map(|p| input(p)).collect();
+        Self { version: env!("CARGO_PKG_VERSION"), command: command.join(" "), notes: Vec::new(), inputs }
+    }
+}
+
+/// An argument as a shell would have to be given it.
+fn quoted(arg: std::ffi::OsString) -> String {
+    let arg = arg.to_string_lossy();
+    let plain = |c: char| c.is_alphanumeric() || "-_=+./:,@%#".contains(c);
+    if !arg.is_empty() && arg.chars().all(plain) {
+        arg.into_owned()
+    } else {
+        format!("'{}'", arg.replace('\'', "'\\''"))
+    }
+}
+
+fn input(path: &Path) -> Input {
+    // a URDF may carry its two links behind a #
+    let named = path.to_string_lossy();
+    let file = named.split_once('#').filter(|_| !path.exists()).map_or(path, |(file, _)| Path::new(file));
+    let hashed = || -> std::io::Result<(u64, String)> {
+        if !file.metadata()?.is_file() {
+            return Err(std::io::Error::other("not a file"));
+        }
+        let mut hash = Sha256::new();
+        let bytes = std::io::copy(&mut std::fs::File::open(file)?, &mut hash)?;
+        Ok((bytes, hash.finalize().iter().map(|b| format!("{b:02x}")).collect()))
+    };
+    let (bytes, sha256) =
+        hashed().map_or_else(|e| ("-".to_owned(), format!("not read again: {e}")), |(n, h)| (n.to_string(), h));
+    Input { name: named.into_owned(), bytes, sha256 }
+}
+
 /// Puts a report together.
-pub fn render(title: &str, verdict: &str, sections: &[Section], footer: &[String]) -> Result<String> {
+pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> Result<String> {
+    // the library is carried by those who have something to draw with it
+    let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
     let mut env = Environment::new();
     // the name ends in .html, so that text is escaped
     env.add_template("report.html", include_str!("../assets/report.html"))
         .and_then(|()| env.get_template("report.html"))
         .and_then(|t| {
-            let (sections, footer) = (Serde(sections), Serde(footer));
-            t.render(context! { title, verdict, sections, footer })
+            let (sections, made) = (Serde(sections), Serde(made));
+            let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
+            let (uplot_js, report_js) =
+                (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
+            let uplot_license = include_str!("../assets/uPlot.LICENSE");
+            t.render(context! { title, verdict, sections, made, live, uplot_css, uplot_license, uplot_js, report_js })
         })
         .map_err(|e| CliError::Failed(format!("the report could not be written: {e}")))
-}
-
-/// The lines that end every report.
-pub fn footer(inputs: &[String]) -> Vec<String> {
-    vec![
-        format!("TriCal {}; inputs: {}", env!("CARGO_PKG_VERSION"), inputs.join(", ")),
-        format!("made by: trical {}", std::env::args().skip(1).collect::<Vec<_>>().join(" ")),
-    ]
 }
 
 /// Rows of a before and after table.

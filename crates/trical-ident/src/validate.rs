@@ -48,6 +48,9 @@ pub struct Validation {
     /// What was scored.
     #[serde(skip)]
     pub data: Dataset,
+    /// The model as it was scored, with what was identified again.
+    #[serde(skip)]
+    pub model: Model,
 }
 
 /// Frame and tool points only, everything else of the model kept.
@@ -147,6 +150,7 @@ pub fn validate(robot: &Robot, cell: &Cell, model: &Model, data: &Dataset, refit
         regions,
         errors: pairs,
         data: scored,
+        model: forward.into_model(),
     })
 }
 

@@ -22,7 +22,7 @@ use crate::error::{CliError, Result};
 use crate::measure_view::View;
 use crate::plant::{ArmPlant, cell_options, draw_truth};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{Figure, Section, error_table, footer, render};
+use crate::report::{Figure, Made, Section, error_table, render};
 use crate::{plan_report, progress, say, table};
 
 const ROBOT: &str = include_str!("../../../../cells/irb120/robot.toml");
@@ -136,7 +136,14 @@ pub fn run(args: &Args) -> Result<()> {
     tell(format!("   collide with nothing ({dropped} others were dropped; plan.html shows them)."))?;
 
     let told = plan::Told::new(&nominal, planned, options)?;
-    write_whole(&file("plan.html"), plan_report::render(&robot, &cell, &told)?.as_bytes())?;
+    let made = |names: &[&str]| {
+        let paths: Vec<PathBuf> = names.iter().map(|n| file(n)).collect();
+        Made::from(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+    };
+    write_whole(
+        &file("plan.html"),
+        plan_report::render(&robot, &cell, &told, &made(&["robot.toml", "cell.toml"]))?.as_bytes(),
+    )?;
 
     // 3. the measurement
     let recording = file("run.mcap");
@@ -245,7 +252,15 @@ pub fn run(args: &Args) -> Result<()> {
     tell(format!("   {:.3} mm after (sample.compensated.mod).", hit.mean_mm))?;
 
     // 7. the report
-    let html = report(&fitted, &rows, &error_rows, &validation, (&missed, &hit), &told)?;
+    let html = report(
+        &fitted,
+        &rows,
+        &error_rows,
+        &validation,
+        (&missed, &hit),
+        &told,
+        &made(&["robot.toml", "cell.toml", "run.mcap"]),
+    )?;
     write_whole(&file("report.html"), html.as_bytes())?;
     tell(format!("7. Everything is in {}: open report.html. ({:.0} s)", out.display(), begin.elapsed().as_secs_f64()))?;
     if args.json {
@@ -291,6 +306,7 @@ fn report(
     validation: &(Scored, Scored),
     program: (&ErrorSummary, &ErrorSummary),
     told: &plan::Told,
+    made: &Made,
 ) -> Result<String> {
     let (sphere, whole) = validation;
     let mm = |x: &[f64], e: &[f64]| -> Vec<(f64, f64)> { x.iter().zip(e).map(|(x, e)| (*x, e * 1e3)).collect() };
@@ -328,6 +344,7 @@ fn report(
                  Before is the nominal arm with only base and tool identified."
                     .into(),
             ],
+            list: Vec::new(),
             tables: vec![errors.to_vec()],
             figures: vec![
                 Figure {
@@ -377,6 +394,7 @@ fn report(
                 "What the {} parameters leave of each touch, in the order of measurement.",
                 fitted.free.len()
             )],
+            list: Vec::new(),
             tables: vec![dropped],
             figures: plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?.into_iter().take(1).chain([Figure {
                 caption: "Residual of each touch.".into(),
@@ -400,5 +418,5 @@ fn report(
             ..Section::default()
         },
     ];
-    render("TriCal: calibration of a virtual cell", &verdict, &sections, &footer(&["run.mcap".into()]))
+    render("TriCal: calibration of a virtual cell", &verdict, &sections, made)
 }

@@ -11,6 +11,7 @@ use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate, write_plan}
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
+use crate::report::Made;
 use crate::{progress, say, table};
 
 /// So many findings are told in full on the terminal.
@@ -85,7 +86,8 @@ pub fn run(args: &Args) -> Result<()> {
         .save(out)?;
     }
     if let Some(report) = &args.report {
-        write_whole(report, crate::diagnosis_report::render(&diagnosis, source)?.as_bytes())?;
+        let made = Made::from(&input::files(&args.recordings, &args.cell, None));
+        write_whole(report, crate::diagnosis_report::render(&diagnosis, source, made)?.as_bytes())?;
     }
     if let Some((_, next)) = next.as_ref().filter(|(_, next)| next.lambda >= TELLING) {
         write_whole(&args.next_out, write_plan(&robot, &next.entries).as_bytes())?;

@@ -6,14 +6,15 @@ use clap::ValueEnum;
 use serde_json::json;
 use trical_ident::{
     Dataset, ErrorSummary, Identified, KnownParameters, ModelFile, ParameterSet, Rejected, Streamed, cautions, clean,
-    cross_validate, forward_in_time, identify, identify_stream, shown,
+    cross_validate, forward_in_time, identify, identify_stream, shown, write_whole,
 };
 use trical_model::{Cell, Recording, Robot};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
 use crate::large::passes;
-use crate::{say, table};
+use crate::report::Made;
+use crate::{identify_report, say, table};
 
 /// Which parameters to identify.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -74,6 +75,9 @@ pub struct Args {
     /// Read recordings in passes, in memory that does not grow with their rows; by itself for a CSV above 32 MB
     #[arg(long, conflicts_with_all = ["cross_validate", "hold_out_last"])]
     stream: bool,
+    /// A report to read, print and sign, one HTML file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -87,8 +91,8 @@ fn prepare(args: &Args, robot: &Robot, cell: &Cell, recordings: &[Recording]) ->
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    if let Some(out) = &args.out {
-        input::check_output(out)?;
+    for file in [&args.out, &args.report].into_iter().flatten() {
+        input::check_output(file)?;
     }
     let (robot, cell) = args.cell.load()?;
     let set = ParameterSet::from(args.model);
@@ -143,6 +147,9 @@ pub fn run(args: &Args) -> Result<()> {
         }
         .save(out)?;
     }
+    if let Some(path) = &args.report {
+        write_whole(path, report(args, &robot, &cell, &found)?.as_bytes())?;
+    }
     if args.json {
         return say(serde_json::to_string_pretty(&summary(&found, args)?)?);
     }
@@ -182,6 +189,28 @@ impl Found {
             fitted: s.identified,
         }
     }
+}
+
+fn report(args: &Args, robot: &Robot, cell: &Cell, found: &Found) -> Result<String> {
+    let fitted = &found.fitted;
+    // of what is drawn: all rows, or the sample of a stream
+    let each_before = identify(robot, cell, &fitted.data, ParameterSet::Nominal)?.errors()?;
+    let folds = args.cross_validate.map(|k| format!("poses not used in the fit, {k} folds"));
+    let last = args.hold_out_last.map(|p| format!("last {p} % of the poses, by a fit to those before"));
+    let unseen = folds.zip(found.held_out.as_ref()).into_iter().chain(last.zip(found.later.as_ref())).collect();
+    let told = identify_report::Told {
+        fitted,
+        each_before: &each_before,
+        before: &found.before,
+        after: &found.errors,
+        unseen,
+        observations: found.observations,
+        named: &found.named,
+        rejected: found.rejected,
+        cleaned: !args.keep_outliers,
+    };
+    let made = Made::from(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
+    identify_report::render(&told, made)
 }
 
 fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
@@ -308,10 +337,9 @@ fn print(args: &Args, found: &Found) -> Result<()> {
     for line in table::lines(&rows) {
         say(line)?;
     }
-    match &args.out {
-        Some(out) => say(format!("\nWrote {}", out.display())),
-        None => Ok(()),
-    }
+    let written: Vec<String> =
+        [&args.out, &args.report].into_iter().flatten().map(|f| f.display().to_string()).collect();
+    if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
 }
 
 /// What was rejected, reason by reason, at most a dozen lines; `named` may be the first of `all`.

@@ -17,6 +17,7 @@ use trical_plan::{
 use crate::blindness::{self, Lacking, Seen};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
+use crate::report::Made;
 use crate::{plan_report, progress, say, table};
 
 /// Touches a ball, candidates a ball, poses: no more than this many.
@@ -230,7 +231,7 @@ pub fn run(args: &Args) -> Result<()> {
     let told = Told::new(&model, plan, options)?;
     bar.finish_and_clear();
     if let Some(path) = &args.report {
-        write_whole(path, plan_report::render(&robot, &cell, &told)?.as_bytes())?;
+        write_whole(path, plan_report::render(&robot, &cell, &told, &Made::from(&args.cell.files()))?.as_bytes())?;
     }
     write_whole(&args.out, write_plan(&robot, &told.plan.entries).as_bytes())?;
     if args.json {

@@ -19,7 +19,7 @@ use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
 use crate::input::RobotAndCell;
 use crate::plots::{self, Band};
-use crate::report::{Figure, Section, footer, render};
+use crate::report::{Figure, Made, Section, render};
 use crate::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, draw_known, random_touches, touch};
 use crate::{progress, say, table};
 
@@ -193,8 +193,7 @@ impl Common {
     fn write(&self, csv: &str, figure: &str, title: &str, verdict: &str, sections: &[Section]) -> Result<()> {
         write_whole(&self.out.join("study.csv"), csv.as_bytes())?;
         write_whole(&self.out.join("study.svg"), figure.as_bytes())?;
-        let inputs = [self.cell.robot.display().to_string(), self.cell.cell.display().to_string()];
-        let html = render(title, verdict, sections, &footer(&inputs))?;
+        let html = render(title, verdict, sections, &Made::from(&self.cell.files()))?;
         Ok(write_whole(&self.out.join("study.html"), html.as_bytes())?)
     }
 }

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use trical_ident::{ErrorSummary, ModelFile, Refit, validate};
+use trical_ident::{ErrorSummary, ModelFile, Refit, validate, write_whole};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::{say, table};
+use crate::report::Made;
+use crate::{say, table, validate_report};
 
 /// Arguments of `trical validate`.
 #[derive(clap::Args)]
@@ -26,6 +27,9 @@ pub struct Args {
     /// are scored
     #[arg(long, value_delimiter = ',', value_name = "WHAT")]
     refit: Vec<String>,
+    /// A report to read, print and sign, one HTML file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -33,6 +37,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    args.report.as_deref().map_or(Ok(()), input::check_output)?;
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;
@@ -42,6 +47,11 @@ pub fn run(args: &Args) -> Result<()> {
     let known = refit.is_none().then_some(file.references.as_slice());
     let data = input::dataset(&recordings, source, known)?;
     let v = validate(&robot, &cell, &file.model, &data, refit)?;
+    if let Some(path) = &args.report {
+        let made = Made::from(&input::files(&args.recordings, &args.cell, Some(&args.model)));
+        let html = validate_report::render(&v, &file, &args.refit, &data.rejected, made)?;
+        write_whole(path, html.as_bytes())?;
+    }
     if args.json {
         let mut value = serde_json::to_value(&v)?;
         if let Some(map) = value.as_object_mut() {
@@ -64,7 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
     for line in table::lines(&rows) {
         say(line)?;
     }
-    Ok(())
+    args.report.as_ref().map_or(Ok(()), |r| say(format!("\nWrote {}", r.display())))
 }
 
 fn refit(what: &[String]) -> Result<Option<Refit>> {

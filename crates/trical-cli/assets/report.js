@@ -1,0 +1,58 @@
+// Draws the plots of a report with uPlot over their static pictures; print and a browser without scripts keep those.
+(() => {
+  "use strict";
+  const round = (v) => (v == null ? "-" : Number(v.toPrecision(4)).toString());
+  const make = (holder) => {
+    const plot = JSON.parse(holder.querySelector("script").textContent);
+    const stage = document.createElement("div");
+    stage.className = "live";
+    holder.prepend(stage);
+    const x = plot.data[0];
+    // the point nearest to the pointer, along both axes; without one, the nearest along x
+    const nearest = (u, series, along) => {
+      const { left, top } = u.cursor;
+      if (plot.joined || left < 0) return along;
+      let best = along, least = Infinity;
+      for (let s = 1; s < u.data.length; s++) {
+        if (!u.series[s].show) continue;
+        for (let k = 0; k < x.length; k++) {
+          if (u.data[s][k] == null) continue;
+          const d = Math.hypot(u.valToPos(x[k], "x") - left, u.valToPos(u.data[s][k], "y") - top);
+          if (d < least) { least = d; best = k; }
+        }
+      }
+      return best;
+    };
+    const width = () => Math.max(280, Math.min(holder.clientWidth, 940));
+    const u = new uPlot({
+      width: width(),
+      height: 340,
+      scales: {
+        x: { time: false },
+        y: { range: (_, low, high) => {
+          const pad = Math.max((high - low) * 0.06, 1e-9);
+          return [plot.zero ? 0 : low - pad, high + pad];
+        } },
+      },
+      axes: [
+        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" } },
+        { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: 64 },
+      ],
+      cursor: { dataIdx: nearest, drag: { x: true, y: true, uni: 30 } },
+      series: [
+        { label: plot.x.replace(/, in the order.*/, ""), value: (_, v, __, k) => (v == null ? "-" : round(v) + (plot.rows[k] ? " (" + plot.rows[k] + ")" : "")) },
+        ...plot.series.map((s) => ({
+          label: s.name,
+          stroke: s.color,
+          width: plot.joined ? 2 : 0,
+          paths: plot.joined ? undefined : () => null,
+          points: { show: !plot.joined, size: 5, fill: s.color, stroke: s.color, width: 0 },
+          value: (_, v) => round(v),
+        })),
+      ],
+    }, plot.data, stage);
+    holder.classList.add("drawn");
+    addEventListener("resize", () => u.setSize({ width: width(), height: 340 }));
+  };
+  document.querySelectorAll(".plot").forEach(make);
+})();

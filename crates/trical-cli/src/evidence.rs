@@ -1,0 +1,366 @@
+//! What the reports of identify and validate share: errors one by one, the arm with what was measured, rejected rows, parameters
+//! with intervals.
+
+use nalgebra::Vector3;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use trical_ident::{Dataset, ErrorSummary, Noise, Rejected, shown};
+use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
+use trical_plan::{CollisionModel, PlanEntry};
+
+use crate::error::Result;
+use crate::picture::{self, Mark, Scene, View};
+use crate::plots::{self, AFTER, BEFORE, Series};
+use crate::report::{Figure, Section};
+use crate::table;
+
+/// So many points are drawn at most, evenly chosen.
+const POINTS: usize = 4000;
+
+/// So many marks and arms in the picture of the cell.
+const MARKS: usize = 1200;
+const ARMS: usize = 45;
+
+/// So many rejected rows are listed.
+const ROWS: usize = 500;
+
+/// Errors at some data, one by one.
+pub struct Errors<'a> {
+    /// The model whose errors `after` are.
+    pub model: &'a Model,
+    /// Where.
+    pub data: &'a Dataset,
+    /// What came before it, "the nominal arm".
+    pub was: &'a str,
+    /// The errors of that, m.
+    pub before: &'a [f64],
+    /// Of the model, m.
+    pub after: &'a [f64],
+}
+
+/// Cells of a row.
+pub fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(String::from).to_vec()
+}
+
+/// Residuals of up to three numbers an observation, mm.
+pub fn residuals(model: &Model, data: &Dataset) -> Result<Vec<Vector3<f64>>> {
+    let forward = Forward::new(model.clone(), Vec::new())?;
+    let mut ws = forward.workspace();
+    let of = |o: &trical_ident::Observation| {
+        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws).min(3);
+        Vector3::from_fn(|k, _| if k < rows { ws.residual()[k] * 1e3 } else { 0.0 })
+    };
+    Ok(data.observations.iter().map(of).collect())
+}
+
+/// Where a row is: its line in a file of lines, its number in any other.
+fn line_or_row(line: usize, row: usize) -> String {
+    if line > 0 { format!("line {line}") } else { format!("row {row}") }
+}
+
+/// The pose nearest to the middle of them all.
+pub fn typical(poses: &[Joints]) -> Joints {
+    let middle = poses.iter().fold([0.0; MAX_JOINTS], |mut sum, q| {
+        for (s, q) in sum.iter_mut().zip(q) {
+            *s += q / f64::from(u32::try_from(poses.len()).unwrap_or(1));
+        }
+        sum
+    });
+    let off = |q: &Joints| q.iter().zip(&middle).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    poses.iter().min_by(|a, b| off(a).total_cmp(&off(b))).copied().unwrap_or(middle)
+}
+
+impl Errors<'_> {
+    /// Which observations are drawn, and the sentence that says so where it is not all of them.
+    fn drawn(&self) -> (Vec<usize>, String) {
+        let n = self.after.len();
+        let step = n.div_ceil(POINTS).max(1);
+        let some = if step > 1 { format!(" One in {step} of {n} is drawn.") } else { String::new() };
+        ((0..n).step_by(step).collect(), some)
+    }
+
+    /// "run.csv, line 12, ball 2"; of one recording alone "line 12, ball 2".
+    fn name(&self, k: usize) -> String {
+        let o = &self.data.observations[k];
+        let what = match o.measured {
+            Measured::Touch { ball, .. } => format!(", ball {}", ball + 1),
+            Measured::Point { target, .. } => format!(", target {}", target + 1),
+            Measured::Distance { anchor, .. } => format!(", anchor {}", anchor + 1),
+            Measured::Reference { .. } | Measured::Pose { .. } => String::new(),
+        };
+        // one recording need not be named at each of its points
+        let recording = self.data.names.get(o.recording).filter(|_| self.data.names.len() > 1);
+        format!("{}{}{what}", recording.map_or_else(String::new, |r| format!("{r}, ")), line_or_row(o.line, o.row))
+    }
+
+    /// Errors against `x`, before and after.
+    fn against(&self, label: &str, x: impl Fn(usize) -> f64) -> Result<String> {
+        let (drawn, _) = self.drawn();
+        let points = |e: &[f64]| drawn.iter().map(|k| (x(*k), e[*k] * 1e3)).collect();
+        let series = [
+            Series { name: "before", color: BEFORE, points: points(self.before) },
+            Series { name: "after", color: AFTER, points: points(self.after) },
+        ];
+        let names: Vec<String> = drawn.iter().map(|k| self.name(*k)).collect();
+        plots::scatter_named(label, "position error, mm", true, false, &series, &names)
+    }
+
+    /// Error of every measurement, their distribution, and the residuals along each axis.
+    pub fn section(&self) -> Result<Section> {
+        let number = |k: usize| f64::from(u32::try_from(k + 1).unwrap_or(u32::MAX));
+        let (drawn, some) = self.drawn();
+        let names: Vec<String> = drawn.iter().map(|k| self.name(*k)).collect();
+        let only: Vec<(f64, f64)> = drawn.iter().map(|k| (number(*k), self.after[*k] * 1e3)).collect();
+        let mm: Vec<f64> = self.after.iter().map(|e| e * 1e3).collect();
+        let label = "measurement, in the order of recording";
+        let one = |name, points| [Series { name, color: AFTER, points }];
+        let mut figures = vec![
+            Figure {
+                caption: format!("Each measurement before ({}) and after (the model).{some}", self.was),
+                svg: self.against(label, number)?,
+            },
+            Figure {
+                caption: format!(
+                    "After alone. A trend or a step within a recording says that something changed while measuring.{some}"
+                ),
+                svg: plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
+            },
+            Figure {
+                caption: "How often which error occurs, after. A second hump or a long tail is no noise.".into(),
+                svg: plots::histogram("position error, mm", &mm)?,
+            },
+        ];
+        let residuals = residuals(self.model, self.data)?;
+        let lengths_only = self.data.observations.iter().all(|o| matches!(o.measured, Measured::Distance { .. }));
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate().take(if lengths_only { 1 } else { 3 }) {
+            let points = drawn.iter().map(|k| (number(*k), residuals[*k][axis])).collect();
+            let along = if lengths_only { "residual, mm".to_owned() } else { format!("residual along {name}, mm") };
+            let axes = if lengths_only { "" } else { " (axes of the cell for touches, of the instrument for points)" };
+            figures.push(Figure {
+                caption: format!("{}{axes}, after.{some}", along.replacen('r', "R", 1)),
+                svg: plots::scatter_named(label, &along, false, false, &one("after", points), &names)?,
+            });
+        }
+        Ok(Section { heading: "Errors one by one".into(), figures, ..Section::default() })
+    }
+
+    /// Errors against each joint.
+    pub fn by_joint(&self) -> Result<Section> {
+        let o = &self.data.observations;
+        let figure = |(joint, j): (usize, &trical_model::Joint)| -> Result<Figure> {
+            let (per_si, unit) = match j.kind {
+                JointKind::Revolute => (1.0_f64.to_degrees(), "deg"),
+                JointKind::Prismatic => (1e3, "mm"),
+            };
+            let label = format!("joint {}, {unit}", joint + 1);
+            Ok(Figure {
+                caption: format!("Against joint {}.", joint + 1),
+                svg: self.against(&label, |k| o[k].state.q[joint] * per_si)?,
+            })
+        };
+        let figures = self.model.robot.joints.iter().enumerate().map(figure).collect::<Result<_>>()?;
+        Ok(Section { heading: "Errors against the joints".into(), figures, ..Section::default() })
+    }
+
+    /// The arm, the balls, and where the tool was at each measurement.
+    pub fn pictures(&self) -> Result<Vec<Section>> {
+        let heading = "Where it was measured".to_owned();
+        let solids = match CollisionModel::new(&self.model.robot, &self.model.cell) {
+            Ok(solids) => solids,
+            Err(e) => {
+                return Ok(vec![Section { heading, text: vec![format!("No picture: {e}.")], ..Section::default() }]);
+            }
+        };
+        let o = &self.data.observations;
+        let forward = Forward::new(self.model.clone(), Vec::new())?;
+        let mut ws = forward.workspace();
+        let largest = self.after.iter().copied().fold(1e-12, f64::max);
+        let step = o.len().div_ceil(MARKS).max(1);
+        let marks: Vec<Mark> = (0..o.len())
+            .step_by(step)
+            .map(|k| Mark {
+                place: forward.world_from_tool(&o[k].state, &mut ws).translation,
+                color: shade(self.after[k] / largest),
+                title: format!("{}: {:.4} mm", self.name(k), self.after[k] * 1e3),
+            })
+            .collect();
+        let touched: Vec<usize> = (0..o.len()).filter(|k| matches!(o[*k].measured, Measured::Touch { .. })).collect();
+        let arms: Vec<PlanEntry> = touched
+            .iter()
+            .step_by(touched.len().div_ceil(ARMS).max(1))
+            .map(|k| PlanEntry {
+                index: *k,
+                ball: if let Measured::Touch { ball, .. } = o[*k].measured { ball } else { 0 },
+                joints: o[*k].state.q,
+                approach: o[*k].state.q,
+                via: Vec::new(),
+            })
+            .collect();
+        let poses: Vec<Joints> = o.iter().map(|o| o.state.q).collect();
+        let scene = Scene { model: &solids, touches: &arms, marks: &marks, shown: typical(&poses), sphere: None };
+        let mut caption = format!(
+            "The arm at one of the measured poses. Each dot is where the tool was at a measurement, blue for a small error after \
+             calibration to red for the largest ({:.3} mm).",
+            largest * 1e3
+        );
+        if !arms.is_empty() {
+            caption += " Thin lines are the arm at the touches, each in the colour of its ball.";
+        }
+        if step > 1 {
+            caption += &format!(" One in {step} of {} measurements is drawn.", o.len());
+        }
+        let others = vec![
+            Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
+            Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
+        ];
+        Ok(vec![
+            Section {
+                heading,
+                text: vec![
+                    "The model was tried between the lowest and the highest angle of each joint below; beyond, it extrapolates."
+                        .into(),
+                ],
+                tables: vec![coverage(&self.model.robot, &poses)],
+                figures: vec![Figure { caption, svg: picture::draw(&scene, View::Oblique, 900.0) }],
+                ..Section::default()
+            },
+            Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
+        ])
+    }
+}
+
+/// From blue over grey to red.
+fn shade(part: f64) -> String {
+    let [low, high] = [[38.0, 102.0, 165.0], [200.0, 70.0, 50.0]];
+    let mix = |k: usize| low[k] + (high[k] - low[k]) * part.clamp(0.0, 1.0);
+    format!("rgb({:.0},{:.0},{:.0})", mix(0), mix(1), mix(2))
+}
+
+/// How much of each joint's range was used.
+fn coverage(robot: &Robot, poses: &[Joints]) -> Vec<Vec<String>> {
+    let mut rows = vec![row(["joint", "lowest", "highest", "limits", "part of the range"])];
+    for (k, joint) in robot.joints.iter().enumerate() {
+        let low = poses.iter().map(|q| q[k]).fold(f64::INFINITY, f64::min);
+        let high = poses.iter().map(|q| q[k]).fold(f64::NEG_INFINITY, f64::max);
+        let show = |x: f64| match joint.kind {
+            JointKind::Revolute => format!("{:.0} deg", x.to_degrees()),
+            JointKind::Prismatic => format!("{:.0} mm", x * 1e3),
+        };
+        let part = (high - low) / (joint.limits[1] - joint.limits[0]) * 100.0;
+        rows.push(vec![
+            format!("{}", k + 1),
+            show(low),
+            show(high),
+            format!("{} to {}", show(joint.limits[0]), show(joint.limits[1])),
+            if part.is_finite() { format!("{part:.0} %") } else { "-".into() },
+        ]);
+    }
+    rows
+}
+
+/// Rows that were rejected, and why; `named` may be the first of `all`.
+pub fn rejected(named: &[Rejected], all: usize) -> Section {
+    let heading = "What was rejected, and why".to_owned();
+    if all == 0 {
+        return Section { heading, text: vec!["No row was rejected.".into()], ..Section::default() };
+    }
+    let mut rows = vec![row(["recording", "where", "why"])];
+    rows.extend(
+        named.iter().take(ROWS).map(|r| vec![r.recording.clone(), line_or_row(r.line, r.row), r.reason.clone()]),
+    );
+    let more = all - named.len().min(ROWS);
+    let text = if more > 0 { vec![format!("{more} more are not listed.")] } else { Vec::new() };
+    Section { heading, text, tables: vec![rows], ..Section::default() }
+}
+
+/// Noise alike along all axes passes 3 times the rms of positions once in 170 000 (Maxwell's distribution).
+const TAIL: f64 = 3.0;
+
+/// A largest error that noise would hardly make; lengths alone have a longer tail and are left out.
+pub fn long_tail(e: &ErrorSummary, data: &Dataset) -> Option<String> {
+    let lengths = data.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
+    (!lengths && e.max_mm > TAIL * e.rms_mm).then(|| {
+        format!(
+            "The largest error is {:.1} times the rms, more than noise alike in all directions would make: trical diagnose asks \
+             what the model lacks.",
+            e.max_mm / e.rms_mm
+        )
+    })
+}
+
+/// What is left of the residuals beyond this multiple of the usual noise is worth a word.
+const UNUSUAL: f64 = 3.0;
+
+/// The section of concerns, and what else was looked at.
+pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
+    Section {
+        heading: "To be looked at before signing".into(),
+        text: vec![format!(
+            "Checked: rejected rows, errors at poses that the fit did not use, the largest error against the rms, what is left \
+             against usual noise, {also}.{}",
+            if concerns.is_empty() { " None of it gives cause for concern." } else { "" }
+        )],
+        list: concerns,
+        ..Section::default()
+    }
+}
+
+/// Recordings of which more is left than the usual noise of their kind.
+pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
+    let usual = Noise::usual(data.names.len());
+    let mut sums = vec![(0.0, 0.0); data.names.len()];
+    for (o, r) in data.observations.iter().zip(residuals(model, data)?) {
+        let sigma = usual.sigma(o.recording, &o.measured, 0) * 1e3;
+        let (square, n) = &mut sums[o.recording];
+        *square += (r / sigma).norm_squared();
+        *n += if matches!(o.measured, Measured::Distance { .. }) { 1.0 } else { 3.0 };
+    }
+    let factor = sums.into_iter().map(|(square, n)| if n > 0.0 { (square / n).sqrt() } else { 0.0 });
+    let far = data.names.iter().zip(factor).filter(|(_, f)| *f > UNUSUAL);
+    Ok(far
+        .map(|(name, f)| {
+            format!(
+                "What is left in {name} is {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
+                 0.05 mm for poses): either it was measured that much worse, or the model lacks something, and trical diagnose \
+                 asks what."
+            )
+        })
+        .collect())
+}
+
+/// How many standard deviations to each side hold 95 %, when so many numbers were measured beyond what the parameters need.
+pub fn half_width(spare: Option<usize>) -> f64 {
+    spare
+        .and_then(|n| StudentsT::new(0.0, 1.0, f64::from(u32::try_from(n).ok()?)).ok())
+        .map_or(1.959_964, |t| t.inverse_cdf(0.975))
+}
+
+/// Parameters beside nominal, with intervals.
+pub fn parameters<'a>(
+    model: &Model,
+    terms: impl Iterator<Item = &'a Term>,
+    sds: f64,
+    remark: impl Fn(&str) -> String,
+) -> Vec<Vec<String>> {
+    let mut rows = vec![row(["parameter", "nominal", "identified", "95 % from", "to", "unit", "remark"])];
+    for t in terms {
+        let s = shown(model, t);
+        let d = table::decimals_for(s.sd.unwrap_or(f64::NAN));
+        let end = |sign: f64| s.sd.map_or_else(|| "-".into(), |sd| format!("{:.d$}", s.value + sign * sds * sd));
+        let mut remarks = vec![remark(&s.name)];
+        if s.nominal.zip(s.sd).is_some_and(|(n, sd)| (s.value - n).abs() <= sds * sd) {
+            remarks.push("nominal lies within".into());
+        }
+        remarks.retain(|r| !r.is_empty());
+        rows.push(vec![
+            s.name.clone(),
+            s.nominal.map_or_else(|| "-".into(), |n| format!("{n:.3}")),
+            format!("{:.d$}", s.value),
+            end(-1.0),
+            end(1.0),
+            s.unit.clone(),
+            remarks.join("; "),
+        ]);
+    }
+    rows
+}

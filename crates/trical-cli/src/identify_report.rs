@@ -1,0 +1,176 @@
+//! The report of an identification, for the person who signs it off.
+
+use trical_ident::{ErrorSummary, Identified, Rejected, cautions};
+
+use crate::error::Result;
+use crate::evidence::{self, Errors, half_width, row};
+use crate::report::{self, Made, Section, error_table};
+
+/// Two parameters are told to move together from here.
+const CORRELATED: f64 = 0.9;
+
+/// An error at poses not used that is larger by this is worth a word.
+const LARGER: f64 = 1.5;
+
+/// What is told.
+pub struct Told<'a> {
+    /// The fit.
+    pub fitted: &'a Identified,
+    /// Errors of the nominal arm, its frame and tool fitted, m.
+    pub each_before: &'a [f64],
+    /// And summed up, of all rows.
+    pub before: &'a ErrorSummary,
+    /// Of the model.
+    pub after: &'a ErrorSummary,
+    /// At poses not used: what they are, and the errors.
+    pub unseen: Vec<(String, &'a ErrorSummary)>,
+    /// Measurements used.
+    pub observations: usize,
+    /// Rows that are named.
+    pub named: &'a [Rejected],
+    /// All rows that were rejected.
+    pub rejected: usize,
+    /// Whether gross errors were looked for.
+    pub cleaned: bool,
+}
+
+/// What speaks against signing, in one sentence each.
+fn concerns(t: &Told<'_>) -> Result<Vec<String>> {
+    let f = t.fitted;
+    let mut out = Vec::new();
+    if t.after.mean_mm >= t.before.mean_mm {
+        out.push("The model is no better than the nominal arm: do not use it.".into());
+    }
+    out.extend(cautions(&f.model, f.observability.rows, f.free.len()).into_iter().map(|c| sentence(&c)));
+    for (name, e) in &t.unseen {
+        if e.mean_mm > LARGER * t.after.mean_mm {
+            out.push(format!(
+                "The error at poses not used ({name}) is {:.1} times that of the fit: the model bends to these measurements more \
+                 than to the arm.",
+                e.mean_mm / t.after.mean_mm
+            ));
+        }
+    }
+    if t.unseen.is_empty() {
+        out.push(
+            "Nothing was scored at poses that the fit did not use: --cross-validate 5 does, and trical validate on another \
+             recording does better."
+                .into(),
+        );
+    }
+    out.extend(evidence::beyond_noise(&f.model, &f.data)?);
+    out.extend(evidence::long_tail(t.after, &f.data));
+    if t.rejected > 0 {
+        out.push(format!(
+            "{} of {} rows were rejected; each is named below with its reason.",
+            t.rejected,
+            t.rejected + t.observations
+        ));
+    }
+    if !t.cleaned {
+        out.push("Gross errors were kept (--keep-outliers).".into());
+    }
+    let stopped: Vec<&str> = f.at_limit.iter().map(|k| f.model.terms[*k].name.as_str()).collect();
+    if !stopped.is_empty() {
+        out.push(format!("Stopped by a limit of --known, which the data would pass: {}.", stopped.join(", ")));
+    }
+    Ok(out)
+}
+
+fn sentence(text: &str) -> String {
+    let mut chars = text.chars();
+    let first = chars.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
+    let end = if text.ends_with(['.', '?', '!']) { "" } else { "." };
+    format!("{first}{}{end}", chars.as_str())
+}
+
+fn verdict(t: &Told<'_>, concerns: usize) -> String {
+    let mut out = format!(
+        "{} parameters take the mean position error at {} measurements from {:.3} mm (largest {:.3}) to {:.3} mm (largest {:.3}).",
+        t.fitted.free.len(),
+        t.observations,
+        t.before.mean_mm,
+        t.before.max_mm,
+        t.after.mean_mm,
+        t.after.max_mm
+    );
+    if let Some((_, e)) = t.unseen.first() {
+        out += &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
+    }
+    out += &match concerns {
+        0 => " Nothing that was checked speaks against the model where it was measured.".to_owned(),
+        1 => " One thing is to be looked at before signing.".to_owned(),
+        n => format!(" {n} things are to be looked at before signing."),
+    };
+    out
+}
+
+fn parameters(t: &Told<'_>) -> Section {
+    let f = t.fitted;
+    let spare = f.observability.rows.saturating_sub(f.free.len());
+    let sds = half_width((spare > 0).then_some(spare));
+    let pairs = f.correlated(CORRELATED);
+    let stopped: Vec<&str> = f.at_limit.iter().map(|k| f.model.terms[*k].name.as_str()).collect();
+    let remark = |name: &str| if stopped.contains(&name) { "at its limit".to_owned() } else { String::new() };
+    let mut tables = vec![evidence::parameters(&f.model, f.free.iter().map(|k| &f.model.terms[*k]), sds, remark)];
+    let mut text = vec![format!(
+        "Each lies between the two ends with 95 % ({sds:.2} standard deviations to each side), if the model is complete. The \
+         condition number of the scaled Jacobian is {:.0}.",
+        f.observability.condition
+    )];
+    let dropped: Vec<String> = f
+        .dependent
+        .iter()
+        .filter(|d| !d.with.is_empty())
+        .map(|d| format!("{} (moves together with {})", d.name, d.with.join(", ")))
+        .collect();
+    if !dropped.is_empty() {
+        text.push(format!("Not identified, since others do the same: {}.", dropped.join("; ")));
+    }
+    if !pairs.is_empty() {
+        text.push(
+            "The pairs in the second table can hardly be told apart by this data: one alone is uncertain, though what they do \
+             together is known where it was measured."
+                .into(),
+        );
+        let mut rows = vec![row(["parameter", "and", "correlation"])];
+        rows.extend(pairs.iter().map(|(a, b, r)| vec![a.clone(), b.clone(), format!("{r:.3}")]));
+        tables.push(rows);
+    }
+    Section { heading: "Parameters".into(), text, tables, ..Section::default() }
+}
+
+/// The whole report.
+pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
+    let f = t.fitted;
+    let after = f.errors()?;
+    let errors =
+        Errors { model: &f.model, data: &f.data, was: "the nominal arm", before: t.each_before, after: &after };
+    let list = concerns(t)?;
+    let verdict = verdict(t, list.len());
+    let mut rows = vec![("before: nominal arm", t.before), ("after: identified", t.after)];
+    rows.extend(t.unseen.iter().map(|(name, e)| (name.as_str(), *e)));
+    let mut sections = Vec::new();
+    sections
+        .push(evidence::to_be_looked_at(list, "numbers measured for each parameter, where the base came out, limits"));
+    let mut one_by_one = errors.section()?;
+    if after.len() < t.observations {
+        one_by_one.text.push(format!("These are of a sample of {} of {} measurements.", after.len(), t.observations));
+    }
+    sections.extend([
+        Section {
+            heading: "Position error before and after".into(),
+            text: vec!["Before is the arm as its maker describes it, with only the measuring frame or base and the tool points \
+                        identified."
+                .into()],
+            tables: vec![error_table(&rows)],
+            ..Section::default()
+        },
+        one_by_one,
+    ]);
+    sections.extend(errors.pictures()?);
+    sections.extend([parameters(t), evidence::rejected(t.named, t.rejected)]);
+    made.notes
+        .push(format!("Joint angles that were believed: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
+    report::render("TriCal: identification", &verdict, &sections, &made)
+}

@@ -1,0 +1,113 @@
+//! The report of a validation: a model on recordings, for the person who signs it off.
+
+use trical_ident::{ModelFile, Rejected, Validation};
+
+use crate::error::Result;
+use crate::evidence::{self, Errors, half_width, row};
+use crate::report::{self, Made, Section, error_table};
+
+/// A region with a mean error larger than that of all by this is worth a word.
+const WORSE: f64 = 2.0;
+
+fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Result<Vec<String>> {
+    let mut out = Vec::new();
+    if v.after.mean_mm >= v.before.mean_mm {
+        out.push("The model is no better than the nominal arm on these recordings: do not use it here.".to_owned());
+    }
+    let same: Vec<&str> = v.data.names.iter().filter(|n| file.recordings.contains(n)).map(String::as_str).collect();
+    if !same.is_empty() {
+        out.push(format!(
+            "The model file names {} as what it was fitted to: these errors say nothing about other poses.",
+            same.join(", ")
+        ));
+    }
+    let worst = v.regions.iter().filter(|r| r.n > 4).max_by(|a, b| a.after.mean_mm.total_cmp(&b.after.mean_mm));
+    if let Some(r) = worst.filter(|r| r.after.mean_mm > WORSE * v.after.mean_mm) {
+        out.push(format!("Errors are unlike: {:.3} mm on average for {}.", r.after.mean_mm, r.region));
+    }
+    let lost = v.regions.iter().filter(|r| r.after.mean_mm >= r.before.mean_mm).count();
+    if lost > 0 && v.after.mean_mm < v.before.mean_mm {
+        out.push(format!("In {lost} of {} regions the model is no better than the nominal arm.", v.regions.len()));
+    }
+    out.extend(evidence::beyond_noise(&v.model, &v.data)?);
+    out.extend(evidence::long_tail(&v.after, &v.data));
+    if rejected > 0 {
+        out.push(format!("{rejected} rows were rejected; each is named below with its reason."));
+    }
+    Ok(out)
+}
+
+/// The whole report; `refit`: what was identified again.
+pub fn render(
+    v: &Validation,
+    file: &ModelFile,
+    refit: &[String],
+    rejected: &[Rejected],
+    mut made: Made,
+) -> Result<String> {
+    let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
+    let errors = Errors { model: &v.model, data: &v.data, was: "the nominal arm", before: &before, after: &after };
+    let list = concerns(v, file, rejected.len())?;
+    let mut verdict = format!(
+        "At {} measurements the model errs by {:.3} mm on average and {:.3} mm at most; the nominal arm by {:.3} and {:.3} mm.",
+        v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
+    );
+    verdict += &match list.len() {
+        0 => " Nothing that was checked speaks against the model where it was measured.".to_owned(),
+        1 => " One thing is to be looked at before signing.".to_owned(),
+        n => format!(" {n} things are to be looked at before signing."),
+    };
+    let mut text = vec![
+        "Before is the arm as its maker describes it, with only the measuring frame or base and the tool points identified on \
+         these recordings. After is the model as it is in its file."
+            .to_owned(),
+    ];
+    if !refit.is_empty() {
+        text.push(format!(
+            "Identified again for an instrument set up anew: {}, from every fourth pose. The other poses are scored.",
+            refit.join(" and ")
+        ));
+    }
+    let mut regions =
+        vec![row(["region", "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];
+    for r in &v.regions {
+        let mut cells = vec![r.region.clone(), r.n.to_string()];
+        let (b, a) = (&r.before, &r.after);
+        let values = [b.mean_mm, b.max_mm, a.mean_mm, a.max_mm, a.sd_mm, a.median_mm, a.rms_mm];
+        cells.extend(values.map(|x| format!("{x:.3}")));
+        regions.push(cells);
+    }
+    let mut sections = Vec::new();
+    sections.push(evidence::to_be_looked_at(list, "errors region by region"));
+    let table = error_table(&[("before: nominal arm", &v.before), ("after: the model", &v.after)]);
+    let terms = v.model.terms.iter().filter(|t| t.sd.is_some());
+    sections.extend([
+        Section { heading: "Position error before and after".into(), text, tables: vec![table], ..Section::default() },
+        errors.section()?,
+        errors.by_joint()?,
+        Section {
+            heading: "By region".into(),
+            text: vec!["Each joint's angles in four parts with equally many measurements.".into()],
+            tables: vec![regions],
+            ..Section::default()
+        },
+    ]);
+    sections.extend(errors.pictures()?);
+    sections.extend([
+        Section {
+            heading: "Parameters of the model".into(),
+            text: vec![
+                "Each lies between the two ends with 95 % (1.96 standard deviations to each side), if the model is complete; \
+                 from its file, not from these recordings."
+                    .into(),
+            ],
+            tables: vec![evidence::parameters(&v.model, terms, half_width(None), |_| String::new())],
+            ..Section::default()
+        },
+        evidence::rejected(rejected, rejected.len()),
+    ]);
+    if !file.recordings.is_empty() {
+        made.notes.push(format!("The model was fitted to {}.", file.recordings.join(", ")));
+    }
+    report::render("TriCal: validation", &verdict, &sections, &made)
+}

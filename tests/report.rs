@@ -1,0 +1,229 @@
+//! Reports as their readers meet them: what they say, what they carry, and whether a browser without a network draws them.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn run(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_trical")).args(args).current_dir(folder).output().unwrap()
+}
+
+fn good(folder: &Path, args: &[&str]) -> String {
+    let o = run(folder, args);
+    assert!(o.status.success(), "{args:?}: {}", String::from_utf8_lossy(&o.stderr));
+    String::from_utf8(o.stdout).unwrap()
+}
+
+/// A folder with a demo, its recording as CSV too.
+fn demo() -> (tempfile::TempDir, PathBuf) {
+    let place = tempfile::tempdir().unwrap();
+    good(place.path(), &["demo", "--out", "demo"]);
+    let folder = place.path().join("demo");
+    good(&folder, &["convert", "run.mcap", "--out", "run.csv"]);
+    (place, folder)
+}
+
+const CELL: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
+
+fn chromium() -> Option<&'static str> {
+    ["chromium", "chromium-browser", "google-chrome", "chrome"]
+        .into_iter()
+        .find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
+}
+
+/// The page as a browser has it after its scripts ran; nothing may have been written to the console.
+fn seen(chromium: &str, page: &Path) -> String {
+    let profile = tempfile::tempdir().unwrap();
+    let pdf = profile.path().join("page.pdf");
+    let browse = |what: &str| {
+        let o = Command::new(chromium)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"])
+            .args(["--disable-component-update", "--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND"])
+            .args(["--virtual-time-budget=4000", "--enable-logging=stderr", "--window-size=1100,3000", what])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .arg(format!("file://{}", page.display()))
+            .output()
+            .unwrap();
+        let err = String::from_utf8_lossy(&o.stderr);
+        assert!(!err.contains("CONSOLE"), "{}: {err}", page.display());
+        String::from_utf8_lossy(&o.stdout).into_owned()
+    };
+    browse(&format!("--print-to-pdf={}", pdf.display()));
+    assert!(std::fs::read(&pdf).unwrap().starts_with(b"%PDF"), "{}", page.display());
+    browse("--dump-dom")
+}
+
+/// No table or picture is cut off at the edge of an A4 page with its margins (688 pixels wide).
+fn fits_on_paper(chromium: &str, page: &Path) {
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(html.contains("@media print"));
+    let measure = "<script>onload = () => document.querySelectorAll('table, p, svg').forEach((e) => {\
+                   const right = e.getBoundingClientRect().right;\
+                   if (right > 689) console.log('cut off at the edge: ' + right + ' ' + (e.textContent || '').slice(0, 80));\
+                   })</script></body>";
+    let paper = page.with_extension("paper.html");
+    let html = html.replace("@media print", "@media all").replace("</body>", measure);
+    // a narrow page stands for paper, whatever the window's least width
+    std::fs::write(&paper, html.replace("<body>", "<body style=\"width: 688px\">")).unwrap();
+    seen(chromium, &paper);
+}
+
+/// Every plot of the page was drawn; how many.
+fn drawn(page: &Path) -> Option<usize> {
+    let Some(chromium) = chromium() else {
+        println!("skipped: there is no Chromium to look at {} with", page.display());
+        return None;
+    };
+    let dom = seen(chromium, page);
+    fits_on_paper(chromium, page);
+    let html = std::fs::read_to_string(page).unwrap();
+    let plots = html.matches("<div class=\"plot\">").count();
+    assert_eq!(dom.matches("class=\"plot drawn\"").count(), plots, "{}", page.display());
+    // the library made a canvas in each of them
+    assert_eq!(dom.matches("<canvas").count(), plots, "{}", page.display());
+    Some(plots)
+}
+
+/// Nothing is loaded from anywhere, and the last section names command and inputs.
+fn self_contained(page: &Path, inputs: &[&str]) -> String {
+    let html = std::fs::read_to_string(page).unwrap();
+    let without_names = html
+        .replace("xmlns=\"http://www.w3.org/2000/svg\"", "")
+        .replace("/*! https://github.com/leeoniya/uPlot (v1.6.32) */", "");
+    for word in ["http://", "https://", " src=", "@import", "url("] {
+        assert!(!without_names.contains(word), "{}: {word}", page.display());
+    }
+    let made = html.split("How this was made").nth(1).unwrap();
+    assert!(made.contains(&format!("TriCal {}", env!("CARGO_PKG_VERSION"))), "{made}");
+    for name in inputs {
+        let file = page.parent().unwrap().join(name);
+        let size = std::fs::metadata(&file).unwrap().len();
+        assert!(made.contains(&format!("<td>{name}</td><td>{size}</td>")), "{name}: {made}");
+        // by another program than ours
+        match Command::new("sha256sum").arg(&file).output() {
+            Ok(o) => assert!(made.contains(&String::from_utf8_lossy(&o.stdout)[..64]), "{name}"),
+            Err(e) => println!("skipped: sha256sum: {e}"),
+        }
+    }
+    html
+}
+
+fn verdict(html: &str) -> &str {
+    html.split("<p class=\"verdict\">").nth(1).unwrap().split("</p>").next().unwrap()
+}
+
+#[test]
+fn identification_and_validation_are_reported_to_the_person_who_signs() {
+    let (_place, folder) = demo();
+    let with = |more: &[&str]| {
+        good(
+            &folder,
+            &[&["identify", "run.csv"][..], &CELL, &["--out", "out.toml", "--report", "i.html", "--json"], more]
+                .concat(),
+        )
+    };
+    let json: serde_json::Value = serde_json::from_str(&with(&[])).unwrap();
+    let html = self_contained(&folder.join("i.html"), &["run.csv", "robot.toml", "cell.toml"]);
+    let mm = |v: &serde_json::Value| format!("{:.3}", v.as_f64().unwrap());
+    let said = verdict(&html);
+    for number in ["mean_nominal_mm", "max_nominal_mm", "mean_mm", "max_mm"] {
+        assert!(said.contains(&mm(&json[number])), "{number}: {said}");
+    }
+    // nobody asked how it does elsewhere
+    assert!(said.contains("One thing is to be looked at") && html.contains("--cross-validate 5 does"), "{said}");
+    // each parameter with an interval about its value that is two standard deviations to each side
+    let rows: Vec<Vec<&str>> = html
+        .split("<tr>")
+        .map(|r| r.split("<td>").skip(1).map(|c| c.split("</td>").next().unwrap()).collect())
+        .collect();
+    for p in json["parameters"].as_array().unwrap() {
+        let name = p["name"].as_str().unwrap();
+        let row = rows.iter().find(|r| r.len() == 7 && r[0] == name).unwrap_or_else(|| panic!("{name} is missing"));
+        let [low, high] = [row[3], row[4]].map(|x| x.parse::<f64>().unwrap());
+        let sd = p["sd"].as_f64().unwrap();
+        assert!((((high - low) / sd) - 3.966).abs() < 0.3 && low < p["value"].as_f64().unwrap(), "{row:?} {sd}");
+    }
+    for pair in json["correlated"].as_array().unwrap() {
+        let of = |k: usize| pair[k].as_str().unwrap();
+        assert!(html.contains(&format!("<td>{}</td><td>{}</td>", of(0), of(1))), "{pair}");
+    }
+    // the same to the byte
+    with(&[]);
+    assert_eq!(html, std::fs::read_to_string(folder.join("i.html")).unwrap());
+
+    let json: serde_json::Value = serde_json::from_str(&with(&["--cross-validate", "5"])).unwrap();
+    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    let said = verdict(&html);
+    assert!(said.contains("did not use") && said.contains(&mm(&json["cross_validation"]["mean_mm"])), "{said}");
+    assert!(drawn(&folder.join("i.html")).is_none_or(|n| n == 5));
+
+    let validate = |recording: &str| {
+        let out =
+            [&["validate", recording][..], &CELL, &["--model", "out.toml", "--report", "v.html", "--json"]].concat();
+        serde_json::from_str::<serde_json::Value>(&good(&folder, &out)).unwrap()
+    };
+    let v = validate("run.csv");
+    let html = self_contained(&folder.join("v.html"), &["run.csv", "robot.toml", "cell.toml", "out.toml"]);
+    let said = verdict(&html);
+    for number in [&v["before"]["mean_mm"], &v["before"]["max_mm"], &v["after"]["mean_mm"], &v["after"]["max_mm"]] {
+        assert!(said.contains(&mm(number)), "{number}: {said}");
+    }
+    assert!(html.contains("names run.csv as what it was fitted to"));
+    for r in v["regions"].as_array().unwrap() {
+        assert!(html.contains(&format!("<td>{}</td>", r["region"].as_str().unwrap())), "{r}");
+    }
+    assert!(drawn(&folder.join("v.html")).is_none_or(|n| n == 11));
+    // another name, no such words
+    std::fs::copy(folder.join("run.csv"), folder.join("other <b>.csv")).unwrap();
+    validate("other <b>.csv");
+    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    assert!(!html.contains("as what it was fitted to") && !html.contains("<b>"), "a name is no markup");
+    assert!(html.contains("&#x27;other &lt;b&gt;.csv&#x27;"));
+}
+
+#[test]
+fn what_was_rejected_is_named_in_the_report() {
+    let (_place, folder) = demo();
+    let text = std::fs::read_to_string(folder.join("run.csv")).unwrap();
+    let mut lines: Vec<String> = text.lines().map(String::from).collect();
+    let head = lines.iter().position(|l| l.contains("q1_deg")).unwrap();
+    let column = lines[head].split(',').position(|c| c == "q1_deg").unwrap();
+    let mut cells: Vec<String> = lines[head + 20].split(',').map(String::from).collect();
+    cells[column] = format!("{}", cells[column].parse::<f64>().unwrap() + 1.5);
+    lines[head + 20] = cells.join(",");
+    std::fs::write(folder.join("bad.csv"), lines.join("\n") + "\n").unwrap();
+    good(&folder, &[&["identify", "bad.csv"][..], &CELL, &["--report", "i.html"]].concat());
+    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    assert!(html.contains("1 of 45 rows were rejected"), "{}", verdict(&html));
+    assert!(html.contains(&format!("<td>bad.csv</td><td>line {}</td>", head + 21)));
+    // kept, it is told that it was
+    good(&folder, &[&["identify", "bad.csv"][..], &CELL, &["--report", "i.html", "--keep-outliers"]].concat());
+    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    assert!(html.contains("Gross errors were kept") && html.contains("No row was rejected"));
+}
+
+#[test]
+fn reports_of_demo_plan_and_diagnosis_are_drawn_without_a_network() {
+    let (_place, folder) = demo();
+    self_contained(&folder.join("plan.html"), &[]);
+    self_contained(&folder.join("report.html"), &[]);
+    assert!(drawn(&folder.join("plan.html")).is_none_or(|n| n == 0));
+    assert!(drawn(&folder.join("report.html")).is_none_or(|n| n == 5));
+    good(&folder, &[&["diagnose", "run.mcap"][..], &CELL, &["--report", "d.html"]].concat());
+    self_contained(&folder.join("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
+    let html = std::fs::read_to_string(folder.join("d.html")).unwrap();
+    assert!(html.contains("before: 31 parameters") && html.contains("<td>c_2</td>"));
+    assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 5));
+}
+
+#[test]
+fn a_report_into_nowhere_is_refused_before_any_work() {
+    let place = tempfile::tempdir().unwrap();
+    for command in ["identify", "validate"] {
+        let model: &[&str] = if command == "validate" { &["--model", "m.toml"] } else { &[] };
+        let o = run(place.path(), &[&[command, "r.csv"][..], &CELL, model, &["--report", "no/where.html"]].concat());
+        let err = String::from_utf8_lossy(&o.stderr);
+        assert_eq!(o.status.code(), Some(2), "{err}");
+        assert!(err.contains("the folder no does not exist") && err.trim().lines().count() == 1, "{err}");
+    }
+}

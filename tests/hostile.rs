@@ -1,6 +1,6 @@
 //! Files that claim, nest or repeat more than any honest file does, given to the real binary with little memory: one sentence
 //! and exit code 1 or 2, in seconds.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 #![cfg(unix)]
 
 use std::fmt::Write as _;

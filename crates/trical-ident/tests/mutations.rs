@@ -1,7 +1,7 @@
 //! Valid recordings, model files and files of what is known, with a few characters changed: no panic, and whatever is taken is
 //! finite and is read back as it was written.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::cast_precision_loss)]
 
 #[path = "../../trical-model/tests/common/mutants.rs"]
 mod common;

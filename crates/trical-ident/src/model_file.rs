@@ -187,6 +187,13 @@ impl ModelFile {
             if f.xyz_mm.iter().chain(&f.quaternion_wxyz).any(|v| !v.is_finite()) {
                 return Err(bad("[[frame]] holds a number that is not finite".into()));
             }
+            let length = f.quaternion_wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if (length - 1.0).abs() > 1e-2 || f.xyz_mm.iter().any(|x| x.abs() > 1e9) {
+                return Err(bad(format!(
+                    "[[frame]] has quaternion_wxyz of length {length:.4} and xyz_mm {:?}, expected length 1 and a place",
+                    f.xyz_mm
+                )));
+            }
             frames.push(Pose {
                 rotation: rotation_from_quaternion(f.quaternion_wxyz),
                 translation: nalgebra::Vector3::from(f.xyz_mm) * 1e-3,
@@ -208,6 +215,12 @@ impl ModelFile {
             }
             if !t.value.is_finite() {
                 return Err(bad(format!("term {} has value {}, expected a finite number", term.name, t.value)));
+            }
+            if let Some(sd) = t.sd.filter(|sd| !(sd.is_finite() && *sd >= 0.0)) {
+                return Err(bad(format!("term {} has sd {sd}, expected 0 or more", term.name)));
+            }
+            if let Err(problem) = term.basis.shape.check() {
+                return Err(bad(format!("term {}: its basis {problem}", term.name)));
             }
             term.value = t.value / u.per_si;
             term.sd = t.sd.map(|s| s / u.per_si);

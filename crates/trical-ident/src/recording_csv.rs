@@ -1,7 +1,9 @@
 //! Recordings as CSV: one row per measurement, columns known by name (the contract is in `formats.md`).
 
+use std::io::Read as _;
 use std::path::Path;
 
+use trical_model::error::shortened;
 use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
 
 use crate::error::{IdentError, Result};
@@ -29,6 +31,8 @@ struct Columns {
 /// No joint turns further than 278 times, and no instrument looks further than a kilometre.
 const FAR_DEG: f64 = 1e5;
 const FAR_MM: f64 = 1e6;
+/// No cell has more balls, targets, references or anchors.
+const MOST: f64 = 1e4;
 
 struct Reader<'a> {
     file: &'a str,
@@ -105,7 +109,7 @@ impl Reader<'_> {
             if !is_known(name) {
                 return Err(self.error(
                     "header",
-                    format!("unknown column '{name}'; known are t_s, seq, q1_deg (or q1_mm) ..., qc1_deg ..., dir1 ..., temp_c, payload_kg, ball, ix_mm, iy_mm, iz_mm, target, reference, x_mm, y_mm, z_mm, qw, qx, qy, qz, d_mm, anchor"),
+                    format!("unknown column '{}'; known are t_s, seq, q1_deg (or q1_mm) ..., qc1_deg ..., dir1 ..., temp_c, payload_kg, ball, ix_mm, iy_mm, iz_mm, target, reference, x_mm, y_mm, z_mm, qw, qx, qy, qz, d_mm, anchor", shortened(name, 60)),
                 ));
             }
             if self.header[..i].contains(name) {
@@ -195,6 +199,10 @@ impl Cells<'_, '_> {
         self.record.get(column).unwrap_or("").trim()
     }
 
+    fn shown(&self, column: usize) -> String {
+        shortened(self.text(column), 60)
+    }
+
     fn error(&self, column: usize, problem: String) -> IdentError {
         let name = self.reader.header.get(column).map_or("?", String::as_str);
         self.reader.error(format!("line {}, column {name}", self.line), problem)
@@ -212,7 +220,7 @@ impl Cells<'_, '_> {
     }
 
     fn no_number(&self, column: usize) -> IdentError {
-        self.error(column, format!("found '{}', expected a finite number", self.text(column)))
+        self.error(column, format!("found '{}', expected a finite number", self.shown(column)))
     }
 
     /// A number whose size is that of an arm or an instrument; the unit stands in the column's name.
@@ -220,7 +228,8 @@ impl Cells<'_, '_> {
         match self.text(column).parse::<f64>() {
             Ok(v) if v.abs() <= limit => Ok(v),
             Ok(v) if v.is_finite() => {
-                Err(self.error(column, format!("found '{}', expected between -{limit} and {limit}", self.text(column))))
+                Err(self
+                    .error(column, format!("found '{}', expected between -{limit} and {limit}", self.shown(column))))
             }
             _ => Err(self.no_number(column)),
         }
@@ -250,12 +259,15 @@ impl Cells<'_, '_> {
 
     fn count(&self, column: usize) -> Result<usize> {
         let v = self.number(column)?;
-        if v.fract() == 0.0 && (1.0..1e6).contains(&v) {
+        if v.fract() == 0.0 && (1.0..=MOST).contains(&v) {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
             let n = v as usize;
             Ok(n - 1)
         } else {
-            Err(self.error(column, format!("found '{}', expected a number counted from 1", self.text(column))))
+            Err(self.error(
+                column,
+                format!("found '{}', expected a number counted from 1 up to {MOST}", self.shown(column)),
+            ))
         }
     }
 
@@ -276,7 +288,7 @@ impl Cells<'_, '_> {
             let anchor = filled(c.anchor).map_or(Ok(0), |a| self.count(a))?;
             let [length] = self.metres([d])?;
             if length <= 0.0 {
-                return Err(self.error(d, format!("found '{}', expected a positive length", self.text(d))));
+                return Err(self.error(d, format!("found '{}', expected a positive length", self.shown(d))));
             }
             return Ok(Measured::Distance { anchor, length });
         }
@@ -331,7 +343,9 @@ impl Cells<'_, '_> {
                     0.0 => 0,
                     -1.0 => -1,
                     _ => {
-                        return Err(self.error(*column, format!("found '{}', expected -1, 0 or 1", self.text(*column))));
+                        return Err(
+                            self.error(*column, format!("found '{}', expected -1, 0 or 1", self.shown(*column)))
+                        );
                     }
                 };
             }
@@ -426,9 +440,33 @@ impl<'a> Parser<'a> {
 /// One sentence with file, line, column, what was found and what was expected.
 pub fn load_csv(path: &Path, joints: usize) -> Result<Recording> {
     let name = path.display().to_string();
-    let bytes = std::fs::read(path)
-        .map_err(|e| IdentError::File { file: name.clone(), problem: format!("cannot be read: {e}") })?;
+    let bytes = whole_lines(path)?;
     parse_csv(&bytes, &name, joints)
+}
+
+/// No row is this long, bytes.
+pub(crate) const LONGEST_LINE: usize = 1 << 20;
+
+/// The bytes of a file; one without ends of lines is given up before it fills the memory.
+fn whole_lines(path: &Path) -> Result<Vec<u8>> {
+    let error = |problem: String| IdentError::File { file: path.display().to_string(), problem };
+    let file = std::fs::File::open(path).map_err(|e| error(format!("cannot be read: {e}")))?;
+    let (mut bytes, mut line, mut begin) = (Vec::new(), 1, 0);
+    loop {
+        let from = bytes.len();
+        let read = (&file).take(LONGEST_LINE as u64).read_to_end(&mut bytes);
+        if read.map_err(|e| error(format!("cannot be read: {e}")))? == 0 {
+            return Ok(bytes);
+        }
+        for (at, _) in bytes[from..].iter().enumerate().filter(|(_, b)| **b == b'\n') {
+            (line, begin) = (line + 1, from + at + 1);
+        }
+        if bytes.len() - begin > LONGEST_LINE {
+            return Err(error(format!(
+                "line {line} is longer than {LONGEST_LINE} bytes; expected a recording, one measurement a line"
+            )));
+        }
+    }
 }
 
 /// How recordings are read: lines end with \n, a \r before it is blank (the crate counts lines ending with both one too low).

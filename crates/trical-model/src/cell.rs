@@ -183,6 +183,7 @@ impl Cell {
         let balls = match &raw.balls {
             None => Vec::new(),
             Some(BallsFile { distances_mm: Some(d), positions_mm: None }) => {
+                finite("[balls] distances_mm", &[d.d12, d.d13, d.d23])?;
                 balls_from_distances(d.d12 * 1e-3, d.d13 * 1e-3, d.d23 * 1e-3)
                     .ok_or_else(|| {
                         bad(

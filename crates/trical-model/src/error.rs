@@ -75,15 +75,35 @@ pub fn parse_toml<T: serde::de::DeserializeOwned>(text: &str, file: &str) -> Res
         ModelError::Input {
             file: file.to_owned(),
             place: format!("line {line}"),
-            problem: e.message().replace('\n', " "),
+            problem: shortened(&e.message().replace('\n', " "), 300),
         }
     })
 }
 
+/// The largest text file that is read whole, bytes: robots, cells, models, plans. A URDF of a few hundred links is 1 MB, and
+/// a TOML takes ten times its size in memory.
+pub const LARGEST_TEXT: usize = 20_000_000;
+
 /// Reads a whole text file; an error names it.
 pub fn read_text(path: &std::path::Path) -> Result<String> {
+    use std::io::Read;
     let file = path.display().to_string();
-    let bytes = std::fs::read(path)
-        .map_err(|e| ModelError::Unreadable { file: file.clone(), problem: format!("cannot be read: {e}") })?;
-    String::from_utf8(bytes).map_err(|_| ModelError::Unreadable { file, problem: "is not UTF-8 text".into() })
+    let unreadable = |problem: String| ModelError::Unreadable { file: file.clone(), problem };
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|f| f.take(LARGEST_TEXT as u64 + 1).read_to_end(&mut bytes))
+        .map_err(|e| unreadable(format!("cannot be read: {e}")))?;
+    if bytes.len() > LARGEST_TEXT {
+        return Err(unreadable(format!("has more than {LARGEST_TEXT} bytes, expected a text of at most that")));
+    }
+    String::from_utf8(bytes).map_err(|_| unreadable("is not UTF-8 text".into()))
+}
+
+/// What was found in a file, as long as a message bears it: the first `most` characters, and that there are more.
+#[must_use]
+pub fn shortened(found: &str, most: usize) -> String {
+    match found.char_indices().nth(most) {
+        Some((end, _)) => format!("{}...", &found[..end]),
+        None => found.to_owned(),
+    }
 }

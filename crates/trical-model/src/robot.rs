@@ -131,6 +131,9 @@ fn is_zero(x: &f64) -> bool {
     *x == 0.0
 }
 
+/// No joint goes farther, deg or mm: whoever looks for all solutions tries every whole turn within its limits.
+const FARTHEST: f64 = 1e6;
+
 /// The newest version of the file formats that this program knows.
 pub const FORMAT_VERSION: u32 = 1;
 
@@ -219,10 +222,13 @@ impl Robot {
                     ));
                 }
             };
-            if !(limits[0].is_finite() && limits[1].is_finite() && limits[0] < limits[1]) {
+            if !(limits[0] < limits[1] && limits.iter().all(|l| l.abs() <= FARTHEST)) {
                 return Err(bad(
                     place(field),
-                    format!("found [{}, {}], expected a lower and a higher number", limits[0], limits[1]),
+                    format!(
+                        "found [{}, {}], expected a lower and a higher number, at most {FARTHEST}",
+                        limits[0], limits[1]
+                    ),
                 ));
             }
             if let Some(m) = j.mass_kg

@@ -280,6 +280,34 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// Whether its parameters give finite values.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(self) -> std::result::Result<(), String> {
+        let positive = |what: &str, v: f64| {
+            if v.is_finite() && v > 0.0 { Ok(()) } else { Err(format!("has {what} {v}, expected a number above 0")) }
+        };
+        let finite = |what: &str, v: f64| {
+            if v.is_finite() { Ok(()) } else { Err(format!("has {what} {v}, expected a finite number")) }
+        };
+        match self {
+            Self::One | Self::Linear | Self::Absolute | Self::SignedSquare | Self::Cube => Ok(()),
+            Self::SoftSign { scale } => positive("scale", scale),
+            Self::Sine { cycles } | Self::Cosine { cycles } => finite("cycles", cycles),
+            Self::Step { at } | Self::Hinge { at } => finite("at", at),
+            Self::WarmUp { constant } => positive("constant", constant),
+            Self::Tent { left, centre, right } => {
+                finite("centre", centre)?;
+                if left < centre && centre < right {
+                    Ok(())
+                } else {
+                    Err(format!("has left {left}, centre {centre}, right {right}, expected them in rising order"))
+                }
+            }
+        }
+    }
+
     /// Value and derivative at `u`.
     #[must_use]
     pub fn at(self, u: f64) -> (f64, f64) {

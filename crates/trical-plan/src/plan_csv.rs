@@ -15,6 +15,7 @@
 use std::fmt::Write;
 
 use thiserror::Error;
+use trical_model::error::shortened;
 use trical_model::{JointKind, Joints, MAX_JOINTS, Robot};
 
 use crate::plan::PlanEntry;
@@ -119,8 +120,8 @@ pub fn read_plan(text: &str, file: &str, robot: &Robot, balls: usize) -> Result<
     let error = |line: usize, column: &str, found: String, expected: &str| PlanFileError {
         file: file.to_owned(),
         line,
-        column: column.to_owned(),
-        found,
+        column: shortened(column, 60),
+        found: shortened(&found, 100),
         expected: expected.to_owned(),
     };
     let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();

@@ -129,6 +129,18 @@ mod tests {
     }
 
     #[test]
+    fn the_scatter_is_that_of_one_touch_however_many_there_are() {
+        let mut touches: Vec<FlangeTouch> = [(3.0, 0.0, 0.0), (2.6, 0.3, 0.5), (-2.8, -0.4, 1.5), (2.9, 0.5, -1.0)]
+            .iter()
+            .map(|(roll, pitch, yaw)| touch(*roll, *pitch, *yaw, [0.0; 3]))
+            .collect();
+        touches[1].reading = [2e-5, 0.0, 0.0];
+        let once = tcp_from_touches(&touches).unwrap().rms;
+        let twice = tcp_from_touches(&touches.repeat(2)).unwrap().rms;
+        assert!(once > 1e-6 && once < 2e-5 && (once - twice).abs() < 1e-12, "{once} {twice}");
+    }
+
+    #[test]
     fn orientations_about_one_axis_are_refused() {
         let touches: Vec<FlangeTouch> = (0..5).map(|i| touch(0.0, 0.0, 0.4 * f64::from(i), [0.0; 3])).collect();
         assert_eq!(tcp_from_touches(&touches), Err(TcpError::Degenerate));

@@ -60,6 +60,8 @@ pub struct Frames {
     pub world: Option<Pose>,
 }
 
+const TWICE: &str = "stands there twice: controllers do not tell capitals from small letters";
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -122,18 +124,23 @@ impl Frames {
             if f.mass_kg.is_some() || f.cog_mm.is_some() {
                 return Err(bad(&place, "mass_kg and cog_mm belong to tools".into()));
             }
-            out.frames.insert(name.to_lowercase(), Ok(f.pose().map_err(|e| bad(&place, e))?));
+            if out.frames.insert(name.to_lowercase(), Ok(f.pose().map_err(|e| bad(&place, e))?)).is_some() {
+                return Err(bad(&place, TWICE.into()));
+            }
         }
         for (name, f) in &raw.tools {
             let place = format!("[tools.{name}]");
             let mass = f.mass_kg.unwrap_or(0.0);
             let cog = f.cog_mm.unwrap_or_default();
-            if !(mass.is_finite() && (0.0..1e4).contains(&mass)) || cog.iter().any(|c| !c.is_finite()) {
+            if !(mass.is_finite() && (0.0..1e4).contains(&mass)) || cog.iter().any(|c| !c.is_finite() || c.abs() > 1e6)
+            {
                 return Err(bad(&place, format!("found {mass} kg at {cog:?} mm, expected a mass and its place")));
             }
             let flange_from_tool = f.pose().map_err(|e| bad(&place, e))?;
             let tool = ToolFrame { flange_from_tool, mass, cog: Vector3::from(cog) * 1e-3 };
-            out.tools.insert(name.to_lowercase(), Ok(tool));
+            if out.tools.insert(name.to_lowercase(), Ok(tool)).is_some() {
+                return Err(bad(&place, TWICE.into()));
+            }
         }
         Ok(out)
     }

@@ -3,12 +3,17 @@
 //! `x_mm,y_mm,z_mm,qw,qx,qy,qz` or `q1_deg,q2_deg,...`; `tool` and `frame` name what a row is meant with. Other columns and
 //! everything else stay as they are.
 
+use trical_model::error::shortened;
+
 use super::branch::Configuration;
 use super::literal::Shape;
 use super::scan::{Scan, Setup, Visit};
 use super::text::{Span, lower, number};
 
 const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
+
+/// No row is this long, bytes.
+const LONGEST_LINE: usize = 1 << 20;
 
 /// Reads a table.
 ///
@@ -20,6 +25,12 @@ pub fn scan(bytes: &[u8]) -> Result<Scan, String> {
     let mut at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     while at < bytes.len() {
         let end = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |k| at + k);
+        if end - at > LONGEST_LINE {
+            let number = 1 + bytes[..at].iter().filter(|b| **b == b'\n').count();
+            return Err(format!(
+                "line {number} is longer than {LONGEST_LINE} bytes; expected a table, one target a line"
+            ));
+        }
         let line = bytes[at..end].trim_ascii_end();
         if !line.trim_ascii_start().starts_with(b"#") && !line.is_empty() {
             match &columns {
@@ -47,7 +58,7 @@ impl Columns {
         let find = |name: &str| names.iter().position(|n| n == name);
         let pose: Vec<usize> = POSE.iter().filter_map(|n| find(n)).collect();
         let joints: Vec<usize> = (1..=9).map_while(|k| find(&format!("q{k}_deg"))).collect();
-        let found = || names.iter().take(12).cloned().collect::<Vec<_>>().join(",");
+        let found = || shortened(&names.iter().take(12).cloned().collect::<Vec<_>>().join(","), 200);
         let (shape, numbers) = match (pose.len(), joints.len()) {
             (7, 0) => (Shape::Quaternion, pose),
             (0, n) if n > 0 => (Shape::JointsDeg, joints),
@@ -75,7 +86,7 @@ impl Columns {
         }
         let spans: Vec<Span> = self.numbers.iter().map(|k| fields[*k]).collect();
         if let Some(bad) = spans.iter().find(|s| number(s.text(bytes)).is_none()) {
-            let text = String::from_utf8_lossy(bad.text(bytes)).into_owned();
+            let text = shortened(&String::from_utf8_lossy(bad.text(bytes)), 60);
             scan.problems.push((at, format!("found '{text}', expected a finite number")));
             return;
         }

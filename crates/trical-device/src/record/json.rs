@@ -108,13 +108,34 @@ pub fn row_from_json(text: &[u8]) -> Result<(Row, usize), String> {
     Ok((Row { state, measured, seq, line: 0 }, joints))
 }
 
+/// No cell has more balls, targets, references or anchors.
+const MOST: u64 = 10_000;
+
+/// The largest value of a key: no joint turns further than 278 times, and no instrument looks further than a kilometre.
+fn largest(key: &str) -> f64 {
+    if key.ends_with("_deg") {
+        1e5
+    } else if key.ends_with("_mm") {
+        1e6
+    } else {
+        1e9
+    }
+}
+
 struct Fields(Map<String, Value>);
 
 impl Fields {
     fn number(&mut self, key: &str) -> Result<Option<f64>, String> {
         match self.0.remove(key) {
             None => Ok(None),
-            Some(value) => value.as_f64().map(Some).ok_or_else(|| format!("key {key:?} is {value}; expected a number")),
+            Some(value) => {
+                let limit = largest(key);
+                value
+                    .as_f64()
+                    .filter(|v| v.abs() <= limit)
+                    .map(Some)
+                    .ok_or_else(|| format!("key {key:?} is {value}; expected a number between -{limit} and {limit}"))
+            }
         }
     }
 
@@ -132,6 +153,7 @@ impl Fields {
         match self.integer(key)? {
             None => Ok(None),
             Some(0) => Err(format!("key {key:?} is 0; expected 1 or more")),
+            Some(number) if number > MOST => Err(format!("key {key:?} is {number}; expected {MOST} at most")),
             Some(number) => Ok(Some((number - 1) as usize)),
         }
     }
@@ -204,10 +226,17 @@ impl Fields {
         let scalar = self.number("qw")?;
         match (ball, reading, length, position, scalar, vector) {
             (Some(ball), Some(reading), None, None, None, None) => Ok(Measured::Touch { ball, reading }),
+            (None, None, Some(d), None, None, None) if d <= 0.0 => {
+                Err(format!("key \"d_mm\" is {d}; expected a positive length"))
+            }
             (None, None, Some(d), None, None, None) => {
                 Ok(Measured::Distance { anchor: anchor.unwrap_or(0), length: d * 1e-3 })
             }
             (None, None, None, Some(position), Some(w), Some([x, y, z])) => {
+                let length = (w * w + x * x + y * y + z * z).sqrt();
+                if (length - 1.0).abs() > 1e-2 {
+                    return Err(format!("the quaternion qw qx qy qz has length {length:.4}; expected 1"));
+                }
                 Ok(Measured::Pose { position, quaternion: [w, x, y, z] })
             }
             (None, None, None, Some(position), None, None) => match (target, reference) {

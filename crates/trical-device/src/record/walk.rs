@@ -61,8 +61,8 @@ const ATTACHMENT: u8 = 0x09;
 const METADATA: u8 = 0x0C;
 const DATA_END: u8 = 0x0F;
 
-/// A chunk is never unpacked to more than this.
-const LARGEST_CHUNK: u64 = 1 << 30;
+/// A chunk is never unpacked to more than this; writers cut them at 1 to 4 MiB.
+const LARGEST_CHUNK: u64 = 1 << 27;
 
 /// Takes all whole records out of the bytes that follow the magic.
 ///

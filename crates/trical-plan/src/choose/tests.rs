@@ -102,3 +102,21 @@ fn too_few_candidates_are_no_choice() {
     assert!(Candidates::new(3, vec![f64::NAN; 9], vec![0]).is_none());
     assert!(Candidates::new(3, vec![0.0; 8], vec![0]).is_none());
 }
+
+#[test]
+fn all_candidates_together_are_the_measure_of_a_log_determinant() {
+    let c = random_candidates(12, 5, 2, 3);
+    let all = choose(&c, &[6, 6], 1, 0).unwrap();
+    assert_eq!(all.indices, (0..12).collect::<Vec<_>>());
+    assert!(all.log_det.abs() < 1e-9, "{}", all.log_det);
+}
+
+#[test]
+fn the_greedy_start_is_better_than_nearly_all_random_sets() {
+    let c = random_candidates(120, 12, 3, 1);
+    let white = White::of(&c);
+    let members: Vec<Vec<usize>> = (0..3).map(|g| (0..120).filter(|i| i % 3 == g).collect()).collect();
+    let greedy = white.log_det(&greedy(&white, &members, &[6, 6, 6]));
+    let better = (0..500).filter(|k| white.log_det(&random_set(&members, &[6, 6, 6], 99, *k)) > greedy).count();
+    assert!(better < 5, "{better} of 500 random sets are better");
+}

@@ -1,0 +1,227 @@
+//! Small claims about fits, noise, observability and what is left out, each checked by hand or by its definition. Deliberate
+//! errors in the code (see docs/hardening.md) went unnoticed without them.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::cast_precision_loss, missing_docs)]
+
+use faer::Mat;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use trical_ident::diagnose::hygiene::without_stale;
+use trical_ident::fit::{check_count, minimize, position_errors, weighted_residuals};
+use trical_ident::gross::reject_gross_errors_beyond;
+use trical_ident::identifiability::observability;
+use trical_ident::solver::LmParams;
+use trical_ident::{Dataset, JointSource, Noise, Refit, validate};
+use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Site, State, Term};
+
+const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
+const CELL: &str = include_str!("../../trical-model/tests/data/cell.toml");
+
+fn nominal() -> Model {
+    Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap())
+}
+
+fn dataset(rows: Vec<Row>) -> Dataset {
+    let recording = Recording { name: "made".into(), joints: 6, rows };
+    Dataset::build(&[recording], JointSource::Read, None).unwrap()
+}
+
+/// Touches of the nominal arm anywhere, each reading off by what `off` says.
+fn touches(n: usize, mut off: impl FnMut(usize, &mut Pcg64Mcg) -> [f64; 3]) -> Dataset {
+    let mut rng = Pcg64Mcg::seed_from_u64(7);
+    let model = nominal();
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let rows = (0..n)
+        .map(|k| {
+            let q: [f64; 6] = std::array::from_fn(|_| rng.random_range(-1.2..1.2));
+            let state = State::at(&q);
+            let pose = forward.world_from_tool(&state, &mut ws);
+            let i = pose.rotation.transpose() * (model.cell.balls[k % 3] - pose.translation);
+            let off = off(k, &mut rng);
+            let reading = std::array::from_fn(|a| i[a] + off[a]);
+            Row { state, measured: Measured::Touch { ball: k % 3, reading }, seq: None, line: k + 2 }
+        })
+        .collect();
+    dataset(rows)
+}
+
+/// Noise of 10 um and standard normal distribution, nearly: a sum of twelve.
+fn noise(rng: &mut Pcg64Mcg) -> [f64; 3] {
+    std::array::from_fn(|_| 1e-5 * (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>())
+}
+
+fn tool_terms(model: &mut Model) {
+    for (name, axis) in [("tool_x", Axis::X), ("tool_y", Axis::Y), ("tool_z", Axis::Z)] {
+        model.terms.push(Term::new(name, "tool", Site::Tool(Motion::Along(axis)), Basis::CONSTANT));
+    }
+}
+
+#[test]
+fn as_many_numbers_as_parameters_are_enough() {
+    let data = touches(2, |_, _| [0.0; 3]);
+    assert_eq!(check_count(&data, 6, &[]).unwrap(), 6);
+    assert!(check_count(&data, 7, &[]).is_err());
+}
+
+#[test]
+fn rotations_have_no_part_in_a_position_error() {
+    let mut model = nominal();
+    model.frames = vec![trical_model::Pose::identity()];
+    let forward = Forward::new(model, Vec::new()).unwrap();
+    let state = State::at(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
+    let pose = forward.world_from_tool(&state, &mut forward.workspace());
+    // 3 um and 4 um off in place, and turned by a tenth of a radian more
+    let turned = pose.rotation * trical_model::pose::rotation_x(0.1);
+    let position = [pose.translation.x + 3e-6, pose.translation.y - 4e-6, pose.translation.z];
+    let quaternion = trical_model::pose::quaternion_from_rotation(&turned);
+    let row = Row { state, measured: Measured::Pose { position, quaternion }, seq: None, line: 2 };
+    let errors = position_errors(&forward, &dataset(vec![row]));
+    assert!((errors[0] - 5e-6).abs() < 1e-12, "{errors:?}");
+}
+
+#[test]
+fn a_robust_fit_ends_where_hubers_cost_is_least() {
+    const LIMIT: f64 = 2.0;
+    let data = touches(40, |k, rng| {
+        let mut off = noise(rng);
+        off[0] += if k % 3 == 0 { 3e-4 } else { 0.0 };
+        off
+    });
+    let mut model = nominal();
+    tool_terms(&mut model);
+    let mut forward = Forward::new(model, vec![0, 1, 2]).unwrap();
+    let usual = Noise::usual(1);
+    let report = minimize(&mut forward, &data, &usual, &LmParams { huber: LIMIT, ..LmParams::default() }).unwrap();
+    let cost = |forward: &Forward| -> f64 {
+        let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let one = |s: f64| if s <= LIMIT { 0.5 * s * s } else { LIMIT * s - 0.5 * LIMIT * LIMIT };
+        weighted_residuals(forward, &data, &usual).iter().map(|r| one(length(r))).sum()
+    };
+    let least = cost(&forward);
+    assert!((report.cost - least).abs() < 1e-9 * least);
+    let x = forward.coefficients();
+    for k in 0..3 {
+        for step in [-2e-7, 2e-7] {
+            let mut aside = x.clone();
+            aside[k] += step;
+            forward.set_coefficients(&aside);
+            assert!(cost(&forward) > least, "coefficient {k}, {step}");
+        }
+    }
+}
+
+#[test]
+fn the_noise_counts_degrees_of_freedom_and_medians_as_a_normal_distribution_has_them() {
+    let data = touches(20, |_, _| [0.0; 3]);
+    let of = |noise: &Noise| noise.sigma(0, &data.observations[0].measured, 0);
+    let usual = Noise::usual(1);
+    let mut updated = usual.clone();
+    // 60 residuals of one sigma each, 15 of them spent on parameters
+    updated.update(&data, &vec![([1.0, -1.0, 1.0, 0.0, 0.0, 0.0], 3); 20], 15);
+    assert!((of(&updated) / of(&usual) - (60.0_f64 / 45.0).sqrt()).abs() < 1e-12);
+    // half of a normal distribution lies within 0.6745 sigma
+    let mut robust = usual.clone();
+    robust.update_robustly(&data, &vec![([0.6745, -0.6745, 0.6745, 0.0, 0.0, 0.0], 3); 20]);
+    assert!((of(&robust) / of(&usual) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn observability_and_covariance_of_a_matrix_done_by_hand() {
+    // R = [2 1; 0 3]: R'R = [4 2; 2 10], whose inverse is [10 -2; -2 4] / 36; columns of length 2 and sqrt 10 at a cosine of
+    // 2 / (2 sqrt 10), so the singular values multiply to sqrt(1 - 1/10)
+    let r = Mat::from_fn(2, 2, |i, j| [[2.0, 1.0], [0.0, 3.0]][i][j]);
+    let (o, covariance) = observability(&r, 25);
+    for (found, expected) in covariance.iter().zip([10.0, -2.0, -2.0, 4.0]) {
+        assert!((found - expected / 36.0).abs() < 1e-15, "{covariance:?}");
+    }
+    assert!((o.o1 - 0.9_f64.powf(0.25) / 5.0).abs() < 1e-12, "{o:?}");
+    let (large, small) = ((1.0 + 0.1_f64.sqrt()).sqrt(), (1.0 - 0.1_f64.sqrt()).sqrt());
+    assert!((o.condition - large / small).abs() < 1e-12 && (o.o3 - small).abs() < 1e-12);
+}
+
+#[test]
+fn a_bumped_reference_is_noticed_and_a_scattered_one_is_not() {
+    let places = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let mut rows = Vec::new();
+    for pose in 0..12_u32 {
+        let state = State::at(&[0.01 * f64::from(pose); 6]);
+        let mut add = |measured| {
+            rows.push(Row { state, measured, seq: Some(pose.into()), line: rows.len() + 2 });
+        };
+        for (reference, place) in places.iter().enumerate() {
+            // one reference was bumped by 1 mm before pose 7 was seen; the instrument scatters by 5 um
+            let bump = if pose == 7 && reference == 2 { 1e-3 } else { 0.0 };
+            let position = place.map(|p| p + bump + 5e-6 * rng.random_range(-1.0..1.0));
+            add(Measured::Reference { reference, position });
+        }
+        add(Measured::Point { target: 0, position: [0.5, 0.5, 0.5] });
+    }
+    let data = dataset(rows);
+    assert_eq!(data.rejected.len(), 1, "{:?}", data.rejected);
+    assert!(data.rejected[0].row == 40 && data.rejected[0].reason.contains("off its place"), "{:?}", data.rejected);
+    assert_eq!(data.observations.len(), 11);
+}
+
+#[test]
+fn rows_of_one_number_but_other_joints_are_two_poses() {
+    let row = |q: f64, line| Row {
+        state: State::at(&[q; 6]),
+        measured: Measured::Point { target: 0, position: [0.0; 3] },
+        seq: Some(1),
+        line,
+    };
+    assert_eq!(dataset(vec![row(0.1, 2), row(0.1, 3)]).poses, 1);
+    assert_eq!(dataset(vec![row(0.1, 2), row(0.2, 3)]).poses, 2);
+}
+
+#[test]
+fn a_touch_beyond_the_limit_is_rejected_and_its_ball_is_not_blamed() {
+    let data = touches(120, |k, rng| {
+        let mut off = noise(rng);
+        off[0] += if k == 50 { 9e-5 } else { 0.0 };
+        off
+    });
+    let model = nominal();
+    let kept = reject_gross_errors_beyond(&model.robot, &model.cell, &data, 6.0).unwrap();
+    let rejected: Vec<usize> = kept.rejected.iter().map(|r| r.row).collect();
+    assert_eq!(rejected, [51], "{:?}", kept.rejected);
+    assert!(!kept.rejected[0].reason.contains("it fits ball"), "{}", kept.rejected[0].reason);
+}
+
+#[test]
+fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
+    let data = touches(40, |_, rng| noise(rng));
+    let model = nominal();
+    let scored = |refit| validate(&model.robot, &model.cell, &model, &data, refit).unwrap();
+    let whole = scored(None);
+    assert_eq!((whole.n, whole.errors.len()), (40, 40));
+    for joint in 1..=6 {
+        let of_joint = whole.regions.iter().filter(|r| r.region.starts_with(&format!("q{joint} ")));
+        assert_eq!(of_joint.map(|r| r.n).sum::<usize>(), 40, "q{joint}");
+    }
+    let again = scored(Some(Refit { frame: true, targets: true }));
+    let fourth: Vec<usize> = (0..40).filter(|p| p % 4 == 0).collect();
+    assert_eq!(again.n, 30);
+    assert!(again.data.observations.iter().all(|o| !fourth.contains(&o.pose)));
+}
+
+#[test]
+fn a_repeated_reading_is_stale_only_where_chance_cannot_repeat_it() {
+    let rows = |x: &dyn Fn(usize) -> f64| {
+        let row = |k: usize| Row {
+            state: State::at(&[0.01 * k as f64; 6]),
+            measured: Measured::Touch { ball: 0, reading: [x(k), 0.0, 0.0] },
+            seq: None,
+            line: k + 2,
+        };
+        dataset((0..200).map(row).collect())
+    };
+    // y and z always show 0; x never shows the same twice but once
+    let once = rows(&|k| 1e-6 * if k == 101 { 100.0 } else { k as f64 });
+    let stale: Vec<usize> = without_stale(&once).rejected.iter().map(|r| r.row).collect();
+    assert_eq!(stale, [102]);
+    // x has two values only: repeats are chance
+    let coarse = rows(&|k| ((k / 2) % 2) as f64 * 1e-6);
+    assert!(without_stale(&coarse).rejected.is_empty());
+}

@@ -1,0 +1,306 @@
+//! Files that claim, nest or repeat more than any honest file does, given to the real binary with little memory: one sentence
+//! and exit code 1 or 2, in seconds.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
+#![cfg(unix)]
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
+const CELL: &str = include_str!("../cells/irb120/cell.toml");
+const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+/// Address space of the process, KiB: what a recording of a day needs, and far less than the files here ask for.
+const ADDRESS_SPACE: u32 = 1_500_000;
+/// On a busy machine and without optimization; alone, the slowest takes 3 s.
+const LIMIT: Duration = Duration::from_secs(60);
+
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let p = Self(tempfile::tempdir().unwrap());
+        p.write("robot.toml", ROBOT);
+        p.write("cell.toml", CELL);
+        p
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), bytes).unwrap();
+    }
+
+    /// The command fails in order, with one short sentence that has `words`.
+    fn refuses(&self, args: &str, words: &str) {
+        let begin = Instant::now();
+        let o = Command::new("sh")
+            .args(["-c", &format!("ulimit -v {ADDRESS_SPACE}; exec \"$0\" \"$@\"")])
+            .arg(env!("CARGO_BIN_EXE_trical"))
+            .args(args.split(' '))
+            .current_dir(self.0.path())
+            .output()
+            .unwrap();
+        let err = String::from_utf8_lossy(&o.stderr);
+        let start: String = err.chars().take(2000).collect();
+        assert!(matches!(o.status.code(), Some(1 | 2)), "{args}: {:?}: {start}", o.status);
+        assert!(!err.contains("panicked"), "{args}: {start}");
+        assert_eq!(err.trim().lines().count(), 1, "{args}: {start}");
+        assert!(err.len() < 1000, "{args}: {} bytes: {start}", err.len());
+        assert!(err.contains(words), "{args}: '{words}' is missing in: {start}");
+        assert!(begin.elapsed() < LIMIT, "{args}: {:?}", begin.elapsed());
+    }
+
+    /// As `robot.toml`, as `cell.toml`, as `--known` and as `--frames`.
+    fn refuses_toml(&self, name: &str, words: &str) {
+        self.refuses(&format!("plan --robot {name} --cell cell.toml --out o.csv"), words);
+        self.refuses(&format!("plan --robot robot.toml --cell {name} --out o.csv"), words);
+        self.write(
+            "one.csv",
+            "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ball,ix_mm,iy_mm,iz_mm\n0,0,0,0,0,0,1,0,0,0\n",
+        );
+        self.refuses(&format!("identify one.csv --robot robot.toml --cell cell.toml --known {name}"), words);
+    }
+}
+
+/// Whether the shell can bound the address space; else the reason is printed.
+fn bounded() -> bool {
+    let o = Command::new("sh").args(["-c", &format!("ulimit -v {ADDRESS_SPACE} && ulimit -v")]).output();
+    let can = o.is_ok_and(|o| o.status.success() && String::from_utf8_lossy(&o.stdout).trim() == "1500000");
+    if !can {
+        println!("skipped: sh cannot bound the address space (ulimit -v)");
+    }
+    can
+}
+
+fn record(opcode: u8, length: u64, content: &[u8]) -> Vec<u8> {
+    [&[opcode][..], &length.to_le_bytes(), content].concat()
+}
+
+/// A chunk that says it has `unpacked` bytes, without a checksum.
+fn chunk(compression: &str, unpacked: u64, packed: u64, data: &[u8]) -> Vec<u8> {
+    let mut c = vec![0; 16];
+    c.extend(unpacked.to_le_bytes());
+    c.extend(0_u32.to_le_bytes());
+    c.extend(u32::try_from(compression.len()).unwrap().to_le_bytes());
+    c.extend(compression.as_bytes());
+    c.extend(packed.to_le_bytes());
+    c.extend(data);
+    record(0x06, c.len() as u64, &c)
+}
+
+/// A block of lz4 that unpacks to `pattern`, repeated until 4 MiB are full: its literals, then one match.
+fn lz4_block(pattern: &[u8]) -> Vec<u8> {
+    let long = |out: &mut Vec<u8>, mut n: usize| {
+        while n >= 255 {
+            out.push(255);
+            n -= 255;
+        }
+        out.push(u8::try_from(n).unwrap());
+    };
+    let mut block = vec![0xff];
+    long(&mut block, pattern.len() - 15);
+    block.extend(pattern);
+    block.extend(u16::try_from(pattern.len()).unwrap().to_le_bytes());
+    long(&mut block, (4 << 20) - pattern.len() - 5 - 4 - 15);
+    block.extend([0x50, 0, 0, 0, 0, 0]);
+    [&u32::try_from(block.len()).unwrap().to_le_bytes()[..], &block].concat()
+}
+
+fn lz4(pattern: &[u8], blocks: usize) -> Vec<u8> {
+    [&[0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73][..], &lz4_block(pattern).repeat(blocks), &[0; 4]].concat()
+}
+
+fn mcap(records: &[u8]) -> Vec<u8> {
+    [MAGIC, records, MAGIC].concat()
+}
+
+#[test]
+fn recordings_that_claim_more_than_they_are() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let frame = lz4(&[0; 40], 1);
+    p.write("claim.mcap", mcap(&chunk("lz4", 1_000_000_000_000, frame.len() as u64, &frame)));
+    p.write("stored.mcap", mcap(&chunk("", 1_000_000_000_000, 1_000_000_000_000, b"")));
+    p.write("record.mcap", mcap(&record(0x05, 1 << 63, b"abc")));
+    // 4 GB of zeros in 17 MB, four times over
+    let bomb = lz4(&[0; 40], 1000);
+    p.write("bomb.mcap", mcap(&chunk("lz4", 4 << 32, bomb.len() as u64, &bomb).repeat(4)));
+    // a channel, and 128 MiB of messages without content, which are larger in memory than in the file
+    let mut channel = [1, 0, 0, 0, 1, 0, 0, 0].to_vec();
+    channel.extend(b"a\0\0\0\0\0\0\0\0");
+    let message = record(0x05, 22, &[&[1, 0][..], &[0; 20]].concat());
+    let messages = lz4(&message, 32);
+    let all = [record(0x04, channel.len() as u64, &channel), chunk("lz4", 1 << 27, messages.len() as u64, &messages)];
+    p.write("messages.mcap", mcap(&all.concat()));
+    for name in ["claim", "stored", "record", "bomb", "messages"] {
+        p.refuses(&format!("convert {name}.mcap o.csv"), "there is no complete measurement in it");
+        p.refuses(&format!("identify {name}.mcap --robot robot.toml --cell cell.toml"), "no complete measurement");
+    }
+}
+
+#[test]
+fn urdfs_that_expand_nest_or_go_on() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let mut laughs = "<?xml version=\"1.0\"?><!DOCTYPE r [<!ENTITY l0 \"ha\">".to_owned();
+    for k in 1..12 {
+        write!(laughs, "<!ENTITY l{k} \"{}\">", format!("&l{};", k - 1).repeat(10)).unwrap();
+    }
+    p.write("laughs.urdf", laughs + "]><robot name=\"&l11;\"><link name=\"a\"/></robot>");
+    p.write("entity.urdf", "<robot name=\"&l11;\"><link name=\"a\"/></robot>");
+    let nested = "<link name=\"a\">".repeat(100_000) + &"</link>".repeat(100_000);
+    p.write("nested.urdf", format!("<robot name=\"a\">{nested}</robot>"));
+    p.write("links.urdf", format!("<robot name=\"a\">{}</robot>", "<link name=\"a\"/>".repeat(100_000)));
+    p.write(
+        "attributes.urdf",
+        format!("<robot {}/>", (0..100_000).fold(String::new(), |s, k| s + &format!("a{k}='' "))),
+    );
+    p.write("long.urdf", format!("<robot name=\"{}\"/>", "x".repeat(19_000_000)));
+    p.write("huge.urdf", format!("<robot name=\"{}\"/>", "x".repeat(200_000_000)));
+    for (name, words) in [
+        ("laughs", "entities are not expanded"),
+        ("entity", "unrecognized entity"),
+        ("nested", "nested more than 100 deep"),
+        ("links", "more than 10000 links"),
+        ("attributes", ""),
+        ("long", ""),
+        ("huge", "has more than 20000000 bytes"),
+    ] {
+        p.refuses(&format!("convert {name}.urdf o.toml"), words);
+    }
+}
+
+#[test]
+fn toml_files_that_nest_or_go_on() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    p.write("a.toml", "a = ".to_owned() + &"[".repeat(1_000_000));
+    p.refuses_toml("a.toml", "max recursion depth met");
+    p.write("a.toml", "a = ".to_owned() + &"{a = ".repeat(1_000_000));
+    p.refuses_toml("a.toml", "max recursion depth met");
+    p.write("a.toml", "a.".repeat(1_000_000) + "a = 1");
+    p.refuses_toml("a.toml", "recursion limit");
+    p.write("a.toml", format!("{} = 1", "a".repeat(1_000_000)));
+    p.refuses_toml("a.toml", "aaa...");
+    p.write("a.toml", "# ".to_owned() + &"x".repeat(200_000_000));
+    p.refuses_toml("a.toml", "has more than 20000000 bytes");
+    let joint = &ROBOT[ROBOT.find("[[joint]]").unwrap()..ROBOT.rfind("[[joint]]").unwrap()];
+    p.write("a.toml", "name = \"centipede\"\n".to_owned() + &joint.repeat(2000));
+    p.refuses("plan --robot a.toml --cell cell.toml --out o.csv", "10000 joints found, expected 1 to 9");
+}
+
+#[test]
+fn tables_of_one_line_or_a_million_columns() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ball,ix_mm,iy_mm,iz_mm";
+    let identify = "identify a.csv --robot robot.toml --cell cell.toml";
+    let measure = "measure --robot robot.toml --cell cell.toml --plan a.csv --gauge line:///dev/null \
+                   --controller rapid://127.0.0.1:1 --out o.mcap";
+    // a file with a hole: 500 MB of zeros that take no place
+    let hole = std::fs::File::create(p.path("a.csv")).unwrap();
+    hole.set_len(500_000_000).unwrap();
+    p.refuses(identify, "expected");
+    p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
+    p.refuses(measure, "has more than 20000000 bytes");
+    p.write("a.csv", "9".repeat(500_000_000));
+    p.refuses(identify, "expected");
+    p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
+    p.refuses(measure, "has more than 20000000 bytes");
+    p.write("a.csv", format!("{header}\n{}", "9".repeat(500_000_000)));
+    p.refuses(identify, "line 2 is longer than 1048576 bytes");
+    p.refuses("convert a.csv o.mcap", "line 2 is longer than 1048576 bytes");
+    p.write("a.csv", format!("{header}\n{}", "9".repeat(1_000_000)));
+    p.refuses(identify, "found 1 fields, expected 10");
+    p.write("a.csv", format!("{header}\n{},0,0,0,0,0,1,0,0,0", "9".repeat(1_000_000)));
+    p.refuses(identify, "999...', expected a finite number");
+    let columns: String = (0..1_000_000).fold(header.to_owned(), |s, k| s + &format!(",c{k}"));
+    p.write("a.csv", columns + "\n" + &"0,".repeat(1_000_009) + "0\n");
+    p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
+    p.write("a.csv", "q1_deg,".repeat(140_000) + "q1_deg\n" + &"0,".repeat(140_000) + "0\n");
+    p.refuses(identify, "column q1_deg stands there twice");
+    p.refuses(measure, "found it twice");
+    p.write("a.csv", "x".repeat(1_000_000) + "\n0\n");
+    p.refuses(identify, "unknown column 'xxx");
+    p.refuses(measure, "unknown column 'xxx");
+    let far = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,reference,x_mm,y_mm,z_mm\n0,0,0,0,0,0,999999999,0,0,0\n";
+    p.write("a.csv", far);
+    p.refuses(identify, "found '999999999', expected a number counted from 1 up to 10000");
+}
+
+#[test]
+fn numbers_on_the_command_line() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    for (option, words) in [("--per-ball", "at most 1000"), ("--pool", "at most 1000"), ("--points", "at most 1000")] {
+        p.refuses(&format!("plan --robot robot.toml --cell cell.toml {option} 1000000000000 --out o.csv"), words);
+    }
+}
+
+#[test]
+fn meshes_that_claim_four_thousand_million_triangles() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let mut stl = vec![b' '; 80];
+    stl.extend(4_000_000_000_u32.to_le_bytes());
+    stl.extend([0; 50]);
+    p.write("a.stl", stl);
+    std::fs::File::create(p.path("b.stl")).unwrap().set_len(2_000_000_000).unwrap();
+    p.write("c.obj", "f ".to_owned() + &"1 ".repeat(5_000_000));
+    p.write("d.stl", "solid ".repeat(1_000_000));
+    let at = CELL.find("solids = [").unwrap();
+    let end = at + CELL[at..].find('\n').unwrap();
+    for (name, words) in [
+        ("a.stl", "expected 200000000084 for its 4000000000 triangles"),
+        ("b.stl", "found 1907 MiB, expected at most 256"),
+        ("c.obj", "found vertex '1'"),
+        ("d.stl", ""),
+    ] {
+        let solids = format!("solids = [{{ shape = \"mesh\", file = \"{name}\" }}]");
+        p.write("mesh.toml", [&CELL[..at], &solids, &CELL[end..]].concat());
+        p.refuses("plan --robot robot.toml --cell mesh.toml --out o.csv", words);
+    }
+}
+
+#[test]
+fn programs_of_one_nest_of_brackets() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let demo =
+        Command::new(env!("CARGO_BIN_EXE_trical")).args(["demo", "--out", "demo"]).current_dir(p.0.path()).output();
+    assert!(demo.unwrap().status.success());
+    let many = 5_000_000;
+    for (name, text) in [
+        ("a.mod", "MODULE m\nCONST robtarget p:=".to_owned() + &"[".repeat(many)),
+        ("b.mod", "MODULE m\nCONST robtarget p:=[[".to_owned() + &"1,".repeat(many)),
+        ("c.mod", "MODULE m\nPROC main()\nMoveL ".to_owned() + &"Offs(".repeat(many / 5)),
+        ("d.src", "DEF a()\nLIN ".to_owned() + &"{X ".repeat(many / 3)),
+        ("e.ls", "/PROG A\n/POS\nP[1".to_owned() + &"{".repeat(many)),
+        ("f.script", "def a():\n movej(p".to_owned() + &"[".repeat(many)),
+        ("g.script", "movej(".repeat(many / 5)),
+        ("h.csv", "q1_deg\n".to_owned() + &"9".repeat(many)),
+        ("i.csv", "x".repeat(many / 5) + "\n1\n"),
+    ] {
+        p.write(name, text);
+        let model = "--robot demo/robot.toml --cell demo/cell.toml --model demo/calibrated.toml";
+        p.refuses(&format!("compensate {name} {model} --out o"), "");
+    }
+}

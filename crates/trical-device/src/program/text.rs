@@ -86,7 +86,7 @@ impl<'a> Cursor<'a> {
     /// Past a string that begins here, to its closing quote or the line's end.
     pub fn skip_string(&mut self) {
         let quote = self.peek();
-        self.at += 1;
+        self.at += usize::from(!self.done());
         while !self.done() && !matches!(self.peek(), b'\n' | b'\r') {
             let end = self.peek() == quote;
             self.at += 1;

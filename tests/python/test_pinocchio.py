@@ -265,6 +265,25 @@ def test_an_exported_urdf_is_the_rigid_calibrated_arm(arm: str, tilts: bool, tmp
         np.testing.assert_allclose(tcp.gravity(q[k]), -rigid.gravity_torques(q[k : k + 1])[0], atol=1e-9, rtol=0)
 
 
+@pytest.mark.parametrize("arm", ["6R, spherical wrist", "6R, parallel axes", "7R", "SCARA", "random chain 8"])
+def test_an_exported_urdf_is_the_same_arm_in_mujoco(arm: str, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: it needs Python 3.11 or newer")
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARMS[arm].text())
+    model = calibrated(path, tmp_path, 3, tilts=True).rigid()
+    there = mujoco.MjModel.from_xml_string(model.to_urdf())
+    data = mujoco.MjData(there)
+    names = {mujoco.mj_id2name(there, mujoco.mjtObj.mjOBJ_BODY, k): k for k in range(there.nbody)}
+    q = np.random.default_rng(6).uniform(-3, 3, (50, model.dof))
+    (p, r), (flange, _) = model.forward(q), model.flange(q)
+    for k in range(len(q)):
+        data.qpos[:] = q[k]
+        mujoco.mj_kinematics(there, data)
+        np.testing.assert_allclose(data.xpos[names["tcp"]], p[k], atol=1e-9, rtol=0)
+        np.testing.assert_allclose(data.xmat[names["tcp"]].reshape(3, 3), r[k], atol=1e-9, rtol=0)
+        np.testing.assert_allclose(data.xpos[names["flange"]], flange[k], atol=1e-9, rtol=0)
+
+
 @pytest.mark.parametrize("robot", SHIPPED, ids=lambda p: "/".join(p.parts[-2:]))
 def test_shipped_robots_are_the_same_in_pinocchio(robot: Path) -> None:
     model = trical.Model.nominal(robot)

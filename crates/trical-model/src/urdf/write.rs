@@ -75,6 +75,11 @@ pub fn write(robot: &Robot, cell: &Cell, remarks: &[String]) -> String {
         out.push_str("-->\n");
     }
     let _ = writeln!(out, "<robot name=\"{}\">", escaped(&robot.name));
+    // MuJoCo would melt fixed links together and refuse bodies without inertia; others pass over this
+    let _ = writeln!(
+        out,
+        "  <mujoco>\n    <compiler fusestatic=\"false\" boundmass=\"1e-9\" boundinertia=\"1e-9\"/>\n  </mujoco>"
+    );
     link(&mut out, "world", 0.0, &V3::zeros());
     link(&mut out, "base_link", 0.0, &V3::zeros());
     fixed(&mut out, "world_to_base", "world", "base_link", &cell.world_from_base);

@@ -154,6 +154,7 @@ fn an_mcap_recording_is_read_in_passes_as_its_csv_is() {
     assert_eq!(of("demo/run.mcap"), of("run.csv").replace("run.csv", "demo/run.mcap"));
     let bytes = std::fs::read(p.path("demo/run.mcap")).unwrap();
     std::fs::write(p.path("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::remove_file(p.path("out.toml")).unwrap();
     p.refuses(&[identify("cut.mcap").as_slice(), &["--stream"]].concat(), &["cut.mcap: is cut", "trical convert"]);
 }
 

@@ -436,7 +436,11 @@ MECHANICAL = [
     ({"effect": "lost_motion_direction", "site": {"joint": 1}}, {"gap": 4e-4, "friction_nm": 5.0}, {"gap": 4.5e-4}),
     ({"effect": "lost_motion_direction", "site": {"joint": 3}}, {"friction_nm": 1.0}, {"gap": "2 * friction / k"}),
     ({"effect": "lost_motion_gravity", "site": {"joint": 5}}, {"gap": 5e-4}, {"gap": 5e-4, "soft_nm": 1e-9}),
-    ({"effect": "cross_axis_compliance", "site": {"joint": 4}}, {"k": 2e-4}, {"k": 2e-4}),
+    (
+        {"effect": "cross_axis_compliance", "site": {"joint": 4}},
+        {"k": 2e-4, "back": 0.3},
+        {"k": 2e-4, "back": 0.3},
+    ),
     ({"effect": "joint_coupling", "site": {"joint": 5, "from": 4}}, {"k": 1e-3}, {"k": 1e-3}),
     ({"effect": "payload", "site": {"tool": True}}, {"mass": 0.5, "at": [0.02, 0.01, 0.08]}, None),
     ({"effect": "gravity_direction", "site": {"base": True}}, {"about_x": 0.03, "about_y": -0.02}, None),

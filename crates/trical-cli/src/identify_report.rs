@@ -70,7 +70,7 @@ fn concerns(t: &Told<'_>) -> Result<Vec<String>> {
     if !t.cleaned {
         out.push("Gross errors were kept (--keep-outliers).".into());
     }
-    let stopped: Vec<&str> = f.at_limit.iter().map(|k| f.model.terms[*k].name.as_str()).collect();
+    let stopped = f.stopped();
     if !stopped.is_empty() {
         out.push(format!("Stopped by a limit of --known, which the data would pass: {}.", stopped.join(", ")));
     }
@@ -110,7 +110,7 @@ fn parameters(t: &Told<'_>) -> Section {
     let spare = f.observability.rows.saturating_sub(f.free.len());
     let sds = half_width((spare > 0).then_some(spare));
     let pairs = f.correlated(CORRELATED);
-    let stopped: Vec<&str> = f.at_limit.iter().map(|k| f.model.terms[*k].name.as_str()).collect();
+    let stopped = f.stopped();
     let remark = |name: &str| if stopped.contains(&name) { "at its limit".to_owned() } else { String::new() };
     let mut tables = vec![evidence::parameters(&f.model, f.free.iter().map(|k| &f.model.terms[*k]), sds, remark)];
     let mut text = vec![format!(
@@ -118,12 +118,7 @@ fn parameters(t: &Told<'_>) -> Section {
          condition number of the scaled Jacobian is {:.0}.",
         f.observability.condition
     )];
-    let dropped: Vec<String> = f
-        .dependent
-        .iter()
-        .filter(|d| !d.with.is_empty())
-        .map(|d| format!("{} (moves together with {})", d.name, d.with.join(", ")))
-        .collect();
+    let dropped = f.left_out();
     if !dropped.is_empty() {
         text.push(format!("Not identified, since others do the same: {}.", dropped.join("; ")));
     }

@@ -6,13 +6,11 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use trical_device::record::{RecordError, each_row};
+use trical_ident::stream::LARGE;
 use trical_ident::{CsvStream, Layout};
 
 use crate::error::{CliError, Result};
 use crate::input;
-
-/// CSV recordings beyond this are read in passes, bytes: some 300 000 touches.
-const LARGE_CSV: u64 = 32 << 20;
 
 /// MCAP recordings beyond this, which hold the history of the joints too.
 const LARGE_MCAP: u64 = 512 << 20;
@@ -33,7 +31,7 @@ pub fn passes(recordings: &[PathBuf], joints: usize, wanted: bool, allowed: bool
         size[usize::from(is)] += std::fs::metadata(path).map_or(0, |m| m.len());
         mcap.push(is);
     }
-    let large = size[0] > LARGE_CSV || size[1] > LARGE_MCAP;
+    let large = size[0] > LARGE || size[1] > LARGE_MCAP;
     if !(wanted || large && allowed) {
         return Ok(None);
     }

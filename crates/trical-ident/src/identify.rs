@@ -121,6 +121,19 @@ impl Identified {
         Ok(out)
     }
 
+    /// Names of the parameters that a limit stopped.
+    #[must_use]
+    pub fn stopped(&self) -> Vec<&str> {
+        self.at_limit.iter().map(|k| self.model.terms[*k].name.as_str()).collect()
+    }
+
+    /// Parameters that were left out since others do the same, each with those: "d_2 (moves together with d_3)".
+    #[must_use]
+    pub fn left_out(&self) -> Vec<String> {
+        let moved = self.dependent.iter().filter(|d| !d.with.is_empty());
+        moved.map(|d| format!("{} (moves together with {})", d.name, d.with.join(", "))).collect()
+    }
+
     /// Pairs of parameters with a correlation beyond `limit`.
     #[must_use]
     pub fn correlated(&self, limit: f64) -> Vec<(String, String, f64)> {

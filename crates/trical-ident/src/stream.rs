@@ -31,6 +31,9 @@ use crate::solver::{Ended, LmReport};
 /// Rows that are kept in memory, about.
 pub const SAMPLE: usize = 8192;
 
+/// CSV recordings beyond this are better read in passes, bytes: some 300 000 touches.
+pub const LARGE: u64 = 32 << 20;
+
 /// Rows of each sort that are always among them.
 const FIRST: usize = 40;
 

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::fit::position_errors;
+use trical_ident::stream::LARGE;
 use trical_ident::{
     Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile,
     ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
@@ -22,9 +23,6 @@ use crate::long::{Say, long};
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, is_mcap, read_all};
-
-/// CSV recordings beyond this are read in passes, bytes.
-const LARGE: u64 = 32 << 20;
 
 /// Which joint angles to believe; `None` for those that the data is to choose.
 pub fn source(joints: &str) -> PyResult<Option<JointSource>> {

@@ -232,7 +232,7 @@ fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
         "parameters": parameters,
         "not_identifiable": not_identifiable,
         "correlated": fitted.correlated(0.9),
-        "at_limit": at_limit(fitted),
+        "at_limit": fitted.stopped(),
         "observability": fitted.observability,
         "fit": fitted.report,
         "rms_mm": errors.rms_mm,
@@ -265,11 +265,6 @@ fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {
     Ok(out)
 }
 
-/// Names of the parameters that a limit stopped.
-fn at_limit(fitted: &Identified) -> Vec<String> {
-    fitted.at_limit.iter().map(|k| fitted.model.terms[*k].name.clone()).collect()
-}
-
 /// Rows of a table of parameters beside nominal.
 pub fn parameter_rows(fitted: &Identified) -> Vec<Vec<String>> {
     let mut rows = vec![vec!["parameter".into(), "nominal".into(), "identified".into(), "sd".into(), "unit".into()]];
@@ -298,16 +293,11 @@ fn print(args: &Args, found: &Found) -> Result<()> {
     for line in table::lines(&parameter_rows(fitted)) {
         say(line)?;
     }
-    let stopped = at_limit(fitted);
+    let stopped = fitted.stopped();
     if !stopped.is_empty() {
         say(format!("\nStopped by a limit of --known, which the data would pass: {}", stopped.join(", ")))?;
     }
-    let dropped: Vec<String> = fitted
-        .dependent
-        .iter()
-        .filter(|d| !d.with.is_empty())
-        .map(|d| format!("{} (moves together with {})", d.name, d.with.join(", ")))
-        .collect();
+    let dropped = fitted.left_out();
     if !dropped.is_empty() {
         say(format!("\nNot identified, since others do the same: {}", dropped.join("; ")))?;
     }

@@ -57,10 +57,12 @@ def free(arm: Arm, q: np.ndarray, table_z: float) -> np.ndarray:
     elbow = os[:, 2]
     wrist, end = os[:, 4], os[:, 5]
     for point, clearance in ((elbow, 60 * MM), (0.5 * (elbow + wrist), 60 * MM), (wrist, 70 * MM), (end, 40 * MM)):
-        ok &= point[:, 2] > table_z + clearance
+        ok &= point[:, 2] > table_z + clearance * arm.size
     axis = arm.base_xyz[:2]
     for point in (wrist, end, 0.5 * (end + p)):
-        ok &= (np.linalg.norm(point[:, :2] - axis, axis=1) > 110 * MM) | (point[:, 2] > arm.base_xyz[2] + 560 * MM)
+        ok &= (np.linalg.norm(point[:, :2] - axis, axis=1) > 110 * MM * arm.size) | (
+            point[:, 2] > arm.base_xyz[2] + 560 * MM * arm.size
+        )
     return ok
 
 
@@ -79,7 +81,7 @@ def second_plate(arm: Arm, rng: np.random.Generator) -> Arm:
     """The cell with three more balls, on a plate that stands high beside the first, tilted, with a known pose."""
     towards = arm.balls.mean(0)[:2] - arm.base_xyz[:2]
     heading = np.arctan2(towards[1], towards[0]) + rng.choice([-1, 1]) * rng.uniform(30, 100) * DEG
-    far, high = rng.uniform(150, 350) * MM, rng.uniform(420, 700) * MM
+    far, high = rng.uniform(150, 350) * MM * arm.size, rng.uniform(420, 700) * MM * arm.size
     middle = arm.base_xyz + np.array([far * np.cos(heading), far * np.sin(heading), high])
     turn = rot(2, rng.uniform(-np.pi, np.pi)) @ rot(0, rng.uniform(-20, 20) * DEG)
     corners = 90 * MM * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.0, 2.1, 4.2)])
@@ -101,7 +103,7 @@ def touches(arm: Arm, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.
                 seeds[:, 0] *= 0.4
             seeds[:, 5] = rng.uniform(-np.pi, np.pi, m)
             q, ok = solve(arm, seeds, np.broadcast_to(arm.balls[k], (m, 3)), goal)
-            q = q[ok & free(arm, q, -60 * MM)]
+            q = q[ok & free(arm, q, -60 * MM * arm.size)]
             found = np.concatenate([found, q])
             tries += 1
             if tries == 30 and len(found) < 5:
@@ -119,7 +121,7 @@ def tracker(arm: Arm, rng: np.random.Generator, n: int) -> np.ndarray:
     while len(found) < n:
         q = rng.uniform(low, high, (2 * n + 50, 6))
         _, _, p = flange(arm, q)
-        keep = free(arm, q, arm.base_xyz[2]) & (p[:, 2] > arm.base_xyz[2] + 20 * MM)
+        keep = free(arm, q, arm.base_xyz[2]) & (p[:, 2] > arm.base_xyz[2] + 20 * MM * arm.size)
         found = np.concatenate([found, q[keep]])
     return found[:n]
 

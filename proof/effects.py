@@ -329,6 +329,11 @@ def loaded(*js):
     return lambda ctx: [{"joint": j} for j in js if ctx.tau_max(j) > 0.01]
 
 
+def parallel(ctx):
+    """Joints whose axis is parallel to the one before."""
+    return [{"joint": j + 1} for j in range(1, 6) if abs(np.sin(ctx.arm.alpha[j])) < 0.1]
+
+
 def here(name):
     return lambda ctx: [{name: True}]
 
@@ -430,11 +435,14 @@ FAMILIES: dict[str, Family] = {
     ),
     "cross_axis_compliance": Family(
         joints(1, 2, 3, 4, 5, 6),
-        lambda rng, c, s: {"k": log_uniform(rng, 1e-5, 4e-4), "back": 1.0 if _j(s) == 0 else float(rng.random())},
-        lambda c, s: [[{"k": 4e-4, "back": back}] for back in ((1.0,) if _j(s) == 0 else (0.0, 1.0))],
+        lambda rng, c, s: {
+            "k": log_uniform(rng, 1e-5, 4e-4) / c.arm.pull,
+            "back": 1.0 if _j(s) == 0 else float(rng.random()),
+        },
+        lambda c, s: [[{"k": 4e-4 / c.arm.pull, "back": back}] for back in ((1.0,) if _j(s) == 0 else (0.0, 1.0))],
     ),
     "axis_twist": Family(
-        joints(3), lambda rng, c, s: {"beta": signed(rng, 0.01 * DEG, 0.1 * DEG)}, lambda c, s: [[{"beta": 0.1 * DEG}]]
+        parallel, lambda rng, c, s: {"beta": signed(rng, 0.01 * DEG, 0.1 * DEG)}, lambda c, s: [[{"beta": 0.1 * DEG}]]
     ),
     "axis_wobble": Family(
         joints(1, 2, 3, 4, 5, 6),
@@ -458,12 +466,12 @@ FAMILIES: dict[str, Family] = {
     "payload": Family(
         here("tool"),
         lambda rng, c, s: (
-            {"mass": log_uniform(rng, 0.2, 1.0), "at": list(c.arm.tool_cog + rng.normal(0, 0.02, 3))}
+            {"mass": c.arm.weight * log_uniform(rng, 0.2, 1.0), "at": list(c.arm.tool_cog + rng.normal(0, 0.02, 3))}
             if rng.random() < 0.5
             else {"mass": 0.0, "at": vector(rng, 0.01, 0.05)}
         ),
         lambda c, s: [
-            [{"mass": 1.0, "at": list(c.arm.tool_cog)}, *({"mass": 0.0, "at": u["by"]} for u in units(0.05))]
+            [{"mass": c.arm.weight, "at": list(c.arm.tool_cog)}, *({"mass": 0.0, "at": u["by"]} for u in units(0.05))]
         ],
     ),
     "thermal_growth": Family(

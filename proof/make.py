@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+import arms
 import configurations
 import write
 from effects import FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
@@ -35,7 +36,6 @@ from plant import (
     bodies,
     frames,
     gravity_moments,
-    nominal_arm,
     readings,
     simulate,
     tracker_points,
@@ -44,17 +44,17 @@ from plant import (
 )
 from visible import Design, Invisible, context, survey
 
-KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco")
+KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco", "arms")
 VISIBLE, STRONG = 6.0, 15.0
 
 
 # ---- the session: where the arm is sent, when, and how it is read ------------------------------------------------
 
 
-def cell(rng: np.random.Generator, n: int, touch: bool) -> tuple[Arm, Session]:
+def cell(rng: np.random.Generator, n: int, touch: bool, kind: arms.Kind) -> tuple[Arm, Session]:
     """A nominal arm in its cell, which has a second plate of balls now and then, and the session planned for it."""
     while True:
-        nominal = nominal_arm(rng)
+        nominal = arms.nominal_arm(rng, kind)
         if touch and rng.random() < 0.2:
             nominal = configurations.second_plate(nominal, rng)
         try:
@@ -279,7 +279,7 @@ def how_many(kind: str, rng) -> tuple[int, float]:
         return {"none": 0, "pair": 2, "five": 5}[kind], VISIBLE
     if kind == "single":
         return 1, VISIBLE if rng.random() < 0.75 else 0.0
-    if kind in ("nonwhite", "tracker"):
+    if kind in ("nonwhite", "tracker", "arms"):
         return int(rng.random() < (0.5 if kind == "nonwhite" else 0.8)), VISIBLE
     return 1, STRONG if kind == "strong" else VISIBLE
 
@@ -296,9 +296,11 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
 
 def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> tuple[str, dict[str, str], dict]:
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index, attempt])
-    touch = kind != "tracker"
+    # of the other arms every kind is seen by touches three times in four
+    touch = index // len(arms.OTHERS) % 4 != 3 if kind == "arms" else kind != "tracker"
+    other = list(arms.OTHERS)[index % len(arms.OTHERS)] if kind == "arms" else "small"
     n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
-    nominal, s = cell(rng, n, touch)
+    nominal, s = cell(rng, n, touch, arms.OTHERS.get(other, arms.SMALL))
     arm = built(nominal, rng, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
@@ -325,6 +327,7 @@ def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) ->
         "recording.csv": write.csv(columns),
     }
     truth = describe(kind, arm, measured, effects, noise_kind, rows, machine)
+    truth["session"]["arm"] = other
     return case_id, files, truth
 
 

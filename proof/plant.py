@@ -66,6 +66,10 @@ class Arm:
     balls: np.ndarray  # (3 or 6, 3) in the world
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(6))  # rad/Nm, gives way in the sense of gravity
     name: str = "arm"
+    # lengths, masses, and torques in units of the IRB 120's: typical sizes of effects are those of a small arm
+    size: float = 1.0
+    weight: float = 1.0
+    pull: float = 1.0
 
     def but(self, **changes) -> Arm:
         """A copy with some fields replaced."""
@@ -78,49 +82,12 @@ def triangle(d12: float, d13: float, d23: float) -> np.ndarray:
     return np.array([[0.0, 0.0, 0.0], [d12, 0.0, 0.0], [x, np.sqrt(d13**2 - x**2), 0.0]])
 
 
-def nominal_arm(rng: np.random.Generator | None = None) -> Arm:
-    """The IRB 120 kind; with a generator, another arm of that kind in another cell."""
-    a = np.array([0.0, 0.0, 270.0, 70.0, 0.0, 0.0])
-    d = np.array([290.0, 0.0, 0.0, 302.0, 0.0, 72.0])
-    mass = np.array([3.067, 3.909, 2.944, 1.328, 0.546, 0.137])
-    cog = np.array([[0, 0, -50], [105, 1, 2], [58, 10, 10], [0, -1, -70], [0, 0, 0], [0, 0, -7]], float)
-    base, tcp = np.array([150.0, -330.0, -150.0]), np.array([18.0, -12.0, 118.0])
-    tool_mass, tool_cog, sides = 1.7, np.array([5.0, -4.0, 55.0]), np.full(3, 300.0)
-    if rng is not None:
-        if rng.random() < 0.5:
-            a = np.round(a * rng.uniform(0.93, 1.10, 6))
-            d = np.round(d * rng.uniform(0.93, 1.10, 6))
-            mass = np.round(mass * rng.uniform(0.8, 1.25, 6), 3)
-            cog = np.round(cog * rng.uniform(0.85, 1.15, (6, 3)), 1)
-        base = base + np.round(rng.uniform(-25, 25, 3))
-        tcp = tcp + np.round(rng.uniform(-8, 8, 3))
-        tool_mass = round(float(rng.uniform(1.2, 2.0)), 2)
-        tool_cog = tool_cog + np.round(rng.uniform(-5, 5, 3))
-        sides = np.round(sides + rng.uniform(-5, 5, 3), 3)
-    return Arm(
-        alpha=np.array([0.0, -90.0, 0.0, -90.0, 90.0, -90.0]) * DEG,
-        a=a * MM,
-        d=d * MM,
-        offset=np.array([0.0, -90.0, 0.0, 0.0, 0.0, 180.0]) * DEG,
-        limits=np.array([[-165, 165], [-110, 110], [-110, 70], [-160, 160], [-120, 120], [-400, 400]]) * DEG,
-        mass=mass,
-        cog=cog * MM,
-        base_xyz=base * MM,
-        base_zyx=np.array([90.0, 0.0, 0.0]) * DEG,
-        tcp=tcp * MM,
-        tool_mass=tool_mass,
-        tool_cog=tool_cog * MM,
-        balls=triangle(*(sides * MM)),
-        name="arm of the IRB 120 kind",
-    )
-
-
 def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
     """What the workshop really built: errors of every MDH parameter, base, tool point, and joints that give way."""
     length, angle = rng.uniform(0.3, 1.0) * MM, rng.uniform(0.05, 0.3) * DEG
     low = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])
     high = np.array([2e-3, 8e-3, 8e-3, 6e-2, 6e-2, 6e-2])
-    compliance = np.exp(rng.uniform(np.log(low), np.log(high))) * DEG
+    compliance = np.exp(rng.uniform(np.log(low), np.log(high))) * DEG / nominal.pull
     compliance[0] = 0.0
     offset = rng.normal(0, angle, 6)
     # the device's axes are those of {6}, says the contract: with theta_6 off, readings that are not nulled would be

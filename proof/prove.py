@@ -25,9 +25,18 @@ import score
 HERE = Path(__file__).resolve().parent
 # two cores: a case costs 1 s to make, 11 s in MuJoCo, and 1 to 2 s to diagnose
 COUNTS = {
-    "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5),
+    "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5, arms=6),
     "full": dict(
-        none=250, single=500, tracker=200, mujoco=100, pair=200, five=60, outside=200, nonwhite=120, dirty=100
+        none=250,
+        single=500,
+        tracker=200,
+        mujoco=100,
+        pair=200,
+        five=60,
+        outside=200,
+        nonwhite=120,
+        dirty=100,
+        arms=200,
     ),
 }
 TOUCHES = [150, 45, 300, 150]

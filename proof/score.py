@@ -228,11 +228,14 @@ def score_single(cases: list[Case], title: str, t: Tables, targets: bool):
     )
 
 
-def score_sessions(cases: list[Case], t: Tables):
+SESSION = ("balls", "order", "sides", "commanded", "thermometer", "payload_schedule")
+
+
+def score_sessions(cases: list[Case], title: str, keys: tuple[str, ...], t: Tables):
     """One visible effect, by what the session was like."""
     rows = []
     seen = [c for c in cases if c.effects[0]["lambda"] >= 6]
-    for key in ("balls", "order", "sides", "commanded", "thermometer", "payload_schedule"):
+    for key in keys:
         groups = defaultdict(list)
         for c in seen:
             groups[c.truth["session"][key]].append(c)
@@ -240,7 +243,7 @@ def score_sessions(cases: list[Case], t: Tables):
             hits = [sum(bool(first(c)) and rule(first(c), c.effects[0]) for c in xs) for rule in (same, alike)]
             what = {True: "yes", False: "no"}.get(value, value)
             rows.append([key.replace("_", " "), what, len(xs), *(share(h, len(xs)) for h in hits)])
-    t.table("One effect at lambda >= 6, by session", ["", "", "cases", "right", "with alikes"], rows)
+    t.table(f"{title} at lambda >= 6, by session", ["", "", "cases", "right", "with alikes"], rows)
 
 
 def score_none(cases: list[Case], title: str, t: Tables, targets: bool):
@@ -519,7 +522,11 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_single(points, "One effect", t, True)
     score_single(by["strong"], "One strong effect", t, False)
     score_single([c for c in by["mujoco"] if c.effects], "One mechanical effect in MuJoCo", t, True)
-    score_sessions(by["single"] + points, t)
+    others = by["arms"]
+    score_single([c for c in others if c.effects], "One effect, other arms", t, True)
+    score_none([c for c in others if not c.effects], "No effect, other arms", t, True)
+    score_sessions([c for c in others if c.effects], "One effect, other arms", ("arm",), t)
+    score_sessions(by["single"] + points, "One effect", SESSION, t)
     score_none(by["none"] + [c for c in by["tracker"] if not c.effects], "No effect", t, True)
     score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)

@@ -22,7 +22,7 @@ def tips(arm: Arm, s: Session, offset: np.ndarray, start: Machine) -> np.ndarray
 
 
 def parameters(arm: Arm) -> list[tuple[str, Arm, Arm, float]]:
-    """The paper's 31: name, arm minus a step, arm plus a step, step."""
+    """The paper's 31, or what corresponds to them on another arm: name, arm minus a step, arm plus a step, step."""
     out = []
 
     def two(name, fieldname, index, step):
@@ -40,9 +40,10 @@ def parameters(arm: Arm) -> list[tuple[str, Arm, Arm, float]]:
     for i in range(1, 6):
         two(f"alpha_{i}", "alpha", i, 1e-4)
         two(f"a_{i}", "a", i, 1e-4)
-        two(f"c_{i + 1}", "compliance", i, 1e-5)
-    for i in (3, 4, 5):
-        two(f"d_{i}", "d", i - 1, 1e-4)
+        two(f"c_{i + 1}", "compliance", i, 1e-5 / arm.pull)
+    for i in range(2, 6):
+        if abs(np.sin(arm.alpha[i])) > 0.1:  # along parallel axes one offset is enough
+            two(f"d_{i}", "d", i - 1, 1e-4)
     for i in (2, 3, 4, 5):
         two(f"theta_{i}", "offset", i - 1, 1e-4)
     return out

@@ -14,8 +14,9 @@ import make
 import run
 import score
 import write
+from arms import OTHERS, SMALL, Kind, nominal_arm
 from effects import FAMILIES, OUTSIDE
-from plant import DEG, GRAVITY, MM, Arm, Session, bodies, frames, gravity_moments, nominal_arm, simulate, true_arm
+from plant import DEG, GRAVITY, MM, Arm, Session, bodies, frames, gravity_moments, simulate, true_arm
 from visible import Design, context, jacobian, parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -74,9 +75,10 @@ def potential(arm: Arm, theta: np.ndarray, load: float) -> float:
     return sum(m * GRAVITY * p[2] for m, p in parts)
 
 
-def test_forward_kinematics_is_craigs() -> None:
+@pytest.mark.parametrize("kind", [SMALL, *OTHERS.values()], ids=lambda kind: kind.name)
+def test_forward_kinematics_is_craigs(kind: Kind) -> None:
     rng = np.random.default_rng(1)
-    arm = true_arm(nominal_arm(rng), rng)
+    arm = true_arm(nominal_arm(rng, kind), rng)
     theta = rng.uniform(-3, 3, (30, 6))
     rs, os = frames(arm, theta)
     for n in range(30):
@@ -199,13 +201,14 @@ def fitted(nominal: Arm, s: Session, points: np.ndarray | None) -> np.ndarray:
     return residual(arm)
 
 
+@pytest.mark.parametrize("kind", ["small", *OTHERS])
 @pytest.mark.parametrize("touch", [True, False])
-def test_effect_free_recordings_hide_nothing(touch: bool) -> None:
+def test_effect_free_recordings_hide_nothing(touch: bool, kind: str) -> None:
     """Without noise the baseline explains them to a fraction of a micrometre: what it cannot explain would be an effect
     that nobody drew, and naming it would count as a false alarm."""
-    for seed in range(6):
+    for seed in range(6 if kind == "small" else 2):
         rng = np.random.default_rng([17, seed])
-        nominal, s = make.cell(rng, 80, touch)
+        nominal, s = make.cell(rng, 80, touch, OTHERS.get(kind, SMALL))
         arm = make.built(nominal, rng, touch)
         s = replace(s, sigma=1e-12, load=configurations.loads(rng, 80))
         if touch:
@@ -225,7 +228,7 @@ COLUMNS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["single", "tracker", "dirty"])
+@pytest.mark.parametrize("kind", ["single", "tracker", "dirty", "arms"])
 def test_recordings_keep_the_contract(kind: str) -> None:
     for index in range(4):
         _, files, truth = make.make_case(kind, 6, index, [45])

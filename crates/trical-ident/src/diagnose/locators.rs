@@ -84,8 +84,12 @@ fn ramps(sorted: &[f64]) -> Vec<Shape> {
         .collect()
 }
 
-/// Knots of a curve of a joint's own angle that is narrow.
-const FINE_KNOTS: usize = 16;
+/// Knots of curves of a joint's own angle that are narrow: the finer ones where there are [`PER_KNOT`] values for each knot. An
+/// encoder's own error has many waves, and is no single one of them.
+const FINE_KNOTS: [usize; 2] = [16, 32];
+
+/// Values of an angle that each knot of the finer curves must have.
+const PER_KNOT: usize = 20;
 
 /// All locators for this data.
 #[must_use]
@@ -128,10 +132,10 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                 }
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
-            if *variable == (Variable::Joint { joint })
-                && let Some(fine) = knots(&values, FINE_KNOTS)
-            {
-                out.push(candidate(tents(at, *variable, None, &fine), &of));
+            if *variable == (Variable::Joint { joint }) {
+                let enough = |k: &usize| *k == FINE_KNOTS[0] || sorted(&values).len() >= k * PER_KNOT;
+                let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
+                out.extend(fine.map(|fine| candidate(tents(at, *variable, None, &fine), &of)));
             }
             if has_direction && (*variable == Variable::Time || *variable == (Variable::Joint { joint })) {
                 let what = format!("its sense of motion, differently with {of},");

@@ -11,6 +11,9 @@ const CHANGES: usize = 60;
 /// Loads below this (N m) are none.
 const UNLOADED: f64 = 0.1;
 
+/// What the most loaded joint of a small arm carries (root mean square, N m): sizes of effects that go with torque are known of such.
+pub const SMALL_ARM: f64 = 25.0;
+
 /// A measure of how warm the arm is.
 pub struct Clock {
     /// "with temperature".
@@ -110,12 +113,18 @@ impl<'a> Recorded<'a> {
         self.load(joint) <= UNLOADED
     }
 
-    /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of a small arm does.
+    /// How many times the load of a small arm this one carries, at least 1. It is built that much stiffer, or it would hang down.
+    #[must_use]
+    pub fn strength(&self) -> f64 {
+        self.loads.iter().fold(SMALL_ARM, |most, load| most.max(*load)) / SMALL_ARM
+    }
+
+    /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of an arm of this strength does.
     #[must_use]
     pub fn compliance(&self, joint: usize) -> f64 {
         let torque = Basis::torque(joint, Shape::Linear);
         let fitted = self.model.terms.iter().find(|t| t.site == Site::Joint { joint } && t.basis == torque);
-        fitted.map_or(0.0, |t| t.value.abs()).max(3e-5)
+        fitted.map_or(0.0, |t| t.value.abs()).max(3e-5 / self.strength())
     }
 }
 

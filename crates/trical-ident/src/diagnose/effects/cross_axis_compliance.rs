@@ -11,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     site: "joint",
     form: "bearing and link give way across the axis: rotation k M_perp about the joint's origin or its foot (joint 1: base and table, its foot)",
     needs: "masses",
-    typical: "1e-5 to 4e-4 rad/Nm",
+    typical: "1e-5 to 4e-4 rad/Nm on a small arm, less on one that carries more",
     rivals: "payload, axis_wobble; mostly absorbed by the geometry",
     ask,
 };
@@ -29,7 +29,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         EFFECT.candidate(
             joint_site(joint),
             format!("the gravity moment across axis {joint} tilts it{}", pivot.words()),
-            Size { typical: 5e-5, large: 4e-4 },
+            Size { typical: 5e-5 / r.strength(), large: 4e-4 / r.strength() },
             vec![(
                 format!("cross_{}{joint}", pivot.name()),
                 Site::Across { joint },

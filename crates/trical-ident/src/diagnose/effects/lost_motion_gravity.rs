@@ -4,7 +4,7 @@
 use trical_model::{Basis, Shape, Site};
 
 use super::{Asked, Effect, NO_MASSES, Size, deg, joint_site};
-use crate::diagnose::recorded::Recorded;
+use crate::diagnose::recorded::{Recorded, SMALL_ARM};
 
 pub const EFFECT: Effect = Effect {
     name: "lost_motion_gravity",
@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-/// T, N m.
+/// T of a small arm, N m.
 const SOFTNESS: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.5];
 
 fn ask(r: &Recorded<'_>) -> Asked {
@@ -25,8 +25,9 @@ fn ask(r: &Recorded<'_>) -> Asked {
     }
     let mut out = Vec::new();
     for joint in r.joints() {
-        let softest = SOFTNESS[0].max(r.load(joint) / 4.0);
-        for scale in SOFTNESS.into_iter().filter(|s| *s <= softest) {
+        let softnesses = SOFTNESS.map(|s| s * (r.load(joint) / SMALL_ARM).max(1.0));
+        let softest = softnesses[0].max(r.load(joint) / 4.0);
+        for scale in softnesses.into_iter().filter(|s| *s <= softest) {
             let basis = Basis::torque(joint, Shape::SoftSign { scale });
             out.push(EFFECT.candidate(
                 joint_site(joint),

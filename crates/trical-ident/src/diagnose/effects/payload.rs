@@ -30,7 +30,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         "the load on the flange is not what cell.toml says".into(),
         0.03,
         // kg; kg m
-        vec![0.5, 0.05, 0.05, 0.05],
+        vec![0.5 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength()],
         parts,
     )]
     .into()

@@ -27,15 +27,15 @@ HERE = Path(__file__).resolve().parent
 COUNTS = {
     "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5, arms=6),
     "full": dict(
-        none=250,
+        none=150,
         single=500,
-        tracker=200,
-        mujoco=100,
-        pair=200,
-        five=60,
-        outside=200,
-        nonwhite=120,
-        dirty=100,
+        tracker=150,
+        mujoco=60,
+        pair=120,
+        five=30,
+        outside=150,
+        nonwhite=60,
+        dirty=60,
         arms=200,
     ),
 }

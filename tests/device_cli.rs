@@ -203,8 +203,8 @@ fn repeat_visits_show_a_hidden_lost_motion() {
         (found["difference_mm"].as_f64().unwrap(), found["sd_mm"].as_f64().unwrap())
     };
     let well = scatter(&[], "well.mcap");
-    // at twice the usual size a gap may swallow a whole correction, and the run ends with a transmitter that may be dead
-    let worn = scatter(&["--hide", "lost_motion_direction@2*1.5"], "worn.mcap");
+    // at twice the usual size a gap may swallow a whole correction: then a longer one follows
+    let worn = scatter(&["--hide", "lost_motion_direction@2*2"], "worn.mcap");
     assert_eq!(well["by_ball"].as_array().unwrap().len(), 3);
     assert_eq!(well["places"].as_array().unwrap().len(), 12);
     let (good, bad) = (joint(&well, 2), joint(&worn, 2));

@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::cell::Cell;
 use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, small_rotation};
 use crate::error::{ModelError, Result};
+use crate::ik::usual::Usual;
 use crate::jacobian::{Map, Target, Through};
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
@@ -67,6 +68,8 @@ pub struct Forward {
     /// Actions whose basis is not constant.
     pub(crate) varying: Vec<(usize, usize)>,
     pub(crate) moves_base: bool,
+    /// Where inverse kinematics have a short way: a usual arm without terms.
+    pub(crate) usual: Option<Usual>,
     // with coefficients built in:
     pub(crate) chain: Chain,
     /// Sums of the constant terms at the base, the tool and each frame: x, y, z, rx, ry, rz.
@@ -138,6 +141,7 @@ impl Forward {
             free,
             varying: Vec::new(),
             moves_base: false,
+            usual: None,
             chain: Chain::new(
                 &model.robot,
                 &model.cell.world_from_base,
@@ -200,6 +204,11 @@ impl Forward {
             this.model.robot.require_masses()?;
         }
         this.rebuild();
+        if this.model.terms.is_empty() {
+            let Model { robot, cell, .. } = &this.model;
+            let flange_from_tool = Pose { rotation: cell.tool.rotation, translation: cell.tool.tcp };
+            this.usual = Usual::of(robot, &cell.world_from_base, &flange_from_tool);
+        }
         Ok(this)
     }
 

@@ -1,7 +1,8 @@
 //! Inverse kinematics on the full model: every way the arm can take a pose, to rounding.
 //!
 //! Two steps. The nominal arm gives the branches: in closed form where the last three axes meet in a point (`spherical.rs`) or
-//! where axes 2, 3 and 4 are parallel (`parallel.rs`), by many starts otherwise. Newton's method on the model with all of its
+//! where axes 2, 3 and 4 are parallel (`parallel.rs`), by many starts otherwise. The commonest arm without terms has a shorter
+//! way (`usual.rs`). Newton's method on the model with all of its
 //! terms then takes each branch to the pose itself, so a calibrated arm has as many solutions as its nominal one.
 //!
 //! ```
@@ -23,6 +24,7 @@ mod newton;
 mod parallel;
 mod search;
 mod spherical;
+pub(crate) mod usual;
 mod wrist;
 
 use std::f64::consts::{PI, TAU};
@@ -136,6 +138,11 @@ pub fn inverse_kinematics(
     ws: &mut Workspace,
 ) -> Result<Vec<Solution>, IkError> {
     check_pose(world_from_tool)?;
+    if let Some(usual) = &forward.usual
+        && let Some(solutions) = usual::solve(usual, forward, world_from_tool, state, ws)
+    {
+        return Ok(solutions);
+    }
     let robot = &forward.model().robot;
     let n = robot.dof();
     let seeds = seeds(forward, world_from_tool, state, ws);

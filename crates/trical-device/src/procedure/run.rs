@@ -1,5 +1,7 @@
 //! The loop that drives gauge and robot.
 
+mod corrections;
+
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -204,22 +206,8 @@ impl Runner<'_, '_> {
         while norm(&reading) >= options.epsilon || doubtful {
             if norm(&reading) < options.epsilon {
                 // a little aside along all axes: each channel has to follow, and the loop goes back
-                let aside = [options.limits.confirm; 3];
-                total_length += norm(&aside);
-                self.correct(aside, total_length)?;
-                corrections += 1;
-                let after = self.read(entry, corrections)?;
-                for (axis, (before, after)) in AXES.into_iter().zip(reading.iter().zip(&after)) {
-                    if (before - after).abs() < 0.25 * options.limits.confirm {
-                        return Err(Violation::Stale {
-                            axis,
-                            reading_mm: after * 1e3,
-                            moved_mm: options.limits.confirm * 1e3,
-                        });
-                    }
-                }
+                reading = self.aside(entry, reading, &mut corrections, &mut total_length)?;
                 doubtful = false;
-                reading = after;
                 continue;
             }
             if corrections >= options.limits.iterations {
@@ -229,11 +217,7 @@ impl Runner<'_, '_> {
                     epsilon_mm: options.epsilon * 1e3,
                 });
             }
-            total_length += norm(&reading);
-            self.correct(reading, total_length)?;
-            corrections += 1;
-            let after = self.read(entry, corrections)?;
-            self.check_change(&reading, &after)?;
+            let after = self.follow(entry, reading, &mut corrections, &mut total_length)?;
             doubtful = options.check_release && reading.iter().zip(&after).any(|(a, b)| is_same(*a, *b));
             reading = after;
         }
@@ -286,56 +270,6 @@ impl Runner<'_, '_> {
             }
         }
         Ok(reading)
-    }
-
-    /// Steps (d), (e): displaces the TCP by the reading, in the tool's axes.
-    fn correct(&mut self, reading: [f64; 3], total_length: f64) -> Result<(), Violation> {
-        let limits = &self.options.limits;
-        let length = norm(&reading);
-        if length > limits.correction {
-            return Err(Violation::Correction { length_mm: length * 1e3, limit_mm: limits.correction * 1e3 });
-        }
-        if total_length > limits.total_correction {
-            return Err(Violation::TotalCorrection {
-                length_mm: total_length * 1e3,
-                limit_mm: limits.total_correction * 1e3,
-            });
-        }
-        self.check_cancelled()?;
-        let before = self.at;
-        self.controller.correct(reading)?;
-        self.at = self.settled_joints()?;
-        self.note_joints()?;
-        check_joints(&self.at, self.options)?;
-        let (joint, moved) = largest_difference(&before, &self.at);
-        if moved == 0.0 && length > limits.stale {
-            return Err(Violation::NotMoved { length_mm: length * 1e3 });
-        }
-        if moved > limits.joint_change {
-            return Err(Violation::JointChange {
-                joint: joint + 1,
-                length_mm: length * 1e3,
-                moved_deg: moved.to_degrees(),
-                limit_deg: limits.joint_change.to_degrees(),
-            });
-        }
-        self.report.corrections += 1;
-        Ok(())
-    }
-
-    /// Compares the readings before and after a correction by the first.
-    fn check_change(&self, before: &[f64; 3], after: &[f64; 3]) -> Result<(), Violation> {
-        let limits = &self.options.limits;
-        for (axis, (before, after)) in AXES.into_iter().zip(before.iter().zip(after)) {
-            if is_same(*before, *after) && before.abs() > limits.stale {
-                return Err(Violation::Stale { axis, reading_mm: after * 1e3, moved_mm: before.abs() * 1e3 });
-            }
-        }
-        let (length_before, length_after) = (norm(before), norm(after));
-        if length_after > limits.growth * length_before && length_after > 2.0 * self.options.epsilon {
-            return Err(Violation::Diverging { before_mm: length_before * 1e3, after_mm: length_after * 1e3 });
-        }
-        Ok(())
     }
 
     /// Step (g): stores the joints that the controller reports.

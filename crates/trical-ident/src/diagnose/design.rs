@@ -4,9 +4,13 @@
 //! residual and `X` a candidate's columns, the sum of squares that the candidate would remove is `b' G^-1 b`, where `b = X'r`
 //! and `G = X'X - (Q'X)'(Q'X)`. `G` also gives lambda: the length of a signature after projection, in units of the noise.
 
+use std::sync::Arc;
+
 use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::Solve;
 use faer::{Accum, Mat, MatRef, Par, Side};
+use pulp::Arch;
+use rayon::prelude::*;
 use trical_model::{Forward, Model, residual_rows};
 
 use super::catalogue::Candidate;
@@ -50,8 +54,8 @@ pub struct Design {
 /// much as there are columns, however many rows there were.
 #[derive(Clone)]
 pub struct Stage {
-    /// Inner products of every column with each basis vector that was added.
-    w: Vec<Vec<f64>>,
+    /// Inner products of every column with each basis vector that was added; shared by the stages that follow.
+    w: Vec<Arc<[f64]>>,
     /// Squared length of every column after projection.
     left: Vec<f64>,
     /// `X'r` of every column.
@@ -166,9 +170,7 @@ impl Design {
         let view = MatRef::from_row_major_slice(&columns, rows, width);
         let mut w = Mat::<f64>::zeros(p, width);
         matmul(w.as_mut(), Accum::Replace, q.transpose(), view, 1.0, Par::Seq);
-        let mut gram = Mat::<f64>::zeros(width, width);
-        matmul(gram.as_mut(), Accum::Replace, view.transpose(), view, 1.0, Par::Seq);
-        matmul(gram.as_mut(), Accum::Add, w.transpose(), w.as_ref(), -1.0, Par::Seq);
+        let gram = left_of_products(view, w.as_ref());
         let mut b = vec![0.0; width];
         for (i, x) in r.iter().enumerate() {
             for (o, c) in b.iter_mut().zip(&columns[i * width..(i + 1) * width]) {
@@ -373,6 +375,43 @@ impl Design {
         squares.into_values().map(f64::sqrt).collect()
     }
 
+    /// The same picture with the columns of these candidates only, the others without any; and a stage in it. A stage there
+    /// costs what the set costs, and says the same of its members to the last bit. It cannot tell rows.
+    #[must_use]
+    pub fn narrowed(&self, stage: &Stage, set: &[usize]) -> (Self, Stage) {
+        let mut spans = vec![(0, 0); self.spans.len()];
+        let mut kept: Vec<usize> = Vec::new();
+        for c in set {
+            let (from, to) = self.spans[*c];
+            spans[*c] = (kept.len(), kept.len() + to - from);
+            kept.extend(from..to);
+        }
+        let of = |v: &[f64]| kept.iter().map(|a| v[*a]).collect::<Vec<f64>>();
+        let narrow = Self {
+            rows: self.rows,
+            parameters: self.parameters,
+            columns: Vec::new(),
+            width: kept.len(),
+            spans,
+            squares: of(&self.squares),
+            precision: of(&self.precision),
+            gram: Mat::from_fn(kept.len(), kept.len(), |i, j| self.gram[(kept[i], kept[j])]),
+            b: of(&self.b),
+            ss: self.ss,
+            pose_of_row: Vec::new(),
+            jacobian: Mat::zeros(0, 0),
+            raw: Vec::new(),
+            sigma_of_row: Vec::new(),
+        };
+        let stage = Stage {
+            w: stage.w.iter().map(|w| of(w).into()).collect(),
+            left: of(&stage.left),
+            b: of(&stage.b),
+            ..*stage
+        };
+        (narrow, stage)
+    }
+
     /// Adds a candidate to the basis.
     pub fn add(&self, stage: &mut Stage, candidate: usize) {
         let (from, to) = self.spans[candidate];
@@ -383,23 +422,82 @@ impl Design {
             let square = stage.left[a] + self.precision[a];
             let norm = square.sqrt();
             let mut w: Vec<f64> = self.gram.col_as_slice(a).to_vec();
-            for old in &stage.w {
-                let factor = old[a];
-                for (x, y) in w.iter_mut().zip(old) {
-                    *x -= factor * y;
-                }
-            }
-            for x in &mut w {
-                *x /= norm;
-            }
             let d = stage.b[a] / norm;
-            for ((b, l), x) in stage.b.iter_mut().zip(&mut stage.left).zip(&w) {
-                *b -= d * x;
-                *l -= x * x;
-            }
+            let Stage { w: known, b, left, .. } = &mut *stage;
+            // the loops that diagnoses spend their time in, compiled for the processor's vectors; no sum is reordered
+            Arch::new().dispatch(Orthogonal { w: &mut w, known, at: a, norm, d, b, left });
             stage.ss -= d * d;
             stage.parameters += 1.0 - self.precision[a] / square;
-            stage.w.push(w);
+            stage.w.push(w.into());
+        }
+    }
+}
+
+/// Columns of one piece of [`left_of_products`].
+const PIECE: usize = 256;
+
+/// `X'X - W'W`: the lower triangle in pieces of some columns, by as many threads as there are, and its mirror image.
+fn left_of_products(x: MatRef<'_, f64>, w: MatRef<'_, f64>) -> Mat<f64> {
+    let width = x.ncols();
+    let pieces: Vec<(usize, Mat<f64>)> = (0..width)
+        .into_par_iter()
+        .step_by(PIECE)
+        .map(|from| {
+            let (below, columns) = (width - from, PIECE.min(width - from));
+            let mut piece = Mat::<f64>::zeros(below, columns);
+            for (m, accumulate, factor) in [(x, Accum::Replace, 1.0), (w, Accum::Add, -1.0)] {
+                let lhs = m.subcols(from, below).transpose();
+                matmul(piece.as_mut(), accumulate, lhs, m.subcols(from, columns), factor, Par::Seq);
+            }
+            (from, piece)
+        })
+        .collect();
+    let mut all = Mat::<f64>::zeros(width, width);
+    for (from, piece) in &pieces {
+        for j in 0..piece.ncols() {
+            for (i, v) in piece.col_as_slice(j).iter().enumerate().skip(j) {
+                all[(from + i, from + j)] = *v;
+                all[(from + j, from + i)] = *v;
+            }
+        }
+    }
+    all
+}
+
+/// Makes the column `w` of inner products orthogonal to what is known, and takes its part out of `b` and `left`.
+struct Orthogonal<'a> {
+    w: &'a mut [f64],
+    known: &'a [Arc<[f64]>],
+    at: usize,
+    norm: f64,
+    d: f64,
+    b: &'a mut [f64],
+    left: &'a mut [f64],
+}
+
+impl pulp::NullaryFnOnce for Orthogonal<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { w, known, at, norm, d, b, left } = self;
+        let mut four = known.chunks_exact(4);
+        for old in &mut four {
+            let [f0, f1, f2, f3] = [old[0][at], old[1][at], old[2][at], old[3][at]];
+            for ((((x, y0), y1), y2), y3) in w.iter_mut().zip(&*old[0]).zip(&*old[1]).zip(&*old[2]).zip(&*old[3]) {
+                *x = (((*x - f0 * y0) - f1 * y1) - f2 * y2) - f3 * y3;
+            }
+        }
+        for old in four.remainder() {
+            let factor = old[at];
+            for (x, y) in w.iter_mut().zip(&**old) {
+                *x -= factor * y;
+            }
+        }
+        for ((x, b), left) in w.iter_mut().zip(b).zip(left) {
+            *x /= norm;
+            *b -= d * *x;
+            *left -= *x * *x;
         }
     }
 }

@@ -3,6 +3,7 @@
 
 use super::catalogue::Candidate;
 use super::design::{Design, Stage};
+use rayon::prelude::*;
 use trical_model::interrupt::stop_wanted;
 
 /// A candidate must better the criterion by this many nats. With the prior spread over all candidates, an effect-free data
@@ -81,8 +82,12 @@ impl Search<'_> {
     /// All candidates at a stage, best first; those with forbidden signs left out.
     #[must_use]
     pub fn rank(&self, stage: &Stage) -> Vec<Ranked> {
-        let mut all: Vec<Ranked> = (0..self.candidates.len()).filter_map(|c| self.evidence(stage, c)).collect();
-        all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence).then(a.candidate.cmp(&b.candidate)));
+        let mut all: Vec<Ranked> = (0..self.candidates.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .filter_map(|c| self.evidence(stage, c))
+            .collect();
+        all.sort_unstable_by(|a, b| b.evidence.total_cmp(&a.evidence).then(a.candidate.cmp(&b.candidate)));
         // plausibility costs a solve: only where it matters
         let mut kept = Vec::with_capacity(all.len());
         for (k, r) in all.into_iter().enumerate() {
@@ -112,16 +117,32 @@ impl Search<'_> {
     /// Evidence of a whole set over the start, nats.
     #[must_use]
     pub fn total(&self, start: &Stage, set: &[usize]) -> f64 {
-        let mut stage = start.clone();
-        let mut sum = 0.0;
-        for c in set {
-            match self.evidence(&stage, *c) {
-                Some(r) => sum += r.evidence,
-                None => return f64::NEG_INFINITY,
+        self.among(start, set, |few, start| {
+            let mut stage = start.clone();
+            let mut sum = 0.0;
+            for c in set {
+                match few.evidence(&stage, *c) {
+                    Some(r) => sum += r.evidence,
+                    None => return f64::NEG_INFINITY,
+                }
+                few.design.add(&mut stage, *c);
             }
-            self.design.add(&mut stage, *c);
-        }
-        sum
+            sum
+        })
+    }
+
+    /// What `ask` says of the search and the stage with the columns of `set` only: for questions in which no other candidate
+    /// has a part.
+    fn among<T>(&self, stage: &Stage, set: &[usize], ask: impl FnOnce(&Search<'_>, &Stage) -> T) -> T {
+        let (design, stage) = self.design.narrowed(stage, set);
+        let few = Search {
+            design: &design,
+            candidates: self.candidates,
+            trust: self.trust.clone(),
+            temper: self.temper,
+            banned: Vec::new(),
+        };
+        ask(&few, &stage)
     }
 
     /// Chooses a set, in the order of selection.
@@ -153,11 +174,13 @@ impl Search<'_> {
     /// What was physics alone need not be beside what was found since: it goes, and does not come back in this search.
     fn drop_implausible(&mut self, start: &Stage, chosen: &mut Vec<usize>) -> bool {
         let mut bad = None;
-        self.without_each(start, chosen, &mut |own, stage| {
-            // one at a time: without it the others may be
-            if bad.is_none() && !self.plausible(stage, own) {
-                bad = Some(own);
-            }
+        self.among(start, chosen, |few, start| {
+            few.without_each(start, chosen, &mut |own, stage| {
+                // one at a time: without it the others may be
+                if bad.is_none() && !few.plausible(stage, own) {
+                    bad = Some(own);
+                }
+            });
         });
         if let Some(bad) = bad {
             chosen.retain(|c| *c != bad);
@@ -347,11 +370,13 @@ impl Search<'_> {
     fn backward(&self, start: &Stage, chosen: &mut Vec<usize>) {
         loop {
             let mut worst: Option<(usize, f64)> = None;
-            self.without_each(start, chosen, &mut |own, stage| {
-                let evidence = self.evidence(stage, own).map_or(f64::NEG_INFINITY, |r| r.evidence);
-                if worst.is_none_or(|(_, e)| evidence < e) {
-                    worst = Some((own, evidence));
-                }
+            self.among(start, chosen, |few, start| {
+                few.without_each(start, chosen, &mut |own, stage| {
+                    let evidence = few.evidence(stage, own).map_or(f64::NEG_INFINITY, |r| r.evidence);
+                    if worst.is_none_or(|(_, e)| evidence < e) {
+                        worst = Some((own, evidence));
+                    }
+                });
             });
             match worst {
                 Some((own, evidence)) if evidence < THRESHOLD => chosen.retain(|c| *c != own),

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::{IkError, MOST};
 use crate::recording::Joints;
-use crate::robot::{JointKind, Robot};
+use crate::robot::{Joint, JointKind, Robot};
 
 /// Solutions that differ by less than this in every joint are one, rad or m.
 const SAME: f64 = 1e-6;
@@ -75,6 +75,15 @@ pub(super) fn put_within(robot: &Robot, q: &mut Joints) -> Result<(), IkError> {
         }
     }
     worst.map_or(Ok(()), Err)
+}
+
+/// Whether some whole turn of a revolute joint at `value` can be within its limits, with a little to spare.
+#[inline]
+pub(super) fn may_be_within(joint: &Joint, value: f64) -> bool {
+    const SPARE: f64 = 1e-9;
+    let [lower, upper] = joint.limits;
+    let first = value + TAU * ((lower - SPARE - value) / TAU).ceil();
+    first <= upper + SPARE
 }
 
 /// `q` within limits, where every joint has one way to be there: the usual case, for which nothing is allocated.

@@ -42,6 +42,14 @@ fn miss(target: &Pose, pose: &Pose) -> Vector6<f64> {
     Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z)
 }
 
+/// Whether a pose is as near to where it is wanted as solutions are.
+#[inline]
+pub(super) fn is_there(pose: &Pose, target: &Pose) -> bool {
+    // matrices of rotations by a small angle to each other differ by sqrt 2 times the angle
+    (target.translation - pose.translation).norm_squared() < ACCURATE_M * ACCURATE_M
+        && (target.rotation - pose.rotation).norm_squared() < ACCURATE_RAD * ACCURATE_RAD
+}
+
 /// Of a miss: m, rad.
 #[inline]
 fn lengths(e: &Vector6<f64>) -> (f64, f64) {
@@ -53,9 +61,7 @@ fn lengths(e: &Vector6<f64>) -> (f64, f64) {
 pub(super) fn refine(forward: &Forward, target: &Pose, state: &mut State, ws: &mut Workspace) -> Ended {
     // the seed of a closed form is often the solution itself: then the Jacobian is not needed
     let pose = forward.world_from_tool(state, ws);
-    let far = (target.translation - pose.translation).norm();
-    // matrices of rotations by a small angle to each other differ by sqrt 2 times the angle
-    if far < ACCURATE_M && (target.rotation - pose.rotation).norm() < ACCURATE_RAD {
+    if is_there(&pose, target) {
         return Ended::Converged;
     }
     let n = forward.model().robot.dof();

@@ -1,0 +1,115 @@
+//! Corrections at a touch: how the TCP is displaced, and whether the channels follow.
+
+use super::{Runner, is_same, norm};
+use crate::controller::largest_difference;
+use crate::gauge::AXES;
+use crate::procedure::steps::check_joints;
+use crate::procedure::{PlanEntry, Violation};
+
+impl Runner<'_, '_> {
+    /// A little aside along all axes, which every channel has to follow. A gap in a joint may swallow one step: then a longer
+    /// one goes the same way before a transmitter is taken for dead.
+    pub(super) fn aside(
+        &mut self,
+        entry: &PlanEntry,
+        before: [f64; 3],
+        corrections: &mut usize,
+        total_length: &mut f64,
+    ) -> Result<[f64; 3], Violation> {
+        let confirm = self.options.limits.confirm;
+        let mut moved = 0.0;
+        loop {
+            let step = if moved == 0.0 { confirm } else { 2.0 * confirm };
+            moved += step;
+            *total_length += norm(&[step; 3]);
+            self.correct([step; 3], *total_length)?;
+            *corrections += 1;
+            let after = self.read(entry, *corrections)?;
+            match (0..3).find(|k| (before[*k] - after[*k]).abs() < 0.25 * confirm) {
+                None => return Ok(after),
+                Some(k) if moved > confirm => {
+                    return Err(Violation::Stale { axis: AXES[k], reading_mm: after[k] * 1e3, moved_mm: moved * 1e3 });
+                }
+                Some(_) => {}
+            }
+        }
+    }
+
+    /// Corrects by a reading, and reads again. A gap in a joint may swallow a small correction: where a channel shows the very
+    /// same, steps of twice the length follow the same way, until no gap would be that wide and its transmitter may be dead.
+    pub(super) fn follow(
+        &mut self,
+        entry: &PlanEntry,
+        before: [f64; 3],
+        corrections: &mut usize,
+        total_length: &mut f64,
+    ) -> Result<[f64; 3], Violation> {
+        let limits = &self.options.limits;
+        let (mut step, mut moved) = (before, before);
+        loop {
+            *total_length += norm(&step);
+            self.correct(step, *total_length)?;
+            *corrections += 1;
+            let after = self.read(entry, *corrections)?;
+            let silent = |k: usize| is_same(before[k], after[k]) && before[k].abs() > limits.stale;
+            let Some(first) = (0..3).find(|k| silent(*k)) else {
+                self.check_growth(norm(&before).max(norm(&step)), norm(&after))?;
+                return Ok(after);
+            };
+            let given_up = (0..3).find(|k| silent(*k) && moved[*k].abs() > 2.0 * limits.confirm);
+            if given_up.is_some() || *corrections >= limits.iterations {
+                let k = given_up.unwrap_or(first);
+                return Err(Violation::Stale {
+                    axis: AXES[k],
+                    reading_mm: after[k] * 1e3,
+                    moved_mm: moved[k].abs() * 1e3,
+                });
+            }
+            step = std::array::from_fn(|k| if silent(k) { 2.0 * step[k] } else { after[k] });
+            moved = std::array::from_fn(|k| moved[k] + step[k]);
+        }
+    }
+
+    /// Steps (d), (e): displaces the TCP by the reading, in the tool's axes.
+    fn correct(&mut self, reading: [f64; 3], total_length: f64) -> Result<(), Violation> {
+        let limits = &self.options.limits;
+        let length = norm(&reading);
+        if length > limits.correction {
+            return Err(Violation::Correction { length_mm: length * 1e3, limit_mm: limits.correction * 1e3 });
+        }
+        if total_length > limits.total_correction {
+            return Err(Violation::TotalCorrection {
+                length_mm: total_length * 1e3,
+                limit_mm: limits.total_correction * 1e3,
+            });
+        }
+        self.check_cancelled()?;
+        let before = self.at;
+        self.controller.correct(reading)?;
+        self.at = self.settled_joints()?;
+        self.note_joints()?;
+        check_joints(&self.at, self.options)?;
+        let (joint, moved) = largest_difference(&before, &self.at);
+        if moved == 0.0 && length > limits.stale {
+            return Err(Violation::NotMoved { length_mm: length * 1e3 });
+        }
+        if moved > limits.joint_change {
+            return Err(Violation::JointChange {
+                joint: joint + 1,
+                length_mm: length * 1e3,
+                moved_deg: moved.to_degrees(),
+                limit_deg: limits.joint_change.to_degrees(),
+            });
+        }
+        self.report.corrections += 1;
+        Ok(())
+    }
+
+    /// Compares the lengths of the readings before (or of the correction) and after.
+    fn check_growth(&self, before: f64, after: f64) -> Result<(), Violation> {
+        if after > self.options.limits.growth * before && after > 2.0 * self.options.epsilon {
+            return Err(Violation::Diverging { before_mm: before * 1e3, after_mm: after * 1e3 });
+        }
+        Ok(())
+    }
+}

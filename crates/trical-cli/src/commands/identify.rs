@@ -9,12 +9,12 @@ use trical_ident::{
     cross_validate, forward_in_time, identify, identify_stream, shown, write_whole,
 };
 use trical_model::{Cell, Recording, Robot};
+use trical_report::{identify_report, table};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
 use crate::large::passes;
-use crate::report::Made;
-use crate::{identify_report, say, table};
+use crate::say;
 
 /// Which parameters to identify.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -209,8 +209,8 @@ fn report(args: &Args, robot: &Robot, cell: &Cell, found: &Found) -> Result<Stri
         rejected: found.rejected,
         cleaned: !args.keep_outliers,
     };
-    let made = Made::from(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
-    identify_report::render(&told, made)
+    let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
+    Ok(identify_report::render(&told, made)?)
 }
 
 fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {

@@ -8,9 +8,9 @@ use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robo
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::error::Result;
+use crate::page::{Figure, Section};
 use crate::picture::{self, Mark, Scene, View};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{Figure, Section};
 use crate::table;
 
 /// So many points are drawn at most, evenly chosen.

@@ -34,6 +34,16 @@ pub struct Told<'a> {
     pub cleaned: bool,
 }
 
+/// Poses that a fit in so many folds did not use.
+pub fn of_folds(folds: usize) -> String {
+    format!("poses not used in the fit, {folds} folds")
+}
+
+/// The last poses, where those before were fitted.
+pub fn of_last(percent: usize) -> String {
+    format!("last {percent} % of the poses, by a fit to those before")
+}
+
 /// What speaks against signing, in one sentence each.
 fn concerns(t: &Told<'_>) -> Result<Vec<String>> {
     let f = t.fitted;

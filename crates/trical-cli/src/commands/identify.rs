@@ -195,8 +195,8 @@ fn report(args: &Args, robot: &Robot, cell: &Cell, found: &Found) -> Result<Stri
     let fitted = &found.fitted;
     // of what is drawn: all rows, or the sample of a stream
     let each_before = identify(robot, cell, &fitted.data, ParameterSet::Nominal)?.errors()?;
-    let folds = args.cross_validate.map(|k| format!("poses not used in the fit, {k} folds"));
-    let last = args.hold_out_last.map(|p| format!("last {p} % of the poses, by a fit to those before"));
+    let folds = args.cross_validate.map(identify_report::of_folds);
+    let last = args.hold_out_last.map(identify_report::of_last);
     let unseen = folds.zip(found.held_out.as_ref()).into_iter().chain(last.zip(found.later.as_ref())).collect();
     let told = identify_report::Told {
         fitted,

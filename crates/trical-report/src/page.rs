@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
 
 use crate::error::{Error, Result};
-use crate::plots;
+use crate::{plots, turn};
 
 /// A figure.
 #[derive(Serialize)]
@@ -85,6 +85,7 @@ fn input(path: &Path) -> Input {
 pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> Result<String> {
     // the library is carried by those who have something to draw with it
     let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
+    let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turn::OPEN));
     let mut env = Environment::new();
     // the name ends in .html, so that text is escaped
     env.add_template("report.html", include_str!("../assets/report.html"))
@@ -94,8 +95,9 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
             let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
             let (uplot_js, report_js) =
                 (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
+            let turn_js = include_str!("../assets/turn.js");
             let uplot_license = include_str!("../assets/uPlot.LICENSE");
-            t.render(context! { title, verdict, sections, made, live, uplot_css, uplot_license, uplot_js, report_js })
+            t.render(context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js })
         })
         .map_err(|e| Error::Failed(format!("the report could not be written: {e}")))
 }

@@ -33,7 +33,7 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
                  which the arm is to be accurate. Names show under the pointer.",
                 touches.len()
             ),
-            svg: picture::draw(&scene, View::Oblique, 900.0),
+            svg: picture::draw_turning(&scene, 900.0)?,
         },
         Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
         Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },

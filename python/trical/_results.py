@@ -308,9 +308,9 @@ class Plan(Touches, Reported):
         if not self.answer["determined"]:
             lines.append(f"  does not determine the {len(self.parameters)} parameters")
         lines += [f"  expected in the {k}: mean {e['mean_mm']:.3f} mm" for k, e in self._expected()]
-        blind = list(dict.fromkeys(b["effect"] for b in self.blind_to))
-        if blind:
-            lines.append(f"  would not show, at some sites at least: {', '.join(blind)}")
+        if self.blind_to:
+            n = len({b["effect"] for b in self.blind_to})
+            lines.append(f"  would not show {n} effects, at some sites at least: see blind_to")
         return "\n".join([head, *lines])
 
     def _repr_html_(self) -> str:

@@ -7,7 +7,7 @@ CONSTANT = '{ of = "nothing", shape = "one" }'
 
 def term(name: str, effect: str, value: float, unit: str, site: str, basis: str = CONSTANT) -> str:
     """A [[term]] table; site and basis are inline tables."""
-    head = f'[[term]]\nname = "{name}"\neffect = "{effect}"\nvalue = {value!r}\nunit = "{unit}"\n'
+    head = f'[[term]]\nname = "{name}"\neffect = "{effect}"\nvalue = {float(value)!r}\nunit = "{unit}"\n'
     return f"{head}site = {site}\nbasis = {basis}\n\n"
 
 

@@ -350,7 +350,7 @@ impl PyModel {
                     let turn = &turns[9 * k..9 * k + 9];
                     let pose = Pose {
                         rotation: nalgebra::Matrix3::from_row_slice(turn),
-                        translation: nalgebra::Vector3::from_fn(|i, _| rows[(k, i)]),
+                        translation: Vector3::from_fn(|i, _| rows[(k, i)]),
                     };
                     nearest_solution(&self.forward, &pose, &states.at(k), &mut ws).map_err(|e| {
                         let place = if single { String::new() } else { format!("pose {k}: ") };
@@ -362,7 +362,7 @@ impl PyModel {
         if single {
             return Ok(Array1::from_iter(all[0][..n].iter().copied()).into_pyarray(py).into_any());
         }
-        Ok(crate::arrays::joints_array(&all, n).into_pyarray(py).into_any())
+        Ok(joints_array(&all, n).into_pyarray(py).into_any())
     }
 }
 

@@ -12,7 +12,7 @@ use crate::page::{Figure, Section};
 const POSES: usize = 6000;
 
 /// Squares along the longer side of a panel.
-const SQUARES: f64 = 26.0;
+const SQUARES: f64 = 22.0;
 
 /// Width of a panel and of the margins about it, in the picture's units.
 const PANEL: f64 = 270.0;
@@ -115,8 +115,8 @@ fn draw(panels: &[Panel]) -> String {
             let middle = [i, j].map(|n| (n as f64 + 0.5) * grid.side);
             let _ = write!(
                 svg,
-                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{side:.2}\" height=\"{side:.2}\" fill=\"{}\"><title>{} {:.0} mm, {} \
-                 {:.0} mm: {mean:.2} mm on average, {largest:.2} at most, {count} pose{}</title></rect>",
+                "<path d=\"M{x:.1} {y:.1}h{side:.1}v{side:.1}h-{side:.1}z\" fill=\"{}\"><title>{} {:.0}, {} {:.0} mm: {mean:.2} \
+                 mm, at most {largest:.2}; {count} pose{}</title></path>",
                 color(mean / most),
                 panel.axes[0],
                 grid.low[0] + middle[0],

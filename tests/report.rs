@@ -68,6 +68,33 @@ fn fits_on_paper(chromium: &str, page: &Path) {
     seen(chromium, &paper);
 }
 
+/// The picture of the cell turns by mouse and by keyboard, is drawn in other places then, and Home gives the first one back.
+fn turns(chromium: &str, page: &Path) {
+    let html = std::fs::read_to_string(page).unwrap();
+    let after = |what: &str| {
+        let script = format!(
+            "<script>onload = () => {{\
+             const cell = document.querySelector('.turn'), canvas = cell.querySelector('canvas');\
+             cell.setPointerCapture = () => {{}};\
+             const mouse = (name, x, y) => cell.dispatchEvent(new PointerEvent(name, {{ clientX: x, clientY: y }}));\
+             const key = (name) => cell.dispatchEvent(new KeyboardEvent('keydown', {{ key: name }}));\
+             const drag = (x, y) => {{ mouse('pointerdown', 300, 300); mouse('pointermove', x, y); mouse('pointerup', x, y); }};\
+             {what}\
+             const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;\
+             let sum = 0; for (let k = 0; k < data.length; k++) sum = (31 * sum + data[k]) % 1000003;\
+             document.title = 'sum ' + sum + ' ' + cell.className + '.'; }}</script></body>"
+        );
+        let turned = page.with_extension("turned.html");
+        std::fs::write(&turned, html.replace("</body>", &script)).unwrap();
+        let dom = seen(chromium, &turned);
+        dom.split("<title>").nth(1).unwrap().split("</title>").next().unwrap().to_owned()
+    };
+    let (mouse, back) = (after("drag(200, 340);"), after("drag(200, 340); key('Home');"));
+    let keys = after("key('ArrowLeft'); key('ArrowUp'); key('+');");
+    assert!(mouse.ends_with(" turn turned.") && keys.ends_with(" turn turned."), "{mouse} {keys}");
+    assert!(mouse != keys && back.ends_with(" turn."), "{mouse} {keys} {back}");
+}
+
 /// Every plot of the page was drawn; how many.
 fn drawn(page: &Path) -> Option<usize> {
     let Some(chromium) = chromium() else {
@@ -79,8 +106,13 @@ fn drawn(page: &Path) -> Option<usize> {
     let html = std::fs::read_to_string(page).unwrap();
     let plots = html.matches("<div class=\"plot\">").count();
     assert_eq!(dom.matches("class=\"plot drawn\"").count(), plots, "{}", page.display());
-    // the library made a canvas in each of them
-    assert_eq!(dom.matches("<canvas").count(), plots, "{}", page.display());
+    // the library made a canvas in each of them, and our own one for the cell
+    let cells = html.matches("<div class=\"turn\">").count();
+    assert_eq!(dom.matches("<canvas").count(), plots + cells, "{}", page.display());
+    assert_eq!(dom.matches("class=\"turn\"").count(), cells, "as on paper until somebody turns it");
+    if cells > 0 {
+        turns(chromium, page);
+    }
     Some(plots)
 }
 
@@ -155,6 +187,13 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
     let said = verdict(&html);
     assert!(said.contains("did not use") && said.contains(&mm(&json["cross_validation"]["mean_mm"])), "{said}");
+    // the map of errors has the numbers of the export
+    let map = good(&folder, &["export", "--model", "out.toml", "--error-map", "m.csv", "--poses", "6000", "--json"]);
+    let map: serde_json::Value = serde_json::from_str(&map).unwrap();
+    let part = html.split("What the arm misses without this model").nth(1).unwrap();
+    for number in ["mean_mm", "max_mm"] {
+        assert!(part.contains(&mm(&map["error_map"][number])), "{number}: {map}");
+    }
     assert!(drawn(&folder.join("i.html")).is_none_or(|n| n == 5));
 
     let validate = |recording: &str| {

@@ -38,7 +38,8 @@ from ._native import (
     __version__,
 )
 from ._recording import Recording
-from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Touches, Validation
+from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Study, Touches, Validation
+from ._studies import study_platforms, study_touches
 
 __all__ = [
     "Cell",
@@ -54,6 +55,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "Robot",
+    "Study",
     "Touches",
     "TricalError",
     "UnreachableError",
@@ -70,5 +72,7 @@ __all__ = [
     "poses",
     "repeatability",
     "simulate",
+    "study_platforms",
+    "study_touches",
     "validate",
 ]

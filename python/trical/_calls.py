@@ -13,6 +13,7 @@ from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike, Recording
 from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Validation
+from ._told import Made
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,7 +70,7 @@ def identify(
         RecordingError, NotEnoughDataError, TricalError: bad input, in one sentence.
         NotConvergedError: the fit did not reach a minimum.
     """
-    fitted, text, errors, covariance = _native._identify(
+    fitted, text, errors, covariance, told = _native._identify(
         _sources(recordings),
         _file(robot),
         _file(cell),
@@ -100,6 +101,22 @@ def identify(
         not_identifiable=[(name, others) for name, others in s["not_identifiable"]],
         correlated=s["correlated"],
         joints=s["joints"],
+        _made=Made.of(
+            told,
+            identify,
+            recordings,
+            robot=robot,
+            cell=cell,
+            joints=joints,
+            model=model,
+            compliant=compliant,
+            folds=folds,
+            hold_out_last=hold_out_last,
+            keep_outliers=keep_outliers,
+            stream=stream,
+            known=known,
+            files=("robot", "cell", "known"),
+        ),
     )
 
 
@@ -118,7 +135,7 @@ def diagnose(
     planned that would decide between the least sure finding and its rivals (`Diagnosis.next`). The other arguments
     and errors are those of `identify`.
     """
-    model, text, errors, planned = _native._diagnose(
+    model, text, errors, planned, told = _native._diagnose(
         _sources(recordings), _file(robot), _file(cell), joints, next, listener(progress, "diagnosing")
     )
     answer: dict[str, Any] = json.loads(text)
@@ -136,6 +153,9 @@ def diagnose(
         answer=answer,
         errors_mm=errors,
         next=deciding,
+        _made=Made.of(
+            told, diagnose, recordings, robot=robot, cell=cell, joints=joints, next=next, files=("robot", "cell")
+        ),
     )
 
 
@@ -157,7 +177,7 @@ def validate(
     where model and recordings do not belong together.
     """
     what = refit.split(",") if isinstance(refit, str) else list(refit)
-    text, errors = _native._validate(
+    text, errors, told = _native._validate(
         model,
         _sources(recordings),
         model.nominal_robot if robot is None else _file(robot),
@@ -167,7 +187,9 @@ def validate(
         listener(progress, "validating"),
     )
     s = json.loads(text)
-    return Validation(s["before"], s["after"], s["n"], s["regions"], s["rejected"], errors)
+    said = {"robot": robot, "cell": cell, "joints": joints, "refit": refit}
+    made = Made.of(told, validate, model, recordings, **said, files=("robot", "cell"))
+    return Validation(s["before"], s["after"], s["n"], s["regions"], s["rejected"], errors, _made=made)
 
 
 def repeatability(
@@ -222,7 +244,7 @@ def plan(
     Raises:
         PlanningError: there is no such plan.
     """
-    touches, text = _native._plan(
+    touches, text, told = _native._plan(
         _file(robot),
         _file(cell),
         per_ball,
@@ -236,7 +258,10 @@ def plan(
         listener(progress, "planning"),
     )
     s = json.loads(text)
-    return Plan(*touches, s["parameters"], s["expected"], s)
+    said = {"per_ball": per_ball, "pool": pool, "criterion": criterion, "sphere": sphere, "max_tilt": max_tilt}
+    said |= {"noise": noise, "start": start, "seed": seed}
+    made = Made.of(told, plan, robot=robot, cell=cell, **said, files=("robot", "cell"))
+    return Plan(*touches, s["parameters"], s["expected"], s, _made=made)
 
 
 def _sphere(sphere: Sequence[float] | None) -> tuple[float, float, float, float] | None:

@@ -15,6 +15,7 @@ __all__ = [
     "RecordingError",
     "Robot",
     "Rows",
+    "Told",
     "TricalError",
     "UnreachableError",
     "WrongModelError",
@@ -28,6 +29,8 @@ __all__ = [
     "_poses",
     "_repeatability",
     "_simulate",
+    "_study_platforms",
+    "_study_touches",
     "_validate",
 ]
 
@@ -35,6 +38,8 @@ _Path = str | os.PathLike[str]
 _Floats = npt.NDArray[np.float64]
 _Listener = Callable[[float, str], object] | None
 _Touches = tuple[npt.NDArray[np.int64], _Floats, _Floats, list[_Floats], npt.NDArray[np.int8], str]
+
+_Study = tuple[Told, list[list[str]], str, str, str, list[str], str]
 
 class TricalError(ValueError): ...
 class RecordingError(TricalError): ...
@@ -167,6 +172,13 @@ class Model:
         payload (n,) kg on the flange beyond the cell's tool. Not given means no sense of motion, the reference
         temperature, time 0, no payload.
         """
+    def error_map(self, n: int = 2000) -> tuple[_Floats, _Floats, _Floats]:
+        """How far the arm misses all over its workspace: n poses at random within the limits, the same ones each time.
+
+        Joints (n, joints) rad (m); where the nominal arm's TCP is there, (n, 3) m; from there to where this model's is,
+        (n, 3) m, in the axes of the arm's base. What only places the arm in the cell does not count; nor do time,
+        temperature and sense of motion.
+        """
     def flange(
         self,
         q: npt.ArrayLike,
@@ -222,6 +234,13 @@ class Rows:
     def to_csv(self) -> bytes: ...
     def save(self, path: _Path) -> None: ...
 
+@final
+class Told:
+    """What a report is made of."""
+
+    def write(self, path: _Path, call: str, inputs: Sequence[str]) -> None:
+        """Write the report: one HTML file, whole or not at all, made by `call` from `inputs`."""
+
 def _identify(
     recordings: Sequence[_Path | Rows],
     robot: _Path | Robot,
@@ -235,7 +254,7 @@ def _identify(
     in_stream: bool,
     known: _Path | None,
     progress: _Listener,
-) -> tuple[Model, str, _Floats | None, _Floats]: ...
+) -> tuple[Model, str, _Floats | None, _Floats, Told]: ...
 def _diagnose(
     recordings: Sequence[_Path | Rows],
     robot: _Path | Robot,
@@ -243,7 +262,7 @@ def _diagnose(
     joints: str,
     next: int | None,
     progress: _Listener,
-) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None]: ...
+) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None, Told]: ...
 def _validate(
     model: Model,
     recordings: Sequence[_Path | Rows],
@@ -252,7 +271,7 @@ def _validate(
     joints: str | None,
     refit: Sequence[str],
     progress: _Listener,
-) -> tuple[str, _Floats]: ...
+) -> tuple[str, _Floats, Told]: ...
 def _repeatability(recording: Rows, robot: _Path | Robot | None, cell: _Path | Cell | None, same: float) -> str: ...
 def _effects_json() -> str: ...
 def _plan(
@@ -267,7 +286,7 @@ def _plan(
     noise: float,
     start: npt.ArrayLike | None,
     progress: _Listener,
-) -> tuple[_Touches, str]: ...
+) -> tuple[_Touches, str, Told]: ...
 def _poses(
     robot: _Path | Robot,
     cell: _Path | Cell,
@@ -297,6 +316,24 @@ def _observability(
     set: str,
     noise: float | None,
 ) -> str: ...
+def _study_touches(
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    common: dict[str, Any],
+    per_ball: Sequence[int],
+    progress: _Listener,
+) -> _Study: ...
+def _study_platforms(
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    common: dict[str, Any],
+    touches: int,
+    balls: Sequence[int],
+    side_mm: Sequence[float],
+    height_mm: Sequence[float],
+    raise_mm: Sequence[float],
+    progress: _Listener,
+) -> _Study: ...
 def _compensate(
     program: _Path,
     model: Model,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import _html
 from ._native import Model
+from ._told import Reported
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
@@ -45,7 +46,7 @@ def _parameter_rows(parameters: Sequence[dict[str, Any]]) -> list[list[object]]:
 
 
 @dataclass(frozen=True, repr=False)
-class Identified:
+class Identified(Reported):
     """A fitted model and what the fit knows about itself.
 
     `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
@@ -105,7 +106,7 @@ class Identified:
 
 
 @dataclass(frozen=True, repr=False)
-class Validation:
+class Validation(Reported):
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
     `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `regions` the same by region; `errors_mm` (n,
@@ -197,7 +198,7 @@ class NextTouches(Touches):
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis:
+class Diagnosis(Reported):
     """What a model lacks, by the recordings, and the model that has it.
 
     `findings` are dicts with effect, site, located, confidence, lambda, coefficients, evidence, rivals; `blind_to` what
@@ -277,17 +278,25 @@ def _sd(sd: float | None) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Plan(Touches):
+class Plan(Touches, Reported):
     """Touches in the order of measurement, and what they are expected to tell.
 
     Arrays as in `Touches`: ball, q, approach, via, directions, text. `parameters` are dicts with name, site, unit, sd,
     nominal; `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm);
-    `answer` all that the planner says.
+    `answer` all that the planner says. `blind_to` lists the effects that these touches would not show at a typical
+    size: dicts with effect, site, lambda (length of its traces in standard deviations of the noise; 3 is just visible)
+    and advice, what would help; or with effect and lacks, what no such recording has.
     """
 
     parameters: list[dict[str, Any]]
     expected: dict[str, Any]
     answer: dict[str, Any]
+
+    @property
+    def blind_to(self) -> list[dict[str, Any]]:
+        """What the touches would not show; see above."""
+        blind: list[dict[str, Any]] = self.answer["blind_to"]
+        return blind
 
     def _expected(self) -> list[tuple[str, dict[str, float]]]:
         return [(k, self.expected[k]) for k in ("sphere", "workspace") if self.expected[k] is not None]
@@ -299,6 +308,9 @@ class Plan(Touches):
         if not self.answer["determined"]:
             lines.append(f"  does not determine the {len(self.parameters)} parameters")
         lines += [f"  expected in the {k}: mean {e['mean_mm']:.3f} mm" for k, e in self._expected()]
+        if self.blind_to:
+            n = len({b["effect"] for b in self.blind_to})
+            lines.append(f"  would not show {n} effects, at some sites at least: see blind_to")
         return "\n".join([head, *lines])
 
     def _repr_html_(self) -> str:
@@ -350,3 +362,45 @@ class Observability:
         return _html.table(("index", "value"), self._indices(), head) + _html.table(
             ("parameter", "sd", "unit"), rows, "standard deviations for the noise that was given"
         )
+
+
+@dataclass(frozen=True, repr=False)
+class Study(Reported):
+    """Whole calibrations of simulated arms.
+
+    `settings` are dicts of what was tried and how it ended: for touches arm ("described" by the parameters, or "any"
+    arm), noise, design ("chosen" or "random"), per_ball, sphere_mean_mm, workspace_mean_mm (position errors at poses
+    that were not touched) and gave_up (fits that did); for platforms balls, side_mm, height_mm, raise_mm,
+    sphere_mean_mm, workspace_mean_mm and problem. `verdict` says it in a sentence, `notes` what else is to be said;
+    `table` is for people, the first row its head; `csv` has every trial (or platform), `svg` the curves; `answer` all
+    of the command's JSON.
+    """
+
+    settings: list[dict[str, Any]]
+    verdict: str
+    notes: list[str]
+    table: list[list[str]]
+    csv: str
+    svg: str
+    answer: dict[str, Any]
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write study.csv, study.svg and study.html into a folder, which is made where it is missing."""
+        os.makedirs(folder, exist_ok=True)
+        for name, text in (("study.csv", self.csv), ("study.svg", self.svg)):
+            with open(os.path.join(folder, name), "w", encoding="utf-8", newline="") as f:
+                f.write(text)
+        self.report(os.path.join(folder, "study.html"))
+
+    def __repr__(self) -> str:
+        """A table and the verdict."""
+        wide = [max(len(cell) for cell in column) for column in zip(*self.table, strict=True)]
+        lines = [
+            "  ".join([row[0].ljust(wide[0]), *(c.rjust(w) for c, w in zip(row[1:], wide[1:], strict=True))])
+            for row in self.table
+        ]
+        return "\n".join([f"<trical.Study: {len(self.settings)} settings>", *lines, self.verdict, *self.notes])
+
+    def _repr_html_(self) -> str:
+        head, *rows = self.table
+        return self.svg + _html.table(head, rows, self.verdict) + "".join(map(_html.note, self.notes))

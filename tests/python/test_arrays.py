@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import trical
+from terms import compliance, joint, lost_motion, term
 
 ARM = Path(__file__).resolve().parents[2] / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
@@ -55,42 +56,19 @@ def test_joints_come_back_from_where_they_led(model: trical.Model) -> None:
         model.inverse(np.add(positions, [[0], [9]]), rotations, Q)
 
 
-TERMS = """
-[[term]]
-name = "gap_2"
-effect = "lost_motion_direction"
-value = 0.05
-unit = "deg"
-[term.site.joint]
-joint = 2
-[term.basis]
-of = "nothing"
-shape = "one"
-sense = 2
-
-[[term]]
-name = "drift_1"
-effect = "drift"
-value = 0.001
-unit = "deg/s"
-[term.site.joint]
-joint = 1
-[term.basis]
-of = "time"
-shape = "linear"
-
-[[term]]
-name = "warm_3"
-effect = "temperature"
-value = 0.01
-unit = "deg/K"
-[term.site.joint]
-joint = 3
-[term.basis]
-shape = "linear"
-[term.basis.of.temperature]
-reference_c = 20.0
-"""
+WARM = '{ of = { temperature = { reference_c = 20.0 } }, shape = "linear" }'
+TERMS = (
+    lost_motion(2, 0.05)
+    + term("drift_1", "drift", 0.001, "deg/s", joint(1), '{ of = "time", shape = "linear" }')
+    + term(
+        "warm_3",
+        "temperature",
+        0.01,
+        "deg/K",
+        joint(3),
+        '{ of = { temperature = { reference_c = 20.0 } }, shape = "linear" }',
+    )
+)
 
 
 @pytest.mark.parametrize(
@@ -111,21 +89,7 @@ def test_terms_see_what_is_known_beside_the_joints(model: trical.Model, known, j
 
 
 def test_a_payload_bends_the_arm(model: trical.Model) -> None:
-    compliance = """
-[[term]]
-name = "c_2"
-effect = "compliance"
-value = 0.002
-unit = "deg/Nm"
-[term.site.joint]
-joint = 2
-[term.basis]
-shape = "linear"
-[term.basis.of.moment]
-joint = 2
-axis = "z"
-"""
-    soft = model.with_terms(compliance)
+    soft = model.with_terms(compliance(2, 0.002))
     free, loaded = soft.gravity_torques(Q), soft.gravity_torques(Q, payload=3.0)
     assert free.shape == (2, 6) and np.abs(loaded[:, 1] - free[:, 1]).min() > 0.1
     np.testing.assert_array_equal(soft.gravity_torques(Q[1], payload=3.0), loaded[1])

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import trical
+from terms import link, lost_motion, term
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = ROOT / "target" / "release" / "trical"
@@ -22,28 +23,7 @@ ARM = ROOT / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 
 # the arm lags behind: the other sign would not be lost motion
-TRUTH = """
-[[term]]
-name = "gap_2"
-effect = "lost_motion_direction"
-value = -0.02
-unit = "deg"
-[term.site.joint]
-joint = 2
-[term.basis]
-of = "nothing"
-shape = "one"
-sense = 2
-
-[[term]]
-name = "a_2"
-effect = "geometry"
-value = 0.7
-unit = "mm"
-[term.site.link]
-link = 2
-parameter = "a"
-"""
+TRUTH = lost_motion(2, -0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
 
 
 @pytest.fixture(scope="module")

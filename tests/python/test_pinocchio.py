@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import trical
+from terms import compliance, link, term
 
 GRAVITY = 9.80665
 ROOT = Path(__file__).resolve().parents[2]
@@ -212,28 +213,22 @@ def calibrated(robot: Path, tmp_path: Path, seed: int, *, tilts: bool) -> trical
     n = nominal.dof
     text = nominal.to_toml().replace("term = []\n", "")
 
-    def term(name: str, site: str, value: float, unit: str, more: str = "") -> str:
-        head = f'[[term]]\nname = "{name}"\neffect = "geometry"\nvalue = {value!r}\nunit = "{unit}"\n'
-        return f"{head}site = {site}\n{more}\n"
+    def off(name: str, site: str, most: float, unit: str) -> str:
+        return term(name, "geometry", rng.uniform(-most, most), unit, site)
 
     for k in range(n):
         for parameter, unit in [("alpha", "deg"), ("a", "mm"), ("beta", "deg")]:
-            site = f'{{ link = {{ link = {k}, parameter = "{parameter}" }} }}'
-            text += term(f"{parameter}_{k}", site, rng.uniform(-0.5, 0.5), unit)
+            text += off(f"{parameter}_{k}", link(k, parameter), 0.5, unit)
         for parameter, unit in [("theta", "deg"), ("d", "mm")]:
-            site = f'{{ link = {{ link = {k + 1}, parameter = "{parameter}" }} }}'
-            text += term(f"{parameter}_{k + 1}", site, rng.uniform(-0.5, 0.5), unit)
+            text += off(f"{parameter}_{k + 1}", link(k + 1, parameter), 0.5, unit)
         if tilts:
-            site = f'{{ tilt = {{ joint = {k + 1}, axis = "y" }} }}'
-            text += term(f"tilt_{k + 1}", site, rng.uniform(-0.1, 0.1), "deg")
-        basis = f'basis = {{ of = {{ moment = {{ joint = {k + 1}, axis = "z" }} }}, shape = "linear" }}'
+            text += off(f"tilt_{k + 1}", f'{{ tilt = {{ joint = {k + 1}, axis = "y" }} }}', 0.1, "deg")
         if nominal.kinds[k] == "revolute":
-            site = f"{{ joint = {{ joint = {k + 1} }} }}"
-            text += term(f"c_{k + 1}", site, rng.uniform(0, 0.01), "deg/Nm", basis)
+            text += compliance(k + 1, rng.uniform(0, 0.01))
     for where in ("base", "tool"):
         for axis in "xyz":
-            text += term(f"{where}_{axis}", f'{{ {where} = {{ along = "{axis}" }} }}', rng.uniform(-5, 5), "mm")
-            text += term(f"{where}_r{axis}", f'{{ {where} = {{ about = "{axis}" }} }}', rng.uniform(-1, 1), "deg")
+            text += off(f"{where}_{axis}", f'{{ {where} = {{ along = "{axis}" }} }}', 5, "mm")
+            text += off(f"{where}_r{axis}", f'{{ {where} = {{ about = "{axis}" }} }}', 1, "deg")
     return trical.Model.from_toml(text)
 
 

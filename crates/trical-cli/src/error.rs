@@ -2,6 +2,7 @@
 
 use trical_ident::IdentError;
 use trical_model::ModelError;
+use trical_plan::PlanError;
 
 /// What ends a command.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +36,28 @@ impl From<IdentError> for CliError {
         match e {
             IdentError::NotConverged(_) => Self::Failed(e.to_string()),
             _ => Self::Input(e.to_string()),
+        }
+    }
+}
+
+impl From<PlanError> for CliError {
+    fn from(e: PlanError) -> Self {
+        match e {
+            PlanError::NoWay { .. } | PlanError::TooFewPoses { .. } => Self::Failed(e.to_string()),
+            _ => Self::Input(e.to_string()),
+        }
+    }
+}
+
+impl From<trical_report::Error> for CliError {
+    fn from(e: trical_report::Error) -> Self {
+        use trical_report::Error;
+        match e {
+            Error::Model(e) => e.into(),
+            Error::Ident(e) => e.into(),
+            Error::Plan(e) => e.into(),
+            Error::Input(text) => Self::Input(text),
+            Error::Failed(text) => Self::Failed(text),
         }
     }
 }

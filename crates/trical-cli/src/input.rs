@@ -7,6 +7,7 @@ use trical_device::read_recording;
 use trical_ident::{Dataset, JointSource, References, load_csv};
 use trical_model::{Cell, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
+use trical_report::Made;
 
 use crate::error::{CliError, Result};
 
@@ -39,6 +40,23 @@ impl RobotAndCell {
 /// All that was read, in the order in which a report names it.
 pub fn files<'a>(recordings: &'a [PathBuf], cell: &'a RobotAndCell, more: Option<&'a Path>) -> Vec<&'a Path> {
     recordings.iter().map(PathBuf::as_path).chain(cell.files()).chain(more).collect()
+}
+
+/// What a report says of how it was made: this command, these files.
+pub fn made(inputs: &[&Path]) -> Made {
+    let command = std::iter::once("trical".to_owned()).chain(std::env::args_os().skip(1).map(quoted));
+    Made::by(command.collect::<Vec<_>>().join(" "), inputs)
+}
+
+/// An argument as a shell would have to be given it.
+fn quoted(arg: std::ffi::OsString) -> String {
+    let arg = arg.to_string_lossy();
+    let plain = |c: char| c.is_alphanumeric() || "-_=+./:,@%#".contains(c);
+    if !arg.is_empty() && arg.chars().all(plain) {
+        arg.into_owned()
+    } else {
+        format!("'{}'", arg.replace('\'', "'\\''"))
+    }
 }
 
 /// Which joint angles to believe.

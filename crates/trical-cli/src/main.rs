@@ -1,27 +1,15 @@
 //! The `trical` binary: commands, progress, reports. Algorithms live in the other crates.
 
-mod blindness;
 mod commands;
-mod diagnosis_report;
 mod error;
-mod evidence;
 mod fault_script;
 mod hidden;
-mod identify_report;
 mod input;
 mod interrupt;
 mod large;
 mod measure_view;
-mod outline;
-mod picture;
-mod plan_report;
 mod plant;
-mod plots;
 mod progress;
-mod report;
-mod simulation;
-mod table;
-mod validate_report;
 
 use std::process::ExitCode;
 

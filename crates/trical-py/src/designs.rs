@@ -11,9 +11,10 @@ use trical_ident::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
 use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, residual_rows};
 use trical_plan::{
-    CollisionModel, Criterion, Plan, PlanEntry, PlanOptions, PredictedError, Sphere, ValidationOptions, plan_touches,
-    poses_in_sphere, poses_in_workspace, write_plan,
+    CollisionModel, Criterion, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches, poses_in_sphere,
+    poses_in_workspace, write_plan,
 };
+use trical_report::plan_told::Told;
 
 use crate::arrays::{Beside, Column, Known, joints_array};
 use crate::errors::{Result, bad};
@@ -22,8 +23,10 @@ use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, read_all};
+use crate::told::{Kept, PyTold};
 
-fn criterion(name: &str) -> PyResult<(Criterion, bool)> {
+/// What chosen touches are best for, and whether in the whole workspace.
+pub fn criterion(name: &str) -> PyResult<(Criterion, bool)> {
     match name {
         "d" => Ok((Criterion::Determinant, false)),
         "a" => Ok((Criterion::Variances, false)),
@@ -40,34 +43,6 @@ fn sphere(given: Option<[f64; 4]>) -> PyResult<Option<Sphere>> {
         Some([x, y, z, r]) if r > 0.0 => Ok(Some(Sphere { centre: Vector3::new(x, y, z), radius: r })),
         Some([.., r]) => Err(bad(format!("sphere has a radius of {r} m, expected more than 0"))),
     }
-}
-
-fn summary(model: &Model, plan: &Plan, noise_m: f64) -> Value {
-    let e = &plan.expected;
-    let mut known = model.clone();
-    known.terms.retain(|t| e.parameters.contains(&t.name));
-    for t in &mut known.terms {
-        t.sd = e.parameters.iter().position(|n| *n == t.name).and_then(|k| e.sd.get(k).copied());
-    }
-    let error = |p: &Option<PredictedError>| {
-        p.map(|p| json!({ "mean_mm": p.mean_m * 1e3, "rms_mm": p.rms_m * 1e3, "worst_rms_mm": p.worst_rms_m * 1e3 }))
-    };
-    json!({
-        "touches": plan.entries.len(),
-        "criterion": e.criterion,
-        "gain_over_random": e.gain_over_random,
-        "determined": e.sd.iter().all(|s| s.is_finite()),
-        "parameters": known.terms.iter().map(|t| shown(&known, t)).collect::<Vec<_>>(),
-        "not_identifiable": e.dependent,
-        "observability": { "o1": e.o1, "condition": e.condition },
-        "expected": {
-            "noise_mm": noise_m * 1e3,
-            "sphere": error(&e.in_sphere),
-            "workspace": error(&e.in_workspace),
-        },
-        "senses": e.senses,
-        "travel_rad": e.travel_rad,
-    })
 }
 
 /// Touches as arrays: balls (from 1), joints, stand-off joints, ways, senses; the text of plan.csv.
@@ -96,7 +71,7 @@ pub fn touches<'py>(py: Python<'py>, robot: &Robot, entries: &[PlanEntry]) -> To
     )
 }
 
-/// Plans touches; also a JSON summary.
+/// Plans touches; also a JSON summary, and what the report is made of.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _plan<'py>(
@@ -112,7 +87,7 @@ pub fn _plan<'py>(
     noise: f64,
     start: Option<&Bound<'py, PyAny>>,
     progress: Option<Py<PyAny>>,
-) -> Result<(Touches<'py>, String)> {
+) -> Result<(Touches<'py>, String, PyTold)> {
     let (criterion, whole_workspace) = criterion(best)?;
     let sphere = sphere(in_sphere)?;
     let (robot, cell) = read(&robot, &cell)?;
@@ -135,8 +110,15 @@ pub fn _plan<'py>(
         start: Some(start),
         ..PlanOptions::default()
     };
-    let plan = long(py, progress, |say| plan_touches(&robot, &cell, &options, &mut |f| say(f, "planning")))?;
-    Ok((touches(py, &robot, &plan.entries), summary(&model, &plan, noise).to_string()))
+    let told = long(py, progress, |say| -> Result<Told> {
+        let plan = plan_touches(&robot, &cell, &options, &mut |f| say(f, "planning"))?;
+        say(1.0, "what it would show");
+        Ok(Told::new(&model, plan, options)?)
+    })?;
+    let arrays = touches(py, &robot, &told.plan.entries);
+    // an option of the command line by its name here
+    let said = told.json().to_string().replace("--max-tilt-deg", "max_tilt");
+    Ok((arrays, said, PyTold(Kept::Planned(Box::new((robot, cell, told))))))
 }
 
 /// Poses free of collisions, in a sphere or in the whole workspace: joints (n, joints).

@@ -79,6 +79,19 @@ impl From<IkError> for Failed {
     }
 }
 
+impl From<trical_report::Error> for Failed {
+    fn from(e: trical_report::Error) -> Self {
+        use trical_report::Error;
+        match e {
+            Error::Model(e) => e.into(),
+            Error::Ident(e) => e.into(),
+            Error::Plan(e) => e.into(),
+            Error::Input(text) => Self(TricalError::new_err(text)),
+            Error::Failed(text) => Self(PyRuntimeError::new_err(text)),
+        }
+    }
+}
+
 impl From<serde_json::Error> for Failed {
     fn from(e: serde_json::Error) -> Self {
         Self(PyRuntimeError::new_err(e.to_string()))

@@ -15,7 +15,9 @@ use trical_ident::{
     identify_stream, repeatability, shown, validate,
 };
 use trical_model::{Cell, Forward, Robot};
-use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate};
+use trical_plan::Next;
+use trical_report::deciding::plan_next;
+use trical_report::identify_report::{of_folds, of_last};
 
 use crate::designs::{Touches, touches};
 use crate::errors::{Result, bad};
@@ -23,6 +25,7 @@ use crate::long::{Say, long};
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, is_mcap, read_all};
+use crate::told::{Fitted, Kept, PyTold};
 
 /// Which joint angles to believe; `None` for those that the data is to choose.
 pub fn source(joints: &str) -> PyResult<Option<JointSource>> {
@@ -61,6 +64,7 @@ struct Found {
     summary: Value,
     errors_mm: Option<Array2<f64>>,
     covariance: Array2<f64>,
+    fitted: Fitted,
 }
 
 fn model_file(fitted: &Identified) -> ModelFile {
@@ -106,21 +110,35 @@ fn in_memory(robot: &Robot, cell: &Cell, data: &Dataset, asked: &Asked, say: Say
     summary["rejected"] = json!(data.rejected);
     summary["before"] = json!(ErrorSummary::of(&before));
     summary["errors"] = json!(ErrorSummary::of(&after));
+    let mut unseen = Vec::new();
     if let Some(percent) = asked.hold_out_last {
         say(0.4, "forward in time");
-        let errors = forward_in_time(robot, cell, data, asked.choice.clone(), percent)?;
-        summary["forward_in_time"] = json!(ErrorSummary::of(&errors));
+        let errors = ErrorSummary::of(&forward_in_time(robot, cell, data, asked.choice.clone(), percent)?);
+        summary["forward_in_time"] = json!(errors);
+        unseen.push((of_last(percent), errors));
     }
     if let Some(folds) = asked.folds {
         say(0.5, "cross-validating");
-        let errors = cross_validate(robot, cell, data, asked.choice.clone(), folds)?;
-        summary["cross_validation"] = json!(ErrorSummary::of(&errors));
+        let errors = ErrorSummary::of(&cross_validate(robot, cell, data, asked.choice.clone(), folds)?);
+        summary["cross_validation"] = json!(errors);
+        // the verdict of a report names the first
+        unseen.insert(0, (of_folds(folds), errors));
     }
     Ok(Found {
         file: model_file(&fitted),
         summary,
         errors_mm: Some(pairs_mm(&before, &after)),
         covariance: square(&fitted.covariance, fitted.free.len()),
+        fitted: Fitted {
+            fitted,
+            errors: [&before, &after].map(|e| ErrorSummary::of(e)),
+            each_before: Some(before),
+            unseen,
+            observations: data.observations.len(),
+            named: data.rejected.clone(),
+            rejected: data.rejected.len(),
+            cleaned: !asked.keep_outliers,
+        },
     })
 }
 
@@ -139,6 +157,16 @@ fn in_passes(robot: &Robot, cell: &Cell, stream: &CsvStream, asked: &Asked, say:
         summary,
         errors_mm: None,
         covariance: square(&s.identified.covariance, s.identified.free.len()),
+        fitted: Fitted {
+            fitted: s.identified,
+            each_before: None,
+            errors: [s.before, s.errors],
+            unseen: Vec::new(),
+            observations: s.observations,
+            named: s.named,
+            rejected: s.rejected,
+            cleaned: !asked.keep_outliers,
+        },
     })
 }
 
@@ -170,8 +198,9 @@ fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted
     Ok(CsvStream::open(&paths, joints).ok())
 }
 
-/// The model, a JSON summary, position errors before and after (n, 2) in mm, the covariance of the parameters (SI).
-type Fit<'py> = (PyModel, String, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray2<f64>>);
+/// The model, a JSON summary, position errors before and after (n, 2) in mm, the covariance of the parameters (SI), what the
+/// report is made of.
+type Fit<'py> = (PyModel, String, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray2<f64>>, PyTold);
 
 /// Identifies.
 #[pyfunction]
@@ -220,14 +249,12 @@ pub fn _identify<'py>(
         Ok(found)
     })?;
     let errors = found.errors_mm.map(|e| e.into_pyarray(py));
-    Ok((PyModel::new(found.file)?, found.summary.to_string(), errors, found.covariance.into_pyarray(py)))
+    let told = PyTold(Kept::Fitted(Box::new(found.fitted)));
+    Ok((PyModel::new(found.file)?, found.summary.to_string(), errors, found.covariance.into_pyarray(py), told))
 }
 
-/// Candidates at each ball from which deciding touches are chosen.
-const POOL: usize = 150;
-
 /// Touches that would decide between the least sure finding and its rivals, and what is to be said of them.
-fn plan_next(
+fn next_touches(
     robot: &Robot,
     cell: &Cell,
     found: &Diagnosis,
@@ -235,17 +262,7 @@ fn plan_next(
     say: Say<'_>,
 ) -> Result<Option<(Next, Value)>> {
     let Some(undecided) = found.undecided()? else { return Ok(None) };
-    let rivals = undecided.forwards()?;
-    let question = Question {
-        rivals: &rivals,
-        information: &undecided.information,
-        sigma: undecided.sigma,
-        state: &undecided.state,
-    };
-    let options = PlanOptions { pool_per_ball: POOL, noise_m: undecided.sigma, ..PlanOptions::default() };
-    let next = plan_to_discriminate(robot, cell, &options, &question, count, &mut |_| {
-        say(1.0, "planning what would decide");
-    })?;
+    let next = plan_next(robot, cell, &undecided, count, &mut |_| say(1.0, "planning what would decide"))?;
     let said = json!({
         "effect": undecided.finding.effect,
         "site": undecided.finding.site,
@@ -256,8 +273,9 @@ fn plan_next(
     Ok(Some((next, said)))
 }
 
-/// The extended model, the contract's JSON, position errors before and after (n, 2) in mm, deciding touches with JSON.
-type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>);
+/// The extended model, the contract's JSON, position errors before and after (n, 2) in mm, deciding touches with JSON, what the
+/// report is made of.
+type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>, PyTold);
 
 /// Diagnoses.
 #[pyfunction]
@@ -278,7 +296,7 @@ pub fn _diagnose<'py>(
     if next.is_some_and(|n| !(1..=1000).contains(&n)) {
         return Err(bad("next: expected 1 to 1000 touches").into());
     }
-    let (file, text, errors, planned) = long(py, progress, |say| -> Result<_> {
+    let (file, text, errors, planned, told) = long(py, progress, |say| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
         let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, say)?;
         let mut value = serde_json::to_value(&found)?;
@@ -288,22 +306,22 @@ pub fn _diagnose<'py>(
             |model| -> Result<Vec<f64>> { Ok(position_errors(&Forward::new(model, Vec::new())?, &found.data)) };
         let pairs = pairs_mm(&errors(found.before.clone())?, &errors(found.model.clone())?);
         let planned = match next {
-            Some(count) => plan_next(&robot, &cell, &found, count, say)?,
+            Some(count) => next_touches(&robot, &cell, &found, count, say)?,
             None => None,
         };
         let file = ModelFile {
-            model: found.model,
+            model: found.model.clone(),
             joints: source,
-            references: found.data.references,
-            recordings: found.data.names,
+            references: found.data.references.clone(),
+            recordings: found.data.names.clone(),
         };
-        Ok((file, value.to_string(), pairs, planned))
+        Ok((file, value.to_string(), pairs, planned, Kept::Diagnosed(Box::new((found, source)))))
     })?;
     let planned = planned.map(|(next, said)| (touches(py, &robot, &next.entries), said.to_string()));
-    Ok((PyModel::new(file)?, text, errors.into_pyarray(py), planned))
+    Ok((PyModel::new(file)?, text, errors.into_pyarray(py), planned, PyTold(told)))
 }
 
-/// Scores a model; returns a JSON summary and position errors before and after (n, 2) in mm.
+/// Scores a model; returns a JSON summary, position errors before and after (n, 2) in mm, and what the report is made of.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _validate<'py>(
@@ -315,15 +333,16 @@ pub fn _validate<'py>(
     joints: Option<&str>,
     refit: Vec<String>,
     progress: Option<Py<PyAny>>,
-) -> Result<(String, Bound<'py, PyArray2<f64>>)> {
+) -> Result<(String, Bound<'py, PyArray2<f64>>, PyTold)> {
     let file = model.get().file.clone();
     let joints = joints.map(source).transpose()?.flatten().unwrap_or(file.joints);
     if let Some(other) = refit.iter().find(|w| !["frame", "targets"].contains(&w.as_str())) {
         return Err(bad(format!("refit holds '{other}', expected 'frame' and perhaps 'targets'")).into());
     }
     let has = |what: &str| refit.iter().any(|w| w == what);
+    let again = refit.clone();
     let refit = (!refit.is_empty()).then(|| Refit { frame: has("frame"), targets: has("targets") });
-    let (text, errors) = long(py, progress, |say| -> Result<_> {
+    let (text, errors, told) = long(py, progress, |say| -> Result<_> {
         let (robot, cell) = read(&robot, &cell)?;
         file.require_robot(&robot, "the model")?;
         say(0.0, "reading");
@@ -336,10 +355,11 @@ pub fn _validate<'py>(
         value["rejected"] = json!(data.rejected);
         let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
         say(1.0, "done");
-        Ok((value.to_string(), pairs_mm(&before, &after)))
+        let told = Kept::Scored(Box::new((v, file, again, data.rejected)));
+        Ok((value.to_string(), pairs_mm(&before, &after), told))
     })
     .map_err(|e| in_python_words(py, e))?;
-    Ok((text, errors.into_pyarray(py)))
+    Ok((text, errors.into_pyarray(py), PyTold(told)))
 }
 
 /// Options of the command line by their names in Python.

@@ -7,7 +7,8 @@
 //! | `arrays` | what NumPy users call an array |
 //! | `errors`, `long` | exceptions; the interpreter's lock, progress and Ctrl-C |
 //! | `machine`, `model`, `rows` | the classes: Robot, Cell, Model, Rows (of a recording) |
-//! | `fits`, `designs`, `compensate` | the long calls |
+//! | `fits`, `designs`, `studies`, `compensate` | the long calls |
+//! | `told` | what reports are made of |
 
 mod arrays;
 mod compensate;
@@ -18,6 +19,8 @@ mod long;
 mod machine;
 mod model;
 mod rows;
+mod studies;
+mod told;
 
 use pyo3::prelude::*;
 
@@ -30,6 +33,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<machine::PyCell>()?;
     m.add_class::<model::PyModel>()?;
     m.add_class::<rows::PyRows>()?;
+    m.add_class::<told::PyTold>()?;
     m.add_function(wrap_pyfunction!(fits::_identify, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_validate, m)?)?;
@@ -39,5 +43,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(designs::_plan, m)?)?;
     m.add_function(wrap_pyfunction!(designs::_poses, m)?)?;
     m.add_function(wrap_pyfunction!(designs::_simulate, m)?)?;
-    m.add_function(wrap_pyfunction!(designs::_observability, m)?)
+    m.add_function(wrap_pyfunction!(designs::_observability, m)?)?;
+    m.add_function(wrap_pyfunction!(studies::_study_touches, m)?)?;
+    m.add_function(wrap_pyfunction!(studies::_study_platforms, m)?)
 }

@@ -2,15 +2,19 @@
 
 use std::path::PathBuf;
 
+use nalgebra::Vector3;
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use trical_ident::{JointSource, ModelFile, shown, write_whole};
 use trical_model::ik::nearest_solution;
 use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Pose, Rigid, State, Workspace, urdf};
+use trical_report::ErrorMap;
+use trical_report::error_map::Miss;
 
-use crate::arrays::{Beside, Known, States, Table, floats, rows_or_one};
+use crate::arrays::{Beside, Known, States, Table, floats, joints_array, rows_or_one};
 use crate::errors::{Failed, Result, bad};
+use crate::long::long;
 use crate::machine::{CellArgument, PyCell, PyRobot, RobotArgument, kinds, limits};
 
 /// A model ready to predict where the tool is.
@@ -19,6 +23,9 @@ pub struct PyModel {
     pub file: ModelFile,
     forward: Forward,
 }
+
+/// Joints, places, errors.
+type ErrorMapArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// Positions and rotations.
 type Poses<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
@@ -227,6 +234,21 @@ impl PyModel {
         self.poses(py, &known, Forward::world_from_tool)
     }
 
+    /// How far the arm misses all over its workspace, as `trical export --error-map` says it: n poses at random within the
+    /// limits, the same ones each time. Returns their joints (n, joints) rad (m), where the nominal arm's TCP is there (n, 3) m,
+    /// and from there to where this model's is (n, 3) m, in the axes of the arm's base.
+    #[pyo3(signature = (n=2000))]
+    fn error_map<'py>(&self, py: Python<'py>, n: usize) -> Result<ErrorMapArrays<'py>> {
+        if !(1..=1_000_000).contains(&n) {
+            return Err(bad(format!("n is {n}, expected 1 to 1000000 poses")).into());
+        }
+        let misses = long(py, None, |_| ErrorMap::of(&self.file.model, n))?.misses;
+        let joints: Vec<_> = misses.iter().map(|m| m.joints).collect();
+        let of =
+            |f: fn(&Miss) -> &Vector3<f64>| Array2::from_shape_fn((n, 3), |(i, k)| f(&misses[i])[k]).into_pyarray(py);
+        Ok((joints_array(&joints, self.dof_()).into_pyarray(py), of(|m| &m.at), of(|m| &m.off)))
+    }
+
     /// Where the flange is, in the world: arguments and shapes as for `forward`.
     #[pyo3(signature = (q, *, directions=None, temperature=None, time=None, payload=None))]
     fn flange<'py>(
@@ -328,7 +350,7 @@ impl PyModel {
                     let turn = &turns[9 * k..9 * k + 9];
                     let pose = Pose {
                         rotation: nalgebra::Matrix3::from_row_slice(turn),
-                        translation: nalgebra::Vector3::from_fn(|i, _| rows[(k, i)]),
+                        translation: Vector3::from_fn(|i, _| rows[(k, i)]),
                     };
                     nearest_solution(&self.forward, &pose, &states.at(k), &mut ws).map_err(|e| {
                         let place = if single { String::new() } else { format!("pose {k}: ") };
@@ -340,7 +362,7 @@ impl PyModel {
         if single {
             return Ok(Array1::from_iter(all[0][..n].iter().copied()).into_pyarray(py).into_any());
         }
-        Ok(crate::arrays::joints_array(&all, n).into_pyarray(py).into_any())
+        Ok(joints_array(&all, n).into_pyarray(py).into_any())
     }
 }
 

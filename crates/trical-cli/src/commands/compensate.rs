@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use trical_device::program::{Job, Options, ProgramError, Report, left, load_frames, summarized};
 use trical_ident::ModelFile;
 use trical_model::Model;
+use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::{say, table};
+use crate::say;
 
 /// Arguments of `trical compensate`.
 #[derive(clap::Args)]

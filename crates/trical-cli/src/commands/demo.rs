@@ -14,6 +14,10 @@ use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State};
 use trical_plan::{
     CollisionModel, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace, write_plan,
 };
+use trical_report::page::{Figure, Section, error_table, render};
+use trical_report::plan_told::{self, Told};
+use trical_report::plots::{self, AFTER, BEFORE, Series};
+use trical_report::{Made, plan_report, table};
 
 use crate::commands::identify::parameter_rows;
 use crate::commands::measure::{Session, Settings, perform};
@@ -21,12 +25,10 @@ use crate::commands::{plan, virtual_cell};
 use crate::error::{CliError, Result};
 use crate::measure_view::View;
 use crate::plant::{ArmPlant, cell_options, draw_truth};
-use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{Figure, Made, Section, error_table, render};
-use crate::{plan_report, progress, say, table};
+use crate::{input, progress, say};
 
-const ROBOT: &str = include_str!("../../../../cells/irb120/robot.toml");
-const CELL: &str = include_str!("../../../../cells/irb120/cell.toml");
+const ROBOT: &str = include_str!("../../assets/irb120/robot.toml");
+const CELL: &str = include_str!("../../assets/irb120/cell.toml");
 const PROGRAM: &str = include_str!("../../assets/sample.mod");
 
 /// Radius of the sphere in which the paper validates, m.
@@ -127,7 +129,7 @@ pub fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     let entries = plan::entries(&planned.entries);
     write_whole(&file("plan.csv"), write_plan(&robot, &planned.entries).as_bytes())?;
-    let dropped: usize = plan::rejected(&planned).values().sum();
+    let dropped: usize = plan_told::rejected(&planned).values().sum();
     tell(format!(
         "2. {} touches are planned, 15 a ball: the most informative of {} that are reachable and",
         entries.len(),
@@ -135,10 +137,10 @@ pub fn run(args: &Args) -> Result<()> {
     ))?;
     tell(format!("   collide with nothing ({dropped} others were dropped; plan.html shows them)."))?;
 
-    let told = plan::Told::new(&nominal, planned, options)?;
+    let told = Told::new(&nominal, planned, options)?;
     let made = |names: &[&str]| {
         let paths: Vec<PathBuf> = names.iter().map(|n| file(n)).collect();
-        Made::from(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+        input::made(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     };
     write_whole(
         &file("plan.html"),
@@ -305,7 +307,7 @@ fn report(
     errors: &[Vec<String>],
     validation: &(Scored, Scored),
     program: (&ErrorSummary, &ErrorSummary),
-    told: &plan::Told,
+    told: &Told,
     made: &Made,
 ) -> Result<String> {
     let (sphere, whole) = validation;
@@ -335,7 +337,7 @@ fn report(
         ErrorSummary::of(&whole.after).mean_mm
     );
     let mut dropped = vec![["candidates dropped because of", "number"].map(String::from).to_vec()];
-    dropped.extend(plan::rejected(&told.plan).iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
+    dropped.extend(plan_told::rejected(&told.plan).iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
     let sections = [
         Section {
             heading: "Position error before and after".into(),
@@ -418,5 +420,5 @@ fn report(
             ..Section::default()
         },
     ];
-    render("TriCal: calibration of a virtual cell", &verdict, &sections, made)
+    Ok(render("TriCal: calibration of a virtual cell", &verdict, &sections, made)?)
 }

@@ -6,22 +6,19 @@ use serde_json::json;
 use trical_ident::{
     Diagnosis, Finding, JointSource, ModelFile, Rival, Undecided, diagnose_recordings, site_words, write_whole,
 };
-use trical_model::{Cell, Robot};
-use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate, write_plan};
+use trical_plan::{Next, write_plan};
+use trical_report::deciding::plan_next;
+use trical_report::{diagnosis_report, table};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::report::Made;
-use crate::{progress, say, table};
+use crate::{progress, say};
 
 /// So many findings are told in full on the terminal.
 const IN_FULL: usize = 5;
 
 /// Touches that set explanations apart by less than this many standard deviations decide nothing.
 const TELLING: f64 = 1.0;
-
-/// Candidates at each ball from which deciding touches are chosen.
-const POOL: usize = 150;
 
 /// Arguments of `trical diagnose`.
 #[derive(clap::Args)]
@@ -86,8 +83,8 @@ pub fn run(args: &Args) -> Result<()> {
         .save(out)?;
     }
     if let Some(report) = &args.report {
-        let made = Made::from(&input::files(&args.recordings, &args.cell, None));
-        write_whole(report, crate::diagnosis_report::render(&diagnosis, source, made)?.as_bytes())?;
+        let made = input::made(&input::files(&args.recordings, &args.cell, None));
+        write_whole(report, diagnosis_report::render(&diagnosis, source, made)?.as_bytes())?;
     }
     if let Some((_, next)) = next.as_ref().filter(|(_, next)| next.lambda >= TELLING) {
         write_whole(&args.next_out, write_plan(&robot, &next.entries).as_bytes())?;
@@ -125,24 +122,6 @@ fn source_words(source: JointSource) -> &'static str {
         JointSource::Read => "read",
         JointSource::Commanded => "commanded",
     }
-}
-
-fn plan_next(
-    robot: &Robot,
-    cell: &Cell,
-    undecided: &Undecided<'_>,
-    count: usize,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Next> {
-    let rivals = undecided.forwards()?;
-    let question = Question {
-        rivals: &rivals,
-        information: &undecided.information,
-        sigma: undecided.sigma,
-        state: &undecided.state,
-    };
-    let options = PlanOptions { pool_per_ball: POOL, noise_m: undecided.sigma, ..PlanOptions::default() };
-    Ok(plan_to_discriminate(robot, cell, &options, &question, count, progress)?)
 }
 
 fn next_json(args: &Args, undecided: &Undecided<'_>, next: &Next) -> serde_json::Value {
@@ -193,7 +172,7 @@ fn little(next: &Next) -> String {
 
 /// One finding in two or three lines.
 fn finding_lines(f: &Finding) -> Vec<String> {
-    let values: Vec<String> = f.coefficients.iter().map(|c| number(&c.name, c.value, &c.unit)).collect();
+    let values: Vec<String> = f.coefficients.iter().map(|c| table::number(&c.name, c.value, &c.unit)).collect();
     let mut out = vec![format!(
         "  {}: {:.0} % sure, lambda {:.1}, held out {:.4} -> {:.4} mm",
         f.in_words(),
@@ -208,14 +187,6 @@ fn finding_lines(f: &Finding) -> Vec<String> {
         out.extend(table::wrapped(&format!("could also be {}", rivals.join(", ")), 104, "    "));
     }
     out
-}
-
-/// "beta_2 = 0.0255 deg"; numbers of no dimension have no unit.
-pub fn number(name: &str, value: f64, unit: &str) -> String {
-    let size = value.abs();
-    let digits =
-        if size != 0.0 && !(1e-3..1e4).contains(&size) { format!("{value:.3e}") } else { format!("{value:.4}") };
-    if unit == "1" { format!("{name} = {digits}") } else { format!("{name} = {digits} {unit}") }
 }
 
 fn lines(d: &Diagnosis) -> Vec<String> {

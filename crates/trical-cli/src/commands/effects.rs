@@ -1,9 +1,10 @@
 //! `trical effects`: the catalogue.
 
 use trical_ident::diagnose::effects::EFFECTS;
+use trical_report::table;
 
 use crate::error::Result;
-use crate::{say, table};
+use crate::say;
 
 /// Arguments of `trical effects`.
 #[derive(clap::Args)]

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use rand::{RngExt, SeedableRng};
 use serde_json::json;
-use trical_ident::{ErrorSummary, ModelFile, unit, write_whole};
+use trical_ident::{ModelFile, unit, write_whole};
 use trical_model::robot::tidy;
-use trical_model::{Forward, JointKind, Model, Rigid, Robot, Site, State, urdf};
+use trical_model::{Forward, JointKind, Model, Rigid, Robot, State, urdf};
+use trical_report::ErrorMap;
 
 use crate::error::{CliError, Result};
 use crate::{input, say};
@@ -115,10 +116,10 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let mut map = None;
     if let Some(out) = &args.error_map {
-        let (text, errors) = error_map(&file.model, args.poses)?;
-        write_whole(out, text.as_bytes())?;
+        let errors = ErrorMap::of(&file.model, args.poses as usize)?;
+        write_whole(out, errors.csv().as_bytes())?;
         written.push(out.display().to_string());
-        map = Some(errors);
+        map = Some(errors.summary());
     }
     if args.json {
         let summary = json!({
@@ -151,38 +152,6 @@ pub fn run(args: &Args) -> Result<()> {
         say(line)?;
     }
     Ok(())
-}
-
-/// Where the nominal arm's TCP is, from its base, and how far the model's is from there, at random poses. What only places the arm
-/// in the cell does not count; nor do time, temperature and sense of motion, which a pose does not have.
-fn error_map(model: &Model, poses: u32) -> Result<(String, ErrorSummary)> {
-    let mut standing = model.clone();
-    standing.terms.retain(|t| !matches!(t.site, Site::Base(_)));
-    let real = Forward::new(standing, Vec::new())?;
-    let nominal = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new())?;
-    let base = model.cell.world_from_base.inverse();
-    let (mut a, mut b) = (real.workspace(), nominal.workspace());
-    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(20_261_121);
-    let unit = |kind| if kind == JointKind::Prismatic { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
-    let joints = &model.robot.joints;
-    let mut text: String = joints.iter().enumerate().map(|(k, j)| format!("q{}_{},", k + 1, unit(j.kind).0)).collect();
-    text.push_str("x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,error_mm\n");
-    let mut errors = Vec::with_capacity(poses as usize);
-    for _ in 0..poses {
-        let q: Vec<f64> = joints.iter().map(|j| rng.random_range(j.limits[0]..j.limits[1])).collect();
-        let state = State::at(&q);
-        let at = base.compose(&nominal.world_from_tool(&state, &mut b)).translation;
-        let off = base.compose(&real.world_from_tool(&state, &mut a)).translation - at;
-        for (q, j) in q.iter().zip(joints) {
-            text.push_str(&format!("{:.3},", q * unit(j.kind).1));
-        }
-        for v in at.iter().chain(off.iter()) {
-            text.push_str(&format!("{:.4},", v * 1e3));
-        }
-        text.push_str(&format!("{:.4}\n", off.norm() * 1e3));
-        errors.push(off.norm());
-    }
-    Ok((text, ErrorSummary::of(&errors)))
 }
 
 /// The columns of the CSV; a limit has its own column for each unit, and one of them is empty.
@@ -274,36 +243,5 @@ fn table(out: &Path, model: &Model, rigid: &Rigid, left_out: &LeftOut) -> Result
             Ok(text)
         }
         _ => Err(CliError::Input(format!("{}: the name must end in .toml, .json or .csv", out.display()))),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-    use trical_model::{Basis, Cell, Motion, Parameter, Term};
-
-    #[test]
-    fn the_map_of_a_turned_first_joint_is_a_rotation_and_the_base_does_not_count() {
-        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "r").unwrap();
-        let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "c").unwrap();
-        let mut model = Model::nominal(robot, cell);
-        let zero = Site::Link { link: 1, parameter: Parameter::Theta };
-        for (site, value) in [(zero, 1e-3), (Site::Base(Motion::ALL[0]), 5e-3)] {
-            model.terms.push(Term { value, ..Term::new("t", "geometry", site, Basis::CONSTANT) });
-        }
-        let (text, errors) = error_map(&model, 200).unwrap();
-        let mut largest: f64 = 0.0;
-        for line in text.lines().skip(1) {
-            let v: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
-            let [x, y, dx, dy, dz, error] = [v[6], v[7], v[9], v[10], v[11], v[12]];
-            // to second order in the milliradian
-            let near = 1e-3 + 1e-6 * x.hypot(y);
-            assert!((dx + 1e-3 * y).abs() < near && (dy - 1e-3 * x).abs() < near && dz.abs() < 1e-3, "{line}");
-            assert!((error - 1e-3 * x.hypot(y)).abs() < 2.0 * near, "{line}");
-            largest = largest.max(error);
-        }
-        assert_eq!(text.lines().count(), 201);
-        assert!((errors.max_mm - largest).abs() < 1e-3);
     }
 }

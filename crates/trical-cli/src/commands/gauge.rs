@@ -8,9 +8,10 @@ use clap::Subcommand;
 use serde_json::json;
 use trical_device::gauge::{self, AXES, Settle, list_ports, settled_reading, with_zero};
 use trical_device::{Gauge, open_gauge};
+use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{interrupt, say, table};
+use crate::{interrupt, say};
 
 /// Arguments of `trical gauge`.
 #[derive(clap::Args)]

@@ -11,13 +11,14 @@ use trical_device::{PlanEntry, Progress, RecordingWriter, open_controller, open_
 use trical_ident::write_whole;
 use trical_model::{Cell, Forward, JointKind, Joints, Measured, Model, Pose, Robot, Row, State};
 use trical_plan::{PlanOptions, plan_touches, write_plan};
+use trical_report::table;
 
 use crate::commands::gauge::{bare_url, shown, typed};
 use crate::commands::measure::{Session, Settings, done, header, now_ns, perform};
 use crate::commands::plan;
 use crate::error::{CliError, Result};
 use crate::measure_view::View;
-use crate::{say, table};
+use crate::say;
 
 /// Orientations in which the first ball is touched for the tool point.
 const ORIENTATIONS: usize = 4;

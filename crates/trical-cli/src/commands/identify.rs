@@ -9,12 +9,12 @@ use trical_ident::{
     cross_validate, forward_in_time, identify, identify_stream, shown, write_whole,
 };
 use trical_model::{Cell, Recording, Robot};
+use trical_report::{identify_report, table};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
 use crate::large::passes;
-use crate::report::Made;
-use crate::{identify_report, say, table};
+use crate::say;
 
 /// Which parameters to identify.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -195,8 +195,8 @@ fn report(args: &Args, robot: &Robot, cell: &Cell, found: &Found) -> Result<Stri
     let fitted = &found.fitted;
     // of what is drawn: all rows, or the sample of a stream
     let each_before = identify(robot, cell, &fitted.data, ParameterSet::Nominal)?.errors()?;
-    let folds = args.cross_validate.map(|k| format!("poses not used in the fit, {k} folds"));
-    let last = args.hold_out_last.map(|p| format!("last {p} % of the poses, by a fit to those before"));
+    let folds = args.cross_validate.map(identify_report::of_folds);
+    let last = args.hold_out_last.map(identify_report::of_last);
     let unseen = folds.zip(found.held_out.as_ref()).into_iter().chain(last.zip(found.later.as_ref())).collect();
     let told = identify_report::Told {
         fitted,
@@ -209,8 +209,8 @@ fn report(args: &Args, robot: &Robot, cell: &Cell, found: &Found) -> Result<Stri
         rejected: found.rejected,
         cleaned: !args.keep_outliers,
     };
-    let made = Made::from(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
-    identify_report::render(&told, made)
+    let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
+    Ok(identify_report::render(&told, made)?)
 }
 
 fn summary(found: &Found, args: &Args) -> Result<serde_json::Value> {

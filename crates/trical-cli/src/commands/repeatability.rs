@@ -6,9 +6,10 @@ use nalgebra::Vector3;
 use trical_device::read_recording;
 use trical_ident::{Repeatability, load_csv, repeatability};
 use trical_model::{Cell, Recording, Robot};
+use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{input, say, table};
+use crate::{input, say};
 
 /// Arguments of `trical repeatability`.
 #[derive(clap::Args)]

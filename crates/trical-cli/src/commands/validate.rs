@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use trical_ident::{ErrorSummary, ModelFile, Refit, validate, write_whole};
 
+use trical_report::{table, validate_report};
+
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::report::Made;
-use crate::{say, table, validate_report};
+use crate::say;
 
 /// Arguments of `trical validate`.
 #[derive(clap::Args)]
@@ -48,7 +49,7 @@ pub fn run(args: &Args) -> Result<()> {
     let data = input::dataset(&recordings, source, known)?;
     let v = validate(&robot, &cell, &file.model, &data, refit)?;
     if let Some(path) = &args.report {
-        let made = Made::from(&input::files(&args.recordings, &args.cell, Some(&args.model)));
+        let made = input::made(&input::files(&args.recordings, &args.cell, Some(&args.model)));
         let html = validate_report::render(&v, &file, &args.refit, &data.rejected, made)?;
         write_whole(path, html.as_bytes())?;
     }

@@ -7,11 +7,11 @@ use nalgebra::Vector3;
 use trical_ident::{Diagnosis, ErrorSummary, Finding, JointSource, Rival, site_words};
 use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
 
-use crate::commands::diagnose::number;
 use crate::error::Result;
 use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
+use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{self, Figure, Made, Section, error_table};
+use crate::table::number;
 
 /// Findings with a figure of their own.
 const SHOWN: usize = 12;
@@ -435,5 +435,5 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
     made.notes.push(format!("Joint angles that were believed: {source:?}.").to_lowercase().replacen('j', "J", 1));
-    report::render("TriCal: diagnosis", &verdict, &sections, &made)
+    page::render("TriCal: diagnosis", &verdict, &sections, &made)
 }

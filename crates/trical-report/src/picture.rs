@@ -12,6 +12,7 @@ use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::outline::hull;
+use crate::turn;
 
 type V3 = Vector3<f64>;
 
@@ -263,6 +264,41 @@ pub struct Scene<'a> {
     pub sphere: Option<(V3, f64)>,
 }
 
+/// The arms of the touches: ball, base to tool in {w}, where the tool comes from.
+pub(crate) fn skeletons(scene: &Scene<'_>) -> Vec<(usize, Vec<V3>, V3)> {
+    let forward = scene.model.forward();
+    let mut ws = forward.workspace();
+    let mut skeleton = |q: &Joints| -> Vec<V3> {
+        let mut points: Vec<V3> =
+            forward.world_from_links(&State::at(q), &mut ws).iter().map(|l| l.translation).collect();
+        points.push(forward.world_from_tool(&State::at(q), &mut ws).translation);
+        points
+    };
+    let of = |e: &PlanEntry| (e.ball, skeleton(&e.joints), skeleton(&e.approach).last().copied().unwrap_or_default());
+    scene.touches.iter().map(of).collect()
+}
+
+/// Of the balls; of the marks where there are none.
+fn middle(scene: &Scene<'_>) -> V3 {
+    let balls = &scene.model.forward().model().cell.balls;
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let mean = |sum: V3, n: usize| sum / n.max(1) as f64;
+    if balls.is_empty() {
+        mean(scene.marks.iter().map(|m| m.place).sum(), scene.marks.len())
+    } else {
+        mean(balls.iter().sum(), balls.len())
+    }
+}
+
+/// The same, to be turned with mouse and keyboard where scripts run; paper has the picture as it was.
+pub fn draw_turning(scene: &Scene<'_>, width: f64) -> crate::error::Result<String> {
+    let base = scene.model.forward().model().cell.world_from_base.translation;
+    let middle = middle(scene);
+    let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
+    let look = Camera::new(View::Oblique, ahead).rows.row(2).transpose();
+    Ok(format!("{}{}{}</div>", turn::OPEN, draw(scene, View::Oblique, width), turn::script(scene, &look)?))
+}
+
 /// An SVG of the cell, `width` pixels wide at most.
 pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
     let model = scene.model;
@@ -270,24 +306,9 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
     let cell = &forward.model().cell;
     let mut ws = forward.workspace();
     let links = forward.world_from_links(&State::at(&scene.shown), &mut ws);
-    let mut skeleton = |q: &Joints| -> Vec<V3> {
-        let mut points: Vec<V3> =
-            forward.world_from_links(&State::at(q), &mut ws).iter().map(|l| l.translation).collect();
-        points.push(forward.world_from_tool(&State::at(q), &mut ws).translation);
-        points
-    };
-    let skeletons: Vec<(usize, Vec<V3>, V3)> = scene
-        .touches
-        .iter()
-        .map(|e| (e.ball, skeleton(&e.joints), skeleton(&e.approach).last().copied().unwrap_or_default()))
-        .collect();
+    let skeletons = skeletons(scene);
     let base = links.first().map_or_else(V3::zeros, |b| b.translation);
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let middle = if cell.balls.is_empty() {
-        scene.marks.iter().map(|m| m.place).sum::<V3>() / scene.marks.len().max(1) as f64
-    } else {
-        cell.balls.iter().sum::<V3>() / cell.balls.len() as f64
-    };
+    let middle = middle(scene);
     let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
     let camera = Camera::new(view, ahead);
 
@@ -430,7 +451,7 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
 }
 
 /// Length of the longest edge or axis of a solid, m.
-fn extent(solid: &Solid) -> f64 {
+pub(crate) fn extent(solid: &Solid) -> f64 {
     match &solid.core {
         Core::Segment(a, b) => (a - b).norm(),
         Core::Box(_, half) => 2.0 * half.max(),

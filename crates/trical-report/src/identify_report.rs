@@ -4,7 +4,7 @@ use trical_ident::{ErrorSummary, Identified, Rejected, cautions};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row};
-use crate::report::{self, Made, Section, error_table};
+use crate::page::{self, Made, Section, error_table};
 
 /// Two parameters are told to move together from here.
 const CORRELATED: f64 = 0.9;
@@ -32,6 +32,16 @@ pub struct Told<'a> {
     pub rejected: usize,
     /// Whether gross errors were looked for.
     pub cleaned: bool,
+}
+
+/// Poses that a fit in so many folds did not use.
+pub fn of_folds(folds: usize) -> String {
+    format!("poses not used in the fit, {folds} folds")
+}
+
+/// The last poses, where those before were fitted.
+pub fn of_last(percent: usize) -> String {
+    format!("last {percent} % of the poses, by a fit to those before")
 }
 
 /// What speaks against signing, in one sentence each.
@@ -167,5 +177,5 @@ pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
     sections.extend([parameters(t), evidence::rejected(t.named, t.rejected)]);
     made.notes
         .push(format!("Joint angles that were believed: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
-    report::render("TriCal: identification", &verdict, &sections, &made)
+    page::render("TriCal: identification", &verdict, &sections, &made)
 }

@@ -1,28 +1,18 @@
-//! The paper's simulation: error against the number of touches, chosen against random ones, with and without noise.
+//! Error against the number of touches, chosen and random, with and without noise.
 
 use std::fmt::Write;
 
 use rayon::prelude::*;
 use serde_json::json;
 use trical_ident::model_of_touches;
-use trical_model::Model;
+use trical_model::{Cell, Model, Robot};
 use trical_plan::{Candidate, PlanOptions, choose_touches, nominal_forward};
 
-use super::{CURVES, Common, SPHERE, Spread, WORKSPACE, pool, poses, region};
-use crate::error::{CliError, Result};
+use super::simulation::{Nature, Outcome, calibrate, draw_arm, draw_known, random_touches, touch};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick};
+use crate::error::{Error, Result};
+use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
-use crate::report::{Figure, Section};
-use crate::simulation::{Nature, Outcome, calibrate, draw_arm, draw_known, random_touches, touch};
-use crate::{progress, say, table};
-
-#[derive(clap::Args)]
-pub(super) struct TouchesArgs {
-    #[command(flatten)]
-    common: Common,
-    /// Touches a ball, several settings
-    #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [5, 8, 11, 15, 20, 30])]
-    per_ball: Vec<usize>,
-}
 
 /// Trials of one setting.
 struct Setting {
@@ -50,41 +40,44 @@ const DESCRIBED: &str = "described";
 const CHOSEN: &str = "chosen";
 const RANDOM: &str = "random";
 
-/// Runs `trical study touches`.
-pub(super) fn run(args: &TouchesArgs) -> Result<()> {
-    let common = &args.common;
+/// The paper's simulation: `per_ball` has the numbers of touches a ball that are tried.
+///
+/// # Errors
+/// Numbers that make no sense; a cell without balls, or whose balls the arm cannot touch.
+pub fn touches(
+    robot: &Robot,
+    cell: &Cell,
+    common: &Common,
+    per_ball: &[usize],
+    say: &mut dyn FnMut(f64, &str),
+) -> Result<Study> {
     let nature = common.nature()?;
-    let (robot, cell) = common.cell.load()?;
-    common.folder()?;
-    let most = args.per_ball.iter().copied().max().unwrap_or(0);
-    if args.per_ball.is_empty() || args.per_ball.contains(&0) || most > common.pool {
-        return Err(CliError::Input(format!(
-            "--per-ball: found {:?}, expected numbers of 1 to {}, the pool of a ball",
-            args.per_ball, common.pool
+    let most = per_ball.iter().copied().max().unwrap_or(0);
+    if per_ball.is_empty() || per_ball.contains(&0) || most > common.pool {
+        return Err(Error::Input(format!(
+            "per_ball: found {:?}, expected numbers of 1 to {}, the pool of a ball",
+            per_ball, common.pool
         )));
     }
-    let set = common.set(&robot);
-    let known = model_of_touches(&robot, &cell, set)?;
+    let set = common.set(robot);
+    let known = model_of_touches(robot, cell, set)?;
     let options = common.options(&known);
-    let poses = poses(&robot, &cell, common.seed)?;
-    let pool = pool(&robot, &cell, &options)?;
-    let forward = nominal_forward(&robot, &cell, &options)?;
+    let poses = poses(robot, cell, common.seed)?;
+    let pool = pool(robot, cell, &options)?;
+    let forward = nominal_forward(robot, cell, &options)?;
     let region = region(&forward, &poses, &options);
-    let bar = progress::bar("study");
     let mut settings: Vec<Setting> = Vec::new();
-    let jobs = 4 * args.per_ball.len() + 2;
-    let mut numbers = args.per_ball.clone();
+    let jobs = 4 * per_ball.len() + 2;
+    let mut numbers = per_ball.to_vec();
     numbers.sort_unstable();
     numbers.dedup();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let tick = |done: usize| progress::at(&bar, done as f64 / jobs as f64, "");
     let trial = |arm: &str, touches: &[Candidate], nature: &Nature, k: u64| {
         let truth = match arm {
-            ANY => draw_arm(&robot, &cell, nature, common.seed, k),
+            ANY => draw_arm(robot, cell, nature, common.seed, k),
             _ => draw_known(&known, nature, common.seed, k),
         };
         let recording = touch(&truth, touches, nature, common.seed, k)?;
-        calibrate(&robot, &cell, &truth, recording, set, &poses)
+        calibrate(robot, cell, &truth, recording, set, &poses)
     };
     for per_ball in &numbers {
         let options = PlanOptions { per_ball: *per_ball, ..options.clone() };
@@ -100,7 +93,7 @@ pub(super) fn run(args: &TouchesArgs) -> Result<()> {
                 })
                 .collect::<Result<Vec<_>>>()?;
             settings.push(Setting { arm, noisy: true, design, per_ball: *per_ball, outcomes });
-            tick(settings.len());
+            tick(say, settings.len(), jobs, "")?;
         }
     }
     // without noise, with the most touches: what remains is what the parameters cannot describe
@@ -111,14 +104,12 @@ pub(super) fn run(args: &TouchesArgs) -> Result<()> {
             .map(|k| trial(arm, &chosen, &nature.silent(), k))
             .collect::<Result<Vec<_>>>()?;
         settings.push(Setting { arm, noisy: false, design: CHOSEN, per_ball: most, outcomes });
-        tick(settings.len());
+        tick(say, settings.len(), jobs, "")?;
     }
-    bar.finish_and_clear();
-    tell(args, &settings, &known)
+    tell_touches(common, &settings, &known)
 }
 
-fn tell(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Result<()> {
-    let common = &args.common;
+fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<Study> {
     let mut csv = String::from(
         "arm,noise,design,per_ball,trial,sphere_mean_mm,sphere_max_mm,workspace_mean_mm,workspace_max_mm,\
          residual_rms_mm,largest_parameter_error_si,touches\n",
@@ -249,32 +240,24 @@ fn tell(args: &TouchesArgs, settings: &[Setting], known: &Model) -> Result<()> {
         },
         Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
     ];
-    common.write(&csv, &figure, "TriCal: study of touches", &verdict, &sections)?;
-    if common.json {
-        let list: Vec<serde_json::Value> = settings
-            .iter()
-            .map(|s| {
-                json!({
-                    "arm": s.arm, "noise": s.noisy, "design": s.design, "per_ball": s.per_ball,
-                    "sphere_mean_mm": s.spread(SPHERE).mean, "workspace_mean_mm": s.spread(WORKSPACE).mean,
-                    "gave_up": s.failed(),
-                })
+    let list: Vec<serde_json::Value> = settings
+        .iter()
+        .map(|s| {
+            json!({
+                "arm": s.arm, "noise": s.noisy, "design": s.design, "per_ball": s.per_ball,
+                "sphere_mean_mm": s.spread(SPHERE).mean, "workspace_mean_mm": s.spread(WORKSPACE).mean,
+                "gave_up": s.failed(),
             })
-            .collect();
-        let factors =
-            |list: &[(usize, f64)]| list.iter().map(|(n, f)| json!({ "per_ball": n, "factor": f })).collect::<Vec<_>>();
-        return say(serde_json::to_string_pretty(&json!({
-            "settings": list,
-            "random_over_chosen": { "sphere": factors(&in_sphere), "workspace": factors(&in_workspace) },
-            "random_over_chosen_any_arm": { "sphere": factors(&any_sphere), "workspace": factors(&any_workspace) },
-            "largest_parameter_error_without_noise_si": recovered,
-        }))?);
-    }
-    for line in table::lines(&rows) {
-        say(line)?;
-    }
-    for line in [verdict, without].iter().flat_map(|t| table::wrapped(t, 108, "")) {
-        say(line)?;
-    }
-    say(format!("Wrote study.csv, study.svg and study.html to {}", common.out.display()))
+        })
+        .collect();
+    let factors =
+        |list: &[(usize, f64)]| list.iter().map(|(n, f)| json!({ "per_ball": n, "factor": f })).collect::<Vec<_>>();
+    let json = json!({
+        "settings": list,
+        "random_over_chosen": { "sphere": factors(&in_sphere), "workspace": factors(&in_workspace) },
+        "random_over_chosen_any_arm": { "sphere": factors(&any_sphere), "workspace": factors(&any_workspace) },
+        "largest_parameter_error_without_noise_si": recovered,
+    });
+    let title = "TriCal: study of touches";
+    Ok(Study { table: rows, csv, svg: figure, verdict, notes: vec![without], json, title, sections: sections.into() })
 }

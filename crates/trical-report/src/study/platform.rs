@@ -1,4 +1,4 @@
-//! Platforms of balls compared: number, size and height against the error in the sphere and in the whole workspace.
+//! Platforms of balls compared: how many, how far apart, how high.
 
 use std::fmt::Write;
 
@@ -9,32 +9,37 @@ use trical_ident::{ParameterSet, model_of_touches};
 use trical_model::{Cell, Robot};
 use trical_plan::{choose_touches, nominal_forward};
 
-use super::{CURVES, Common, SPHERE, Spread, WORKSPACE, pool, poses, region};
-use crate::error::{CliError, Result};
+use super::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, touch};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick};
+use crate::error::{Error, Result};
+use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
-use crate::report::{Figure, Section};
-use crate::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, touch};
-use crate::{progress, say, table};
 
-#[derive(clap::Args)]
-pub(super) struct PlatformArgs {
-    #[command(flatten)]
-    common: Common,
-    /// Touches of all balls together
-    #[arg(long, value_name = "N", default_value_t = 45)]
-    touches: usize,
-    /// Numbers of balls (3 or more: {w} is theirs), evenly on a circle
-    #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [3, 6])]
-    balls: Vec<usize>,
-    /// Sizes of the platform: the side of the triangle that three balls on that circle make
-    #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', default_values_t = [100.0, 200.0, 300.0, 400.0])]
-    side_mm: Vec<f64>,
-    /// Heights above the balls of cell.toml
-    #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.0, 150.0])]
-    height_mm: Vec<f64>,
-    /// How much higher every second ball is (a second plate)
-    #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', default_values_t = [0.0, 250.0])]
-    raise_mm: Vec<f64>,
+/// Which platforms are tried: every combination.
+#[derive(Clone, Debug)]
+pub struct Platforms {
+    /// Touches of all balls together.
+    pub touches: usize,
+    /// Numbers of balls (3 or more: {w} is theirs), evenly on a circle.
+    pub balls: Vec<usize>,
+    /// Sizes: the side of the triangle that three balls on that circle make.
+    pub side_mm: Vec<f64>,
+    /// Heights above the balls of the cell.
+    pub height_mm: Vec<f64>,
+    /// How much higher every second ball is (a second plate).
+    pub raise_mm: Vec<f64>,
+}
+
+impl Default for Platforms {
+    fn default() -> Self {
+        Self {
+            touches: 45,
+            balls: vec![3, 6],
+            side_mm: vec![100.0, 200.0, 300.0, 400.0],
+            height_mm: vec![0.0, 150.0],
+            raise_mm: vec![0.0, 250.0],
+        }
+    }
 }
 
 /// Where the balls of a platform are.
@@ -89,23 +94,29 @@ struct Platform {
     result: std::result::Result<(Spread, Spread, usize), String>,
 }
 
-/// Runs `trical study platform`.
-pub(super) fn run(args: &PlatformArgs) -> Result<()> {
-    let common = &args.common;
+/// Compares platforms.
+///
+/// # Errors
+/// Numbers that make no sense; a cell whose balls have no middle. A platform that cannot be used is a result.
+pub fn platforms(
+    robot: &Robot,
+    cell: &Cell,
+    common: &Common,
+    args: &Platforms,
+    say: &mut dyn FnMut(f64, &str),
+) -> Result<Study> {
     let nature = common.nature()?;
-    let (robot, cell) = common.cell.load()?;
-    common.folder()?;
     if let Some(n) = args.balls.iter().find(|n| **n < 3 || **n > args.touches) {
-        return Err(CliError::Input(format!(
-            "--balls: found {n}, expected 3 (the least that say where {{w}} is) to {}, the number of touches",
+        return Err(Error::Input(format!(
+            "balls: found {n}, expected 3 (the least that say where {{w}} is) to {}, the number of touches",
             args.touches
         )));
     }
     if let Some(side) = args.side_mm.iter().find(|s| !(s.is_finite() && **s > 20.0)) {
-        return Err(CliError::Input(format!("--side-mm: found {side}, expected more than 20")));
+        return Err(Error::Input(format!("side_mm: found {side}, expected more than 20")));
     }
-    let poses = poses(&robot, &cell, common.seed)?;
-    let set = common.set(&robot);
+    let poses = poses(robot, cell, common.seed)?;
+    let set = common.set(robot);
     let mut layouts = Vec::new();
     for balls in &args.balls {
         for height in &args.height_mm {
@@ -121,19 +132,19 @@ pub(super) fn run(args: &PlatformArgs) -> Result<()> {
             }
         }
     }
-    let bar = progress::bar("platforms");
     let mut done = Vec::with_capacity(layouts.len());
     for layout in &layouts {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
-        progress::at(&bar, done.len() as f64 / layouts.len() as f64, &layout.name());
-        done.push(Platform { layout: *layout, result: try_layout(args, &robot, &cell, layout, &nature, set, &poses)? });
+        tick(say, done.len(), layouts.len(), &layout.name())?;
+        let result = try_layout(common, args.touches, robot, cell, layout, &nature, set, &poses)?;
+        done.push(Platform { layout: *layout, result });
     }
-    bar.finish_and_clear();
-    tell(args, &done)
+    tell_platforms(common, args.touches, &done)
 }
 
+#[expect(clippy::too_many_arguments, reason = "one trial of many")]
 fn try_layout(
-    args: &PlatformArgs,
+    common: &Common,
+    touches: usize,
     robot: &Robot,
     cell: &Cell,
     layout: &Layout,
@@ -141,11 +152,10 @@ fn try_layout(
     set: ParameterSet,
     poses: &Poses,
 ) -> Result<std::result::Result<(Spread, Spread, usize), String>> {
-    let common = &args.common;
     let cell = layout.cell(cell);
     let known = model_of_touches(robot, &cell, set)?;
     let mut options = common.options(&known);
-    options.per_ball = args.touches / layout.balls;
+    options.per_ball = touches / layout.balls;
     options.pool_per_ball = common.pool.max(options.per_ball);
     // out of reach is a result, not an error
     let pool = match pool(robot, &cell, &options) {
@@ -174,8 +184,7 @@ fn try_layout(
     Ok(Ok((spread(SPHERE), spread(WORKSPACE), outcomes.len() - good.len())))
 }
 
-fn tell(args: &PlatformArgs, done: &[Platform]) -> Result<()> {
-    let common = &args.common;
+fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<Study> {
     let mut csv = String::from(
         "balls,side_mm,height_mm,raise_mm,sphere_mean_mm,sphere_low_mm,sphere_high_mm,workspace_mean_mm,workspace_low_mm,\
          workspace_high_mm,gave_up,problem\n",
@@ -253,7 +262,7 @@ fn tell(args: &PlatformArgs, done: &[Platform]) -> Result<()> {
     };
     let verdict = format!(
         "With {} touches in all, the best platform for the sphere is {}; for the whole workspace {}.",
-        args.touches,
+        touches,
         best(|r| r.0),
         best(|r| r.1)
     );
@@ -264,7 +273,7 @@ fn tell(args: &PlatformArgs, done: &[Platform]) -> Result<()> {
                 "{} true arms for each platform, drawn as by trical study touches, {} touches shared by the balls. The sphere and \
              the poses of the workspace are the same for all. Platform, posts and floor are derived from the balls; other \
              obstacles of cell.toml are left out.",
-                common.trials, args.touches
+                common.trials, touches
             )],
             figures: vec![Figure {
                 caption: "Mean position error at poses that were not touched.".into(),
@@ -278,29 +287,29 @@ fn tell(args: &PlatformArgs, done: &[Platform]) -> Result<()> {
         let heading = "Platforms that cannot be used".into();
         sections.push(Section { heading, text: problems.clone(), ..Section::default() });
     }
-    common.write(&csv, &figure, "TriCal: study of platforms", &verdict, &sections)?;
-    if common.json {
-        let list: Vec<serde_json::Value> = done
-            .iter()
-            .map(|p| {
-                let l = &p.layout;
-                let (s, w, problem) = match &p.result {
-                    Ok((s, w, _)) => (Some(s.mean), Some(w.mean), None),
-                    Err(e) => (None, None, Some(e)),
-                };
-                json!({
-                    "balls": l.balls, "side_mm": l.side * 1e3, "height_mm": l.height * 1e3, "raise_mm": l.raise * 1e3,
-                    "sphere_mean_mm": s, "workspace_mean_mm": w, "problem": problem,
-                })
+    let list: Vec<serde_json::Value> = done
+        .iter()
+        .map(|p| {
+            let l = &p.layout;
+            let (s, w, problem) = match &p.result {
+                Ok((s, w, _)) => (Some(s.mean), Some(w.mean), None),
+                Err(e) => (None, None, Some(e)),
+            };
+            json!({
+                "balls": l.balls, "side_mm": l.side * 1e3, "height_mm": l.height * 1e3, "raise_mm": l.raise * 1e3,
+                "sphere_mean_mm": s, "workspace_mean_mm": w, "problem": problem,
             })
-            .collect();
-        return say(serde_json::to_string_pretty(&json!({ "platforms": list }))?);
-    }
-    for line in table::lines(&rows) {
-        say(line)?;
-    }
-    for line in problems.iter().chain([&verdict]).flat_map(|t| table::wrapped(t, 108, "")) {
-        say(line)?;
-    }
-    say(format!("Wrote study.csv, study.svg and study.html to {}", common.out.display()))
+        })
+        .collect();
+    let json = json!({ "platforms": list });
+    Ok(Study {
+        table: rows,
+        csv,
+        svg: figure,
+        verdict,
+        notes: problems,
+        json,
+        title: "TriCal: study of platforms",
+        sections,
+    })
 }

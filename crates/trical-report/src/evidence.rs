@@ -8,9 +8,10 @@ use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robo
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::error::Result;
+use crate::heat;
+use crate::page::{Figure, Section};
 use crate::picture::{self, Mark, Scene, View};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::report::{Figure, Section};
 use crate::table;
 
 /// So many points are drawn at most, evenly chosen.
@@ -221,10 +222,11 @@ impl Errors<'_> {
                         .into(),
                 ],
                 tables: vec![coverage(&self.model.robot, &poses)],
-                figures: vec![Figure { caption, svg: picture::draw(&scene, View::Oblique, 900.0) }],
+                figures: vec![Figure { caption, svg: picture::draw_turning(&scene, 900.0)? }],
                 ..Section::default()
             },
             Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
+            heat::section(self.model)?,
         ])
     }
 }

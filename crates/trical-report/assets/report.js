@@ -23,6 +23,7 @@
       }
       return best;
     };
+    const ink = (_, k) => (k > 0 ? plot.series[k - 1].color : null);
     const width = () => Math.max(280, Math.min(holder.clientWidth, 940));
     const u = new uPlot({
       width: width(),
@@ -38,6 +39,8 @@
         { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" } },
         { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: 64 },
       ],
+      // points have no line, whose colour the legend would take
+      legend: { markers: { width: 2, stroke: ink, fill: ink } },
       cursor: { dataIdx: nearest, drag: { x: true, y: true, uni: 30 } },
       series: [
         { label: plot.x.replace(/, in the order.*/, ""), value: (_, v, __, k) => (v == null ? "-" : round(v) + (plot.rows[k] ? " (" + plot.rows[k] + ")" : "")) },

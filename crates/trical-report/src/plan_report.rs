@@ -5,11 +5,12 @@ use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
 use crate::blindness::{self, VISIBLE};
-use crate::commands::plan::{Told, two_digits};
 use crate::error::Result;
 use crate::evidence::{row, typical};
+use crate::page::{self, Figure, Made, Section};
 use crate::picture::{self, Scene, View};
-use crate::report::{self, Figure, Made, Section};
+use crate::plan_told::Told;
+use crate::table::two_digits;
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
     let number = |f: fn(&PredictedError) -> f64| p.map_or_else(|| "-".into(), |p| format!("{:.3}", f(&p) * 1e3));
@@ -32,7 +33,7 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
                  which the arm is to be accurate. Names show under the pointer.",
                 touches.len()
             ),
-            svg: picture::draw(&scene, View::Oblique, 900.0),
+            svg: picture::draw_turning(&scene, 900.0)?,
         },
         Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
         Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
@@ -179,5 +180,5 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
         },
         Section { heading: "All effects".into(), tables: vec![seen], ..Section::default() },
     ];
-    report::render("TriCal: plan", &verdict, &sections, made)
+    page::render("TriCal: plan", &verdict, &sections, made)
 }

@@ -38,6 +38,20 @@ pub fn wrapped(text: &str, width: usize, indent: &str) -> Vec<String> {
     lines
 }
 
+/// "beta_2 = 0.0255 deg"; numbers of no dimension have no unit.
+pub fn number(name: &str, value: f64, unit: &str) -> String {
+    let size = value.abs();
+    let digits =
+        if size != 0.0 && !(1e-3..1e4).contains(&size) { format!("{value:.3e}") } else { format!("{value:.4}") };
+    if unit == "1" { format!("{name} = {digits}") } else { format!("{name} = {digits} {unit}") }
+}
+
+/// A number with two significant digits.
+pub fn two_digits(x: f64) -> String {
+    let d = decimals_for(x.abs());
+    format!("{x:.d$}")
+}
+
 /// Decimals that a standard deviation leaves meaningful: two digits of it.
 pub fn decimals_for(sd: f64) -> usize {
     if !(sd.is_finite() && sd > 0.0) {

@@ -17,7 +17,7 @@ use trical_model::{
 };
 use trical_plan::Candidate;
 
-use crate::error::{CliError, Result};
+use crate::error::{Error, Result};
 
 /// How far true arms are from nominal, and how noisy touches are. SI.
 #[derive(Clone, Copy, Debug)]
@@ -217,7 +217,7 @@ pub fn random_touches(
     for ball in 0..balls {
         let mut mine: Vec<Candidate> = pool.iter().filter(|c| c.ball == ball).copied().collect();
         if mine.len() < per_ball {
-            return Err(CliError::Input(format!(
+            return Err(Error::Input(format!(
                 "ball {}: {per_ball} touches were asked for, but there are {} candidates",
                 ball + 1,
                 mine.len()
@@ -247,8 +247,8 @@ mod tests {
     }
 
     fn irb120() -> (Robot, Cell) {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
-        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
         (robot, cell)
     }
 

@@ -4,7 +4,7 @@ use trical_ident::{ModelFile, Rejected, Validation};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row};
-use crate::report::{self, Made, Section, error_table};
+use crate::page::{self, Made, Section, error_table};
 
 /// A region with a mean error larger than that of all by this is worth a word.
 const WORSE: f64 = 2.0;
@@ -109,5 +109,5 @@ pub fn render(
     if !file.recordings.is_empty() {
         made.notes.push(format!("The model was fitted to {}.", file.recordings.join(", ")));
     }
-    report::render("TriCal: validation", &verdict, &sections, &made)
+    page::render("TriCal: validation", &verdict, &sections, &made)
 }

@@ -3,7 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use crate::error::{CliError, Result};
+use crate::error::{Error, Result};
 
 /// Before: grey-red. After: blue.
 pub const BEFORE: RGBColor = RGBColor(200, 92, 70);
@@ -20,8 +20,8 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-fn failed(e: impl std::fmt::Display) -> CliError {
-    CliError::Failed(format!("a figure could not be drawn: {e}"))
+fn failed(e: impl std::fmt::Display) -> Error {
+    Error::Failed(format!("a figure could not be drawn: {e}"))
 }
 
 fn range(values: impl Iterator<Item = f64> + Clone, from_zero: bool) -> std::ops::Range<f64> {

@@ -8,8 +8,8 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
 
-use crate::error::{CliError, Result};
-use crate::plots;
+use crate::error::{Error, Result};
+use crate::{plots, turn};
 
 /// A figure.
 #[derive(Serialize)]
@@ -57,23 +57,10 @@ pub struct Made {
 }
 
 impl Made {
-    /// From these files, with their hashes.
-    pub fn from(inputs: &[&Path]) -> Self {
-        let command =
-            std::iter::once("trical".to_owned()).chain(std::env::args_os().skip(1).map(quoted)).collect::<Vec<_>>();
+    /// By this command, from these files, with their hashes.
+    pub fn by(command: String, inputs: &[&Path]) -> Self {
         let inputs = inputs.iter().map(|p| input(p)).collect();
-        Self { version: env!("CARGO_PKG_VERSION"), command: command.join(" "), notes: Vec::new(), inputs }
-    }
-}
-
-/// An argument as a shell would have to be given it.
-fn quoted(arg: std::ffi::OsString) -> String {
-    let arg = arg.to_string_lossy();
-    let plain = |c: char| c.is_alphanumeric() || "-_=+./:,@%#".contains(c);
-    if !arg.is_empty() && arg.chars().all(plain) {
-        arg.into_owned()
-    } else {
-        format!("'{}'", arg.replace('\'', "'\\''"))
+        Self { version: env!("CARGO_PKG_VERSION"), command, notes: Vec::new(), inputs }
     }
 }
 
@@ -98,6 +85,7 @@ fn input(path: &Path) -> Input {
 pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> Result<String> {
     // the library is carried by those who have something to draw with it
     let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
+    let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turn::OPEN));
     let mut env = Environment::new();
     // the name ends in .html, so that text is escaped
     env.add_template("report.html", include_str!("../assets/report.html"))
@@ -107,10 +95,11 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
             let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
             let (uplot_js, report_js) =
                 (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
+            let turn_js = include_str!("../assets/turn.js");
             let uplot_license = include_str!("../assets/uPlot.LICENSE");
-            t.render(context! { title, verdict, sections, made, live, uplot_css, uplot_license, uplot_js, report_js })
+            t.render(context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js })
         })
-        .map_err(|e| CliError::Failed(format!("the report could not be written: {e}")))
+        .map_err(|e| Error::Failed(format!("the report could not be written: {e}")))
 }
 
 /// Rows of a before and after table.

@@ -1,0 +1,110 @@
+//! How far an arm misses all over its workspace, whatever it is about to do there.
+
+use std::fmt::Write;
+
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use trical_ident::ErrorSummary;
+use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Model, Site, State};
+
+use crate::error::Result;
+
+/// The error at one pose.
+pub struct Miss {
+    /// Joints, rad (m).
+    pub joints: Joints,
+    /// Where the nominal arm's TCP is, in the frame of its base, m.
+    pub at: Vector3<f64>,
+    /// From there to where the model's is, m.
+    pub off: Vector3<f64>,
+}
+
+/// Errors at poses at random within the limits of the joints.
+pub struct ErrorMap {
+    /// One after the other.
+    pub misses: Vec<Miss>,
+    kinds: Vec<JointKind>,
+}
+
+impl ErrorMap {
+    /// Where the nominal arm's TCP is, from its base, and how far the model's is from there, at random poses. What only places
+    /// the arm in the cell does not count; nor do time, temperature and sense of motion, which a pose does not have.
+    pub fn of(model: &Model, poses: usize) -> Result<Self> {
+        let mut standing = model.clone();
+        standing.terms.retain(|t| !matches!(t.site, Site::Base(_)));
+        let real = Forward::new(standing, Vec::new())?;
+        let nominal = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new())?;
+        let base = model.cell.world_from_base.inverse();
+        let (mut a, mut b) = (real.workspace(), nominal.workspace());
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(20_261_121);
+        let misses = (0..poses)
+            .map(|_| {
+                let mut joints = [0.0; MAX_JOINTS];
+                for (q, j) in joints.iter_mut().zip(&model.robot.joints) {
+                    *q = rng.random_range(j.limits[0]..j.limits[1]);
+                }
+                let state = State::at(&joints);
+                let at = base.compose(&nominal.world_from_tool(&state, &mut b)).translation;
+                let off = base.compose(&real.world_from_tool(&state, &mut a)).translation - at;
+                Miss { joints, at, off }
+            })
+            .collect();
+        Ok(Self { misses, kinds: model.robot.joints.iter().map(|j| j.kind).collect() })
+    }
+
+    /// Of the lengths of all.
+    pub fn summary(&self) -> ErrorSummary {
+        ErrorSummary::of(&self.misses.iter().map(|m| m.off.norm()).collect::<Vec<_>>())
+    }
+
+    /// As text: joints in degrees (mm), place and error in mm.
+    pub fn csv(&self) -> String {
+        let unit =
+            |kind: JointKind| if kind == JointKind::Prismatic { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
+        let mut text: String =
+            self.kinds.iter().enumerate().map(|(k, j)| format!("q{}_{},", k + 1, unit(*j).0)).collect();
+        text.push_str("x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,error_mm\n");
+        for m in &self.misses {
+            for (q, kind) in m.joints.iter().zip(&self.kinds) {
+                let _ = write!(text, "{:.3},", q * unit(*kind).1);
+            }
+            for v in m.at.iter().chain(m.off.iter()) {
+                let _ = write!(text, "{:.4},", v * 1e3);
+            }
+            let _ = writeln!(text, "{:.4}", m.off.norm() * 1e3);
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use trical_model::{Basis, Cell, Motion, Parameter, Robot, Term};
+
+    #[test]
+    fn the_map_of_a_turned_first_joint_is_a_rotation_and_the_base_does_not_count() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "r").unwrap();
+        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "c").unwrap();
+        let mut model = Model::nominal(robot, cell);
+        let zero = Site::Link { link: 1, parameter: Parameter::Theta };
+        for (site, value) in [(zero, 1e-3), (Site::Base(Motion::ALL[0]), 5e-3)] {
+            model.terms.push(Term { value, ..Term::new("t", "geometry", site, Basis::CONSTANT) });
+        }
+        let map = ErrorMap::of(&model, 200).unwrap();
+        let (text, errors) = (map.csv(), map.summary());
+        let mut largest: f64 = 0.0;
+        for line in text.lines().skip(1) {
+            let v: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+            let [x, y, dx, dy, dz, error] = [v[6], v[7], v[9], v[10], v[11], v[12]];
+            // to second order in the milliradian
+            let near = 1e-3 + 1e-6 * x.hypot(y);
+            assert!((dx + 1e-3 * y).abs() < near && (dy - 1e-3 * x).abs() < near && dz.abs() < 1e-3, "{line}");
+            assert!((error - 1e-3 * x.hypot(y)).abs() < 2.0 * near, "{line}");
+            largest = largest.max(error);
+        }
+        assert_eq!(text.lines().count(), 201);
+        assert!((errors.max_mm - largest).abs() < 1e-3);
+    }
+}

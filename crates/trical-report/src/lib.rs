@@ -1,0 +1,38 @@
+//! What TriCal tells people: reports, pictures, plans in words, maps of errors, simulated studies.
+//!
+//! The command line and the Python package both end here, so that they say the same. Nothing here knows of either: no arguments,
+//! no terminal, no interpreter.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`page`] | a report as one HTML file: sections, tables, figures, how it was made |
+//! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
+//! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
+//! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
+//! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
+//! | [`error_map`] | how far an arm misses all over its workspace |
+//! | [`study`] | whole calibrations by simulation |
+//! | [`table`] | tables and paragraphs for a terminal |
+
+pub mod blindness;
+pub mod deciding;
+pub mod diagnosis_report;
+pub mod error;
+pub mod error_map;
+pub mod evidence;
+pub mod heat;
+pub mod identify_report;
+pub mod outline;
+pub mod page;
+pub mod picture;
+pub mod plan_report;
+pub mod plan_told;
+pub mod plots;
+pub mod study;
+pub mod table;
+pub mod turn;
+pub mod validate_report;
+
+pub use error::{Error, Result};
+pub use error_map::ErrorMap;
+pub use page::Made;

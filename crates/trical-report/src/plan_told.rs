@@ -1,0 +1,164 @@
+//! A plan and all that can be said of it: the summary for people and for machines.
+
+use std::collections::BTreeMap;
+
+use serde_json::json;
+use trical_ident::{Shown, shown};
+use trical_model::Model;
+use trical_plan::{Plan, PlanOptions, PredictedError, Rejected};
+
+use crate::blindness::{self, Lacking, Seen};
+use crate::error::Result;
+use crate::table::{self, two_digits};
+
+/// A plan and all that can be said of it.
+pub struct Told {
+    /// The plan.
+    pub plan: Plan,
+    /// What it was made with.
+    pub options: PlanOptions,
+    /// The parameters, each with the standard deviation to be expected.
+    pub parameters: Vec<Shown>,
+    /// What it would show.
+    pub seen: Vec<Seen>,
+    /// What no such recording can show, and why.
+    pub lacking: Vec<Lacking>,
+    /// Balls of the cell.
+    pub balls: usize,
+}
+
+impl Told {
+    /// `model` has the terms to identify.
+    pub fn new(model: &Model, plan: Plan, options: PlanOptions) -> Result<Self> {
+        let mut known = model.clone();
+        known.terms.retain(|t| plan.expected.parameters.contains(&t.name));
+        for t in &mut known.terms {
+            let at = plan.expected.parameters.iter().position(|n| *n == t.name);
+            t.sd = at.and_then(|k| plan.expected.sd.get(k).copied());
+        }
+        let parameters = known.terms.iter().map(|t| shown(&known, t)).collect();
+        // with fewer numbers than parameters everything is taken up by them
+        let determined = plan.expected.sd.iter().all(|s| s.is_finite());
+        let (seen, lacking) = if determined {
+            blindness::seen(&known, &plan.entries, options.noise_m)?
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        Ok(Self { plan, options, parameters, seen, lacking, balls: model.cell.balls.len() })
+    }
+
+    /// Whether these touches determine the parameters.
+    pub fn determined(&self) -> bool {
+        self.plan.expected.sd.iter().all(|s| s.is_finite())
+    }
+
+    fn pool(&self) -> usize {
+        let refused: usize = rejected(&self.plan).values().sum();
+        self.plan.rejected.iter().map(|r| r.attempts).sum::<usize>() - refused
+    }
+
+    /// The contract's summary.
+    pub fn json(&self) -> serde_json::Value {
+        let e = &self.plan.expected;
+        let error = |p: &Option<PredictedError>| {
+            p.map(
+                |p| json!({ "mean_mm": p.mean_m * 1e3, "rms_mm": p.rms_m * 1e3, "worst_rms_mm": p.worst_rms_m * 1e3 }),
+            )
+        };
+        let parameters: Vec<serde_json::Value> = self
+            .parameters
+            .iter()
+            .map(|s| json!({ "name": s.name, "site": s.site, "unit": s.unit, "sd": s.sd, "nominal": s.nominal }))
+            .collect();
+        let by_ball: Vec<serde_json::Value> = self
+            .plan
+            .rejected
+            .iter()
+            .enumerate()
+            .map(|(k, r)| {
+                let reasons: BTreeMap<&str, usize> = r.reasons().into_iter().collect();
+                json!({ "ball": k + 1, "attempts": r.attempts, "rejected": reasons, "contacts": r.contacts })
+            })
+            .collect();
+        json!({
+            "touches": self.plan.entries.len(),
+            "pool": self.pool(),
+            "rejected": rejected(&self.plan),
+            "by_ball": by_ball,
+            "criterion": e.criterion,
+            "gain_over_random": e.gain_over_random,
+            "determined": self.determined(),
+            "parameters": parameters,
+            "not_identifiable": e.dependent,
+            "observability": { "o1": e.o1, "condition": e.condition },
+            "expected": {
+                "noise_mm": self.options.noise_m * 1e3,
+                "sphere": error(&e.in_sphere),
+                "workspace": error(&e.in_workspace),
+            },
+            "senses": e.senses,
+            "travel_rad": e.travel_rad,
+            "blind_to": blindness::blind_json(&self.seen, &self.lacking),
+        })
+    }
+
+    /// The summary for people.
+    pub fn lines(&self) -> Vec<String> {
+        let e = &self.plan.expected;
+        let mut out = vec![format!(
+            "{} touches of {} balls, chosen from {}{}",
+            self.plan.entries.len(),
+            self.balls,
+            self.pool(),
+            if e.gain_over_random.is_finite() {
+                format!(" ({} times better than a random choice)", two_digits(e.gain_over_random))
+            } else {
+                String::new()
+            }
+        )];
+        for (reason, n) in rejected(&self.plan).iter().filter(|r| *r.1 > 0) {
+            out.push(format!("  {n:>6} candidates dropped: {reason}"));
+        }
+        if !self.determined() {
+            out.push(format!(
+                "These touches do not determine the {} parameters: more are needed to identify them",
+                self.parameters.len()
+            ));
+            return out;
+        }
+        out.push(format!(
+            "With noise of {} mm, {} parameters are expected with standard deviations of",
+            self.options.noise_m * 1e3,
+            self.parameters.len()
+        ));
+        let names: Vec<String> = self
+            .parameters
+            .iter()
+            .map(|s| format!("{} {} {}", s.name, two_digits(s.sd.unwrap_or(f64::NAN)), s.unit))
+            .collect();
+        out.extend(names.chunks(5).map(|c| format!("  {}", c.join(", "))));
+        out.push("Position error that this noise would leave, mm (what the model lacks comes on top):".into());
+        for (name, p) in [("in the sphere", e.in_sphere), ("in the whole workspace", e.in_workspace)] {
+            out.push(p.map_or_else(
+                || format!("  {name}: not known, the arm reaches too few poses there"),
+                |p| format!("  {name}: mean {:.3}, at the worst pose {:.3} rms", p.mean_m * 1e3, p.worst_rms_m * 1e3),
+            ));
+        }
+        let advice = blindness::advice(&self.seen);
+        if !advice.is_empty() {
+            out.push("It would not show (lambda of a typical size, 3 is just visible):".into());
+        }
+        for (remedy, what) in advice {
+            out.extend(table::wrapped(&what, 108, "  "));
+            out.extend(table::wrapped(&format!("would help: {remedy}"), 108, "    "));
+        }
+        out
+    }
+}
+
+/// Why candidates were dropped, counted over all balls.
+pub fn rejected(plan: &Plan) -> BTreeMap<String, usize> {
+    let mut all = Rejected::default();
+    plan.rejected.iter().for_each(|r| all.add(r));
+    all.reasons().into_iter().map(|(reason, n)| (reason.to_owned(), n)).collect()
+}

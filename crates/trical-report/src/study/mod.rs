@@ -1,0 +1,233 @@
+//! Whole calibrations by the hundred, without hardware (the paper's simulation), and platforms of balls compared.
+
+mod platform;
+pub mod simulation;
+mod touches;
+
+use plotters::style::RGBColor;
+use serde_json::Value;
+use trical_ident::ParameterSet;
+use trical_model::interrupt::checkpoint;
+use trical_model::{Cell, Forward, Model, Robot};
+use trical_plan::predict::tool_rows;
+use trical_plan::{
+    Candidate, CollisionModel, Criterion, PlanOptions, Sphere, ValidationOptions, generate, poses_in_sphere,
+    poses_in_workspace,
+};
+
+use crate::error::{Error, Result};
+use crate::page::{Made, Section, render};
+use simulation::{Nature, Outcome, Poses};
+
+pub use platform::{Platforms, platforms};
+pub use touches::touches;
+
+/// How true arms are drawn and what they are asked, as people give it.
+#[derive(Clone, Debug)]
+pub struct Common {
+    /// True arms drawn for each setting.
+    pub trials: u64,
+    /// Seed of all chance: the same seed gives the same bytes.
+    pub seed: u64,
+    /// Candidates a ball.
+    pub pool: usize,
+    /// What chosen touches are best for.
+    pub criterion: Criterion,
+    /// With [`Criterion::Region`]: the whole workspace instead of the sphere.
+    pub whole_workspace: bool,
+    /// Parameters to identify; geometry alone where the arm has no masses.
+    pub set: ParameterSet,
+    /// Standard deviation of every length of a true arm.
+    pub length_mm: f64,
+    /// Standard deviation of every angle of a true arm.
+    pub angle_deg: f64,
+    /// Least and largest compliance of its joints.
+    pub compliance_deg_per_nm: Vec<f64>,
+    /// Noise of an indicator.
+    pub indicator_mm: f64,
+    /// Noise of the procedure, along each axis.
+    pub procedure_mm: f64,
+    /// Noise of each coordinate of a ball's known place.
+    pub ballbar_mm: f64,
+}
+
+impl Default for Common {
+    /// The paper's numbers.
+    fn default() -> Self {
+        Self {
+            trials: 40,
+            seed: 1,
+            pool: 100,
+            criterion: Criterion::Determinant,
+            whole_workspace: false,
+            set: ParameterSet::Compliance,
+            length_mm: 1.0,
+            angle_deg: 1.0,
+            compliance_deg_per_nm: vec![1e-3, 1e-1],
+            indicator_mm: 0.001,
+            procedure_mm: 0.010,
+            ballbar_mm: 0.001,
+        }
+    }
+}
+
+impl Common {
+    /// Whether these numbers make sense.
+    ///
+    /// # Errors
+    /// Where they do not.
+    pub fn check(&self) -> Result<()> {
+        self.nature().map(|_| ())
+    }
+
+    fn nature(&self) -> Result<Nature> {
+        let at_least_0 = [
+            ("length_mm", self.length_mm),
+            ("angle_deg", self.angle_deg),
+            ("indicator_mm", self.indicator_mm),
+            ("procedure_mm", self.procedure_mm),
+            ("ballbar_mm", self.ballbar_mm),
+        ];
+        for (name, value) in at_least_0 {
+            if !(value.is_finite() && (0.0..=20.0).contains(&value)) {
+                return Err(Error::Input(format!("{name}: found {value}, expected 0 to 20")));
+            }
+        }
+        let [low, high] = match self.compliance_deg_per_nm.as_slice() {
+            [a, b] if *a > 0.0 && a <= b && b.is_finite() => [a.to_radians(), b.to_radians()],
+            other => {
+                return Err(Error::Input(format!(
+                    "compliance_deg_per_nm: found {other:?}, expected a least and a largest one above 0"
+                )));
+            }
+        };
+        if self.trials == 0 {
+            return Err(Error::Input("trials: found 0, expected 1 or more".into()));
+        }
+        Ok(Nature {
+            length: self.length_mm * 1e-3,
+            angle: self.angle_deg.to_radians(),
+            // a uniform draw needs a range
+            compliance: [low, high * (1.0 + 1e-12)],
+            indicator: self.indicator_mm * 1e-3,
+            procedure: self.procedure_mm * 1e-3,
+            ballbar: self.ballbar_mm * 1e-3,
+        })
+    }
+
+    fn set(&self, robot: &Robot) -> ParameterSet {
+        if robot.require_masses().is_err() { ParameterSet::Geometry } else { self.set }
+    }
+
+    fn options(&self, known: &Model) -> PlanOptions {
+        PlanOptions {
+            seed: self.seed,
+            pool_per_ball: self.pool,
+            per_ball: 1,
+            parameters: Some(known.terms.clone()),
+            criterion: self.criterion,
+            whole_workspace: self.whole_workspace,
+            ..PlanOptions::default()
+        }
+    }
+}
+
+/// How a study ended, to be told, written and drawn.
+pub struct Study {
+    /// The numbers for people; the first row is the header.
+    pub table: Vec<Vec<String>>,
+    /// Every trial, or every platform, as text.
+    pub csv: String,
+    /// The curves.
+    pub svg: String,
+    /// The answer in a sentence or two.
+    pub verdict: String,
+    /// What else is to be said.
+    pub notes: Vec<String>,
+    /// The numbers for machines.
+    pub json: Value,
+    title: &'static str,
+    sections: Vec<Section>,
+}
+
+impl Study {
+    /// The report.
+    pub fn html(&self, made: &Made) -> Result<String> {
+        render(self.title, &self.verdict, &self.sections, made)
+    }
+}
+
+/// Says how far the work is, and asks whether it is still wanted.
+fn tick(say: &mut dyn FnMut(f64, &str), done: usize, of: usize, what: &str) -> Result<()> {
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    say(done as f64 / of.max(1) as f64, what);
+    Ok(checkpoint()?)
+}
+
+/// Where errors are looked at: poses that the nominal arm takes without meeting anything.
+fn poses(robot: &Robot, cell: &Cell, seed: u64) -> Result<Poses> {
+    let model = CollisionModel::new(robot, cell)?;
+    let sphere = Sphere::above(&cell.balls).ok_or_else(|| Error::Input("the cell has no [balls]".into()))?;
+    let options = ValidationOptions { seed, ..ValidationOptions::default() };
+    Ok(Poses {
+        sphere: poses_in_sphere(&model, &sphere.centre, sphere.radius, 100, &options)?,
+        workspace: poses_in_workspace(&model, 300, &options)?,
+    })
+}
+
+fn pool(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Result<Vec<Candidate>> {
+    let model = CollisionModel::new(robot, cell)?;
+    let mut pool = Vec::new();
+    for ball in 0..cell.balls.len() {
+        pool.extend(generate::generate(&model, ball, options, &mut |_| {})?.0);
+    }
+    Ok(pool)
+}
+
+/// How the free terms move the tool where the criterion looks.
+fn region(forward: &Forward, poses: &Poses, options: &PlanOptions) -> Vec<f64> {
+    if options.criterion != Criterion::Region {
+        return Vec::new();
+    }
+    tool_rows(forward, if options.whole_workspace { &poses.workspace } else { &poses.sphere })
+}
+
+/// Mean, and where the middle four fifths lie.
+#[derive(Clone, Copy, Debug)]
+struct Spread {
+    mean: f64,
+    low: f64,
+    high: f64,
+}
+
+impl Spread {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let mut v: Vec<f64> = values.collect();
+        v.sort_by(f64::total_cmp);
+        #[expect(
+            clippy::cast_precision_loss,
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a small count"
+        )]
+        let at =
+            |share: f64| v.get(((v.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(f64::NAN);
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let mean = v.iter().sum::<f64>() / v.len() as f64;
+        Self { mean, low: at(0.1), high: at(0.9) }
+    }
+}
+
+const SPHERE: fn(&Outcome) -> f64 = |o| o.sphere[0];
+const WORKSPACE: fn(&Outcome) -> f64 = |o| o.workspace[0];
+
+const CURVES: [RGBColor; 8] = [
+    RGBColor(38, 102, 165),
+    RGBColor(209, 102, 31),
+    RGBColor(42, 157, 124),
+    RGBColor(138, 95, 176),
+    RGBColor(184, 144, 28),
+    RGBColor(194, 71, 107),
+    RGBColor(90, 120, 140),
+    RGBColor(60, 60, 60),
+];

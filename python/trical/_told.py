@@ -1,0 +1,72 @@
+"""Reports of results: the HTML files that the command line writes with `--report`."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ._native import Told, TricalError
+
+_Path = str | os.PathLike[str]
+
+
+def _word(value: object) -> str:
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_word, value))}]"
+    return repr(value)
+
+
+def _paths(value: object) -> list[str]:
+    if isinstance(value, str | os.PathLike):
+        return [str(os.fspath(value))]
+    if isinstance(value, list | tuple):
+        return [p for v in value for p in _paths(v)]
+    return []
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a report needs: what was worked out, the call that did, the files that it read."""
+
+    told: Told
+    call: str
+    inputs: list[str]
+
+    @classmethod
+    def of(
+        cls, told: Told, function: Callable[..., Any], *args: object, files: Sequence[str] = (), **keywords: object
+    ) -> Made:
+        """Remember a call: all of `args` and the keywords `files` may be paths; keywords as by default are not told."""
+        usual = inspect.signature(function).parameters
+        said = [_word(a) for a in args]
+        said += [
+            f"{k}={_word(v)}" for k, v in keywords.items() if not (k in usual and _word(usual[k].default) == _word(v))
+        ]
+        inputs = [p for v in (*args, *(keywords[f] for f in files)) for p in _paths(v)]
+        return cls(told, f"trical.{function.__name__}({', '.join(said)})", inputs)
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Reported:
+    """A result that can be told as a report."""
+
+    _made: Made | None = field(default=None, compare=False)
+
+    def report(self, path: _Path) -> None:
+        """Write the report to read, print and sign: one HTML file, as `--report` of the command writes it.
+
+        It ends with the call and the SHA-256 of the files that it read. A result that was pickled has none any more:
+        write the report where the result was made. Raises TricalError.
+        """
+        if self._made is None:
+            raise TricalError("this result was pickled or built by hand: its report is to be written where it was made")
+        self._made.told.write(path, self._made.call, self._made.inputs)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what the report is made of: it may be large, and stays in the process that made it."""
+        return {**self.__dict__, "_made": None}

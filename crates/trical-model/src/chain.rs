@@ -9,6 +9,7 @@ use crate::pose::Pose;
 use crate::recording::{Joints, MAX_JOINTS};
 use crate::robot::{JointKind, Robot};
 use crate::term::{Axis, ChainDof};
+use crate::trig::{all_sin_cos, sin_cos};
 
 type V3 = Vector3<f64>;
 
@@ -346,12 +347,22 @@ impl Chain {
             let zero = Place::of(&base.compose(root));
             (axes, origin) = (zero.axes, zero.origin);
         }
+        // without increments all angles are known now: their sines and cosines are computed side by side
+        let (mut angles, mut turns) = ([0.0; MAX_JOINTS], [(0.0, 1.0); MAX_JOINTS]);
+        let all_known = increments.is_none();
+        if all_known {
+            for ((angle, c), q) in angles.iter_mut().zip(&self.joints).zip(q) {
+                *angle = if c.prismatic { c.theta } else { c.theta + q };
+            }
+            let n = self.n.min(MAX_JOINTS);
+            all_sin_cos(&angles[..n], &mut turns[..n]);
+        }
         for i in 0..self.n {
             let c = &self.joints[i];
             let f = &mut frames.joints[i];
             let (mut theta, mut d) = if c.prismatic { (c.theta, c.d + q[i]) } else { (c.theta + q[i], c.d) };
             let (mut a, mut beta, mut tilt, mut alpha_sc, mut plain) = (c.a, c.beta, c.tilt, c.alpha_sc, c.plain);
-            let mut known = None;
+            let mut known = all_known.then(|| turns[i]);
             if let Some(Increments { by_joint, still }) = increments {
                 let inc = &by_joint[i];
                 let turned = inc[ChainDof::Theta as usize];
@@ -371,7 +382,7 @@ impl Chain {
                     plain = false;
                 }
             }
-            f.turn = known.unwrap_or_else(|| theta.sin_cos());
+            f.turn = known.unwrap_or_else(|| sin_cos(theta));
             f.x_before = axes.x;
             f.o_before = origin;
             let turned = axes.rx(alpha_sc);

@@ -21,6 +21,9 @@ type V3 = Vector3<f64>;
 /// Standard gravity, m/s^2.
 pub const GRAVITY: f64 = 9.80665;
 
+/// What stands for a measurement where there is none.
+pub(crate) const NOTHING: Measured = Measured::Point { target: 0, position: [0.0; 3] };
+
 /// A robot in its cell with everything that moves its TCP away from nominal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
@@ -404,6 +407,12 @@ impl Forward {
         }
     }
 
+    /// As [`Forward::frames_at`] where nothing is measured.
+    #[inline]
+    fn frames_unmeasured(&self, state: &State, ws: &mut Workspace) {
+        self.frames_at(state, &NOTHING, usize::MAX, ws);
+    }
+
     /// Orientation of the tool in the flange frame at this pose, with the axes of its three rotations.
     #[inline]
     pub(crate) fn tool_at(&self, ws: &Workspace) -> (Matrix3<f64>, Axes) {
@@ -452,8 +461,7 @@ impl Forward {
 
     /// The pose of the tool's TCP in {w}: what the arm really does at `state`, by this model.
     pub fn world_from_tool(&self, state: &State, ws: &mut Workspace) -> Pose {
-        let measured = Measured::Point { target: 0, position: [0.0; 3] };
-        self.frames_at(state, &measured, usize::MAX, ws);
+        self.frames_unmeasured(state, ws);
         let (rotation, _) = self.tool_at(ws);
         let flange = &ws.moved.flange;
         let tcp = self.tcp_in_flange(ws);
@@ -462,8 +470,7 @@ impl Forward {
 
     /// The pose of the flange in {w}.
     pub fn world_from_flange(&self, state: &State, ws: &mut Workspace) -> Pose {
-        let measured = Measured::Point { target: 0, position: [0.0; 3] };
-        self.frames_at(state, &measured, usize::MAX, ws);
+        self.frames_unmeasured(state, ws);
         ws.moved.flange.pose()
     }
 
@@ -477,16 +484,14 @@ impl Forward {
 
     /// Frames {1} to {n} of the joints in {w}.
     pub fn world_from_joints(&self, state: &State, ws: &mut Workspace) -> Vec<Pose> {
-        let measured = Measured::Point { target: 0, position: [0.0; 3] };
-        self.frames_at(state, &measured, usize::MAX, ws);
+        self.frames_unmeasured(state, ws);
         let pose = |f: &crate::chain::JointFrames| Pose { rotation: f.axes.matrix(), translation: f.origin };
         ws.moved.joints[..self.chain.dof()].iter().map(pose).collect()
     }
 
     /// As [`Forward::world_from_links`], into a slice of n + 1 poses.
     pub fn world_from_links_into(&self, state: &State, ws: &mut Workspace, links: &mut [Pose]) {
-        let measured = Measured::Point { target: 0, position: [0.0; 3] };
-        self.frames_at(state, &measured, usize::MAX, ws);
+        self.frames_unmeasured(state, ws);
         let base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
         let joints = ws.moved.joints[..self.chain.dof() - 1]
             .iter()

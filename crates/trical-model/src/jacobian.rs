@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::chain::Moment;
-use crate::forward::{Bound, Forward, Workspace, residual_rows};
+use crate::forward::{Bound, Forward, NOTHING, Workspace, residual_rows};
 use crate::pose::Pose;
 use crate::recording::{Measured, State};
 use crate::robot::JointKind;
@@ -109,14 +109,13 @@ impl Forward {
     /// `jacobian[row * n + joint]`. Everything that depends on the joints is followed: torques, harmonics, couplings.
     pub fn joint_jacobian(&self, state: &State, ws: &mut Workspace, jacobian: &mut [f64]) -> Pose {
         let pose = self.world_from_tool(state, ws);
-        let measured = Measured::Point { target: 0, position: [0.0; 3] };
         let target = Target { point: pose.translation, map: Map::Twist };
-        self.all_columns(state, &measured, usize::MAX, &target, ws);
+        self.all_columns(state, &NOTHING, usize::MAX, &target, ws);
         let n = self.chain.dof();
         for (i, joint) in self.model.robot.joints.iter().enumerate() {
             let own = if joint.kind == JointKind::Prismatic { ChainDof::D } else { ChainDof::Theta };
             let dof = Dof::Chain(i, own);
-            let mut sum = self.dof_column(dof, &measured, usize::MAX, &target, ws);
+            let mut sum = self.dof_column(dof, &NOTHING, usize::MAX, &target, ws);
             self.add_through_moments(dof, ws, 1.0, &mut sum);
             for (k, index) in &self.varying {
                 let b = &self.bound[*index];
@@ -125,7 +124,7 @@ impl Forward {
                     Variable::Lag { joint } if joint == i + 1 => -1.0,
                     _ => continue,
                 };
-                let u = Self::variable(&b.basis, None, state, &measured);
+                let u = Self::variable(&b.basis, None, state, &NOTHING);
                 let slope = b.basis.shape.at(u).1 * Self::sense(&b.basis, state);
                 let factor = sign * slope * b.weight * self.model.terms[*k].value;
                 add(&mut sum, &ws.columns[b.dof], factor);

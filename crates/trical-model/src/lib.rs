@@ -29,6 +29,7 @@ pub mod recording;
 pub mod rigid;
 pub mod robot;
 pub mod term;
+mod trig;
 pub mod urdf;
 
 pub use cell::{Cell, Tool};

@@ -13,7 +13,7 @@ use super::branch::Configuration;
 use super::frames::ToolFrame;
 use super::literal::Shape;
 use super::scan::{Names, Scan, Setup, Visit, Way, hashed};
-use super::text::{Cursor, Span, lower};
+use super::text::{Cursor, Span, lower, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
@@ -41,7 +41,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         c: Cursor::new(bytes, b';'),
         scan: Scan::default(),
         names: Names::default(),
-        moved_to: moved_to(bytes),
+        moved_to: targets(bytes),
         now: Setup::default(),
         motion_data: HashMap::new(),
     };
@@ -59,28 +59,18 @@ pub fn scan(bytes: &[u8]) -> Scan {
 }
 
 /// Names that motions go to: a FRAME that none goes to is no target.
-fn moved_to(bytes: &[u8]) -> HashSet<u64> {
-    let mut c = Cursor::new(bytes, b';');
-    let mut found = HashSet::new();
-    while !c.done() {
-        c.skip_space();
-        let word = c.word();
-        if word.is_empty() {
-            if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
-        } else if is_one_of(word, &MOTIONS) {
-            loop {
-                c.skip_blank();
-                let name = c.word();
-                found.insert(hashed(name));
-                c.skip_blank();
-                if name.is_empty() || c.peek() != b',' {
-                    break;
-                }
-                c.at += 1;
-            }
+fn targets(bytes: &[u8]) -> HashSet<u64> {
+    moved_to(bytes, b';', |word, c, found| {
+        let mut more = is_one_of(word, &MOTIONS);
+        while more {
+            c.skip_blank();
+            let name = c.word();
+            found.insert(hashed(name));
+            c.skip_blank();
+            more = !name.is_empty() && c.peek() == b',';
+            c.at += usize::from(more);
         }
-    }
-    found
+    })
 }
 
 fn is_one_of(word: &[u8], list: &[&[u8]]) -> bool {

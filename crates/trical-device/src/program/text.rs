@@ -3,6 +3,8 @@
 //! Nothing here decodes text: keywords and numbers are ASCII in every dialect, and whatever else the file holds (Latin-1
 //! comments, mixed line ends) is copied as it stands.
 
+use std::collections::HashSet;
+
 /// Where a number stands in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
@@ -55,6 +57,27 @@ pub struct Cursor<'a> {
     pub at: usize,
     /// What begins a comment that lasts to the end of its line.
     comment: u8,
+}
+
+/// Names that motions go to: `after` gathers those behind a word that begins a motion. Strings and comments are passed over.
+#[must_use]
+pub fn moved_to(
+    bytes: &[u8],
+    comment: u8,
+    mut after: impl FnMut(&[u8], &mut Cursor<'_>, &mut HashSet<u64>),
+) -> HashSet<u64> {
+    let mut c = Cursor::new(bytes, comment);
+    let mut found = HashSet::new();
+    while !c.done() {
+        c.skip_space();
+        let word = c.word();
+        if word.is_empty() {
+            if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
+        } else {
+            after(word, &mut c, &mut found);
+        }
+    }
+    found
 }
 
 impl<'a> Cursor<'a> {

@@ -12,7 +12,7 @@ use super::branch::Configuration;
 use super::frames::ToolFrame;
 use super::literal::{Meant, Shape};
 use super::scan::{Names, Scan, Setup, Visit, Way, hashed};
-use super::text::{Cursor, Span, lower};
+use super::text::{Cursor, Span, lower, moved_to};
 
 const MOTIONS: [&[u8]; 6] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc"];
 
@@ -23,7 +23,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         c: Cursor::new(bytes, b'#'),
         scan: Scan::default(),
         names: Names::default(),
-        moved_to: moved_to(bytes),
+        moved_to: targets(bytes),
         tool: None,
         values: Vec::new(),
     };
@@ -38,28 +38,22 @@ fn is_motion(word: &[u8]) -> bool {
 }
 
 /// Names that stand first in a motion: only these are targets when they are assigned.
-fn moved_to(bytes: &[u8]) -> HashSet<u64> {
-    let mut c = Cursor::new(bytes, b'#');
-    let mut found = HashSet::new();
-    while !c.done() {
-        c.skip_space();
-        let word = c.word();
-        if word.is_empty() {
-            if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
-        } else if is_motion(word) && c.eat(b'(') {
-            for _ in 0..2 {
-                c.skip_space();
-                let name = c.word();
-                if !name.is_empty() {
-                    found.insert(hashed(name));
-                }
-                if word != b"movec" || !c.eat(b',') {
-                    break;
-                }
+fn targets(bytes: &[u8]) -> HashSet<u64> {
+    moved_to(bytes, b'#', |word, c, found| {
+        let mut more = is_motion(word) && c.eat(b'(');
+        // a circle goes by way of its first
+        for _ in 0..2 {
+            if !more {
+                break;
             }
+            c.skip_space();
+            let name = c.word();
+            if !name.is_empty() {
+                found.insert(hashed(name));
+            }
+            more = word == b"movec" && c.eat(b',');
         }
-    }
-    found
+    })
 }
 
 struct Reader<'a> {

@@ -12,9 +12,9 @@ use crate::robot::Joint;
 use crate::term::{Axis, Basis, Motion, Parameter, Site, Term};
 
 /// alpha deg, a mm, d mm, offset deg, lower deg, upper deg, mass
-type Row = (f64, f64, f64, f64, f64, f64, f64);
+pub(super) type Row = (f64, f64, f64, f64, f64, f64, f64);
 
-const IRB_120: [Row; 6] = [
+pub(super) const IRB_120: [Row; 6] = [
     (0.0, 0.0, 290.0, 0.0, -165.0, 165.0, 3.067),
     (-90.0, 0.0, 0.0, -90.0, -110.0, 110.0, 3.909),
     (0.0, 270.0, 0.0, 0.0, -110.0, 70.0, 2.944),
@@ -23,7 +23,7 @@ const IRB_120: [Row; 6] = [
     (-90.0, 0.0, 72.0, 180.0, -400.0, 400.0, 0.137),
 ];
 
-const UR10: [Row; 6] = [
+pub(super) const UR10: [Row; 6] = [
     (0.0, 0.0, 127.3, 0.0, -360.0, 360.0, 7.1),
     (90.0, 0.0, 0.0, 0.0, -360.0, 360.0, 12.7),
     (0.0, -612.0, 0.0, 0.0, -360.0, 360.0, 4.27),
@@ -33,7 +33,7 @@ const UR10: [Row; 6] = [
 ];
 
 /// An arm with a shoulder offset, as KUKA and FANUC build them: Pieper's quartic does not fall apart.
-const OFFSET: [Row; 6] = [
+pub(super) const OFFSET: [Row; 6] = [
     (0.0, 0.0, 400.0, 0.0, -170.0, 170.0, 1.0),
     (-90.0, 150.0, 0.0, -90.0, -120.0, 150.0, 1.0),
     (0.0, 600.0, 20.0, 0.0, -170.0, 170.0, 1.0),
@@ -43,7 +43,7 @@ const OFFSET: [Row; 6] = [
 ];
 
 /// Twists of all kinds in the first links.
-const SKEW: [Row; 6] = [
+pub(super) const SKEW: [Row; 6] = [
     (20.0, 30.0, 400.0, 10.0, -170.0, 170.0, 1.0),
     (-70.0, 150.0, 50.0, -90.0, -170.0, 170.0, 1.0),
     (15.0, 400.0, 20.0, 0.0, -170.0, 170.0, 1.0),
@@ -99,11 +99,11 @@ fn cell() -> Cell {
     }
 }
 
-fn nominal(rows: &[Row]) -> Forward {
+pub(super) fn nominal(rows: &[Row]) -> Forward {
     Forward::new(Model::nominal(robot(rows), cell()), vec![]).unwrap()
 }
 
-fn random_joints(robot: &Robot, rng: &mut StdRng, inside: f64) -> Joints {
+pub(super) fn random_joints(robot: &Robot, rng: &mut StdRng, inside: f64) -> Joints {
     let mut q = [0.0; MAX_JOINTS];
     for (x, j) in q.iter_mut().zip(&robot.joints) {
         let middle = 0.5 * (j.limits[0] + j.limits[1]);
@@ -200,7 +200,7 @@ fn slides_are_solved_and_their_travel_is_respected() {
 }
 
 /// Widens limits to one turn so that limits hide no branch.
-fn unlimited(rows: &[Row; 6]) -> [Row; 6] {
+pub(super) fn unlimited(rows: &[Row; 6]) -> [Row; 6] {
     rows.map(|r| (r.0, r.1, r.2, r.3, -180.0, 180.0, r.6))
 }
 

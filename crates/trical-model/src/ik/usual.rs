@@ -211,3 +211,64 @@ pub(super) fn solve(
     solutions.truncate(super::MOST);
     Some(solutions)
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use rand::SeedableRng;
+    use rand::rngs::StdRng;
+
+    use crate::ik::inverse_kinematics;
+    use crate::ik::limits::farthest;
+    use crate::ik::tests::{IRB_120, OFFSET, SKEW, UR10, nominal, random_joints, unlimited};
+    use crate::recording::State;
+
+    #[test]
+    fn finds_what_the_general_way_finds() {
+        let mut rng = StdRng::seed_from_u64(21);
+        for rows in [IRB_120, OFFSET, unlimited(&IRB_120), unlimited(&OFFSET)] {
+            let short = nominal(&rows);
+            assert!(short.usual.is_some());
+            let mut long = short.clone();
+            long.usual = None;
+            let robot = &short.model().robot;
+            let mut ws = short.workspace();
+            let mut own_way = 0;
+            for _ in 0..400 {
+                let state = State::at(&random_joints(robot, &mut rng, 1.0));
+                let target = short.world_from_tool(&state, &mut ws);
+                own_way += usize::from(
+                    super::solve(short.usual.as_ref().unwrap(), &short, &target, &state, &mut ws).is_some(),
+                );
+                let a = inverse_kinematics(&short, &target, &state, &mut ws).unwrap();
+                let b = inverse_kinematics(&long, &target, &state, &mut ws).unwrap();
+                assert_eq!(a.len(), b.len());
+                for (a, b) in a.iter().zip(&b) {
+                    // of two that are equally far the order is open
+                    let far = |s: &crate::Solution| farthest(6, &s.joints, &state.q);
+                    assert!((far(a) - far(b)).abs() < 1e-6, "{a:?} {b:?}");
+                }
+                assert!(
+                    a.iter().all(|a| b
+                        .iter()
+                        .any(|b| { a.joints.iter().zip(&b.joints).all(|(a, b)| (a - b).abs() < 1e-6) }))
+                );
+            }
+            assert!(own_way > 390, "{own_way}");
+        }
+    }
+
+    #[test]
+    fn other_arms_and_arms_with_terms_take_the_general_way() {
+        assert!(nominal(&SKEW).usual.is_none() && nominal(&UR10).usual.is_none());
+        let mut model = nominal(&IRB_120).into_model();
+        model.terms.push(crate::Term::new(
+            "a_2",
+            "test",
+            crate::Site::Link { link: 2, parameter: crate::term::Parameter::A },
+            crate::Basis::CONSTANT,
+        ));
+        assert!(crate::Forward::new(model, vec![]).unwrap().usual.is_none());
+    }
+}

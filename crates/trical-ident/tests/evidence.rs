@@ -1,0 +1,95 @@
+//! What evidence is, and where the search stops: claims that deliberate errors in the code (see docs/hardening.md) went against
+//! unnoticed.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use trical_ident::diagnose::catalogue::{Candidate, anything};
+use trical_ident::diagnose::design::Design;
+use trical_ident::diagnose::locators::describe;
+use trical_ident::diagnose::search::Search;
+use trical_ident::{Dataset, JointSource, Noise};
+use trical_model::{
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Shape, Site, State, Term, Variable,
+};
+
+const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
+const CELL: &str = include_str!("../../trical-model/tests/data/cell.toml");
+
+/// A model whose tool is to be fitted, and 60 touches with noise.
+fn made() -> (Model, Dataset) {
+    let mut model = Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap());
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let rows = (0..60)
+        .map(|k| {
+            let q: [f64; 6] = std::array::from_fn(|_| rng.random_range(-1.2..1.2));
+            let state = State::at(&q);
+            let pose = forward.world_from_tool(&state, &mut ws);
+            let i = pose.rotation.transpose() * (model.cell.balls[k % 3] - pose.translation);
+            let reading = std::array::from_fn(|a| i[a] + 3e-5 * rng.random_range(-1.0..1.0));
+            Row { state, measured: Measured::Touch { ball: k % 3, reading }, seq: None, line: k + 2 }
+        })
+        .collect();
+    let recording = Recording { name: "made".into(), joints: 6, rows };
+    for (name, axis) in [("tool_x", Axis::X), ("tool_y", Axis::Y), ("tool_z", Axis::Z)] {
+        model.terms.push(Term::new(name, "tool", Site::Tool(Motion::Along(axis)), Basis::CONSTANT));
+    }
+    (model, Dataset::build(&[recording], JointSource::Read, None).unwrap())
+}
+
+/// Something at joint 2, a function of its angle.
+fn candidate(shape: Shape, scale: f64) -> Candidate {
+    let basis = Basis::new(Variable::Joint { joint: 2 }, shape);
+    Candidate {
+        effect: "made",
+        site: serde_json::json!({ "joint": 2 }),
+        located: String::new(),
+        terms: vec![Term::new("made", "made", Site::Joint { joint: 2 }, basis)],
+        signs: vec![0],
+        physical: anything,
+        typical: scale,
+        scales: vec![scale],
+        log_prior: 0.0,
+    }
+}
+
+/// What a search with this candidate alone says of it, nats, and whether it chooses it.
+fn judged(candidate: Candidate) -> (f64, bool) {
+    let (model, data) = made();
+    let candidates = [candidate];
+    let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
+    let mut search =
+        Search { design: &design, candidates: &candidates, trust: vec![1.0], temper: 1.0, banned: Vec::new() };
+    let start = design.stage();
+    let evidence = search.evidence(&start, 0).unwrap().evidence;
+    (evidence, !search.choose(&start, &[]).is_empty())
+}
+
+#[test]
+fn three_nats_are_asked_for() {
+    let wave = candidate(Shape::Sine { cycles: 2.0 }, 1e-3);
+    let (plain, _) = judged(wave.clone());
+    for (evidence, chosen) in [(2.9, false), (3.1, true)] {
+        let told = judged(Candidate { log_prior: evidence - plain, ..wave.clone() });
+        assert!((told.0 - evidence).abs() < 1e-9 && told.1 == chosen, "{told:?}");
+    }
+}
+
+#[test]
+fn a_coefficient_pays_for_the_range_in_which_it_could_have_been() {
+    // well determined in either range: e^2 times as wide costs 2 nats
+    let (narrow, _) = judged(candidate(Shape::Sine { cycles: 2.0 }, 1e-2));
+    let (wide, _) = judged(candidate(Shape::Sine { cycles: 2.0 }, 1e-2 * 2.0_f64.exp()));
+    assert!((narrow - wide - 2.0).abs() < 0.01, "{narrow} {wide}");
+}
+
+#[test]
+fn a_step_is_told_by_its_smaller_side() {
+    let (model, data) = made();
+    for (at, region) in [(-0.9, "q2 < -51.6 deg"), (0.9, "q2 > 51.6 deg")] {
+        let step = candidate(Shape::Step { at }, 1e-3);
+        assert_eq!(describe(&step, std::iter::once(&step), &model, &data).region, region);
+    }
+}

@@ -199,8 +199,9 @@ impl<'a> Compensator<'a> {
     }
 
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
-    /// that no motion names come last, in the order of the file.
-    pub fn starts(&self) -> Vec<Result<Start, String>> {
+    /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
+    /// each as soon as it is known: what is done with it need not wait for the rest.
+    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>)) {
         let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
         let mut ws = workspaces(&self.arms);
         let mut last = [0.0; MAX_JOINTS];
@@ -217,7 +218,16 @@ impl<'a> Compensator<'a> {
             seen
         };
         let rest = unvisited.iter().enumerate().filter(|(_, seen)| !**seen).map(|(k, _)| Visit::To(k as u32));
+        let mut given = 0;
+        let mut known = 0;
         for visit in self.scan.visits.iter().copied().chain(rest) {
+            while let Some(Some(_)) = out.get(known) {
+                known += 1;
+            }
+            while known - given >= size {
+                give(out[given..given + size].iter().flatten().cloned().collect());
+                given += size;
+            }
             match visit {
                 Visit::Unknown => sense = MotionSense::new(MotionSense::DEAD_BAND),
                 Visit::Near { spot, shift, in_tool } => {
@@ -249,7 +259,9 @@ impl<'a> Compensator<'a> {
                 }
             }
         }
-        out.into_iter().map(|s| s.unwrap_or_else(|| Err("is not reached by the program".into()))).collect()
+        let lost = || Err("is not reached by the program".into());
+        let rest: Vec<_> = out.drain(given..).map(|s| s.unwrap_or_else(lost)).collect();
+        rest.chunks(size).for_each(|block| give(block.to_vec()));
     }
 
     fn near(

@@ -279,27 +279,37 @@ pub fn compensate(
     }
     report::lonely(&mut scan, &mut known, options);
     let all = Compensator::new(&scan, bytes, nominal, model, &known, options)?;
-    let starts = all.starts();
     let mut out = Splice { bytes, at: 0, sink };
     let (at, line) = dialect.mark(bytes, &options.model_name);
     let mut mark = Some(at);
     let mut tally = Tally::new(&scan, bytes, options);
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
-    for (spots, starts) in scan.spots.chunks(BLOCK * threads).zip(starts.chunks(BLOCK * threads)) {
-        for (spot, done) in spots.iter().zip(in_parallel(&all, spots, starts)) {
-            if mark.is_some_and(|m| m <= scan.at(spot)) {
-                out.insert(mark.take().unwrap_or(0), &line)?;
-            }
-            if let Ok(done) = &done {
-                let mut edits: Vec<_> = done.edits.iter().collect();
-                edits.sort_by_key(|(span, _)| span.at);
-                for (span, text) in edits {
-                    out.replace(span.at as usize, span.len as usize, text)?;
+    let size = BLOCK * threads;
+    // one thread goes through the program ahead of the others, which rewrite what is known
+    std::thread::scope(|scope| -> Result<(), ProgramError> {
+        let (give, starts) = std::sync::mpsc::channel();
+        let all = &all;
+        scope.spawn(move || {
+            // whoever no longer listens has failed, and says so
+            all.starts(size, &mut |block| drop(give.send(block)));
+        });
+        for (spots, starts) in scan.spots.chunks(size).zip(starts) {
+            for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
+                if mark.is_some_and(|m| m <= scan.at(spot)) {
+                    out.insert(mark.take().unwrap_or(0), &line)?;
                 }
+                if let Ok(done) = &done {
+                    let mut edits: Vec<_> = done.edits.iter().collect();
+                    edits.sort_by_key(|(span, _)| span.at);
+                    for (span, text) in edits {
+                        out.replace(span.at as usize, span.len as usize, text)?;
+                    }
+                }
+                tally.take(spot, done);
             }
-            tally.take(spot, done);
         }
-    }
+        Ok(())
+    })?;
     if let Some(at) = mark {
         out.insert(at, &line)?;
     }

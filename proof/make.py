@@ -18,7 +18,8 @@ import argparse
 import multiprocessing
 import sys
 import zlib
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -294,13 +295,27 @@ def make_case(kind: str, seed: int, index: int, touches: list[int]) -> tuple[str
     raise Invisible(f"{kind} {index}: 20 sessions in vain")
 
 
-def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> tuple[str, dict[str, str], dict]:
+@dataclass
+class Drawn:
+    """A case before it is measured."""
+
+    rng: np.random.Generator
+    nominal: Arm
+    arm: Arm
+    s: Session
+    effects: list[dict]
+    machine: Callable
+    model: str  # which kind of arm
+
+
+def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> Drawn:
+    """Arm, session and effects."""
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index, attempt])
     # of the other arms every kind is seen by touches three times in four
     touch = index // len(arms.OTHERS) % 4 != 3 if kind == "arms" else kind != "tracker"
-    other = list(arms.OTHERS)[index % len(arms.OTHERS)] if kind == "arms" else "small"
+    model = list(arms.OTHERS)[index % len(arms.OTHERS)] if kind == "arms" else "small"
     n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
-    nominal, s = cell(rng, n, touch, arms.OTHERS.get(other, arms.SMALL))
+    nominal, s = cell(rng, n, touch, arms.OTHERS.get(model, arms.SMALL))
     arm = built(nominal, rng, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
@@ -317,17 +332,26 @@ def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) ->
         for _ in range(count):
             e, s, design = draw_effect(rng, arm, s, design, families, visible, effects)
             effects.append(e)
-    noise_kind = pick(rng, ["ar1", "student", "uneven"]) if kind == "nonwhite" else "white"
-    columns, measured, rows = measure(rng, arm, s, effects, noise_kind, kind == "dirty", machine)
-    case_id = f"{zlib.crc32(f'{seed}/{kind}/{index}'.encode()):08x}"
-    name = f"arm {case_id}"
+    return Drawn(rng, nominal, arm, s, effects, machine, model)
+
+
+def name_of(kind: str, seed: int, index: int) -> str:
+    """A case's id."""
+    return f"{zlib.crc32(f'{seed}/{kind}/{index}'.encode()):08x}"
+
+
+def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> tuple[str, dict[str, str], dict]:
+    d = draw(kind, seed, index, touches, attempt)
+    noise_kind = pick(d.rng, ["ar1", "student", "uneven"]) if kind == "nonwhite" else "white"
+    columns, measured, rows = measure(d.rng, d.arm, d.s, d.effects, noise_kind, kind == "dirty", d.machine)
+    case_id = name_of(kind, seed, index)
     files = {
-        "robot.toml": write.robot_toml(nominal.but(name=name)),
-        "cell.toml": write.cell_toml(nominal),
+        "robot.toml": write.robot_toml(d.nominal.but(name=f"arm {case_id}")),
+        "cell.toml": write.cell_toml(d.nominal),
         "recording.csv": write.csv(columns),
     }
-    truth = describe(kind, arm, measured, effects, noise_kind, rows, machine)
-    truth["session"]["arm"] = other
+    truth = describe(kind, d.arm, measured, d.effects, noise_kind, rows, d.machine)
+    truth["session"]["arm"] = d.model
     return case_id, files, truth
 
 

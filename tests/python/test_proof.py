@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import configurations
+import decide
 import make
 import run
 import score
 import write
 from arms import OTHERS, SMALL, Kind, nominal_arm
 from effects import FAMILIES, OUTSIDE
-from plant import DEG, GRAVITY, MM, Arm, Session, bodies, frames, gravity_moments, simulate, true_arm
+from plant import DEG, GRAVITY, MM, Arm, Session, bodies, frames, gravity_moments, readings, simulate, true_arm
 from visible import Design, context, jacobian, parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -506,3 +507,46 @@ def test_strong_effects_are_named_and_nothing_is_named_where_nothing_is(tmp_path
     assert sum(score.same(*pair) for pair in firsts) >= 9, failures
     assert sum(score.alike(*pair) for pair in firsts) >= 11, failures
     assert sum(bool(c.findings) for c in cases if not c.effects) <= 1, failures
+
+
+# ---- touches that decide ---------------------------------------------------------------------------------------------
+
+
+def test_a_second_recording_is_of_the_same_machine() -> None:
+    """Without noise a fit to the first session explains the second, effect included; without the effect it does not."""
+    d = make.draw("none", 23, 0, [60], 0)
+    effect = {"effect": "gear_ratio", "site": {"joint": 2}, "p": {"k": 1e-3}}
+    s = replace(d.s, sigma=1e-12, lag=np.zeros_like(d.s.q), rest=np.zeros_like(d.s.q), load=None)
+    _, s, _ = make.measure(d.rng, d.arm, s, [effect], "white", False)
+    rng = np.random.default_rng(3)
+    q, ball = configurations.touches(d.nominal, rng, 6)
+    drawn = replace(d, s=s, effects=[effect])
+    columns = decide.second_recording(drawn, s, q, ball, configurations.approaches(rng, q, "comes"), rng)
+    where = np.stack([columns[f"q{j}_deg"][0] for j in range(1, 7)], 1) * DEG
+    read = np.stack([columns[f"i{a}_mm"][0] for a in "xyz"], 1) * MM
+    assert np.abs(where - q).max() < 3 * DEG and np.abs(read).max() < 5 * s.spread + 1e-6
+    later = replace(s, q=where, ball=ball, temp=np.full(6, s.temp[-1]), t=s.t[:6], dirs=s.dirs[:6], reading=read)
+    miss = [np.abs(readings(simulate(d.arm, later, effects)) - read).max() for effects in ([effect], [])]
+    assert miss[0] < 1e-6 and miss[1] > 50e-6
+
+
+def test_decisions_are_counted_by_what_was_undecided() -> None:
+    def finding(effect: str, confidence: float, rivals: list[str]) -> dict:
+        site = {"joint": 2}
+        return {
+            "effect": effect,
+            "site": site,
+            "confidence": confidence,
+            "rivals": [{"effect": r, "site": site} for r in rivals],
+        }
+
+    after = {
+        "planned": finding("gear_ratio", 0.95, []),
+        "random 1": finding("gear_ratio", 0.7, ["joint_harmonic"]),
+        "random 2": finding("joint_harmonic", 0.99, []),
+    }
+    truth = {"effect": "gear_ratio", "site": {"joint": 2}}
+    before = finding("joint_harmonic", 0.6, ["gear_ratio"])
+    text = decide.table([{"id": "a", "truth": truth, "before": before, "after": after}])
+    row = "| gear_ratio or joint_harmonic | 1 | 0.0 % (0.0 %) | 100.0 % (100.0 %) | 50.0 % (0.0 %) |"
+    assert row in text

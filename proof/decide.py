@@ -203,8 +203,8 @@ def main() -> int:
         results = [r for r in pool.map(decide, todo) if r]
     head = (
         f"Effect and site of the first finding right (right and stated at {score.SURE} or more). "
-        f"For {len(todo) - len(results)} of {len(todo)} undecided cases the program said that no {TOUCHES} touches would "
-        "decide, and planned none.\n\n"
+        f"For {len(todo) - len(results)} of {len(todo)} undecided cases the program said that no {TOUCHES} touches "
+        "would decide, and planned none.\n\n"
     )
     text = head + table(results)
     print(text)

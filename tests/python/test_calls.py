@@ -241,7 +241,8 @@ def test_other_threads_run_meanwhile(touches: trical.Recording) -> None:
 
 
 SLEEPER = """
-import sys, trical
+import signal, sys, trical
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background job ignores, and its children
 say = lambda fraction, what: print(what, flush=True)
 try:
     while True:

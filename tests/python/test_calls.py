@@ -252,13 +252,8 @@ except KeyboardInterrupt:
 """
 
 
-def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(
-    truth: trical.Model, plan: trical.Plan, tmp_path: Path
-) -> None:
-    # seconds of work, so that the signal does not come after it
-    q, ball, directions = (np.repeat(x, 10, axis=0) for x in (plan.q, plan.ball, plan.directions))
-    q = q + np.random.default_rng(1).normal(0, 1e-4, q.shape)
-    trical.simulate(truth, q, ball=ball, directions=directions, noise=5e-6, seed=1).save(tmp_path / "r.csv")
+def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(touches: trical.Recording, tmp_path: Path) -> None:
+    touches.save(tmp_path / "r.csv")
     child = subprocess.Popen(
         [sys.executable, "-c", SLEEPER, tmp_path / "r.csv", FILES["robot"], FILES["cell"]],
         stdout=subprocess.PIPE,

@@ -29,7 +29,7 @@ import configurations
 import make
 import score
 import write
-from plant import DEG, MM, Session, readings, simulate
+from plant import DEG, MM, Session
 from visible import Invisible
 
 #: Effects whose size is another at another time.
@@ -71,7 +71,6 @@ def drawn_again(job: Job) -> tuple[make.Drawn, Session]:
 def second_recording(d: make.Drawn, s: Session, q, ball, dirs, rng) -> dict:
     """Columns of touches at `q` (N, 6) rad, an hour after the first session, with its noise and its usual readings."""
     n, n0 = len(q), len(s.q)
-    new = np.arange(n0 + n) >= n0
     both = replace(
         s,
         q=np.concatenate([s.q, q]),
@@ -82,27 +81,20 @@ def second_recording(d: make.Drawn, s: Session, q, ball, dirs, rng) -> dict:
         lag=np.zeros((n0 + n, 6)),
         rest=np.zeros((n0 + n, 6)),
         load=None if s.load is None else np.concatenate([s.load, np.zeros(n)]),
+        reading=np.concatenate([np.zeros((n0, 3)), rng.normal(0, s.spread, (n, 3))]),
     )
-    wanted, errors = rng.normal(0, s.spread, (n, 3)), rng.normal(0, s.sigma, (n, 3))
-    for _ in range(4):
-        poses = simulate(d.arm, both, d.effects)
-        missing = readings(poses)[new] + errors - wanted
-        rs, os, p = configurations.flange(d.arm, both.q[new])
-        step = np.einsum("nij,nj->ni", poses.r[new], missing)
-        moved = both.q.copy()
-        moved[new] += np.einsum("nij,nj->ni", np.linalg.pinv(configurations.point_jacobian(rs, os, p)), step)
-        both = replace(both, q=moved)
-    both.q[new] = make.rounded(both.q[new])
-    read = np.round((readings(simulate(d.arm, both, d.effects))[new] + errors) / MM, 3)
-    columns = {"t_s": (20.0 * np.arange(n), 2), "ball": (ball + 1, 0)}
-    columns |= {f"q{j + 1}_deg": (both.q[new, j] / DEG, 4) for j in range(6)}
-    columns |= {f"dir{j + 1}": (dirs[:, j], 0) for j in range(6)}
-    columns |= {f"i{a}_mm": (read[:, i], 3) for i, a in enumerate("xyz")}
-    if s.has_thermometer:
-        columns["temp_c"] = (both.temp[new] + rng.normal(0, 0.02, n), 3)
-    if s.load is not None:
-        columns["payload_kg"] = (np.zeros(n), 3)
-    return columns
+    errors = np.concatenate([np.zeros((n0, 3)), rng.normal(0, s.sigma, (n, 3))])
+    new = slice(n0, None)
+    driven, read = make.drive_to_touch(d.arm, both, d.effects, errors, moving=new)
+    alone = replace(
+        driven,
+        q=driven.q[new],
+        t=20.0 * np.arange(n),
+        temp=driven.temp[new],
+        dirs=dirs,
+        load=None if s.load is None else np.zeros(n),
+    )
+    return make.table(rng, alone, ball + 1, np.round(read[new] / MM, 3))
 
 
 def planned(file: Path):
@@ -151,11 +143,12 @@ def jobs(where: Path, seed: int, touches: list[int], binary: Path) -> list[Job]:
     ids = {make.name_of("single", seed, i): i for i in range(len(cases))}
     out = []
     for c in cases:
-        f, e, session = score.first(c), c.effects[0], c.truth["session"]
-        passing = {e["effect"], *(x["effect"] for x in [f or {"effect": ""}, *(f or {}).get("rivals", [])])} & PASSING
-        if f and f["confidence"] < score.SURE and f["rivals"] and e["lambda"] >= 6 and not passing:
-            if not session["commanded"]:
-                out.append(Job(where, c.id, seed, ids[c.id], touches, binary, e, f))
+        f, e = score.first(c), c.effects[0]
+        if not f or not f["rivals"] or f["confidence"] >= score.SURE or e["lambda"] < 6:
+            continue
+        names = {e["effect"], f["effect"], *(rival["effect"] for rival in f["rivals"])}
+        if not names & PASSING and not c.truth["session"]["commanded"]:
+            out.append(Job(where, c.id, seed, ids[c.id], touches, binary, e, f))
     return out
 
 

@@ -214,9 +214,11 @@ def rounded(q: np.ndarray) -> np.ndarray:
     return np.round(q / DEG, 4) * DEG
 
 
-def drive_to_touch(arm: Arm, s: Session, effects, errors: np.ndarray, machine=simulate) -> tuple[Session, np.ndarray]:
+def drive_to_touch(
+    arm: Arm, s: Session, effects, errors: np.ndarray, machine=simulate, moving=slice(None)
+) -> tuple[Session, np.ndarray]:
     """Drives the true machine until the readings are what the procedure leaves, and returns what is then read (N, 3)
-    m."""
+    m. Rows that are not `moving` stay where they are."""
     q = s.q.copy()
     # experiments are dear: they only have to find what remains after a plain drive
     drives = [(simulate, effects)] * 4 if machine is simulate else [(simulate, [])] * 3 + [(machine, effects)]
@@ -226,10 +228,31 @@ def drive_to_touch(arm: Arm, s: Session, effects, errors: np.ndarray, machine=si
         step = np.einsum("nij,nj->ni", poses.r, missing)
         rs, os, p = configurations.flange(arm, q)
         jac = configurations.point_jacobian(rs, os, p)
-        q = q + np.einsum("nij,nj->ni", np.linalg.pinv(jac), step)
+        q[moving] += np.einsum("nij,nj->ni", np.linalg.pinv(jac), step)[moving]
     now = replace(s, q=rounded(q))
     read = readings(machine(arm, now, effects)) + errors
     return replace(now, reading=read), read
+
+
+def table(rng, s: Session, ids: np.ndarray, measured: np.ndarray) -> dict[str, tuple[np.ndarray, int]]:
+    """Columns of a recording: values, and digits after the point. `ids` (N) are balls from 1, `measured` (N, 3) mm."""
+    columns: dict[str, tuple[np.ndarray, int]] = {"t_s": (s.t, 2)}
+    if s.touch:
+        columns["ball"] = (ids, 0)
+    for j in range(6):
+        columns[f"q{j + 1}_deg"] = (s.q[:, j] / DEG, 4)
+    if s.has_commanded:
+        for j in range(6):
+            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag + s.rest)[:, j] / DEG, 4)
+    for j in range(6):
+        columns[f"dir{j + 1}"] = (s.dirs[:, j], 0)
+    for i, a in enumerate("xyz"):
+        columns[f"i{a}_mm" if s.touch else f"{a}_mm"] = (measured[:, i], 3 if s.touch else 4)
+    if s.has_thermometer:
+        columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
+    if s.load is not None:
+        columns["payload_kg"] = (s.load, 3)
+    return columns
 
 
 def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
@@ -252,22 +275,7 @@ def measure(rng, arm, s, effects, noise_kind, dirty, machine=simulate):
         s = replace(s, q=rounded(s.q))
         where = zyx(rng.uniform(-np.pi, np.pi, 3) * [1.0, 0.1, 0.1]), rng.uniform(-2.0, 2.0, 3)
         points = (tracker_points(machine(arm, s, effects), where) + errors) / MM
-    columns: dict[str, tuple[np.ndarray, int]] = {"t_s": (s.t, 2)}
-    if s.touch:
-        columns["ball"] = (ids, 0)
-    for j in range(6):
-        columns[f"q{j + 1}_deg"] = (s.q[:, j] / DEG, 4)
-    if s.has_commanded:
-        for j in range(6):
-            columns[f"qc{j + 1}_deg"] = ((s.q + s.lag + s.rest)[:, j] / DEG, 4)
-    for j in range(6):
-        columns[f"dir{j + 1}"] = (s.dirs[:, j], 0)
-    for i, a in enumerate("xyz"):
-        columns[f"i{a}_mm" if s.touch else f"{a}_mm"] = (read[:, i], 3) if s.touch else (points[:, i], 4)
-    if s.has_thermometer:
-        columns["temp_c"] = (s.temp + rng.normal(0, 0.02, len(s.t)), 3)
-    if s.load is not None:
-        columns["payload_kg"] = (s.load, 3)
+    columns = table(rng, s, ids, read if s.touch else points)
     return columns, s, rows
 
 

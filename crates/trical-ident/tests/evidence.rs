@@ -4,9 +4,10 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::diagnose::catalogue::{Candidate, anything};
+use trical_ident::diagnose::catalogue::{Candidate, anything, catalogue};
 use trical_ident::diagnose::design::Design;
-use trical_ident::diagnose::locators::describe;
+use trical_ident::diagnose::locators::{describe, locators};
+use trical_ident::diagnose::recorded::Recorded;
 use trical_ident::diagnose::search::Search;
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
@@ -18,11 +19,15 @@ const CELL: &str = include_str!("../../trical-model/tests/data/cell.toml");
 
 /// A model whose tool is to be fitted, and 60 touches with noise.
 fn made() -> (Model, Dataset) {
+    made_of(60)
+}
+
+fn made_of(touches: usize) -> (Model, Dataset) {
     let mut model = Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap());
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     let forward = Forward::new(model.clone(), Vec::new()).unwrap();
     let mut ws = forward.workspace();
-    let rows = (0..60)
+    let rows = (0..touches)
         .map(|k| {
             let q: [f64; 6] = std::array::from_fn(|_| rng.random_range(-1.2..1.2));
             let state = State::at(&q);
@@ -92,4 +97,32 @@ fn a_step_is_told_by_its_smaller_side() {
         let step = candidate(Shape::Step { at }, 1e-3);
         assert_eq!(describe(&step, std::iter::once(&step), &model, &data).region, region);
     }
+}
+
+#[test]
+fn an_arm_that_carries_more_gives_way_less() {
+    let (mut model, data) = made();
+    let of = |model: &Model| {
+        let recorded = Recorded::new(model, &data, 1e-5);
+        let all = catalogue(&recorded).0;
+        let is_it = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site["joint"] == 2;
+        (recorded.strength(), all.iter().find(is_it).unwrap().scales[0])
+    };
+    let (weak, soft) = of(&model);
+    for joint in &mut model.robot.joints {
+        joint.mass = joint.mass.map(|m| 100.0 * m);
+    }
+    let (strong, stiff) = of(&model);
+    assert!((weak - 1.0).abs() < 1e-12 && strong > 4.0, "{weak} {strong}");
+    assert!((soft / stiff - strong).abs() < 1e-9 * strong, "{soft} {stiff}");
+}
+
+#[test]
+fn a_curve_is_fine_where_there_are_values_for_it() {
+    let most = |touches| {
+        let (model, data) = made_of(touches);
+        locators(&model, &data).iter().map(|c| c.terms.len()).max().unwrap()
+    };
+    // the first knot is the joint's own constant
+    assert_eq!([most(60), most(639), most(640)], [15, 15, 31]);
 }

@@ -133,7 +133,8 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
             if *variable == (Variable::Joint { joint }) {
-                let enough = |k: &usize| *k == FINE_KNOTS[0] || sorted(&values).len() >= k * PER_KNOT;
+                let distinct = sorted(&values).len();
+                let enough = |k: &usize| *k == FINE_KNOTS[0] || distinct >= k * PER_KNOT;
                 let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
                 out.extend(fine.map(|fine| candidate(tents(at, *variable, None, &fine), &of)));
             }

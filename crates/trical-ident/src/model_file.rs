@@ -219,7 +219,7 @@ impl ModelFile {
             if let Some(sd) = t.sd.filter(|sd| !(sd.is_finite() && *sd >= 0.0)) {
                 return Err(bad(format!("term {} has sd {sd}, expected 0 or more", term.name)));
             }
-            if let Err(problem) = term.basis.shape.check() {
+            if let Err(problem) = term.basis.check() {
                 return Err(bad(format!("term {}: its basis {problem}", term.name)));
             }
             term.value = t.value / u.per_si;

@@ -46,7 +46,7 @@ pub fn unit(term: &Term) -> Unit {
     let (of, of_factor): (&str, f64) = match term.basis.of {
         Variable::Nothing => ("", 1.0),
         Variable::Joint { .. } | Variable::Lag { .. } => ("deg", deg),
-        Variable::Moment { .. } | Variable::FootMoment { .. } => ("Nm", 1.0),
+        Variable::Moment { .. } | Variable::FootMoment { .. } | Variable::PartMoment { .. } => ("Nm", 1.0),
         Variable::Time => ("s", 1.0),
         Variable::Temperature { .. } => ("K", 1.0),
         Variable::Reading { .. } => ("mm", 1e3),

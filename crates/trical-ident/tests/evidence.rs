@@ -126,3 +126,60 @@ fn a_curve_is_fine_where_there_are_values_for_it() {
     // the first knot is the joint's own constant
     assert_eq!([most(60), most(639), most(640)], [15, 15, 31]);
 }
+
+#[test]
+fn the_softest_gap_is_the_curve_of_a_soft_joint() {
+    let (model, data) = made();
+    let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
+    for joint in 2..=3 {
+        let of = |effect: &str| -> Vec<Basis> {
+            let here = |c: &&Candidate| c.effect == effect && c.site["joint"] == joint;
+            all.iter().filter(here).map(|c| c.terms[0].basis).collect()
+        };
+        let soft = of("nonlinear_stiffness");
+        assert!(of("lost_motion_gravity").iter().any(|gap| soft.contains(gap)), "joint {joint} shares no curve");
+    }
+}
+
+#[test]
+fn a_joint_gives_way_about_any_point_of_its_axis() {
+    let (model, data) = made();
+    let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
+    let points = |joint| {
+        let here = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site["joint"] == joint;
+        all.iter().filter(here).map(|c| (c.share(), c.located.clone())).collect::<Vec<_>>()
+    };
+    // base and table at their foot only, a joint without an offset at its origin only
+    assert_eq!((points(1).len(), points(2).len()), (1, 1));
+    let shares: Vec<Option<f64>> = points(4).iter().map(|p| p.0).collect();
+    assert_eq!(shares, [None, None, Some(0.25), Some(0.5), Some(0.75)]);
+    assert!(
+        points(4)[2].1.ends_with("about a point 25 % of the way from its origin to its foot"),
+        "{}",
+        points(4)[2].1
+    );
+}
+
+/// A cable that pulls joint 5 by the angles of joints 5 and 4 is found, and told by both.
+#[test]
+fn what_two_angles_tell_together_is_one_curve() {
+    let (mut model, data) = made();
+    let cable = locators(&model, &data)
+        .into_iter()
+        .find(|c| c.site["joint"] == 5 && c.terms.iter().any(|t| t.basis.beside.is_some_and(|b| b.joint == 4)));
+    let cable = cable.unwrap();
+    assert_eq!(cable.terms.len(), 6);
+    let sizes = [1e-4, 2e-4, -1e-4, 5e-5, 3e-4, -2e-4];
+    model.terms.extend(cable.terms.iter().zip(sizes).map(|(t, value)| Term { value, ..t.clone() }));
+    let told = describe(&cable, std::iter::once(&cable), &model, &data);
+    assert_eq!((told.variable.as_str(), told.region.as_str()), ("q4", "all of q4, with q5"));
+    let (middle, at) = {
+        let mut own: Vec<f64> = data.observations.iter().map(|o| o.state.q[4]).collect();
+        own.sort_by(f64::total_cmp);
+        (own[own.len() / 2], told.curve[7])
+    };
+    let ([s, c], [u, v]) = ([middle.sin(), middle.cos()], [at.0.to_radians().sin(), at.0.to_radians().cos()]);
+    let [a, b, d, e, f, g] = sizes;
+    let expected = s * (a + b * u + d * v) + c * (e + f * u + g * v);
+    assert!((at.1.to_radians() - expected).abs() < 1e-12, "{at:?} {expected}");
+}

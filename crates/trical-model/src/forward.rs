@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::basis::{Basis, Variable};
 use crate::cell::Cell;
 use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, small_rotation};
 use crate::error::{ModelError, Result};
@@ -14,7 +15,7 @@ use crate::jacobian::{Map, Target, Through};
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
 use crate::robot::Robot;
-use crate::term::{Axis, Basis, Dof, Term, Variable, actions};
+use crate::term::{Axis, Dof, Term, actions};
 
 type V3 = Vector3<f64>;
 
@@ -336,7 +337,8 @@ impl Forward {
     #[inline]
     pub(crate) fn variable(basis: &Basis, moment: Option<&Moment>, state: &State, measured: &Measured) -> f64 {
         match basis.of {
-            Variable::Nothing => 0.0,
+            // a part of either moment in every action: see `term::across_between`
+            Variable::Nothing | Variable::PartMoment { .. } => 0.0,
             Variable::Joint { joint } => state.q[joint - 1],
             Variable::Moment { .. } | Variable::FootMoment { .. } => moment.map_or(0.0, |m| m.value),
             Variable::Lag { joint } => state.q_commanded.map_or(0.0, |c| c[joint - 1] - state.q[joint - 1]),
@@ -349,12 +351,14 @@ impl Forward {
         }
     }
 
+    /// What multiplies a basis's shape.
     #[inline]
-    pub(crate) fn sense(basis: &Basis, state: &State) -> f64 {
-        match basis.sense {
+    pub(crate) fn factor(basis: &Basis, state: &State) -> f64 {
+        let sense = match basis.sense {
             None => 1.0,
             Some(joint) => state.dir.map_or(0.0, |d| f64::from(d[joint - 1])),
-        }
+        };
+        basis.beside.map_or(sense, |b| sense * b.shape.at(state.q[b.joint - 1]).0)
     }
 
     pub(crate) fn payload_at(&self, state: &State) -> (f64, V3) {
@@ -388,7 +392,7 @@ impl Forward {
         for (k, index) in &self.varying {
             let b = &self.bound[*index];
             let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            let v = self.model.terms[*k].value * b.weight * Self::sense(&b.basis, state) * b.basis.shape.at(u).0;
+            let v = self.model.terms[*k].value * b.weight * Self::factor(&b.basis, state) * b.basis.shape.at(u).0;
             match self.dofs[b.dof] {
                 Dof::Chain(i, dof) => ws.increments[i][dof as usize] += v,
                 Dof::Base(m) => ws.base[m] += v,

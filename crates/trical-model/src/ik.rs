@@ -31,11 +31,11 @@ use std::f64::consts::{PI, TAU};
 
 use thiserror::Error;
 
+use crate::basis::{Shape, Variable};
 use crate::forward::{Forward, Workspace};
 use crate::pose::Pose;
 use crate::recording::{Joints, MAX_JOINTS, State};
 use crate::robot::{JointKind, Robot};
-use crate::term::{Shape, Variable};
 use limits::{all_wraps, excess, farthest, principal, put_within, same};
 use newton::Ended;
 

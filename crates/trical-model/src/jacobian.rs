@@ -2,12 +2,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::basis::Variable;
 use crate::chain::Moment;
 use crate::forward::{Bound, Forward, NOTHING, Workspace, residual_rows};
 use crate::pose::Pose;
 use crate::recording::{Measured, State};
 use crate::robot::JointKind;
-use crate::term::{ChainDof, Dof, Variable};
+use crate::term::{ChainDof, Dof};
 
 type V3 = Vector3<f64>;
 
@@ -125,7 +126,7 @@ impl Forward {
                     _ => continue,
                 };
                 let u = Self::variable(&b.basis, None, state, &NOTHING);
-                let slope = b.basis.shape.at(u).1 * Self::sense(&b.basis, state);
+                let slope = b.basis.shape.at(u).1 * Self::factor(&b.basis, state);
                 let factor = sign * slope * b.weight * self.model.terms[*k].value;
                 add(&mut sum, &ws.columns[b.dof], factor);
             }
@@ -150,7 +151,7 @@ impl Forward {
             let b = &self.bound[*index];
             let Some(m) = b.moment else { continue };
             let slope = b.basis.shape.at(ws.moments[m].value).1;
-            let factor = self.model.terms[*k].value * b.weight * Self::sense(&b.basis, state) * slope;
+            let factor = self.model.terms[*k].value * b.weight * Self::factor(&b.basis, state) * slope;
             let column = ws.columns[b.dof];
             add(&mut ws.elastic[m], &column, factor);
         }
@@ -201,7 +202,7 @@ impl Forward {
             self.add_through_moments(self.dofs[b.dof], ws, b.weight, sum);
         } else {
             let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            add(sum, &ws.columns[b.dof], b.weight * Self::sense(&b.basis, state) * b.basis.shape.at(u).0);
+            add(sum, &ws.columns[b.dof], b.weight * Self::factor(&b.basis, state) * b.basis.shape.at(u).0);
         }
     }
 

@@ -17,6 +17,7 @@
 //! | [`interrupt`] | long work that can be asked to stop |
 //! | [`pose`] | rigid transforms |
 
+pub mod basis;
 pub mod cell;
 mod chain;
 pub mod error;
@@ -32,6 +33,7 @@ pub mod term;
 mod trig;
 pub mod urdf;
 
+pub use basis::{Basis, Beside, Shape, Variable};
 pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};
 pub use forward::{Forward, GRAVITY, Model, Workspace, residual_rows};
@@ -40,4 +42,4 @@ pub use pose::Pose;
 pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
 pub use rigid::Rigid;
 pub use robot::{Joint, JointKind, Robot};
-pub use term::{Axis, Basis, Motion, Parameter, Payload, Shape, Site, Term, Variable};
+pub use term::{Axis, Motion, Parameter, Payload, Site, Term};

@@ -8,8 +8,8 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use trical_model::pose::{quaternion_from_rotation, rotation_zyx};
 use trical_model::{
-    Axis, Basis, Cell, Forward, GRAVITY, Joint, JointKind, Measured, Model, Motion, Parameter, Payload, Pose, Robot,
-    Shape, Site, State, Term, Tool, Variable, residual_rows,
+    Axis, Basis, Beside, Cell, Forward, GRAVITY, Joint, JointKind, Measured, Model, Motion, Parameter, Payload, Pose,
+    Robot, Shape, Site, State, Term, Tool, Variable, residual_rows,
 };
 
 type D = Dual64;
@@ -100,6 +100,10 @@ fn shape(s: Shape, u: D) -> D {
                 (c(right) - u) / (right - centre)
             }
         }
+        Shape::Growth { from, to } => {
+            let beyond = (u - from) / (to - from);
+            if beyond.re > 0.0 { beyond * beyond } else { c(0.0) }
+        }
     }
 }
 
@@ -108,6 +112,14 @@ type JointFrames = (M, V, V, M);
 /// Whether a term at a site across a joint acts about its foot.
 fn foot(t: &Term) -> bool {
     matches!(t.basis.of, Variable::FootMoment { .. })
+}
+
+/// For one about a point between: the share of the way from the origin to the foot.
+fn part(t: &Term) -> Option<f64> {
+    match t.basis.of {
+        Variable::PartMoment { share, .. } => Some(share),
+        _ => None,
+    }
 }
 
 struct Naive<'a> {
@@ -146,6 +158,21 @@ impl Naive<'_> {
                     }
                     _ => (false, t.basis.of, None, 0.0),
                 },
+                // about a point of the axis: in part about its origin, in part about its foot
+                Site::Across { joint } if part(t).is_some() => {
+                    let share = part(t).unwrap();
+                    let of = |axis| Variable::PartMoment { joint, axis, share };
+                    match wanted {
+                        Site::Tilt { joint: j, axis } if j == joint => (true, of(axis), t.basis.sense, 1.0 - share),
+                        Site::Link { link, parameter: Parameter::Alpha } if link + 1 == joint => {
+                            (true, of(Axis::X), t.basis.sense, share)
+                        }
+                        Site::Link { link, parameter: Parameter::Beta } if link + 1 == joint => {
+                            (true, of(Axis::Y), t.basis.sense, share)
+                        }
+                        _ => (false, t.basis.of, None, 0.0),
+                    }
+                }
                 Site::Across { joint } => match wanted {
                     Site::Tilt { joint: j, axis } if j == joint && !foot(t) => {
                         (true, Variable::Moment { joint, axis }, t.basis.sense, 1.0)
@@ -174,6 +201,9 @@ impl Naive<'_> {
                 Variable::Joint { joint } => self.q[joint - 1],
                 Variable::Moment { joint, axis } => moment(joint, axis, false),
                 Variable::FootMoment { joint, axis } => moment(joint, axis, true),
+                Variable::PartMoment { joint, axis, share } => {
+                    moment(joint, axis, false) * (1.0 - share) + moment(joint, axis, true) * share
+                }
                 Variable::Lag { joint } => c(state.q_commanded.unwrap()[joint - 1]) - self.q[joint - 1],
                 Variable::Time => c(state.t.unwrap()),
                 Variable::Temperature { reference_c } => c(state.temp_c.unwrap() - reference_c),
@@ -182,7 +212,8 @@ impl Naive<'_> {
                     _ => c(0.0),
                 },
             };
-            let s = basis.sense.map_or(1.0, |j| f64::from(state.dir.unwrap()[j - 1]));
+            let s = basis.sense.map_or(1.0, |j| f64::from(state.dir.unwrap()[j - 1]))
+                * basis.beside.map_or(1.0, |b| shape(b.shape, c(state.q[b.joint - 1])).re);
             total += *v * weight * s * shape(basis.shape, u);
         }
         total
@@ -391,7 +422,7 @@ impl Draw {
             6 => Variable::Temperature { reference_c: 20.0 },
             _ => Variable::Reading { axis: Axis::ALL[self.below(3)] },
         };
-        let shape = match self.below(12) {
+        let shape = match self.below(13) {
             0 => Shape::One,
             1 | 2 => Shape::Linear,
             3 => Shape::Absolute,
@@ -402,12 +433,15 @@ impl Draw {
             8 => Shape::Cosine { cycles: 3.0 },
             9 => Shape::Step { at: 0.1 },
             10 => Shape::Hinge { at: -0.2 },
+            11 => Shape::Growth { from: 0.3, to: -1.1 },
             _ => Shape::WarmUp { constant: 3.0 },
         };
         // elsewhere it would be an exponential without end
         let of = if matches!(shape, Shape::WarmUp { .. }) { Variable::Time } else { of };
         let sense = (self.below(3) == 0).then(|| 1 + self.below(n));
-        Basis { of, shape, sense }
+        let beside =
+            (self.below(4) == 0).then(|| Beside { joint: 1 + self.below(n), shape: Shape::Cosine { cycles: 2.0 } });
+        Basis { of, shape, sense, beside }
     }
 
     fn terms(&mut self, n: usize) -> Vec<Term> {
@@ -448,7 +482,10 @@ impl Draw {
                 _ => sites[self.below(movable)],
             };
             let basis = match k {
-                0 if self.below(2) == 0 => Basis::new(Variable::FootMoment { joint: 1, axis: Axis::X }, Shape::Linear),
+                0 if self.below(3) == 0 => Basis::new(Variable::FootMoment { joint: 1, axis: Axis::X }, Shape::Linear),
+                0 if self.below(2) == 0 => {
+                    Basis::new(Variable::PartMoment { joint: 1, axis: Axis::X, share: 0.3 }, Shape::Linear)
+                }
                 0 => Basis::new(Variable::Moment { joint: 1, axis: Axis::X }, Shape::Linear),
                 1 => Basis::new(Variable::Lag { joint: 1 }, Shape::Linear),
                 3 => Basis::torque(1 + self.below(n), Shape::Linear),
@@ -458,7 +495,10 @@ impl Draw {
             terms.push(Term::new(format!("vary{k}"), "test", site, basis));
         }
         for t in &mut terms {
-            let torque = matches!(t.basis.of, Variable::Moment { .. } | Variable::FootMoment { .. });
+            let torque = matches!(
+                t.basis.of,
+                Variable::Moment { .. } | Variable::FootMoment { .. } | Variable::PartMoment { .. }
+            );
             t.value = self.n(0.02)
                 * if !torque {
                     1.0

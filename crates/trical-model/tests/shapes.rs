@@ -22,6 +22,8 @@ fn slopes_are_those_of_the_values() {
         Shape::Tent { left: -0.6, centre: 0.2, right: 0.9 },
         Shape::Tent { left: f64::NEG_INFINITY, centre: 0.2, right: 0.9 },
         Shape::Tent { left: -0.6, centre: 0.2, right: f64::INFINITY },
+        Shape::Growth { from: -0.3, to: 0.9 },
+        Shape::Growth { from: 0.4, to: -0.9 },
     ];
     for shape in shapes {
         shape.check().unwrap();
@@ -37,6 +39,7 @@ fn slopes_are_those_of_the_values() {
         Shape::WarmUp { constant: -1.0 },
         Shape::Sine { cycles: f64::NAN },
         Shape::Tent { left: 0.5, centre: 0.2, right: 0.9 },
+        Shape::Growth { from: 0.2, to: 0.2 },
     ] {
         assert!(broken.check().is_err(), "{broken:?}");
     }

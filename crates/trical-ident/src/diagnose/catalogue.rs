@@ -34,7 +34,7 @@ impl Candidate {
     #[must_use]
     pub fn step(&self) -> Option<(Variable, f64)> {
         match self.terms.first()?.basis {
-            Basis { of, shape: Shape::Step { at }, sense: None } => Some((of, at)),
+            Basis { of, shape: Shape::Step { at }, sense: None, beside: None } => Some((of, at)),
             _ => None,
         }
     }
@@ -54,6 +54,60 @@ impl Candidate {
         other
     }
 
+    /// Variable of a free curve, if it is one.
+    #[must_use]
+    pub fn curve(&self) -> Option<Variable> {
+        let is_tent = |t: &Term| matches!(t.basis, Basis { shape: Shape::Tent { .. }, sense: None, .. });
+        (self.terms.len() > 1 && self.terms.iter().all(is_tent)).then(|| self.terms[0].basis.of)
+    }
+
+    /// Softness or time constant of its shape, if it has one (all its terms share it).
+    #[must_use]
+    pub fn scale(&self) -> Option<f64> {
+        match self.terms.first()?.basis.shape {
+            Shape::SoftSign { scale } => Some(scale),
+            Shape::WarmUp { constant } => Some(constant),
+            _ => None,
+        }
+    }
+
+    /// The same with another softness or time constant.
+    #[must_use]
+    pub fn with_scale(&self, to: f64) -> Self {
+        let mut other = self.clone();
+        for shape in other.terms.iter_mut().map(|t| &mut t.basis.shape) {
+            match shape {
+                Shape::SoftSign { scale } => *scale = to,
+                Shape::WarmUp { constant } => *constant = to,
+                _ => {}
+            }
+        }
+        other
+    }
+
+    /// Where on its axis a joint gives way, if it is between: the share of the way from its origin to its foot.
+    #[must_use]
+    pub fn share(&self) -> Option<f64> {
+        match self.terms.first()?.basis.of {
+            Variable::PartMoment { share, .. } => Some(share),
+            _ => None,
+        }
+    }
+
+    /// The same about another point.
+    #[must_use]
+    pub fn with_share(&self, to: f64) -> Self {
+        let mut other = self.clone();
+        for t in &mut other.terms {
+            if let Variable::PartMoment { share, .. } = &mut t.basis.of {
+                *share = to;
+            }
+        }
+        let what = self.located.split(BETWEEN).next().unwrap_or_default();
+        other.located = format!("{what}{BETWEEN}{:.0} % of the way from its origin to its foot", 100.0 * to);
+        other
+    }
+
     /// Whether it only changes slowly, with time or temperature: noise that remembers itself looks like that.
     #[must_use]
     pub fn slow(&self) -> bool {
@@ -63,9 +117,13 @@ impl Candidate {
     /// Whether it is a step or a curve rather than a wave.
     #[must_use]
     pub fn scanned(&self) -> bool {
-        self.terms.iter().all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. }))
+        self.terms
+            .iter()
+            .all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. } | Shape::Growth { .. }))
     }
 }
+
+const BETWEEN: &str = " about a point ";
 
 /// No relation between coefficients is asked for.
 #[must_use]

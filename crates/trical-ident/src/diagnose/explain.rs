@@ -7,7 +7,7 @@ use super::answer::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
 use super::catalogue::Candidate;
 use super::design::{Design, Stage};
 use super::locators;
-use super::misfit::{CONSIDERABLE, Judge, Misfit};
+use super::misfit::{CONSIDERABLE, Judge, Misfit, nats};
 use super::search::{Ranked, Search};
 use crate::dataset::Dataset;
 use crate::fit::position_errors;
@@ -26,6 +26,9 @@ const SURE_LEFT: f64 = 1e-5;
 /// Share of an unknown effect that its approximation may leave to be taken for something else.
 const LEAK: f64 = 0.05;
 
+/// A probe that says so many nats more than the curves of its place tells better on what the mismatch depends.
+const TELLS: f64 = 3.0;
+
 /// No claim is surer than this.
 const SUREST: f64 = 0.99;
 
@@ -34,9 +37,18 @@ pub(super) struct Group {
     pub(super) members: Vec<usize>,
 }
 
+/// The place of an effect as probes have it: a coupling acts at its first joint. None where nothing is probed.
+pub(super) fn place_of(effect: &serde_json::Value) -> Option<serde_json::Value> {
+    let key = PLACES.into_iter().find(|key| !effect[key].is_null())?;
+    Some(serde_json::json!({ key: effect[key] }))
+}
+
+/// Kinds of places that are probed.
+const PLACES: [&str; 4] = ["joint", "tool", "fixture", "links"];
+
 /// Whether a probe's place is that of an effect (a coupling acts at its first joint).
 pub(super) fn at_same_place(probe: &serde_json::Value, effect: &serde_json::Value) -> bool {
-    ["joint", "tool", "fixture", "links"].iter().any(|key| !probe[key].is_null() && probe[key] == effect[key])
+    PLACES.iter().any(|key| !probe[key].is_null() && probe[key] == effect[key])
 }
 
 pub(super) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
@@ -265,6 +277,56 @@ pub(super) fn of_one_kind(group: &Group, candidates: &[Candidate]) -> f64 {
     if extra == 0 { 1.0 } else { 0.5_f64.powi(i32::try_from(extra).unwrap_or(i32::MAX)) }
 }
 
+/// A mismatch that a probe tells: where and on what it depends.
+fn told(m: Misfit, rms_mm: f64, [before, after]: [f64; 2], curve: Vec<(f64, f64)>) -> Unexplained {
+    let units = if curve.is_empty() { "" } else { "deg" };
+    Unexplained {
+        region: format!("all of {}", m.variable),
+        rms_mm,
+        holdout_rms_before_mm: before,
+        holdout_rms_after_mm: after,
+        site: m.site,
+        variable: m.variable,
+        curve,
+        curve_units: (units.to_owned(), units.to_owned()),
+    }
+}
+
+/// Curves without a name are what the model can hold; a probe may tell better on what the mismatch depends (a joint that remembers
+/// its last moves looks like a curve of time). Before a place's curves, what its probe tells instead; and what a probe tells of
+/// places whose names are `doubted`. `without` and `held_out_rms_mm` leave out what was chosen at a place: its curves, or all of it.
+pub(super) fn told_better(
+    judge: &Judge<'_>,
+    full: &Stage,
+    unexplained: &mut Vec<Unexplained>,
+    doubted: &[serde_json::Value],
+    without: &dyn Fn(&serde_json::Value, bool) -> Stage,
+    held_out_rms_mm: &dyn Fn(&serde_json::Value, bool, Option<usize>) -> f64,
+) {
+    let mut sites: Vec<serde_json::Value> = Vec::new();
+    for u in unexplained.iter() {
+        if !sites.contains(&u.site) {
+            sites.push(u.site.clone());
+        }
+    }
+    for site in sites.into_iter().chain(doubted.iter().cloned()) {
+        let here = |u: &Unexplained| u.site == site;
+        let curves = unexplained.iter().any(here);
+        let stage = without(&site, curves);
+        let own = nats(judge.freedom(&stage), stage.ss, full.ss, full.parameters - stage.parameters);
+        let Some((m, said)) = judge.teller(&stage, &site) else { continue };
+        let known = unexplained.iter().any(|u| here(u) && u.variable == m.variable);
+        let better = if curves { said > own + TELLS } else { m.dss > 0.5 * (stage.ss - full.ss) };
+        if better && !known {
+            let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(&site, curves, probe));
+            let rms_mm = errors[0] * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt();
+            let at = unexplained.iter().position(here).unwrap_or(0);
+            let line = judge.line(&stage, &m);
+            unexplained.insert(at, told(m, rms_mm, errors, line));
+        }
+    }
+}
+
 /// What probes say is left at places where no curve was good enough to be modelled, beside what is `explained` there.
 pub(super) fn left_over(
     judge: &Judge<'_>,
@@ -281,15 +343,11 @@ pub(super) fn left_over(
     let before = held_out_rms_mm(None);
     places
         .into_iter()
-        .map(|m| Unexplained {
-            region: format!("all of {}", m.variable),
-            rms_mm: before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt(),
-            holdout_rms_before_mm: before,
-            holdout_rms_after_mm: held_out_rms_mm(Some(m.probe)),
-            site: m.site,
-            variable: m.variable,
-            curve: Vec::new(),
-            curve_units: (String::new(), String::new()),
+        .map(|m| {
+            let rms_mm = before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt();
+            let errors = [before, held_out_rms_mm(Some(m.probe))];
+            let line = judge.line(stage, &m);
+            told(m, rms_mm, errors, line)
         })
         .collect()
 }

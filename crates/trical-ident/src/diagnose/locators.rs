@@ -1,8 +1,8 @@
 //! Locators: what finds a mismatch without knowing its name. A stump (a joint is off where some variable is below a threshold),
-//! a ramp (it is off more and more beyond one) and a free curve (a linear spline of some variable at a joint). They compete with the catalogue, at a price: a name is
-//! preferred until it is beaten by [`PRICE`] nats.
+//! growth (it is off more and more beyond one, in proportion or with the square) and a free curve (a linear spline of some
+//! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`PRICE`] nats.
 
-use trical_model::{Basis, Model, Shape, Site, State, Term, Variable};
+use trical_model::{Basis, Beside, Model, Shape, Site, State, Term, Variable};
 
 use super::catalogue::{Candidate, anything};
 use crate::dataset::Dataset;
@@ -19,8 +19,8 @@ pub const LARGE: f64 = 0.02 * std::f64::consts::PI / 180.0;
 /// Thresholds tried for each variable.
 const THRESHOLDS: usize = 30;
 
-/// Thresholds tried for growth.
-const RAMPS: usize = 12;
+/// Thresholds tried for growth are the inner ones of so many quantiles.
+const GROWTHS: usize = 9;
 
 /// Knots of a free curve.
 const KNOTS: usize = 8;
@@ -72,16 +72,33 @@ pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]
         .collect()
 }
 
-/// Growth from a threshold to the least or the largest value: one at the end, zero from the threshold on.
-fn ramps(sorted: &[f64]) -> Vec<Shape> {
+/// Growth from a threshold to the least or the largest value, in proportion and with the square: zero before the threshold, one
+/// at the end.
+fn growths(sorted: &[f64]) -> Vec<Shape> {
     let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
     let up = |at| Shape::Tent { left: at, centre: high, right: f64::INFINITY };
     let down = |at| Shape::Tent { left: f64::NEG_INFINITY, centre: low, right: at };
-    (1..RAMPS)
-        .map(|k| sorted[(k * (sorted.len() - 1)) / RAMPS])
+    (1..GROWTHS)
+        .map(|k| sorted[(k * (sorted.len() - 1)) / GROWTHS])
         .filter(|at| *at > low && *at < high)
-        .flat_map(|at| [up(at), down(at)])
+        .flat_map(|at| [up(at), down(at), Shape::Growth { from: at, to: high }, Shape::Growth { from: at, to: low }])
         .collect()
+}
+
+/// What two joints' angles tell together: a wave of the first, and its products with a wave of the second. A cable that pulls a
+/// joint does so by the angles of two.
+fn together(site: Site, joint: usize, other: usize) -> Vec<Term> {
+    let waves = [("sine", Shape::Sine { cycles: 1.0 }), ("cosine", Shape::Cosine { cycles: 1.0 })];
+    let mut terms = Vec::new();
+    for (name, shape) in waves {
+        let own = Basis::new(Variable::Joint { joint }, shape);
+        terms.push(Term::new(format!("{name}_{joint}"), UNEXPLAINED, site, own));
+        for (beside, shape) in waves {
+            let basis = Basis { beside: Some(Beside { joint: other, shape }), ..own };
+            terms.push(Term::new(format!("{name}_{joint}_{beside}_{other}"), UNEXPLAINED, site, basis));
+        }
+    }
+    terms
 }
 
 /// Knots of curves of a joint's own angle that are narrow: the finer ones where there are [`PER_KNOT`] values for each knot. An
@@ -90,6 +107,21 @@ const FINE_KNOTS: [usize; 2] = [16, 32];
 
 /// Values of an angle that each knot of the finer curves must have.
 const PER_KNOT: usize = 20;
+
+/// Something at a joint that `what` tells.
+fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
+    Candidate {
+        effect: UNEXPLAINED,
+        site: serde_json::json!({ "joint": joint }),
+        located: format!("joint {joint} is off in a way that {what} tells"),
+        signs: vec![0; terms.len()],
+        physical: anything,
+        scales: vec![LARGE; terms.len()],
+        terms,
+        typical: 0.0,
+        log_prior: 0.0,
+    }
+}
 
 /// All locators for this data.
 #[must_use]
@@ -104,17 +136,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     let mut out = Vec::new();
     for joint in 1..=n {
         let at = Site::Joint { joint };
-        let candidate = |terms: Vec<Term>, what: &str| Candidate {
-            effect: UNEXPLAINED,
-            site: serde_json::json!({ "joint": joint }),
-            located: format!("joint {joint} is off in a way that {what} tells"),
-            signs: vec![0; terms.len()],
-            physical: anything,
-            scales: vec![LARGE; terms.len()],
-            terms,
-            typical: 0.0,
-            log_prior: 0.0,
-        };
+        let candidate = |terms: Vec<Term>, what: &str| candidate(joint, terms, what);
         for variable in &variables {
             let values = read(*variable);
             let Some(curve) = knots(&values, KNOTS) else { continue };
@@ -122,13 +144,18 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             if *variable != Variable::Time {
                 let sorted = sorted(&values);
                 for k in 1..THRESHOLDS {
-                    let basis =
-                        Basis::new(*variable, Shape::Step { at: sorted[(k * (sorted.len() - 1)) / THRESHOLDS] });
+                    // nobody was between two values: the step is as likely there as anywhere else between them
+                    let above = ((k * (sorted.len() - 1)) / THRESHOLDS).max(1);
+                    let between = 0.5 * (sorted[above - 1] + sorted[above]);
+                    let basis = Basis::new(*variable, Shape::Step { at: between });
                     out.push(candidate(vec![Term::new(format!("step_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
                 }
-                for shape in ramps(&sorted) {
+                for shape in growths(&sorted) {
                     let basis = Basis::new(*variable, shape);
-                    out.push(candidate(vec![Term::new(format!("ramp_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
+                    out.push(candidate(
+                        vec![Term::new(format!("growth_{joint}_by_{of}"), UNEXPLAINED, at, basis)],
+                        &of,
+                    ));
                 }
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
@@ -142,6 +169,13 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                 let what = format!("its sense of motion, differently with {of},");
                 out.push(candidate(tents(at, *variable, Some(joint), &curve), &what));
             }
+        }
+    }
+    for joint in 1..=n {
+        let at = Site::Joint { joint };
+        for other in (1..=n).filter(|k| *k != joint) {
+            let terms = together(at, joint, other);
+            out.push(candidate(joint, terms, &format!("q{other}, with its own angle,")));
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "a count")]
@@ -186,6 +220,9 @@ pub fn describe<'a>(
     let Some(basis) = first.terms.first().map(|t| t.basis) else {
         return Located::default();
     };
+    if let (Variable::Joint { joint }, Some(beside)) = (basis.of, first.terms.iter().find_map(|t| t.basis.beside)) {
+        return of_two(joint, beside.joint, first, model, data);
+    }
     let variable = basis.of;
     let factor = if matches!(variable, Variable::Joint { .. }) { 1.0_f64.to_degrees() } else { 1.0 };
     let units = if matches!(variable, Variable::Joint { .. }) { "deg" } else { "s" };
@@ -218,6 +255,10 @@ pub fn describe<'a>(
             Shape::Tent { left, right, .. } if left.is_infinite() => {
                 format!("{n} < {:.1} {units}, growing", right * factor)
             }
+            Shape::Growth { from, to } => {
+                let side = if to > from { ">" } else { "<" };
+                format!("{n} {side} {:.1} {units}, growing with the square", from * factor)
+            }
             _ => format!("{n} from {:.1} to {:.1} {units}", low * factor, high * factor),
         },
         _ => {
@@ -235,4 +276,26 @@ pub fn describe<'a>(
     };
     let variable = basis.sense.map_or(n, |joint| format!("dir{joint}"));
     Located { variable, region, curve, units: (units.to_owned(), "deg".to_owned()) }
+}
+
+/// What two angles tell together: the curve over the other one, with the joint itself in the middle of where it was.
+fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Dataset) -> Located {
+    let angles = |joint: usize| sorted(&data.observations.iter().map(|o| o.state.q[joint - 1]).collect::<Vec<f64>>());
+    let (own, others) = (angles(joint), angles(other));
+    let (Some(middle), Some(low), Some(high)) = (own.get(own.len() / 2), others.first(), others.last()) else {
+        return Located::default();
+    };
+    let fitted: Vec<&Term> = c.terms.iter().filter_map(|t| model.terms.iter().find(|m| m.does_as(t))).collect();
+    let at = |u: f64| {
+        let term = |t: &&Term| t.value * t.basis.shape.at(*middle).0 * t.basis.beside.map_or(1.0, |b| b.shape.at(u).0);
+        fitted.iter().map(term).sum::<f64>()
+    };
+    let curve =
+        (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u.to_degrees(), at(u).to_degrees()));
+    Located {
+        variable: name(Variable::Joint { joint: other }),
+        region: format!("all of q{other}, with q{joint}"),
+        curve: curve.collect(),
+        units: ("deg".to_owned(), "deg".to_owned()),
+    }
 }

@@ -44,6 +44,12 @@ fn odds(p_value: f64) -> f64 {
     if p < (-1.0_f64).exp() { OUTSIDE / (-1.0_f64.exp() * p * p.ln()) } else { OUTSIDE }
 }
 
+/// By how many nats `k` numbers that bring a sum of squares from `before` to `after` are better than none (BIC).
+#[must_use]
+pub fn nats(freedom: f64, before: f64, after: f64, k: f64) -> f64 {
+    0.5 * freedom * (before / after.max(1e-300)).ln() - 0.5 * k * freedom.max(1.0).ln()
+}
+
 /// Questions without names, and how the columns that they borrow are weighed (see [`Design::weighted`]).
 pub struct Probes {
     /// As candidates.
@@ -73,10 +79,28 @@ impl Judge<'_> {
         (if self.probes.candidates[probe].slow() { dss * self.slow } else { dss }, rank)
     }
 
+    /// Independent scalars left at a stage.
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    #[must_use]
+    pub fn freedom(&self, stage: &Stage) -> f64 {
+        self.design.rows as f64 * self.temper - stage.parameters
+    }
+
+    fn misfit(&self, stage: &Stage, probe: usize, gain: (f64, usize)) -> Misfit {
+        let Candidate { site, located, .. } = &self.probes.candidates[probe];
+        Misfit {
+            site: site.clone(),
+            variable: located.clone(),
+            p_value: self.p_value(stage, gain),
+            dss: gain.0,
+            probe: self.first + probe,
+        }
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     fn p_value(&self, stage: &Stage, (dss, rank): (f64, usize)) -> f64 {
         let k = rank as f64;
-        let freedom = self.design.rows as f64 * self.temper - stage.parameters;
+        let freedom = self.freedom(stage);
         if rank == 0 || freedom <= 2.0 * k {
             return 1.0;
         }
@@ -88,15 +112,8 @@ impl Judge<'_> {
     #[must_use]
     pub fn places(&self, stage: &Stage) -> Vec<Misfit> {
         let mut places: Vec<(Misfit, f64)> = Vec::new();
-        for (k, probe) in self.probes.candidates.iter().enumerate() {
-            let gain = self.gain(stage, k);
-            let found = Misfit {
-                site: probe.site.clone(),
-                variable: probe.located.clone(),
-                p_value: self.p_value(stage, gain),
-                dss: gain.0,
-                probe: self.first + k,
-            };
+        for k in 0..self.probes.candidates.len() {
+            let found = self.misfit(stage, k, self.gain(stage, k));
             match places.iter_mut().find(|m| m.0.site == found.site) {
                 Some((best, asked)) => {
                     *asked += 1.0;
@@ -109,6 +126,31 @@ impl Judge<'_> {
         }
         let corrected = |(m, asked): (Misfit, f64)| Misfit { p_value: (m.p_value * asked).min(1.0), ..m };
         places.into_iter().map(corrected).collect()
+    }
+
+    /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
+    #[must_use]
+    pub fn teller(&self, stage: &Stage, site: &serde_json::Value) -> Option<(Misfit, f64)> {
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let nats = |dss: f64, rank: usize| nats(self.freedom(stage), stage.ss, stage.ss - dss, rank as f64);
+        let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == *site);
+        let told = here.map(|k| {
+            let gain = self.gain(stage, k);
+            (self.misfit(stage, k, gain), nats(gain.0, gain.1))
+        });
+        told.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// What a probe of one scalar says of it: its least and its largest value and how far the joint is off there, deg. Nothing for
+    /// probes of several.
+    #[must_use]
+    pub fn line(&self, stage: &Stage, told: &Misfit) -> Vec<(f64, f64)> {
+        let Some([scalar]) = self.probes.weights.get(told.probe - self.first).map(Vec::as_slice) else {
+            return Vec::new();
+        };
+        let slope = self.design.coefficients(stage, told.probe)[0];
+        let ends = [scalar.iter().copied().fold(f64::MAX, f64::min), scalar.iter().copied().fold(f64::MIN, f64::max)];
+        ends.map(|u| (u.to_degrees(), (slope * u).to_degrees())).into()
     }
 
     /// Probability that a name is wrong because its place does something else: a probe finds a rest (`stage` has everything),
@@ -133,16 +175,40 @@ impl Judge<'_> {
     }
 }
 
-/// A scalar for every observation that no basis knows: of a joint's last move (rad) and the one before.
-struct Memory {
-    name: &'static str,
-    of: fn(f64, f64) -> f64,
+/// A joint's moves up to an observation, rad.
+#[derive(Clone, Copy, Default)]
+struct Moves {
+    last: f64,
+    before: f64,
+    /// All of them, each counted for less than the one after it.
+    fading: f64,
 }
 
-const MEMORIES: [Memory; 3] = [
-    Memory { name: "dir", of: |last, _| last.clamp(-0.5, 0.5) },
-    Memory { name: "travel", of: |last, _| last.abs() },
-    Memory { name: "dir", of: |_, before| before.clamp(-0.5, 0.5) },
+/// How much of its past a fading memory keeps with every move.
+const KEPT: f64 = 0.8;
+
+impl Moves {
+    fn then(self, last: f64) -> Self {
+        Self { last, before: self.last, fading: KEPT * self.fading + (1.0 - KEPT) * short(last) }
+    }
+}
+
+/// Moves beyond half a radian count as one of that.
+fn short(way: f64) -> f64 {
+    way.clamp(-0.5, 0.5)
+}
+
+/// A scalar for every observation that no basis knows: of a joint's moves.
+struct Memory {
+    name: &'static str,
+    of: fn(Moves) -> f64,
+}
+
+const MEMORIES: [Memory; 4] = [
+    Memory { name: "dir", of: |m| short(m.last) },
+    Memory { name: "travel", of: |m| m.last.abs() },
+    Memory { name: "dir", of: |m| short(m.before) },
+    Memory { name: "dir", of: |m| m.fading },
 ];
 
 /// What to ask every joint, the tool, the fixture and the links.
@@ -239,7 +305,7 @@ fn before(data: &Dataset, joint: usize, memory: &Memory) -> Vec<f64> {
         recording: usize,
         pose: usize,
         q: f64,
-        moves: (f64, f64),
+        moves: Moves,
     }
     let mut last: Option<Last> = None;
     data.observations
@@ -248,11 +314,11 @@ fn before(data: &Dataset, joint: usize, memory: &Memory) -> Vec<f64> {
             let q = o.state.q[joint - 1];
             let moves = match &last {
                 Some(l) if l.recording == o.recording && l.pose == o.pose => l.moves,
-                Some(l) if l.recording == o.recording => (q - l.q, l.moves.0),
-                _ => (0.0, 0.0),
+                Some(l) if l.recording == o.recording => l.moves.then(q - l.q),
+                _ => Moves::default(),
             };
             last = Some(Last { recording: o.recording, pose: o.pose, q, moves });
-            (memory.of)(moves.0, moves.1)
+            (memory.of)(moves)
         })
         .collect()
 }

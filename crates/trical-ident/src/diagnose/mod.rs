@@ -8,6 +8,7 @@
 //! | [`locators`] | what finds a mismatch without a name |
 //! | [`periodogram`] | which frequencies a joint's error has |
 //! | [`misfit`] | whether a name says all that happens at its place |
+//! | `memory`, `refine` | whether the noise remembers itself; finer shapes between those of a scan |
 //! | [`design`] | the linear picture: signatures after projection, evidence, held-out errors |
 //! | [`search`] | which candidates the residual asks for |
 //! | [`hygiene`] | rows that must not be believed |
@@ -21,9 +22,11 @@ pub mod effects;
 mod explain;
 pub mod hygiene;
 pub mod locators;
+mod memory;
 pub mod misfit;
 pub mod periodogram;
 pub mod recorded;
+mod refine;
 pub mod search;
 mod work;
 
@@ -39,11 +42,16 @@ use crate::fit::position_errors;
 use crate::identify::ErrorSummary;
 
 use alternatives::Grounds;
+use catalogue::Candidate;
 use explain::{
     at_same_place, beside_unknown, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, left_over,
-    noise_of, of_one_kind, ordered, prove, unexplained_from, unknowns,
+    noise_of, of_one_kind, ordered, place_of, prove, told_better, unexplained_from, unknowns,
 };
 use work::Work;
+
+/// Names that are trusted no more than this by their place's probes (rivals apart) are doubted: what happens there is told without
+/// a name too.
+const DOUBTED: f64 = 0.5;
 
 /// Progress: a fraction and what is being done.
 pub type Progress<'a> = &'a mut dyn FnMut(f64, &str);
@@ -77,6 +85,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let mut findings = Vec::new();
     let mut grounds = Vec::new();
     let mut unexplained = Vec::new();
+    let mut doubted = Vec::new();
     let mut so_far: Vec<usize> = Vec::new();
     let none = prove(&design, &[], &poses);
     let mut before = none;
@@ -95,6 +104,9 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
             let doubt = judge.doubt(&full, &stage, own, &|site| at_same_place(site, &f.site));
             let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, candidates);
             f.confidence = (f.confidence * trust * 1e4).round() / 1e4;
+            if trust <= DOUBTED {
+                doubted.extend(place_of(&f.site).filter(|place| !doubted.contains(place)));
+            }
             findings.push(f);
             let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
             grounds.push((members, rivals));
@@ -102,20 +114,31 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         before = after;
     }
 
-    unexplained.extend(left_over(
+    let elsewhere = |place: &serde_json::Value, curves: bool| {
+        let goes = |c: &Candidate| {
+            let of_these = !curves || c.effect == locators::UNEXPLAINED;
+            of_these && at_same_place(place, &c.site)
+        };
+        chosen.iter().copied().filter(|c| !goes(&candidates[*c])).collect::<Vec<usize>>()
+    };
+    let rms_of = |set: Vec<usize>, probe: Option<usize>| {
+        ErrorSummary::of(&cv(&set.into_iter().chain(probe).collect::<Vec<usize>>())).rms_mm
+    };
+    told_better(
         &judge,
         &full,
-        &|place| {
-            let others: Vec<usize> =
-                chosen.iter().copied().filter(|c| !at_same_place(place, &candidates[*c].site)).collect();
-            search.with(&start, &others).ss - full.ss
-        },
-        &|probe| {
-            let mut with = chosen.clone();
-            with.extend(probe);
-            ErrorSummary::of(&cv(&with)).rms_mm
-        },
-    ));
+        &mut unexplained,
+        &doubted,
+        &|place, curves| search.with(&start, &elsewhere(place, curves)),
+        &|place, curves, probe| rms_of(elsewhere(place, curves), probe),
+    );
+    let left =
+        left_over(&judge, &full, &|place| search.with(&start, &elsewhere(place, false)).ss - full.ss, &|probe| {
+            rms_of(chosen.clone(), probe)
+        });
+    let known = |m: &Unexplained| unexplained.iter().any(|u| u.site == m.site && u.variable == m.variable);
+    let left: Vec<Unexplained> = left.into_iter().filter(|m| !known(m)).collect();
+    unexplained.extend(left);
 
     progress(0.95, "what the data cannot show");
     let mut blind_to = blind(&search, &full, chosen);

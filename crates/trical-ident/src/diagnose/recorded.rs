@@ -24,6 +24,9 @@ pub struct Clock {
     pub rise: f64,
 }
 
+/// Time constants with which an arm may warm up, s.
+const WARM_UPS: [f64; 5] = [400.0, 800.0, 1600.0, 3200.0, 6400.0];
+
 /// What effects can look at.
 #[expect(clippy::struct_excessive_bools, reason = "a list of yes and no")]
 pub struct Recorded<'a> {
@@ -119,12 +122,13 @@ impl<'a> Recorded<'a> {
         self.loads.iter().fold(SMALL_ARM, |most, load| most.max(*load)) / SMALL_ARM
     }
 
-    /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of an arm of this strength does.
+    /// How far a joint gives way, rad/Nm: as it was fitted, a standard deviation added, but no less than a stiff joint of an arm of
+    /// this strength does.
     #[must_use]
     pub fn compliance(&self, joint: usize) -> f64 {
         let torque = Basis::torque(joint, Shape::Linear);
         let fitted = self.model.terms.iter().find(|t| t.site == Site::Joint { joint } && t.basis == torque);
-        fitted.map_or(0.0, |t| t.value.abs()).max(3e-5 / self.strength())
+        fitted.map_or(0.0, |t| t.value.abs() + t.sd.unwrap_or(0.0)).max(3e-5 / self.strength())
     }
 }
 
@@ -141,7 +145,7 @@ fn clocks(data: &Dataset, time: bool) -> Vec<Clock> {
         basis: Basis::new(Variable::Time, Shape::WarmUp { constant }),
         rise: 1.0,
     };
-    if time { [600.0, 1800.0, 5400.0].map(warm_up).into() } else { Vec::new() }
+    if time { WARM_UPS.map(warm_up).into() } else { Vec::new() }
 }
 
 /// Root mean square of each joint's gravity torque over the data, N m; at least [`UNLOADED`].

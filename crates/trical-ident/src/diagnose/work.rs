@@ -1,19 +1,21 @@
 //! The search in progress: what was believed, tried and chosen so far.
 
 use trical_model::interrupt::checkpoint;
-use trical_model::{Cell, Forward, Measured, Model, Robot, Term};
+use trical_model::{Cell, Measured, Model, Robot, Term};
 
 use super::catalogue::{Candidate, Untestable, catalogue, device_orientation, reading_noise};
 use super::design::Design;
+use super::effects::nonlinear_stiffness;
 use super::explain::at_same_place;
 use super::locators::{self, locators};
+use super::memory::memory;
 use super::misfit::{CONSIDERABLE, Judge, LEFT, Probes, probes};
 use super::recorded::Recorded;
+use super::refine::finer;
 use super::search::{self, Search};
 use super::{hygiene, periodogram};
 use crate::dataset::{Dataset, Observation};
 use crate::error::Result;
-use crate::fit::weighted_residuals;
 use crate::gross::reject_gross_errors_beyond;
 use crate::identifiability::{Choice, ParameterSet};
 use crate::identify::{Identified, fit_model, fit_model_knowing, prepared};
@@ -25,9 +27,6 @@ const ROUNDS: usize = 5;
 
 /// Robust standard deviations beyond which a row is a gross error before anything is known.
 const GROSS: f64 = 30.0;
-
-/// A step is refined at so many places between its neighbours in the scan.
-const FINER: usize = 20;
 
 pub(super) struct Work {
     /// What may be believed, outliers included.
@@ -87,6 +86,20 @@ impl Work {
         Ok(work)
     }
 
+    /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now: a baseline without the
+    /// effect has taken up some of it.
+    fn resize(&mut self) {
+        let sigma = touch_sigma(&self.fitted);
+        let (now, _) = catalogue(&Recorded::new(&self.fitted.model, &self.all, sigma));
+        let is_soft = |c: &&mut Candidate| c.effect == nonlinear_stiffness::EFFECT.name;
+        for c in self.candidates.iter_mut().filter(is_soft) {
+            if let Some(now) = now.iter().find(|n| n.effect == c.effect && n.terms[0].name == c.terms[0].name) {
+                c.scales.clone_from(&now.scales);
+                c.typical = now.typical;
+            }
+        }
+    }
+
     /// Rounds of search and exact refit until the choice stays as it is.
     pub(super) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
         let mut last: Option<(Vec<usize>, usize)> = None;
@@ -102,13 +115,15 @@ impl Work {
             checkpoint()?;
             let before = std::mem::take(&mut self.chosen);
             self.chosen = self.searcher(&design).choose(&design.stage(), &before);
-            self.refine();
+            let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
+            self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
                 // the exact fit does not follow the linear picture: what was there before stays
                 self.chosen = before;
                 self.refit()?;
                 break;
             }
+            self.resize();
             let left = memory(&self.fitted, &self.kept)?;
             self.memory = Some(self.memory.map_or(left, |m| m.min(left)));
             // with the effects out of the way the readings' noise may show
@@ -163,33 +178,6 @@ impl Work {
             }
         }
         Ok(new)
-    }
-
-    /// Steps that were chosen from a coarse scan, at every place between their neighbours in the scan.
-    fn refine(&mut self) {
-        let mut finer: Vec<Candidate> = Vec::new();
-        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
-            let Some((variable, at)) = c.step() else { continue };
-            let mut values: Vec<f64> =
-                self.kept.observations.iter().map(|o| locators::value(variable, &o.state)).collect();
-            values.sort_by(f64::total_cmp);
-            values.dedup();
-            let scan: Vec<f64> = self
-                .candidates
-                .iter()
-                .filter(|o| o.effect == c.effect && o.site == c.site)
-                .filter_map(Candidate::step)
-                .filter(|(of, _)| *of == variable)
-                .map(|(_, at)| at)
-                .collect();
-            let below = scan.iter().copied().filter(|v| *v < at).fold(f64::NEG_INFINITY, f64::max);
-            let above = scan.iter().copied().filter(|v| *v > at).fold(f64::INFINITY, f64::min);
-            let between: Vec<f64> =
-                values.windows(2).map(|w| 0.5 * (w[0] + w[1])).filter(|v| *v > below && *v < above).collect();
-            let every = between.len().div_ceil(FINER).max(1);
-            finer.extend(between.iter().step_by(every).map(|at| c.with_step(*at)));
-        }
-        self.add(finer);
     }
 
     fn add(&mut self, more: Vec<Candidate>) {
@@ -309,23 +297,4 @@ fn touch_sigma(fitted: &Identified) -> f64 {
 fn temper(data: &Dataset) -> f64 {
     let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
     (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
-}
-
-/// Correlation of the residuals of measurements that follow each other, as far as it is more than chance.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
-fn memory(fitted: &Identified, data: &Dataset) -> Result<f64> {
-    let forward = Forward::new(fitted.model.clone(), Vec::new())?;
-    let residuals = weighted_residuals(&forward, data, &fitted.noise);
-    let (mut product, mut square, mut n) = (0.0, 0.0, 0.0_f64);
-    for (pair, o) in residuals.windows(2).zip(data.observations.windows(2)) {
-        let ((a, rows), (b, others)) = (&pair[0], &pair[1]);
-        if o[0].recording == o[1].recording && o[0].pose != o[1].pose && rows == others {
-            product += a[..*rows].iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-            square += 0.5 * a[..*rows].iter().chain(&b[..*rows]).map(|v| v * v).sum::<f64>();
-            n += *rows as f64;
-        }
-    }
-    let chance = 2.0 / n.max(1.0).sqrt();
-    let correlation = product / square.max(1e-300);
-    Ok(if correlation > chance { correlation.min(0.95) } else { 0.0 })
 }

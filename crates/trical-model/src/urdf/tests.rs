@@ -404,7 +404,8 @@ fn apart(a: &Model, b: &Model, draw: &mut Draw) -> f64 {
 
 #[test]
 fn the_rigid_part_of_a_model_goes_where_the_model_goes_and_comes_back_from_a_urdf() {
-    use crate::term::{Axis, Basis, Motion, Parameter, Payload, Site, Term};
+    use crate::basis::Basis;
+    use crate::term::{Axis, Motion, Parameter, Payload, Site, Term};
     let mut draw = Draw(StdRng::seed_from_u64(3));
     for round in 0..300 {
         let robot = parse(&draw.chain().text, "drawn.urdf", None, None).unwrap().robot;

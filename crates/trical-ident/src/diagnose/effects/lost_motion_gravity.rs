@@ -26,8 +26,11 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let mut out = Vec::new();
     for joint in r.joints() {
         let softnesses = SOFTNESS.map(|s| s * (r.load(joint) / SMALL_ARM).max(1.0));
-        let softest = softnesses[0].max(r.load(joint) / 4.0);
-        for scale in softnesses.into_iter().filter(|s| *s <= softest) {
+        let load = r.load(joint);
+        let firm = softnesses[0].max(load / 8.0);
+        // the softest gaps are the firmest soft joints (nonlinear_stiffness): rivals, told apart by their size alone
+        let soft = [load / 6.0, load / 3.0].into_iter().filter(|s| *s > softnesses[0]);
+        for scale in softnesses.into_iter().filter(|s| *s <= firm).chain(soft) {
             let basis = Basis::torque(joint, Shape::SoftSign { scale });
             out.push(EFFECT.candidate(
                 joint_site(joint),

@@ -25,7 +25,7 @@ mod late_joint_reading;
 mod load_friction;
 mod lost_motion_direction;
 mod lost_motion_gravity;
-mod nonlinear_stiffness;
+pub(super) mod nonlinear_stiffness;
 mod payload;
 mod thermal_growth;
 mod thermal_zero_drift;

@@ -27,6 +27,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         let shapes = [
             ("square", Shape::SignedSquare),
             ("cube", Shape::Cube),
+            ("soft_sixth", Shape::SoftSign { scale: load / 6.0 }),
             ("soft_third", Shape::SoftSign { scale: load / 3.0 }),
             ("soft_two_thirds", Shape::SoftSign { scale: load / 1.5 }),
             ("soft", Shape::SoftSign { scale: 1.25 * load }),

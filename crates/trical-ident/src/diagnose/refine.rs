@@ -1,0 +1,103 @@
+//! Shapes chosen from a coarse scan, at places between their neighbours in it.
+
+use super::catalogue::Candidate;
+use super::locators::value;
+use crate::dataset::Dataset;
+
+/// Steps all along a variable are so many.
+const ALONG: usize = 100;
+
+/// Softnesses and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
+const NEAR: f64 = 1.15;
+const NEAR_SHARE: f64 = 0.05;
+
+/// A step is refined at so many places between its neighbours in the scan.
+const FINER: usize = 20;
+
+/// Finer candidates around those that were `chosen` of `all`.
+pub(super) fn finer(chosen: &[&Candidate], all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
+    chosen.iter().flat_map(|c| finer_steps(c, all, data).into_iter().chain(finer_scales(c, all))).collect()
+}
+
+/// A step at every place where the data can tell it from its neighbours; for a free curve, which may stand for a step that the
+/// coarse scan missed, steps all along its variable.
+fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
+    let (variable, at) = match (c.step(), c.curve()) {
+        (Some((variable, at)), _) => (variable, Some(at)),
+        (None, Some(variable)) => (variable, None),
+        _ => return Vec::new(),
+    };
+    let is_step =
+        |o: &&Candidate| (o.effect, &o.site) == (c.effect, &c.site) && o.step().is_some_and(|(of, _)| of == variable);
+    let Some(step) = all.iter().find(is_step) else { return Vec::new() };
+    let scan: Vec<f64> = all.iter().filter(is_step).filter_map(|o| Some(o.step()?.1)).collect();
+    let (below, above) = at.map_or((f64::NEG_INFINITY, f64::INFINITY), |at| {
+        let lower = scan.iter().copied().filter(|v| *v < at);
+        let higher = scan.iter().copied().filter(|v| *v > at);
+        (lower.fold(f64::NEG_INFINITY, f64::max), higher.fold(f64::INFINITY, f64::min))
+    });
+    let mut values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    let between: Vec<f64> =
+        values.windows(2).map(|w| 0.5 * (w[0] + w[1])).filter(|v| *v > below && *v < above).collect();
+    let every = between.len().div_ceil(if at.is_some() { FINER } else { ALONG }).max(1);
+    between.iter().step_by(every).map(|at| step.with_step(*at)).collect()
+}
+
+/// A softness or a time constant, or a point of an axis, halfway to its neighbours on either side, unless they are near.
+fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
+    let alike = || all.iter().filter(|o| (o.effect, &o.site) == (c.effect, &c.site));
+    if let Some(scale) = c.scale() {
+        let scan: Vec<f64> = alike().filter_map(|o| Some(o.scale()?.ln())).collect();
+        let finer: Vec<f64> = halfway(scale.ln(), &scan, NEAR.ln()).map(f64::exp).collect();
+        let rivals = same_curves(c, all);
+        let of_rivals = rivals.flat_map(|(rival, [least, most])| {
+            let within = move |s: &f64| (least..=most).contains(s);
+            finer.iter().copied().chain([scale]).filter(within).map(|s| rival.with_scale(s)).collect::<Vec<_>>()
+        });
+        return of_rivals.chain(finer.iter().map(|s| c.with_scale(*s))).collect();
+    }
+    let Some(share) = c.share() else { return Vec::new() };
+    let scan: Vec<f64> = alike().filter_map(Candidate::share).chain([0.0, 1.0]).collect();
+    halfway(share, &scan, NEAR_SHARE).map(|share| c.with_share(share)).collect()
+}
+
+/// Other effects at the site of `c` whose shape is its own but for the scale: one candidate of each, with the least and the largest
+/// scale that it has. What is refined for one must be refined for the other, or it would win by that alone.
+fn same_curves<'a>(c: &'a Candidate, all: &'a [Candidate]) -> impl Iterator<Item = (&'a Candidate, [f64; 2])> {
+    let is_rival = |o: &&Candidate| {
+        let own = |o: &Candidate| o.terms.iter().map(|t| (t.site, t.basis.of, t.basis.sense)).collect::<Vec<_>>();
+        o.effect != c.effect && o.site == c.site && o.scale().is_some() && own(o) == own(c)
+    };
+    let mut seen: Vec<(&Candidate, [f64; 2])> = Vec::new();
+    for o in all.iter().filter(is_rival) {
+        let scale = o.scale().unwrap_or_default();
+        match seen.iter_mut().find(|(s, _)| s.effect == o.effect) {
+            Some((_, [least, most])) => (*least, *most) = (least.min(scale), most.max(scale)),
+            None => seen.push((o, [scale, scale])),
+        }
+    }
+    seen.into_iter()
+}
+
+/// Halfway from a point of a scan to its neighbours, but for those that are nearer than `near`.
+fn halfway(at: f64, scan: &[f64], near: f64) -> impl Iterator<Item = f64> {
+    let below = scan.iter().copied().filter(|s| *s < at).fold(f64::NEG_INFINITY, f64::max);
+    let above = scan.iter().copied().filter(|s| *s > at).fold(f64::INFINITY, f64::min);
+    let apart = move |neighbour: &f64| neighbour.is_finite() && (neighbour - at).abs() > 2.0 * near;
+    [below, above].into_iter().filter(apart).map(move |neighbour| 0.5 * (at + neighbour))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::halfway;
+
+    #[test]
+    fn a_scan_is_halved_on_both_sides_until_its_points_are_near() {
+        let finer = |at, scan: &[f64]| halfway(at, scan, 0.05).collect::<Vec<f64>>();
+        assert_eq!(finer(0.5, &[0.0, 0.25, 0.5, 0.75, 1.0]), [0.375, 0.625]);
+        assert_eq!(finer(0.25, &[0.25, 0.5]), [0.375], "no neighbour, nothing between");
+        assert_eq!(finer(0.5, &[0.42, 0.5, 0.58]), [0.0; 0], "near enough");
+    }
+}

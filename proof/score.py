@@ -328,6 +328,7 @@ def score_outside(cases: list[Case], t: Tables):
     for c in cases:
         groups[c.effects[0]["effect"]].append(c)
     rows, wrong, located, n_located, errors = [], 0, 0, 0, []
+    located_at: list[tuple[float, bool]] = []
     for effect, xs in sorted(groups.items()):
         sure = [c for c in xs if any(f["confidence"] >= SURE for f in c.findings)]
         names = Counter(f["effect"] for c in xs for f in c.findings if f["confidence"] >= SURE)
@@ -341,6 +342,7 @@ def score_outside(cases: list[Case], t: Tables):
                 known += 1
                 good = [u for u in hits if u.get("variable") in e["variables"]]
                 both += bool(good)
+                located_at.append((e["lambda"], bool(good)))
                 if good and e["threshold_deg"] is not None:
                     edges = [x for u in good for x in threshold(u.get("region", ""))]
                     if edges:
@@ -358,6 +360,12 @@ def score_outside(cases: list[Case], t: Tables):
                 ", ".join(f"{k} {v}" for k, v in names.most_common(5)),
             ]
         )
+    by_lambda = []
+    for low, high in ((6.0, 10.0), (10.0, 20.0), (20.0, np.inf)):
+        here = [good for at, good in located_at if low <= at < high]
+        by_lambda.append(
+            [f"{low:.0f}-{high:.0f}" if high < np.inf else f"> {low:.0f}", len(here), share(sum(here), len(here))]
+        )
     head = [
         "family",
         "cases",
@@ -368,6 +376,7 @@ def score_outside(cases: list[Case], t: Tables):
         "names",
     ]
     t.table("Outside the catalogue (lambda >= 6)", head, rows)
+    t.table("Outside the catalogue, by lambda", ["lambda", "cases", "joint and variable"], by_lambda)
     t.target("Outside the catalogue: a name at confidence >= 0.9", "<= 10 %", wrong, len(cases), at_most=0.10)
     t.target("Outside the catalogue: joint and variable right", ">= 95 %", located, n_located, at_least=0.95)
     good = sum(x <= 2.5 for x in errors)

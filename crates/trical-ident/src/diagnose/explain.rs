@@ -281,7 +281,7 @@ pub(super) fn of_one_kind(group: &Group, candidates: &[Candidate]) -> f64 {
 fn told(m: Misfit, rms_mm: f64, [before, after]: [f64; 2], curve: Vec<(f64, f64)>) -> Unexplained {
     let units = if curve.is_empty() { "" } else { "deg" };
     Unexplained {
-        region: format!("all of {}", m.variable),
+        region: m.region,
         rms_mm,
         holdout_rms_before_mm: before,
         holdout_rms_after_mm: after,

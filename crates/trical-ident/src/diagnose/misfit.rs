@@ -29,6 +29,8 @@ pub struct Misfit {
     pub site: serde_json::Value,
     /// On what the rest depends.
     pub variable: String,
+    /// For which values of it.
+    pub region: String,
     /// Probability of so strong a rest were there none, all probes of this place considered.
     pub p_value: f64,
     /// Sum of squares that the probe would still remove.
@@ -56,6 +58,8 @@ pub struct Probes {
     pub candidates: Vec<Candidate>,
     /// For each of them, for each of its columns, a factor for every observation.
     pub weights: Vec<Vec<Vec<f64>>>,
+    /// For each of them, for which values of its variable a place would be off.
+    pub regions: Vec<String>,
 }
 
 /// A design with probes behind its candidates, at a stage.
@@ -91,6 +95,7 @@ impl Judge<'_> {
         Misfit {
             site: site.clone(),
             variable: located.clone(),
+            region: self.probes.regions[probe].clone(),
             p_value: self.p_value(stage, gain),
             dss: gain.0,
             probe: self.first + probe,
@@ -201,14 +206,16 @@ fn short(way: f64) -> f64 {
 /// A scalar for every observation that no basis knows: of a joint's moves.
 struct Memory {
     name: &'static str,
+    /// To what the joint is off in proportion.
+    to: &'static str,
     of: fn(Moves) -> f64,
 }
 
 const MEMORIES: [Memory; 4] = [
-    Memory { name: "dir", of: |m| short(m.last) },
-    Memory { name: "travel", of: |m| m.last.abs() },
-    Memory { name: "dir", of: |m| short(m.before) },
-    Memory { name: "dir", of: |m| m.fading },
+    Memory { name: "dir", to: "the last one", of: |m| short(m.last) },
+    Memory { name: "travel", to: "how far the last one went", of: |m| m.last.abs() },
+    Memory { name: "dir", to: "the one before the last", of: |m| short(m.before) },
+    Memory { name: "dir", to: "those before, fading", of: |m| m.fading },
 ];
 
 /// What to ask every joint, the tool, the fixture and the links.
@@ -258,18 +265,21 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
     // what came before, and two angles at once, are no basis: such probes borrow a joint's constant column and weigh it row
     // by row
     let mut weights: Vec<Vec<Vec<f64>>> = vec![Vec::new(); probes.len()];
+    let mut regions: Vec<String> = probes.iter().map(|p| format!("all of {}", p.located)).collect();
     for joint in 1..=n {
         let constant = Term::new("probe", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT);
         let site = serde_json::json!({ "joint": joint });
         for memory in &MEMORIES {
             probes.push(probe(&site, format!("{}{joint}", memory.name), vec![constant.clone()]));
             weights.push(vec![before(data, joint, memory)]);
+            regions.push(format!("all moves, in proportion to {}", memory.to));
         }
         for other in (1..=n).filter(|k| *k != joint) {
             let product = |of: fn(f64, f64) -> f64| {
                 data.observations.iter().map(|o| of(o.state.q[joint - 1], o.state.q[other - 1])).collect::<Vec<f64>>()
             };
             probes.push(probe(&site, format!("q{other}"), vec![constant.clone(); 4]));
+            regions.push(format!("all of q{other}, with q{joint}"));
             weights.push(vec![
                 product(|a, b| a.sin() * b.sin()),
                 product(|a, b| a.sin() * b.cos()),
@@ -278,7 +288,7 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
             ]);
         }
     }
-    Probes { candidates: probes, weights }
+    Probes { candidates: probes, weights, regions }
 }
 
 fn value_of(data: &Dataset, variable: Variable) -> Vec<f64> {

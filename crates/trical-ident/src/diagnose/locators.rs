@@ -23,7 +23,7 @@ const THRESHOLDS: usize = 30;
 const GROWTHS: usize = 9;
 
 /// Knots of a free curve.
-const KNOTS: usize = 8;
+pub(super) const KNOTS: usize = 8;
 
 /// Value of a variable that is part of the state itself.
 #[must_use]

@@ -1,11 +1,11 @@
 //! Shapes chosen from a coarse scan, at places between their neighbours in it.
 
 use super::catalogue::Candidate;
-use super::locators::value;
+use super::locators::{KNOTS, value};
 use crate::dataset::Dataset;
 
 /// Steps all along a variable are so many.
-const ALONG: usize = 100;
+const ALONG: usize = 60;
 
 /// Softnesses and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
 const NEAR: f64 = 1.15;
@@ -20,11 +20,11 @@ pub(super) fn finer(chosen: &[&Candidate], all: &[Candidate], data: &Dataset) ->
 }
 
 /// A step at every place where the data can tell it from its neighbours; for a free curve, which may stand for a step that the
-/// coarse scan missed, steps all along its variable.
+/// coarse scan missed, steps all along its variable (a fine curve has too many waves for that).
 fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
     let (variable, at) = match (c.step(), c.curve()) {
         (Some((variable, at)), _) => (variable, Some(at)),
-        (None, Some(variable)) => (variable, None),
+        (None, Some(variable)) if c.terms.len() < KNOTS => (variable, None),
         _ => return Vec::new(),
     };
     let is_step =

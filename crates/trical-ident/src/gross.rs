@@ -8,6 +8,7 @@ use crate::fit::{check_observations, minimize, position_errors, weighted_residua
 use crate::identifiability::ParameterSet;
 use crate::identify::prepared;
 use crate::noise::Noise;
+use crate::sample::sample;
 use crate::solver::LmParams;
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
@@ -31,7 +32,10 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
     let mut kept = data.clone();
     let mut sets = sets_of(robot);
     for _ in 0..5 {
-        let (forward, noise) = richest(robot, cell, &kept, &mut sets)?;
+        // of many rows, some stand for all: the limit is ten standard deviations, and a sample has these to a percent
+        let some = sample(&kept);
+        let (forward, noise) = richest(robot, cell, some.as_ref().unwrap_or(&kept), &mut sets)?;
+        check_observations(&forward, &kept)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
         let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
@@ -49,8 +53,9 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
                 reason: gross_error(errors[*i], length(&residuals[*i]), right_ball(&forward, &noise, o, &mut ws)),
             });
         }
+        // they are in order
         let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
-        kept.observations.retain(|o| !rows.contains(&o.row));
+        kept.observations.retain(|o| rows.binary_search(&o.row).is_err());
     }
     kept.rejected.sort_by_key(|r| r.row);
     Ok(kept)

@@ -2,6 +2,7 @@
 //! grows with the data, and chunk by chunk in order, so that the number of threads changes no bit.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
@@ -198,6 +199,37 @@ impl Rows {
         let mut stacked = Mat::from_fn(n.max(width), width, |i, j| if i < n { rows[(i, j)] } else { 0.0 });
         triangularize(&mut stacked);
         Some(Mat::from_fn(width, width, |i, j| if i <= j { stacked[(i, j)] } else { 0.0 }))
+    }
+}
+
+impl Rows {
+    /// The first p rows of the factor of `[J r]` from the sums of products. Squares double what rounding does, so that only a
+    /// matrix that is far from losing rank keeps its digits that way: whether it is, is for the caller to see. `None` where it
+    /// is not even positive.
+    pub fn factor_of_products(&self) -> Option<Mat<f64>> {
+        let p = self.p;
+        if self.keep != Keep::Products || p == 0 {
+            return None;
+        }
+        let scale: Vec<f64> = (0..p).map(|j| self.h(j, j).sqrt()).collect();
+        let mut lower = Mat::from_fn(p, p, |i, j| if i >= j { self.h(i, j) / (scale[i] * scale[j]) } else { 0.0 });
+        let scratch = cholesky_in_place_scratch::<f64>(p, Par::Seq, faer::Spec::default());
+        let mut memory = MemBuffer::new(scratch);
+        let stack = MemStack::new(&mut memory);
+        cholesky_in_place(lower.as_mut(), LltRegularization::default(), Par::Seq, stack, faer::Spec::default()).ok()?;
+        // Q'r: L y = J'r
+        let mut y: Vec<f64> = (0..p).map(|i| self.g(i) / scale[i]).collect();
+        for i in 0..p {
+            let sum: f64 = (0..i).map(|j| lower[(i, j)] * y[j]).sum();
+            y[i] = (y[i] - sum) / lower[(i, i)];
+        }
+        let entry = |i: usize, j: usize| match j {
+            _ if j == p => y[i],
+            _ if j >= i => lower[(j, i)] * scale[j],
+            _ => 0.0,
+        };
+        let r = Mat::from_fn(p, p + 1, entry);
+        (0..p).all(|i| r[(i, i)] > 0.0 && (0..=p).all(|j| r[(i, j)].is_finite())).then_some(r)
     }
 }
 

@@ -249,3 +249,53 @@ fn triangularize(a: &mut Mat<f64>) {
     let mut memory = MemBuffer::new(qr_in_place_scratch::<f64>(rows, columns, block, Par::Seq, faer::Spec::default()));
     qr_in_place(a.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut memory), faer::Spec::default());
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::cast_precision_loss)]
+    use super::*;
+
+    /// Sums of both kinds over the same 700 rows of four parameters and a residual.
+    fn both(rows: impl Fn(usize) -> [f64; 5]) -> (Rows, Rows) {
+        let of = |keep| {
+            let mut sums = Rows::new(4, keep);
+            for k in 0..700 {
+                sums.block.extend(rows(k));
+                if sums.block.len() >= BLOCK * 5 {
+                    sums.flush();
+                }
+            }
+            sums.finish();
+            sums
+        };
+        (of(Keep::Products), of(Keep::Factor))
+    }
+
+    #[test]
+    fn products_and_orthogonal_factors_say_the_same_where_the_columns_are_far_apart() {
+        let wave = |k: usize, n: f64| (n * k as f64).sin();
+        let row =
+            |k| [wave(k, 0.3), 1e-6 * wave(k, 0.7), 1e3 * wave(k, 1.1), wave(k, 0.3) + wave(k, 1.7), wave(k, 2.3)];
+        let (products, factor) = both(row);
+        let (a, b) = (products.factor_of_products().unwrap(), factor.factor().unwrap());
+        assert_eq!((a.nrows(), a.ncols()), (4, 5));
+        for i in 0..4 {
+            for j in 0..5 {
+                // rows of a factor have no sign of their own
+                let b = b[(i, j)] * b[(i, i)].signum();
+                let size = (0..=j.min(3)).map(|k| a[(k, j)].abs()).fold(0.0, f64::max);
+                assert!((a[(i, j)] - b).abs() < 1e-13 * size, "{i} {j}: {} {b}", a[(i, j)]);
+            }
+        }
+    }
+
+    #[test]
+    fn products_of_columns_that_are_the_same_have_no_factor_and_neither_has_a_column_of_zeros() {
+        let (same, _) = both(|k| [k as f64, 1.0, k as f64, (k * k) as f64, 0.5]);
+        assert!(same.factor_of_products().is_none_or(|r| r[(2, 2)] < 1e-6 * r[(0, 2)]));
+        let (zero, _) = both(|k| [k as f64, 1.0, 0.0, (k * k) as f64, 0.5]);
+        assert!(zero.factor_of_products().is_none());
+        let (_, factor) = both(|k| [k as f64, 1.0, 2.0, 3.0, 0.5]);
+        assert!(factor.factor_of_products().is_none());
+    }
+}

@@ -55,3 +55,58 @@ pub(crate) fn sample(data: &Dataset) -> Option<Dataset> {
     }
     Some(Dataset { observations: chosen, ..data.shell() })
 }
+
+#[cfg(test)]
+mod tests {
+    use trical_model::State;
+
+    use super::*;
+    use crate::dataset::JointSource;
+
+    /// Touches of ball 1 in their order, the last 30 of ball 2.
+    fn touches(count: usize) -> Dataset {
+        let observation = |row: usize| {
+            let ball = usize::from(row > count - 30);
+            let measured = Measured::Touch { ball, reading: [0.0; 3] };
+            Observation {
+                state: State::at(&[0.0; 6]),
+                measured,
+                frame: 0,
+                pose: row - 1,
+                recording: 0,
+                row,
+                line: row + 1,
+            }
+        };
+        Dataset {
+            names: vec!["a".into()],
+            observations: (1..=count).map(observation).collect(),
+            rejected: Vec::new(),
+            poses: count,
+            frame_of_recording: vec![None],
+            references: Vec::new(),
+            joints: JointSource::Read,
+            dof: 6,
+        }
+    }
+
+    #[test]
+    fn few_rows_are_taken_whole() {
+        assert!(sample(&touches(LARGE - 1)).is_none());
+    }
+
+    #[test]
+    fn a_sample_is_as_large_as_it_says_spread_over_all_and_has_what_is_rare() {
+        let all = touches(100_000);
+        let some = sample(&all).map(|s| s.observations).unwrap_or_default();
+        assert!(some.len() > SAMPLE * 9 / 10 && some.len() < SAMPLE * 11 / 10, "{}", some.len());
+        assert!(some.windows(2).all(|w| w[0].row < w[1].row));
+        let of_ball_2 = some.iter().filter(|o| matches!(o.measured, Measured::Touch { ball: 1, .. })).count();
+        assert_eq!(of_ball_2, 30);
+        // as many from each tenth of the recording, to what chance does
+        for tenth in 0..10 {
+            let n = some.iter().filter(|o| (o.row - 1) / 10_000 == tenth).count();
+            assert!((650..1000).contains(&n), "{n} from tenth {tenth}");
+        }
+    }
+}

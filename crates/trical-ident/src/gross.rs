@@ -15,6 +15,9 @@ use crate::solver::LmParams;
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
 pub(crate) const GROSS: f64 = 10.0;
 
+/// The robust noise has settled where no more than this fraction of it changes: nothing to a limit of ten.
+const SETTLED: f64 = 1e-4;
+
 /// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
 /// that is far beyond the rest.
 ///
@@ -124,7 +127,11 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
     for _ in 0..6 {
         let params = LmParams { huber: 3.0, max_iterations: 30, cost_tolerance: 1e-6, ..LmParams::default() };
         minimize(&mut forward, data, &noise, &params)?;
+        let before = noise.clone();
         noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
+        if noise.is_near(&before, SETTLED) {
+            break;
+        }
     }
     Ok((forward, noise))
 }

@@ -250,9 +250,10 @@ def startup(results, path, reason, clean):
 SCALE = {
     "poses": (
         "Poses: `trical identify` of a CSV, 31 parameters",
-        "Every row is read, linearized and added to sums, so time is proportional to rows once starting the program no "
-        "longer counts; memory is proportional until 32 MB of CSV (some 300 000 of these rows), above which files are "
-        "read in passes and memory does not grow.",
+        "Up to 32 768 rows all of them go through the robust fits that look for gross errors, up to seven one "
+        "after the other; above, a sample of 8192 stands for all in these, in the start and in a fit's first "
+        "steps, and every row is read, linearized and added to sums a few times. Memory is proportional until 32 "
+        "MB of CSV (some 300 000 of these rows), above which files are read in passes and memory does not grow.",
     ),
     "parameters": (
         "Parameters: fit of 1000 poses",

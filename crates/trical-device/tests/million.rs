@@ -3,15 +3,17 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[path = "../../../fuzz/src/device.rs"]
+#[expect(dead_code, reason = "recordings are asked for more here")]
+mod targets;
+
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_device::controller::{rapid_protocol, rtde, rws_protocol};
-use trical_device::gauge::line_protocol::{LineReply, Pattern, parse_line};
-use trical_device::gauge::uwave_protocol::{self, Record};
+use trical_device::controller::rtde;
+use trical_device::gauge::line_protocol::Pattern;
 use trical_device::record::cdr::JointState;
-use trical_device::record::json::{row_from_json, row_to_json};
+use trical_device::record::json::row_from_json;
 use trical_device::record::{read_bytes, write_recording};
-use trical_device::url::DeviceUrl;
 use trical_device::{Header, read_recording};
 
 const CASES: u32 = 1_000_000;
@@ -61,16 +63,6 @@ impl Mutants {
     }
 }
 
-/// The form of a data record, as the manual has it: `^DT1(\d\d)(\d\d)([+-][0-9.]{11})([MI0])$`.
-fn is_data_record(line: &[u8]) -> bool {
-    line.len() == 20
-        && line.starts_with(b"DT1")
-        && line[3..7].iter().all(u8::is_ascii_digit)
-        && b"+-".contains(&line[7])
-        && line[8..19].iter().all(|b| b.is_ascii_digit() || *b == b'.')
-        && b"MI0".contains(&line[19])
-}
-
 #[test]
 fn records_of_the_u_wave() {
     let receiver = format!("RI100123456789002{}", "0".repeat(50));
@@ -85,16 +77,7 @@ fn records_of_the_u_wave() {
     ];
     let mut values = 0;
     Mutants::new(&seeds, b"0123456789+-.FMIDTSR1").each(CASES, |line| {
-        if let Some(Record::Data { group, channel, value, .. }) = uwave_protocol::parse_record(line) {
-            assert!(is_data_record(line), "{}", line.escape_ascii());
-            let text = std::str::from_utf8(line).unwrap();
-            assert_eq!((group, channel), (text[3..5].parse().unwrap(), text[5..7].parse().unwrap()));
-            let magnitude: f64 = text[8..19].parse().unwrap();
-            assert_eq!(value.abs(), magnitude);
-            assert!(value == 0.0 || value.is_sign_negative() == text[7..].starts_with('-'));
-            values += 1;
-        }
-        let _ = uwave_protocol::parse_request(line);
+        values += u32::from(targets::uwave(line));
     });
     assert!(values > CASES / 20, "{values} were data records");
 }
@@ -107,17 +90,7 @@ fn lines_of_other_gauges() {
     let mut values = 0;
     Mutants::new(&seeds, b"0123456789+-.,; minMI\"AER#").each(CASES, |line| {
         for pattern in &patterns {
-            if let LineReply::Values(found) = parse_line(line, pattern) {
-                assert_eq!(found.len(), pattern.values());
-                let upper = String::from_utf8_lossy(line).trim().to_ascii_uppercase();
-                assert!(!upper.starts_with("ERR") && !upper.starts_with("OV") && !upper.starts_with('#'), "{upper}");
-                assert!(
-                    !(upper.len() == 3 && upper.starts_with("91") && upper.bytes().all(|b| b.is_ascii_digit())),
-                    "{upper}"
-                );
-                assert!(found.iter().all(|(value, _)| value.is_finite()));
-                values += 1;
-            }
+            values += u32::from(targets::line_in(line, pattern));
         }
     });
     assert!(values > CASES / 20, "{values} were values");
@@ -131,32 +104,17 @@ fn messages_of_the_controllers() {
         "02 1 2 3 4 5 6",
         "24 1 TriCal 1 6 5.000",
     ];
-    Mutants::new(&seeds, b"0123456789+-. naief").each(CASES, |message| {
-        if let Some(request) = rapid_protocol::parse_request(message) {
-            assert!(request.parameters.iter().all(|value| value.is_finite()));
-        }
-        if let Some(reply) = rapid_protocol::parse_reply(message)
-            && let Some(numbers) = rapid_protocol::parse_numbers(&reply.data)
-        {
-            assert!(numbers.iter().all(|value| value.is_finite()));
-            if let Some(q) = rapid_protocol::parse_joints(&numbers, 6) {
-                assert!(numbers.len() == 6 && q[6..] == [0.0; 3]);
-            }
-        }
-    });
+    let mut taken = 0;
+    Mutants::new(&seeds, b"0123456789+-. naief").each(CASES, |message| taken += u32::from(targets::rapid(message)));
+    assert!(taken > CASES / 20, "{taken} were messages");
     let body = r#"{"_embedded":{"_state":[{"rax_1":"1.5","rax_2":"-2","rax_3":0,"value":"[1,\"a\"]"}]}}"#;
-    Mutants::new(&[body], b"0123456789+-.e\"[]{}:,rax_").each(CASES, |bytes| {
-        let Ok(text) = std::str::from_utf8(bytes) else { return };
-        if let Some((q, count)) = rws_protocol::parse_joints(text) {
-            assert!((1..=6).contains(&count) && q.iter().all(|q| q.is_finite()));
-        }
-        let _ = rws_protocol::parse_value(text);
-    });
-    Mutants::new(&["uwave:///dev/a?x=00&y=%2F1&zero_mm=1,2,3"], b"0123456789%&=?/:,").each(CASES, |bytes| {
-        if let Ok(text) = std::str::from_utf8(bytes) {
-            let _ = DeviceUrl::parse(text);
-        }
-    });
+    let mut taken = 0;
+    Mutants::new(&[body], b"0123456789+-.e\"[]{}:,rax_").each(CASES, |bytes| taken += u32::from(targets::rws(bytes)));
+    assert!(taken > CASES / 20, "{taken} were answers");
+    let mut taken = 0;
+    let seeds = ["uwave:///dev/a?x=00&y=%2F1&zero_mm=1,2,3"];
+    Mutants::new(&seeds, b"0123456789%&=?/:,").each(CASES, |bytes| taken += u32::from(targets::url(bytes)));
+    assert!(taken > CASES / 20, "{taken} were addresses");
 }
 
 #[test]
@@ -166,13 +124,7 @@ fn packages_of_the_real_time_data_exchange() {
     content.extend([0, 0, 0, 7, 0, 0, 0, 1]);
     let mut states = 0;
     Mutants::new(&[rtde::package(rtde::kind::DATA, &content)], &[0, 1, 3, 68, b'U', 127, 255]).each(CASES, |bytes| {
-        let mut bytes = bytes.to_vec();
-        while let Ok(Some((_, content))) = rtde::take(&mut bytes) {
-            if let Some(state) = rtde::parse_state(&content, 1) {
-                assert!(state.t.is_finite() && state.q.iter().all(|q| q.is_finite()));
-                states += 1;
-            }
-        }
+        states += u32::from(targets::rtde(bytes));
     });
     assert!(states > CASES / 20, "{states} were states");
 }
@@ -190,20 +142,13 @@ fn joint_states_and_rows() {
     };
     let mut taken = 0;
     Mutants::new(&[state.to_cdr()], &[0, 1, 2, 4, 8, 255]).each(CASES, |bytes| {
-        if let Some(state) = JointState::from_cdr(bytes) {
-            let again = JointState::from_cdr(&state.to_cdr()).unwrap();
-            assert_eq!(again.to_cdr(), state.to_cdr());
-            taken += 1;
-        }
+        taken += u32::from(targets::joint_state(bytes));
     });
     assert!(taken > CASES / 20, "{taken} were joint states");
     let row = r#"{"t_s":12.5,"q1_deg":10.0,"q2_deg":-20.5,"dir1":1,"dir2":-1,"ball":3,"ix_mm":0.001,"iy_mm":-0.012,"iz_mm":0.0,"seq":7}"#;
-    Mutants::new(&[row], b"0123456789+-.e\"{}:,qdir_").each(CASES, |bytes| {
-        if let Ok((row, joints)) = row_from_json(bytes) {
-            let text = row_to_json(&row, joints);
-            assert!(row.state.q.iter().all(|q| q.is_finite()), "{text}");
-        }
-    });
+    let mut taken = 0;
+    Mutants::new(&[row], b"0123456789+-.e\"{}:,qdir_").each(CASES, |bytes| taken += u32::from(targets::row(bytes)));
+    assert!(taken > CASES / 20, "{taken} were measurements");
 }
 
 #[test]

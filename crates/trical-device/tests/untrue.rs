@@ -4,6 +4,9 @@
 
 mod common;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use common::{Bench, bench, options, plan};
 use trical_device::{Controller, ControllerError};
 use trical_model::recording::Joints;
@@ -15,6 +18,8 @@ struct Untrue {
     /// What it tells since the last correction or, with `at_moves`, the last motion.
     told: Option<Joints>,
     at_moves: bool,
+    /// Motions and corrections so far.
+    moved: Arc<AtomicUsize>,
 }
 
 impl Controller for Untrue {
@@ -31,10 +36,12 @@ impl Controller for Untrue {
         self.told.map_or_else(|| self.own.joints(), Ok)
     }
     fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
+        self.moved.fetch_add(1, Ordering::Relaxed);
         self.told = self.at_moves.then(|| (self.lies)(target));
         self.own.move_joints(target)
     }
     fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
+        self.moved.fetch_add(1, Ordering::Relaxed);
         self.told = Some((self.lies)(&self.own.joints()?));
         self.own.correct(displacement)
     }
@@ -49,13 +56,19 @@ impl Controller for Untrue {
     }
 }
 
-fn error(lies: fn(&Joints) -> Joints, at_moves: bool) -> String {
+/// What ends a run, and how often the arm has moved by then.
+fn ends(lies: fn(&Joints) -> Joints, told: Option<Joints>, at_moves: bool) -> (String, usize) {
     let Bench { cell, gauge, controller, rows, events } = bench();
-    let controller = Box::new(Untrue { own: controller, lies, told: None, at_moves });
+    let moved = Arc::new(AtomicUsize::new(0));
+    let controller = Box::new(Untrue { own: controller, lies, told, at_moves, moved: Arc::clone(&moved) });
     let mut bench = Bench { cell, gauge, controller, rows, events };
     let error = bench.run(&plan(3), &options()).unwrap_err().to_string();
     assert!(bench.rows.is_empty(), "{error}");
-    error
+    (error, moved.load(Ordering::Relaxed))
+}
+
+fn error(lies: fn(&Joints) -> Joints, at_moves: bool) -> String {
+    ends(lies, None, at_moves).0
 }
 
 #[test]
@@ -69,4 +82,15 @@ fn joints_that_are_no_numbers_are_not_recorded() {
     let nan = |_: &Joints| [f64::NAN; 9];
     error(nan, true);
     error(nan, false);
+}
+
+#[test]
+fn nothing_moves_from_a_place_that_is_no_number() {
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut told = [0.0; 9];
+        told[2] = value;
+        let (error, moved) = ends(|q| *q, Some(told), false);
+        assert!(error.contains(&format!("joint 3 at {value}, expected an angle; nothing has moved")), "{error}");
+        assert_eq!(moved, 0, "{error}");
+    }
 }

@@ -284,7 +284,8 @@ impl Dataset {
         Self { observations, rejected: self.rejected.clone(), ..self.shell() }
     }
 
-    fn shell(&self) -> Self {
+    /// The same without observations.
+    pub(crate) fn shell(&self) -> Self {
         Self {
             names: self.names.clone(),
             observations: Vec::new(),

@@ -8,11 +8,15 @@ use crate::fit::{check_observations, minimize, position_errors, weighted_residua
 use crate::identifiability::ParameterSet;
 use crate::identify::prepared;
 use crate::noise::Noise;
+use crate::sample::sample;
 use crate::solver::LmParams;
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
 pub(crate) const GROSS: f64 = 10.0;
+
+/// The robust noise has settled where no more than this fraction of it changes: nothing to a limit of ten.
+const SETTLED: f64 = 1e-4;
 
 /// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
 /// that is far beyond the rest.
@@ -31,7 +35,10 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
     let mut kept = data.clone();
     let mut sets = sets_of(robot);
     for _ in 0..5 {
-        let (forward, noise) = richest(robot, cell, &kept, &mut sets)?;
+        // of many rows, some stand for all: the limit is ten standard deviations, and a sample has these to a percent
+        let some = sample(&kept);
+        let (forward, noise) = richest(robot, cell, some.as_ref().unwrap_or(&kept), &mut sets)?;
+        check_observations(&forward, &kept)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
         let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
@@ -49,8 +56,9 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
                 reason: gross_error(errors[*i], length(&residuals[*i]), right_ball(&forward, &noise, o, &mut ws)),
             });
         }
+        // they are in order
         let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
-        kept.observations.retain(|o| !rows.contains(&o.row));
+        kept.observations.retain(|o| rows.binary_search(&o.row).is_err());
     }
     kept.rejected.sort_by_key(|r| r.row);
     Ok(kept)
@@ -119,7 +127,11 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
     for _ in 0..6 {
         let params = LmParams { huber: 3.0, max_iterations: 30, cost_tolerance: 1e-6, ..LmParams::default() };
         minimize(&mut forward, data, &noise, &params)?;
+        let before = noise.clone();
         noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
+        if noise.is_near(&before, SETTLED) {
+            break;
+        }
     }
     Ok((forward, noise))
 }

@@ -16,6 +16,7 @@ use crate::known::Known;
 use crate::noise::Noise;
 use crate::normal::triangular;
 use crate::rigid::median;
+use crate::sample::sample;
 use crate::solver::{Ended, LmParams, LmReport, Solver};
 use crate::start::start;
 
@@ -179,6 +180,9 @@ pub fn fit_model_knowing(
     let mut noise = start_noise.clone();
     let params = LmParams::default();
     let mut solver = Solver::new(p);
+    if let Some(sample) = sample(data) {
+        near(&mut solver, &mut forward, &sample, &noise, known);
+    }
     let mut report = solver.minimize(&mut forward, data, &noise, known, &params)?;
     let mut residuals = weighted_residuals(&forward, data, &noise);
     let mut said = noise.clone();
@@ -198,16 +202,34 @@ pub fn fit_model_knowing(
         report = solver.minimize(&mut forward, data, &noise, known, &params)?;
         residuals = weighted_residuals(&forward, data, &noise);
     }
-    // of the Jacobian itself, not of J'J; the rows of the last step where they are all still there
-    let r = solver.factor().unwrap_or_else(|| factor(&forward, data, &noise, known));
+    let r = factor_of(&solver, &forward, data, &noise, known);
     let held = solver.held().to_vec();
     let fitted = Fitted { r, held, residuals, noise: said, report, dependent };
     finish(forward, data, fitted)
 }
 
+/// Brings the coefficients to where a sample of the data has them, so that all of the data is asked twice and not five times.
+/// A sample that does not tell the parameters apart leaves them where they are.
+fn near(solver: &mut Solver, forward: &mut Forward, sample: &Dataset, noise: &Noise, known: &[Known]) {
+    let begin = forward.coefficients();
+    let fitted = solver.minimize(forward, sample, noise, known, &LmParams::default());
+    let good = fitted.is_ok_and(|report| !matches!(report.ended, Ended::Iterations | Ended::Stuck))
+        && spectrum(&factor_of(solver, forward, sample, noise, known)).is_some_and(|(_, s)| tells_apart(&s));
+    if !good {
+        forward.set_coefficients(&begin);
+    }
+}
+
+/// The factor of `J` where `solver` ended.
+fn factor_of(solver: &Solver, forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat<f64> {
+    let p = forward.free().len();
+    let r = solver.factor().unwrap_or_else(|| factor(forward, data, noise, known));
+    r.submatrix(0, 0, p, p).to_owned()
+}
+
 /// Where a fit ended.
 struct Fitted {
-    /// Factor of `[J r]`.
+    /// Factor of `J`.
     r: Mat<f64>,
     /// Coefficients that a limit stopped.
     held: Vec<bool>,
@@ -224,7 +246,7 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     // what a limit holds is fixed, and tells nothing of the others
     let moved: Vec<usize> = (0..free.len()).filter(|k| !held[*k]).collect();
     let p = moved.len();
-    let r = if p == free.len() { r.submatrix(0, 0, p, p).to_owned() } else { triangular(&r, &moved) };
+    let r = if p == free.len() { r } else { triangular(&r, &moved) };
     let spectrum = spectrum(&r);
     // first, since an iteration on data of deficient rank may also fail to converge
     if !spectrum.as_ref().is_some_and(|(_, s)| tells_apart(s)) {
@@ -330,7 +352,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     let (terms, dependent) = independent_terms(judged(&model, data)?.as_ref(), data, choice)?;
     model.terms = terms;
     check_count(data, model.terms.len(), &choice.known().of(&model)?)?;
-    start(&mut model, data)?;
+    start(&mut model, sample(data).as_ref().unwrap_or(data))?;
     Ok((model, dependent))
 }
 

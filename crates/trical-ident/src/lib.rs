@@ -11,7 +11,7 @@
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, cross-validation |
 //! | [`gross`] | measurements that no model of the arm explains |
-//! | [`stream`] | identification from files of any size, in bounded memory |
+//! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`repeatability`] | how far repeat visits scatter |
 //! | [`joint_choice`] | which joint angles to believe |
@@ -36,6 +36,7 @@ mod normal;
 pub mod recording_csv;
 pub mod repeatability;
 pub mod rigid;
+mod sample;
 pub mod simulate;
 pub mod solver;
 pub mod start;

@@ -97,6 +97,13 @@ impl Noise {
     }
 }
 
+impl Noise {
+    /// Whether no standard deviation differs by more than this fraction.
+    pub(crate) fn is_near(&self, other: &Self, fraction: f64) -> bool {
+        self.sigma.iter().flatten().zip(other.sigma.iter().flatten()).all(|(a, b)| (a - b).abs() <= fraction * b)
+    }
+}
+
 /// Sums of squared weighted residuals, per recording and kind of scalar.
 #[derive(Clone, Debug)]
 pub(crate) struct Squares {

@@ -2,6 +2,7 @@
 //! grows with the data, and chunk by chunk in order, so that the number of threads changes no bit.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
@@ -201,6 +202,37 @@ impl Rows {
     }
 }
 
+impl Rows {
+    /// The first p rows of the factor of `[J r]` from the sums of products. Squares double what rounding does, so that only a
+    /// matrix that is far from losing rank keeps its digits that way: whether it is, is for the caller to see. `None` where it
+    /// is not even positive.
+    pub fn factor_of_products(&self) -> Option<Mat<f64>> {
+        let p = self.p;
+        if self.keep != Keep::Products || p == 0 {
+            return None;
+        }
+        let scale: Vec<f64> = (0..p).map(|j| self.h(j, j).sqrt()).collect();
+        let mut lower = Mat::from_fn(p, p, |i, j| if i >= j { self.h(i, j) / (scale[i] * scale[j]) } else { 0.0 });
+        let scratch = cholesky_in_place_scratch::<f64>(p, Par::Seq, faer::Spec::default());
+        let mut memory = MemBuffer::new(scratch);
+        let stack = MemStack::new(&mut memory);
+        cholesky_in_place(lower.as_mut(), LltRegularization::default(), Par::Seq, stack, faer::Spec::default()).ok()?;
+        // Q'r: L y = J'r
+        let mut y: Vec<f64> = (0..p).map(|i| self.g(i) / scale[i]).collect();
+        for i in 0..p {
+            let sum: f64 = (0..i).map(|j| lower[(i, j)] * y[j]).sum();
+            y[i] = (y[i] - sum) / lower[(i, i)];
+        }
+        let entry = |i: usize, j: usize| match j {
+            _ if j == p => y[i],
+            _ if j >= i => lower[(j, i)] * scale[j],
+            _ => 0.0,
+        };
+        let r = Mat::from_fn(p, p + 1, entry);
+        (0..p).all(|i| r[(i, i)] > 0.0 && (0..=p).all(|j| r[(i, j)].is_finite())).then_some(r)
+    }
+}
+
 /// The triangular factor of some columns of what has the factor `r`.
 pub(crate) fn triangular(r: &Mat<f64>, columns: &[usize]) -> Mat<f64> {
     let p = columns.len();
@@ -216,4 +248,54 @@ fn triangularize(a: &mut Mat<f64>) {
     let mut householder = Mat::<f64>::zeros(block, columns.min(rows));
     let mut memory = MemBuffer::new(qr_in_place_scratch::<f64>(rows, columns, block, Par::Seq, faer::Spec::default()));
     qr_in_place(a.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut memory), faer::Spec::default());
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::cast_precision_loss)]
+    use super::*;
+
+    /// Sums of both kinds over the same 700 rows of four parameters and a residual.
+    fn both(rows: impl Fn(usize) -> [f64; 5]) -> (Rows, Rows) {
+        let of = |keep| {
+            let mut sums = Rows::new(4, keep);
+            for k in 0..700 {
+                sums.block.extend(rows(k));
+                if sums.block.len() >= BLOCK * 5 {
+                    sums.flush();
+                }
+            }
+            sums.finish();
+            sums
+        };
+        (of(Keep::Products), of(Keep::Factor))
+    }
+
+    #[test]
+    fn products_and_orthogonal_factors_say_the_same_where_the_columns_are_far_apart() {
+        let wave = |k: usize, n: f64| (n * k as f64).sin();
+        let row =
+            |k| [wave(k, 0.3), 1e-6 * wave(k, 0.7), 1e3 * wave(k, 1.1), wave(k, 0.3) + wave(k, 1.7), wave(k, 2.3)];
+        let (products, factor) = both(row);
+        let (a, b) = (products.factor_of_products().unwrap(), factor.factor().unwrap());
+        assert_eq!((a.nrows(), a.ncols()), (4, 5));
+        for i in 0..4 {
+            for j in 0..5 {
+                // rows of a factor have no sign of their own
+                let b = b[(i, j)] * b[(i, i)].signum();
+                let size = (0..=j.min(3)).map(|k| a[(k, j)].abs()).fold(0.0, f64::max);
+                assert!((a[(i, j)] - b).abs() < 1e-13 * size, "{i} {j}: {} {b}", a[(i, j)]);
+            }
+        }
+    }
+
+    #[test]
+    fn products_of_columns_that_are_the_same_have_no_factor_and_neither_has_a_column_of_zeros() {
+        let (same, _) = both(|k| [k as f64, 1.0, k as f64, (k * k) as f64, 0.5]);
+        assert!(same.factor_of_products().is_none_or(|r| r[(2, 2)] < 1e-6 * r[(0, 2)]));
+        let (zero, _) = both(|k| [k as f64, 1.0, 0.0, (k * k) as f64, 0.5]);
+        assert!(zero.factor_of_products().is_none());
+        let (_, factor) = both(|k| [k as f64, 1.0, 2.0, 3.0, 0.5]);
+        assert!(factor.factor_of_products().is_none());
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! Normal equations are accumulated block by block, so memory does not grow with the rows; columns are scaled to unit length
 //! before the Cholesky factorization, which keeps the digits (what is reported, rank and covariance, comes from a QR
-//! factorization of J itself, see [`crate::identifiability`]).
+//! factorization of J itself unless J is far from losing rank, see [`crate::identifiability`]).
 //!
 //! Limits are kept by an active set: a coefficient at a limit that the gradient would push beyond it is held there for the step,
 //! one that the step would carry beyond a limit goes to it, and the others step with a view to that.
@@ -16,6 +16,7 @@ use trical_model::Forward;
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, evaluate};
+use crate::identifiability::spectrum;
 use crate::known::Known;
 use crate::noise::Noise;
 use crate::normal::{Keep, Rows};
@@ -26,6 +27,14 @@ const LAMBDA: f64 = 1e-8;
 /// A step by less than this fraction of what the data can tell is not worth another pass over it, where the cost would not
 /// fall either.
 const NEGLIGIBLE: f64 = 1e-3;
+
+/// Below this condition, what is reported needs no factor of the rows themselves: their products keep ten digits.
+pub(crate) const WELL_CONDITIONED: f64 = 1e3;
+
+/// Whether these singular values (columns of unit length, largest first) are within [`WELL_CONDITIONED`].
+pub(crate) fn is_well_conditioned(singular: &[f64]) -> bool {
+    singular.last().zip(singular.first()).is_some_and(|(small, large)| *large < WELL_CONDITIONED * small)
+}
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -115,9 +124,15 @@ impl Solver {
         &self.held
     }
 
-    /// The factor of `[J r]` where the fit ended, if all rows are still there.
+    /// The factor of `[J r]` where the fit ended, or its first rows: of the rows where all are still there, of their products
+    /// where these have the digits; else the rows have to be asked again.
     pub fn factor(&self) -> Option<Mat<f64>> {
-        self.at.factor()
+        self.at.factor().or_else(|| {
+            let of_products = self.at.factor_of_products()?;
+            let p = of_products.nrows();
+            let (_, s) = spectrum(&of_products.submatrix(0, 0, p, p).to_owned())?;
+            is_well_conditioned(&s).then_some(of_products)
+        })
     }
 
     /// The step from `x` at damping `lambda` into `rhs` (scaled), within the limits; false where the matrix is not positive.

@@ -3,15 +3,19 @@
 //! Seen so, a thick segment is a stroke with round ends and a sphere a disc, exactly; whatever else is convex is the outline of
 //! its corners. Shapes are drawn from the farthest to the nearest.
 
+mod page;
+
 use std::fmt::Write;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use trical_model::{Joints, Pose, State};
 use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
-use crate::outline::hull;
+pub use page::View;
+use page::{Camera, Drawn, Page};
+
 use crate::turn;
 
 type V3 = Vector3<f64>;
@@ -22,222 +26,6 @@ const BALLS: [&str; 6] = ["#2666a5", "#d1661f", "#2a9d7c", "#8a5fb0", "#b8901c",
 /// Colour of a ball (0-based).
 pub fn ball_color(ball: usize) -> &'static str {
     BALLS[ball % BALLS.len()]
-}
-
-/// From where the cell is looked at.
-#[derive(Clone, Copy)]
-pub enum View {
-    /// From the side and above.
-    Oblique,
-    /// From straight above.
-    Above,
-    /// From the side of the line from the base to the balls.
-    Side,
-}
-
-/// {w} to the page: x to the right, y down, and depth away from the eye, m.
-struct Camera {
-    rows: Matrix3<f64>,
-}
-
-impl Camera {
-    /// `ahead`: from the base to the balls, level.
-    fn new(view: View, ahead: V3) -> Self {
-        let turn = |angle: f64| trical_model::pose::rotation_z(angle) * ahead;
-        // from the eye into the picture
-        let (look, up) = match view {
-            View::Oblique => {
-                let level = -turn(-0.95);
-                ((level * 0.88 - V3::z() * 0.47).normalize(), V3::z())
-            }
-            View::Above => (-V3::z(), ahead),
-            View::Side => (-turn(-std::f64::consts::FRAC_PI_2), V3::z()),
-        };
-        let right = look.cross(&up).normalize();
-        let down = look.cross(&right);
-        Self { rows: Matrix3::from_rows(&[right.transpose(), down.transpose(), look.transpose()]) }
-    }
-
-    fn see(&self, p: &V3) -> V3 {
-        self.rows * p
-    }
-}
-
-/// Something to draw, and how far away it is.
-struct Drawn {
-    depth: f64,
-    svg: String,
-}
-
-struct Page {
-    camera: Camera,
-    /// Pixels per metre.
-    scale: f64,
-    left: f64,
-    top: f64,
-}
-
-impl Page {
-    fn at(&self, p: &V3) -> (f64, f64, f64) {
-        let s = self.camera.see(p);
-        ((s.x - self.left) * self.scale, (s.y - self.top) * self.scale, s.z)
-    }
-
-    fn line(&self, points: &[V3], style: &str) -> String {
-        let list: Vec<String> = points
-            .iter()
-            .map(|p| {
-                let (x, y, _) = self.at(p);
-                format!("{x:.1},{y:.1}")
-            })
-            .collect();
-        format!("<polyline points=\"{}\" fill=\"none\" {style}/>", list.join(" "))
-    }
-
-    fn text(&self, p: &V3, dx: f64, dy: f64, text: &str, style: &str) -> String {
-        let (x, y, _) = self.at(p);
-        let text = text.replace('&', "&amp;").replace('<', "&lt;");
-        format!("<text x=\"{:.1}\" y=\"{:.1}\" {style}>{text}</text>", x + dx, y + dy)
-    }
-
-    /// The outline of points that is filled, with an edge as thick as the solid is rounded.
-    fn outline(&self, points: &[V3], radius: f64, fill: &str, edge: &str, opacity: f64, title: &str) -> Drawn {
-        let seen: Vec<(f64, f64, f64)> = points.iter().map(|p| self.at(p)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let depth = seen.iter().map(|s| s.2).sum::<f64>() / seen.len().max(1) as f64;
-        let list: Vec<String> = hull(&seen.iter().map(|s| (s.0, s.1)).collect::<Vec<_>>())
-            .iter()
-            .map(|(x, y)| format!("{x:.1},{y:.1}"))
-            .collect();
-        let list = list.join(" ");
-        let wide = 2.0 * radius * self.scale;
-        let mut svg = format!("<g opacity=\"{opacity}\"><title>{title}</title>");
-        if wide > 1.0 {
-            let _ = write!(
-                svg,
-                "<polygon points=\"{list}\" fill=\"{edge}\" stroke=\"{edge}\" stroke-width=\"{:.1}\" \
-                 stroke-linejoin=\"round\"/>",
-                wide + 1.4
-            );
-        }
-        let _ = write!(
-            svg,
-            "<polygon points=\"{list}\" fill=\"{fill}\" stroke=\"{}\" stroke-width=\"{:.1}\" stroke-linejoin=\"round\"/></g>",
-            if wide > 1.0 { fill } else { edge },
-            wide.max(0.8)
-        );
-        Drawn { depth, svg }
-    }
-
-    fn solid(&self, pose: &Pose, solid: &Solid, fill: &str, edge: &str, opacity: f64, title: &str) -> Vec<Drawn> {
-        match &solid.core {
-            Core::Segment(a, b) => {
-                // in pieces, so that long ones are sorted rightly; opacity of overlapping pieces would show
-                let pieces = if opacity < 1.0 { 1 } else { 6 };
-                let (a, b) = (pose.apply(a), pose.apply(b));
-                let wide = 2.0 * solid.radius * self.scale;
-                let stroke = |from: &V3, to: &V3, color: &str, wide: f64| {
-                    self.line(
-                        &[*from, *to],
-                        &format!("stroke=\"{color}\" stroke-width=\"{wide:.1}\" stroke-linecap=\"round\""),
-                    )
-                };
-                let mut drawn = Vec::new();
-                for k in 0..pieces {
-                    let part = |k: usize| {
-                        a + (b - a)
-                            * (f64::from(u8::try_from(k).unwrap_or(0)) / f64::from(u8::try_from(pieces).unwrap_or(1)))
-                    };
-                    let (from, to) = (part(k), part(k + 1));
-                    let middle = self.at(&((from + to) * 0.5)).2;
-                    let mut svg = format!("<g opacity=\"{opacity}\"><title>{title}</title>");
-                    // the edge lies behind all pieces of the body
-                    if k == 0 {
-                        drawn.push(Drawn {
-                            depth: self.at(&a).2.max(self.at(&b).2),
-                            svg: format!("<g opacity=\"{opacity}\">{}</g>", stroke(&a, &b, edge, wide + 1.6)),
-                        });
-                    }
-                    svg += &stroke(&from, &to, fill, wide);
-                    // light from above: a paler stroke, off the middle
-                    let lift = V3::z() * solid.radius * 0.35;
-                    svg += &self.line(
-                        &[from + lift, to + lift],
-                        &format!(
-                            "stroke=\"#fff\" stroke-opacity=\"0.16\" stroke-width=\"{:.1}\" stroke-linecap=\"round\"",
-                            wide * 0.45
-                        ),
-                    );
-                    svg += "</g>";
-                    drawn.push(Drawn { depth: middle, svg });
-                }
-                drawn
-            }
-            Core::Box(frame, half) => self.cuboid(&pose.compose(frame), half, solid.radius, fill, edge, opacity, title),
-            Core::Cylinder(frame, half, r) => {
-                let frame = pose.compose(frame);
-                let points: Vec<V3> = (0..48)
-                    .map(|k| {
-                        let (s, c) = (f64::from(k) / 24.0 * std::f64::consts::TAU).sin_cos();
-                        frame.apply(&V3::new(r * c, if k < 24 { -*half } else { *half }, r * s))
-                    })
-                    .collect();
-                vec![self.outline(&points, solid.radius, fill, edge, opacity, title)]
-            }
-            Core::Hull(hull) => {
-                let points: Vec<V3> = hull.points().iter().map(|p| pose.apply(&V3::new(p.x, p.y, p.z))).collect();
-                vec![self.outline(&points, solid.radius, fill, edge, opacity, title)]
-            }
-        }
-    }
-
-    /// The three faces of a box that look at the eye, shaded.
-    #[expect(clippy::too_many_arguments, reason = "what a box looks like")]
-    fn cuboid(
-        &self,
-        frame: &Pose,
-        half: &V3,
-        radius: f64,
-        fill: &str,
-        edge: &str,
-        opacity: f64,
-        title: &str,
-    ) -> Vec<Drawn> {
-        let look = self.camera.rows.row(2).transpose();
-        let mut svg = format!("<g opacity=\"{opacity}\"><title>{title}</title>");
-        for axis in 0..3 {
-            let normal = frame.rotation.column(axis).clone_owned();
-            let side = if normal.dot(&look) < 0.0 { 1.0 } else { -1.0 };
-            let corners: Vec<V3> = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
-                .iter()
-                .map(|(u, v)| {
-                    let mut c = V3::zeros();
-                    c[axis] = side * half[axis];
-                    c[(axis + 1) % 3] = u * half[(axis + 1) % 3];
-                    c[(axis + 2) % 3] = v * half[(axis + 2) % 3];
-                    frame.apply(&c)
-                })
-                .collect();
-            let list: Vec<String> = corners
-                .iter()
-                .map(|c| {
-                    let (x, y, _) = self.at(c);
-                    format!("{x:.1},{y:.1}")
-                })
-                .collect();
-            let list = list.join(" ");
-            let light = (normal * side).z;
-            let shade = if light > 0.5 { 0.0 } else { 0.06 + 0.06 * (normal * side).x.abs() };
-            let wide = (2.0 * radius * self.scale).max(0.8);
-            let _ = write!(
-                svg,
-                "<polygon points=\"{list}\" fill=\"{fill}\" stroke=\"{edge}\" stroke-width=\"{wide:.1}\" \
-                 stroke-linejoin=\"round\"/><polygon points=\"{list}\" fill=\"#000\" opacity=\"{shade:.2}\"/>"
-            );
-        }
-        svg += "</g>";
-        vec![Drawn { depth: self.at(&frame.translation).2, svg }]
-    }
 }
 
 /// A dot.

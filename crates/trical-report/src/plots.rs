@@ -1,6 +1,8 @@
 //! Plots as SVG, to be put inline into a report.
 
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use crate::error::{Error, Result};
@@ -45,6 +47,27 @@ fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>)
     // scale with the page
     let (w, h) = size;
     Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &format!("width=\"100%\" style=\"max-width:{w}px\""), 1))
+}
+
+type Chart<'a, 's> = ChartContext<'a, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Mesh<'a, 'c, 's> = MeshStyle<'a, 'c, RangedCoordf64, RangedCoordf64, SVGBackend<'s>>;
+
+/// Draws the axes with their labels and the lines behind a chart; `also` has what is special about them.
+fn axes<'a, 'c, 's>(
+    chart: &'c mut Chart<'a, 's>,
+    x_label: &str,
+    y_label: &str,
+    also: impl FnOnce(&mut Mesh<'a, 'c, 's>),
+) -> Result<()> {
+    let mut mesh = chart.configure_mesh();
+    mesh.light_line_style(WHITE)
+        .bold_line_style(RGBColor(225, 225, 225))
+        .x_desc(x_label)
+        .y_desc(y_label)
+        .label_style(("sans-serif", 13))
+        .axis_desc_style(("sans-serif", 14));
+    also(&mut mesh);
+    mesh.draw().map_err(failed)
 }
 
 /// What a plot that can be zoomed begins with.
@@ -128,18 +151,9 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
             .y_label_area_size(64)
             .build_cartesian_2d(0.0..high, 0.0..most)
             .map_err(failed)?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(WHITE)
-            .bold_line_style(RGBColor(225, 225, 225))
-            .x_desc(x_label)
-            .y_desc("measurements")
-            .y_label_formatter(&|n| format!("{n:.0}"))
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 14))
-            .draw()
-            .map_err(failed)?;
+        axes(&mut chart, x_label, "measurements", |mesh| {
+            mesh.disable_x_mesh().y_label_formatter(&|n| format!("{n:.0}"));
+        })?;
         let mut left = 0.0;
         for n in counts {
             let bar = Rectangle::new([(left + 0.06 * width, 0.0), (left + 0.94 * width, f64::from(n))], AFTER.filled());
@@ -160,16 +174,7 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
             .y_label_area_size(64)
             .build_cartesian_2d(range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero))
             .map_err(failed)?;
-        chart
-            .configure_mesh()
-            .light_line_style(WHITE)
-            .bold_line_style(RGBColor(225, 225, 225))
-            .x_desc(x_label)
-            .y_desc(y_label)
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 14))
-            .draw()
-            .map_err(failed)?;
+        axes(&mut chart, x_label, y_label, |_| ())?;
         for s in series {
             let color = s.color;
             if curves {
@@ -218,19 +223,9 @@ pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Resu
             .y_label_area_size(64)
             .build_cartesian_2d(-0.6..(n - 0.4), 0.0..high.max(1e-9))
             .map_err(failed)?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(WHITE)
-            .bold_line_style(RGBColor(225, 225, 225))
-            .x_labels(2 * values.len() + 1)
-            .x_label_formatter(&label)
-            .x_desc(x_label)
-            .y_desc(y_label)
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 14))
-            .draw()
-            .map_err(failed)?;
+        axes(&mut chart, x_label, y_label, |mesh| {
+            mesh.disable_x_mesh().x_labels(2 * values.len() + 1).x_label_formatter(&label);
+        })?;
         chart
             .draw_series(values.iter().enumerate().map(|(k, (_, v))| {
                 #[expect(clippy::cast_precision_loss, reason = "a small count")]
@@ -274,17 +269,9 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
                 .y_label_area_size(70)
                 .build_cartesian_2d(x, 0.0..high)
                 .map_err(failed)?;
-            chart
-                .configure_mesh()
-                .light_line_style(WHITE)
-                .bold_line_style(RGBColor(225, 225, 225))
-                .x_desc(x_label)
-                .y_desc(y_label)
-                .x_label_formatter(&|x| format!("{x:.0}"))
-                .label_style(("sans-serif", 13))
-                .axis_desc_style(("sans-serif", 14))
-                .draw()
-                .map_err(failed)?;
+            axes(&mut chart, x_label, y_label, |mesh| {
+                mesh.x_label_formatter(&|x| format!("{x:.0}"));
+            })?;
             for c in curves {
                 let up = c.points.iter().map(|p| (p.0, p.3));
                 let down = c.points.iter().rev().map(|p| (p.0, p.2));

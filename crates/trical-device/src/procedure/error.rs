@@ -176,6 +176,14 @@ pub enum Violation {
         /// Upper limit in deg.
         high_deg: f64,
     },
+    /// The controller reports a joint value that is no number.
+    #[error("the controller reports joint {joint} at {value}, expected an angle")]
+    NoNumber {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// What it reports.
+        value: f64,
+    },
     /// The arm is not where it was sent.
     #[error("joint {joint} was sent to {sent_deg:.4} deg and reports {found_deg:.4} deg")]
     NotArrived {

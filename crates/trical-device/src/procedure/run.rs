@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::steps::{check_guard, check_joints, check_plan};
+use super::steps::{check_finite, check_guard, check_joints, check_plan};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
@@ -122,7 +122,9 @@ impl Runner<'_, '_> {
         if let Some(tcp) = options.tcp_in_flange {
             self.controller.set_tool(tcp)?;
         }
-        self.at = self.controller.joints()?;
+        let at = self.controller.joints()?;
+        check_finite(&at)?;
+        self.at = at;
         self.gauge.read()?;
         self.take_warnings();
         self.note_joints()

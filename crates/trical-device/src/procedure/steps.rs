@@ -65,6 +65,14 @@ fn degrees(q: &Joints, joints: usize) -> String {
     q.iter().take(joints).map(|q| format!("{:.3}", q.to_degrees())).collect::<Vec<_>>().join(" ")
 }
 
+/// Whether joint values that a controller reports are numbers: nothing may start from a place that is none.
+pub(super) fn check_finite(q: &Joints) -> Result<(), Violation> {
+    match q.iter().position(|q| !q.is_finite()) {
+        None => Ok(()),
+        Some(joint) => Err(Violation::NoNumber { joint: joint + 1, value: q[joint] }),
+    }
+}
+
 /// Whether joint values are finite and within the limits.
 pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
     let limits = options.limits.joints.iter().copied().chain(std::iter::repeat((f64::MIN, f64::MAX)));

@@ -110,10 +110,16 @@ impl Frames {
     /// # Errors
     /// One sentence with file and place.
     pub fn load(path: &Path) -> Result<Self, ProgramError> {
-        let file = path.display().to_string();
-        let raw: File = read_text(path)
-            .and_then(|text| parse_toml(&text, &file))
-            .map_err(|e| ProgramError::Input(e.to_string()))?;
+        let text = read_text(path).map_err(|e| ProgramError::Input(e.to_string()))?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// As [`Self::load`], of a text; `file` is for messages.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn parse(text: &str, file: &str) -> Result<Self, ProgramError> {
+        let raw: File = parse_toml(text, file).map_err(|e| ProgramError::Input(e.to_string()))?;
         let bad = |place: &str, problem: String| ProgramError::Input(format!("{file}, {place}: {problem}"));
         let mut out = Self::default();
         if let Some(world) = &raw.world {

@@ -1,0 +1,103 @@
+//! Behind it, every target by itself: the joints that the full model needs, and the numbers that bring the controller there.
+
+use trical_model::ik::{IkError, continue_from};
+use trical_model::pose::rotation_vector;
+use trical_model::{Joints, Pose, State, Workspace};
+
+use super::{Compensator, Start};
+use crate::program::literal::Meant;
+use crate::program::scan::Spot;
+use crate::program::text::{Span, written};
+
+/// A correction of less than a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
+const MOST_JOINT_MOVE: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// A target that is rewritten.
+pub struct Done {
+    /// New numbers.
+    pub edits: Vec<(Span, String)>,
+    /// How far the target moves, m.
+    pub moved: f64,
+    /// How far the arm is off before, by the model: m and rad.
+    pub before: (f64, f64),
+    /// The same with the numbers as written.
+    pub after: (f64, f64),
+    /// What the program wants, in {w}.
+    pub wanted: Pose,
+    /// Joints to which the controller will go.
+    pub joints: Joints,
+}
+
+impl Compensator<'_> {
+    /// Rewrites one target.
+    ///
+    /// # Errors
+    /// In words, why it stays as it is.
+    pub fn rewrite(&self, spot: &Spot, start: &Start, ws: &mut [(Workspace, Workspace)]) -> Result<Done, String> {
+        let place = self.place(spot)?;
+        let arm = &self.arms[place.arm];
+        let (nominal_ws, model_ws) = &mut ws[place.arm];
+        let (values, meant) = self.read(spot)?;
+        let wanted = match &meant {
+            Meant::Pose(pose) => place.world_from_frame.compose(pose),
+            Meant::Joints(q) => arm.nominal.world_from_tool(&State::at(q), nominal_ws),
+        };
+        let state = self.state(&start.q, start.dir);
+        let before = apart(&arm.model.world_from_tool(&state, model_ws), &wanted);
+        let joints = continue_from(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
+            IkError::Singular { .. } | IkError::NotConverged { .. } => format!("near a singularity: {e}"),
+            _ => e.to_string(),
+        })?;
+        let mut farthest = (0, 0.0_f64);
+        for (k, (a, b)) in joints.iter().zip(&start.q).enumerate() {
+            if !self.slides.get(k).copied().unwrap_or(false) && (a - b).abs() > farthest.1 {
+                farthest = (k + 1, (a - b).abs());
+            }
+        }
+        if farthest.1 > MOST_JOINT_MOVE {
+            return Err(format!(
+                "near a singularity: the correction would turn joint {} by {:.1} deg",
+                farthest.0,
+                farthest.1.to_degrees()
+            ));
+        }
+        if let Some(how) = self.branches.changed(&start.q, &joints) {
+            return Err(format!("the branch changes: {how}"));
+        }
+        let commanded = arm.nominal.world_from_tool(&State::at(&joints), nominal_ws);
+        let new = match meant {
+            Meant::Pose(_) => Meant::Pose(place.world_from_frame.inverse().compose(&commanded)),
+            Meant::Joints(_) => Meant::Joints(joints),
+        };
+        let count = spot.shape.count(self.dof);
+        let spans = self.scan.spans(spot);
+        let numbers = spot.shape.numbers(&new, &values[..count], &meant, &self.slides);
+        let mut edits = Vec::with_capacity(count);
+        let mut read_back = values;
+        for (k, (new, span)) in numbers.iter().zip(spans).enumerate().take(count) {
+            let Some(x) = new else { continue };
+            let text = written(*x, span.text(self.bytes), spot.shape.decimals(k));
+            read_back[k] = text.parse().unwrap_or(*x);
+            edits.push((*span, text));
+        }
+        if !self.scan.configuration_off && !self.options.configuration_off {
+            let new = self.branches.rewritten(&spot.configuration, &start.q, &joints);
+            let behind = spans.get(count..).unwrap_or(&[]);
+            edits.extend(new.iter().zip(behind).filter_map(|(n, span)| Some((*span, (*n)?.to_string()))));
+        }
+        // what the controller will make of the new text, by the nominal arm, and where the real arm then is
+        let reached = match spot.shape.meant(&read_back[..count], &self.slides)? {
+            Meant::Joints(q) => q,
+            Meant::Pose(pose) => {
+                let world = place.world_from_frame.compose(&pose);
+                continue_from(&arm.nominal, &world, &State::at(&joints), nominal_ws).map_err(|e| e.to_string())?
+            }
+        };
+        let after = apart(&arm.model.world_from_tool(&self.state(&reached, start.dir), model_ws), &wanted);
+        let moved = (commanded.translation - wanted.translation).norm();
+        Ok(Done { edits, moved, before, after, wanted, joints: reached })
+    }
+}
+
+fn apart(a: &Pose, b: &Pose) -> (f64, f64) {
+    ((a.translation - b.translation).norm(), rotation_vector(&(a.rotation.transpose() * b.rotation)).norm())
+}

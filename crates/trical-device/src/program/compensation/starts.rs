@@ -1,0 +1,160 @@
+//! One thread goes ahead through the program: the nominal arm's joints at every target.
+
+use nalgebra::Vector3;
+use trical_model::ik::{continue_from, inverse_kinematics, nearest_solution};
+use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
+
+use super::Compensator;
+use crate::motion::MotionSense;
+use crate::program::branch::Configuration;
+use crate::program::literal::Meant;
+use crate::program::scan::{Spot, Visit};
+
+/// Only a solution of the target before that is so near is taken without looking at the others, rad.
+const NEAR: f64 = 0.35;
+
+/// Where the program's own target is, by the nominal arm, and how it is approached.
+#[derive(Clone, Copy)]
+pub struct Start {
+    pub(super) q: Joints,
+    pub(super) dir: [i8; MAX_JOINTS],
+}
+
+impl Compensator<'_> {
+    /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
+    /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
+    /// each as soon as it is known: what is done with it need not wait for the rest.
+    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>)) {
+        let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
+        let mut ws = self.workspaces();
+        let mut last = [0.0; MAX_JOINTS];
+        let mut sense = MotionSense::new(MotionSense::DEAD_BAND);
+        let unvisited = {
+            let mut seen = vec![false; self.scan.spots.len()];
+            for v in &self.scan.visits {
+                if let Visit::To(s) = v
+                    && let Some(seen) = seen.get_mut(*s as usize)
+                {
+                    *seen = true;
+                }
+            }
+            seen
+        };
+        let rest = unvisited.iter().enumerate().filter(|(_, seen)| !**seen).map(|(k, _)| Visit::To(k as u32));
+        let mut given = 0;
+        let mut known = 0;
+        for visit in self.scan.visits.iter().copied().chain(rest) {
+            while let Some(Some(_)) = out.get(known) {
+                known += 1;
+            }
+            while known - given >= size {
+                give(out[given..given + size].iter().flatten().cloned().collect());
+                given += size;
+            }
+            match visit {
+                Visit::Unknown => sense = MotionSense::new(MotionSense::DEAD_BAND),
+                Visit::Near { spot, shift, in_tool } => {
+                    match self.scan.spots.get(spot as usize).and_then(|s| self.near(s, &shift, in_tool, &last, &mut ws))
+                    {
+                        Some(q) => {
+                            sense.push(&q);
+                            last = q;
+                        }
+                        None => sense = MotionSense::new(MotionSense::DEAD_BAND),
+                    }
+                }
+                Visit::To(k) => {
+                    let (Some(spot), Some(slot)) = (self.scan.spots.get(k as usize), out.get_mut(k as usize)) else {
+                        continue;
+                    };
+                    let q = match slot {
+                        Some(Ok(known)) => Ok(known.q),
+                        Some(Err(_)) => continue,
+                        None => self.start(spot, &last, &mut ws),
+                    };
+                    if let Ok(q) = &q {
+                        sense.push(q);
+                        last = *q;
+                    }
+                    if slot.is_none() {
+                        *slot = Some(q.map(|q| Start { q, dir: sense.sense() }));
+                    }
+                }
+            }
+        }
+        let lost = || Err("is not reached by the program".into());
+        let rest: Vec<_> = out.drain(given..).map(|s| s.unwrap_or_else(lost)).collect();
+        rest.chunks(size).for_each(|block| give(block.to_vec()));
+    }
+
+    fn near(
+        &self,
+        spot: &Spot,
+        shift: &Vector3<f64>,
+        in_tool: bool,
+        last: &Joints,
+        ws: &mut [(Workspace, Workspace)],
+    ) -> Option<Joints> {
+        let place = self.place(spot).ok()?;
+        let Meant::Pose(mut pose) = self.read(spot).ok()?.1 else { return None };
+        pose.translation += if in_tool { pose.rotation * shift } else { *shift };
+        let world = place.world_from_frame.compose(&pose);
+        self.solve(place.arm, &world, &spot.configuration, last, &mut ws.get_mut(place.arm)?.0).ok()
+    }
+
+    fn start(&self, spot: &Spot, last: &Joints, ws: &mut [(Workspace, Workspace)]) -> Result<Joints, String> {
+        let place = self.place(spot)?;
+        match self.read(spot)?.1 {
+            Meant::Joints(q) => {
+                let robot = &self.arms[place.arm].nominal.model().robot;
+                if !robot.within_limits(&q, 1e-9) {
+                    return Err("the program's own joint values are beyond the limits of the robot".into());
+                }
+                Ok(q)
+            }
+            Meant::Pose(pose) => {
+                let world = place.world_from_frame.compose(&pose);
+                self.solve(place.arm, &world, &spot.configuration, last, &mut ws[place.arm].0)
+                    .map_err(|e| format!("the program's own target: {e}"))
+            }
+        }
+    }
+
+    /// The nominal arm's joints at a pose, in the configuration that the text demands, else nearest to `last`.
+    fn solve(
+        &self,
+        arm: usize,
+        world: &Pose,
+        demanded: &Configuration,
+        last: &Joints,
+        ws: &mut Workspace,
+    ) -> Result<Joints, String> {
+        let nominal = &self.arms[arm].nominal;
+        let off = self.scan.configuration_off || self.options.configuration_off;
+        let demanded = if off { &Configuration::Free } else { demanded };
+        let seed = State::at(last);
+        if let Ok(q) = continue_from(nominal, world, &seed, ws) {
+            let far = q.iter().zip(last).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            if far < NEAR && self.branches.mismatch(demanded, &q) == Some(0) {
+                return Ok(q);
+            }
+        }
+        if *demanded == Configuration::Free {
+            return nearest_solution(nominal, world, &seed, ws).map_err(|e| e.to_string());
+        }
+        let all = inverse_kinematics(nominal, world, &seed, ws).map_err(|e| e.to_string())?;
+        // nearest first, so that the first of the best fits
+        let best =
+            all.iter().filter_map(|s| Some((self.branches.mismatch(demanded, &s.joints)?, s))).min_by_key(|x| x.0);
+        best.map(|(_, s)| s.joints).ok_or_else(|| {
+            format!(
+                "no solution has the configuration that the text demands ({}); --any-configuration takes the one nearest to the target before",
+                match demanded {
+                    Configuration::Abb([a, b, c, d]) => format!("[{a},{b},{c},{d}]"),
+                    Configuration::Kuka { t: Some(t), .. } => format!("T {t}"),
+                    _ => "CONFIG".into(),
+                }
+            )
+        })
+    }
+}

@@ -1,0 +1,112 @@
+//! Some rows that stand for all, where closed forms, robust fits and the first steps of a fit need no more.
+//!
+//! A row is chosen by a hash of its number, so that picks follow no pattern of the recording; the first rows of each sort (ball,
+//! target, anchor) are always among them, so that nothing is left out that a parameter needs.
+
+use std::collections::BTreeMap;
+
+use trical_model::Measured;
+
+use crate::dataset::{Dataset, Observation};
+
+/// Rows of a sample, about.
+pub const SAMPLE: usize = 8192;
+
+/// Rows of each sort that are always among them.
+pub(crate) const FIRST: usize = 40;
+
+/// Data of fewer observations than this are taken whole: a sample would save little.
+const LARGE: usize = 4 * SAMPLE;
+
+/// Which ball, target or anchor: rows of which the model sees different things.
+pub(crate) fn sort_of(m: &Measured) -> (u8, usize) {
+    match m {
+        Measured::Touch { ball, .. } => (0, *ball),
+        Measured::Point { target, .. } => (1, *target),
+        Measured::Distance { anchor, .. } => (2, *anchor),
+        Measured::Pose { .. } => (3, 0),
+        Measured::Reference { reference, .. } => (4, *reference),
+    }
+}
+
+/// A hash of a line's number (Steele, Lea & Flood 2014): picks that follow no pattern of the recording.
+pub(crate) fn scatter(line: usize, file: usize) -> u64 {
+    let mut z = (line as u64).wrapping_add((file as u64) << 48).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// A sample of the observations, in their order; `None` where there are so few that all are better taken.
+pub(crate) fn sample(data: &Dataset) -> Option<Dataset> {
+    let n = data.observations.len();
+    if n < LARGE {
+        return None;
+    }
+    let every = n.div_ceil(SAMPLE) as u64;
+    let mut seen: BTreeMap<(usize, (u8, usize)), usize> = BTreeMap::new();
+    let mut chosen: Vec<Observation> = Vec::with_capacity(SAMPLE + SAMPLE / 8);
+    for o in &data.observations {
+        let before = seen.entry((o.recording, sort_of(&o.measured))).or_insert(0);
+        *before += 1;
+        if *before <= FIRST || scatter(o.row, o.recording).is_multiple_of(every) {
+            chosen.push(*o);
+        }
+    }
+    Some(Dataset { observations: chosen, ..data.shell() })
+}
+
+#[cfg(test)]
+mod tests {
+    use trical_model::State;
+
+    use super::*;
+    use crate::dataset::JointSource;
+
+    /// Touches of ball 1 in their order, the last 30 of ball 2.
+    fn touches(count: usize) -> Dataset {
+        let observation = |row: usize| {
+            let ball = usize::from(row > count - 30);
+            let measured = Measured::Touch { ball, reading: [0.0; 3] };
+            Observation {
+                state: State::at(&[0.0; 6]),
+                measured,
+                frame: 0,
+                pose: row - 1,
+                recording: 0,
+                row,
+                line: row + 1,
+            }
+        };
+        Dataset {
+            names: vec!["a".into()],
+            observations: (1..=count).map(observation).collect(),
+            rejected: Vec::new(),
+            poses: count,
+            frame_of_recording: vec![None],
+            references: Vec::new(),
+            joints: JointSource::Read,
+            dof: 6,
+        }
+    }
+
+    #[test]
+    fn few_rows_are_taken_whole() {
+        assert!(sample(&touches(LARGE - 1)).is_none());
+    }
+
+    #[test]
+    fn a_sample_is_as_large_as_it_says_spread_over_all_and_has_what_is_rare() {
+        let all = touches(100_000);
+        let some = sample(&all).map(|s| s.observations).unwrap_or_default();
+        assert!(some.len() > SAMPLE * 9 / 10 && some.len() < SAMPLE * 11 / 10, "{}", some.len());
+        assert!(some.windows(2).all(|w| w[0].row < w[1].row));
+        let of_ball_2 = some.iter().filter(|o| matches!(o.measured, Measured::Touch { ball: 1, .. })).count();
+        assert_eq!(of_ball_2, 30);
+        // as many from each tenth of the recording, to what chance does
+        for tenth in 0..10 {
+            let n = some.iter().filter(|o| (o.row - 1) / 10_000 == tenth).count();
+            assert!((650..1000).contains(&n), "{n} from tenth {tenth}");
+        }
+    }
+}

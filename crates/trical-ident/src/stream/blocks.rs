@@ -1,0 +1,106 @@
+//! Files in blocks of whole lines, of a fixed size: what one thread takes.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use crate::error::{IdentError, Result};
+use crate::recording_csv::csv_reader;
+
+/// Bytes of a block.
+const BLOCK: usize = 1 << 20;
+
+/// A file whose header has been read.
+#[derive(Debug)]
+pub(super) struct Source {
+    path: PathBuf,
+    pub(super) name: String,
+    pub(super) header: csv::StringRecord,
+    /// Where the rows begin.
+    offset: u64,
+    pub(super) bytes: u64,
+}
+
+/// Whole lines of a file.
+pub(super) struct Block {
+    pub(super) bytes: Vec<u8>,
+    pub(super) lines_before: usize,
+    /// Blocks before it.
+    pub(super) number: usize,
+}
+
+/// The blocks of a file, one after the other.
+pub(super) struct Blocks<'a> {
+    source: &'a Source,
+    file: File,
+    carry: Vec<u8>,
+    lines: usize,
+    number: usize,
+}
+
+impl Source {
+    pub(super) fn error(&self, problem: impl Into<String>) -> IdentError {
+        IdentError::File { file: self.name.clone(), problem: problem.into() }
+    }
+
+    pub(super) fn open(path: &Path, name: String) -> Result<Self> {
+        let mut this = Self { path: path.to_owned(), name, header: csv::StringRecord::new(), offset: 0, bytes: 0 };
+        let file = File::open(path).map_err(|e| this.error(format!("cannot be read: {e}")))?;
+        this.bytes = file.metadata().map_err(|e| this.error(format!("cannot be read: {e}")))?.len();
+        let mut line = Vec::new();
+        let mut reader = BufReader::new(file).take(BLOCK as u64);
+        reader.read_until(b'\n', &mut line).map_err(|e| this.error(format!("cannot be read: {e}")))?;
+        this.offset = line.len() as u64;
+        let text =
+            std::str::from_utf8(&line).map_err(|_| this.error("is not a text file; expected a CSV recording"))?;
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        if text.trim().is_empty() {
+            return Err(this.error("is empty; expected a CSV recording with a header line"));
+        }
+        let mut csv = csv_reader(false).from_reader(text.as_bytes());
+        let mut header = csv::StringRecord::new();
+        csv.read_record(&mut header).map_err(|e| this.error(format!("the header cannot be read: {e}")))?;
+        this.header = header;
+        Ok(this)
+    }
+
+    pub(super) fn blocks(&self) -> Result<Blocks<'_>> {
+        let mut file = File::open(&self.path).map_err(|e| self.error(format!("cannot be read: {e}")))?;
+        file.seek(SeekFrom::Start(self.offset)).map_err(|e| self.error(format!("cannot be read: {e}")))?;
+        Ok(Blocks { source: self, file, carry: Vec::new(), lines: 1, number: 0 })
+    }
+}
+
+impl Blocks<'_> {
+    pub(super) fn next(&mut self) -> Result<Option<Block>> {
+        let mut bytes = std::mem::take(&mut self.carry);
+        let old = bytes.len();
+        bytes.resize(BLOCK, 0);
+        let mut filled = old;
+        while filled < BLOCK {
+            match self.file.read(&mut bytes[filled..]) {
+                Ok(0) => break,
+                Ok(n) => filled += n,
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(self.source.error(format!("cannot be read: {e}"))),
+            }
+        }
+        bytes.truncate(filled);
+        if bytes.is_empty() {
+            return Ok(None);
+        }
+        if filled == BLOCK {
+            let Some(end) = bytes.iter().rposition(|b| *b == b'\n') else {
+                return Err(self.source.error(format!(
+                    "line {} is longer than {BLOCK} bytes; expected a recording, one measurement a line",
+                    self.lines + 1
+                )));
+            };
+            self.carry = bytes.split_off(end + 1);
+        }
+        let lines_before = self.lines;
+        self.lines += bytes.iter().filter(|b| **b == b'\n').count();
+        self.number += 1;
+        Ok(Some(Block { bytes, lines_before, number: self.number - 1 }))
+    }
+}

@@ -1,0 +1,1 @@
+PERS string s:="CONST robtarget p:=[[1

@@ -200,8 +200,9 @@ impl<'a> Compensator<'a> {
 
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
     /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
-    /// each as soon as it is known: what is done with it need not wait for the rest.
-    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>)) {
+    /// each as soon as it is known: what is done with it need not wait for the rest. `unwanted` is asked before each target; when
+    /// it says true, nothing more is solved or given.
+    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>), unwanted: &dyn Fn() -> bool) {
         let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
         let mut ws = workspaces(&self.arms);
         let mut last = [0.0; MAX_JOINTS];
@@ -221,6 +222,9 @@ impl<'a> Compensator<'a> {
         let mut given = 0;
         let mut known = 0;
         for visit in self.scan.visits.iter().copied().chain(rest) {
+            if unwanted() {
+                return;
+            }
             while let Some(Some(_)) = out.get(known) {
                 known += 1;
             }

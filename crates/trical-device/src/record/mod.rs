@@ -5,6 +5,7 @@
 //! accepted; the reader takes what is whole out of a file that was cut anywhere.
 
 pub mod cdr;
+mod handed;
 pub mod json;
 mod read;
 pub mod schema;
@@ -19,6 +20,7 @@ use trical_model::recording::{Recording, Row};
 
 use crate::motion::JointSample;
 
+pub use handed::hand_over;
 pub use read::{each_row, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 

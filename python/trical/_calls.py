@@ -203,9 +203,12 @@ def repeatability(
     """Say how far repeat visits scatter: keys places, by_ball, by_joint_sense, drift, rows, single_visits.
 
     Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place. `robot` and
-    `cell` are needed for touches. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
+    `cell` are needed for touches, unless the file has them inside, as those of `measure` have. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
     """
     rows = (recording if isinstance(recording, Recording) else Recording.load(recording, part=True))._rows
+    if not isinstance(recording, Recording) and (robot is None or cell is None):
+        inside = _native._inside(os.fspath(recording))
+        robot, cell = (inside[0] if robot is None else robot, inside[1] if cell is None else cell)
     parts = (None if robot is None else _file(robot), None if cell is None else _file(cell))
     result: dict[str, Any] = json.loads(_native._repeatability(rows, *parts, same))
     return result

@@ -32,6 +32,7 @@ __all__ = [
     "_effects_json",
     "_export",
     "_identify",
+    "_inside",
     "_master",
     "_measure",
     "_observability",
@@ -496,6 +497,7 @@ def _tool_point(recording: Rows, robot: _Path | Robot, cell: _Path | Cell) -> tu
 def _base(
     recording: Rows, robot: _Path | Robot, cell: _Path | Cell
 ) -> tuple[Cell, list[tuple[int, int, float, float]]]: ...
+def _inside(path: _Path) -> tuple[Robot | None, Cell | None]: ...
 def _convert(input: _Path, output: _Path, joints: int | None) -> str: ...
 def _export(
     model: Model, name: str, urdf: _Path | None, mdh: _Path | None, error_map: _Path | None, poses: int

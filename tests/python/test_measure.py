@@ -185,6 +185,7 @@ def test_repeat_visits(cell: trical.VirtualCell, tmp_path: Path) -> None:
     run = trical.measure(few, tmp_path / "run.mcap", **FILES, **links(cell), go=True, visits=3)
     assert run.measured == 3 * len(few)
     told = trical.repeatability(run.path, **FILES)
+    assert trical.repeatability(run.path) == told, "arm and cell are in the file"
     assert all(b["visits"] == 3 * b["places"] for b in told["by_ball"]), told["by_ball"]
 
 

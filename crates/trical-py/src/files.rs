@@ -4,14 +4,16 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use serde_json::{Value, json};
+use trical_device::read_recording;
 use trical_ident::write_whole;
 use trical_model::urdf::UrdfPath;
 use trical_report::{ErrorMap, Export};
 
 use crate::errors::{Result, bad};
 use crate::long::long;
+use crate::machine::{PyCell, PyRobot};
 use crate::model::PyModel;
-use crate::rows::{recovered, save};
+use crate::rows::{is_mcap, recovered, save};
 
 /// Refuses an output whose folder does not exist, before any work is done.
 fn check_output(path: &Path) -> Result<()> {
@@ -85,4 +87,14 @@ pub fn _export(
         Ok(said)
     })?;
     Ok(said.to_string())
+}
+
+/// Arm and cell inside an MCAP recording, where they are.
+#[pyfunction]
+pub fn _inside(path: PathBuf) -> Result<(Option<PyRobot>, Option<PyCell>)> {
+    if !is_mcap(&path)? {
+        return Ok((None, None));
+    }
+    let (robot, cell) = read_recording(&path)?.arm_and_cell(&path)?;
+    Ok((robot.map(PyRobot), cell.map(PyCell)))
 }

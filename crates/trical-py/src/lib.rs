@@ -51,6 +51,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(measure::_touch_here, m)?)?;
     m.add_function(wrap_pyfunction!(measure::_tool_point, m)?)?;
     m.add_function(wrap_pyfunction!(measure::_base, m)?)?;
+    m.add_function(wrap_pyfunction!(files::_inside, m)?)?;
     m.add_function(wrap_pyfunction!(files::_convert, m)?)?;
     m.add_function(wrap_pyfunction!(files::_export, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_identify, m)?)?;

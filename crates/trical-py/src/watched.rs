@@ -40,6 +40,8 @@ pub fn watched<T: Send>(
                     Err(RecvTimeoutError::Disconnected) => break,
                 };
                 if raised.is_some() {
+                    // pressed again: the end is on its way, and shall not be interrupted a second time where it is caught
+                    Python::attach(|py| drop(py.check_signals()));
                     continue;
                 }
                 let heard = Python::attach(|py| {

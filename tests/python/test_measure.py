@@ -45,7 +45,7 @@ def test_a_plan_is_driven_and_the_hidden_arm_found(plan: trical.Plan, cell: tric
         **links(cell),
         go=True,
         temperature=21.0,
-        payload=0.5,
+        payload=0.0,
         progress=lambda f, what: said.append((f, what)),
     )
     assert (run.measured, run.skipped, run.steps) == (len(plan), 0, [])
@@ -53,7 +53,7 @@ def test_a_plan_is_driven_and_the_hidden_arm_found(plan: trical.Plan, cell: tric
     touches = run.recording
     assert touches.kind.tolist() == ["touch"] * len(plan) and touches.ball.tolist() == plan.ball.tolist()
     assert np.linalg.norm(touches.indicators, axis=1).max() < 2e-5
-    assert set(touches.payload.tolist()) == {0.5} and touches.temperature.min() > 21.5, "the controller's own sensor"
+    assert set(touches.payload.tolist()) == {0.0} and touches.temperature.min() > 21.5, "the controller's own sensor"
     assert said[-1][0] == 1.0 and any("|r|" in what and "ball 2" in what for _, what in said)
 
     fit = trical.identify(touches, **FILES)
@@ -169,7 +169,7 @@ def test_a_run_that_fails_says_what_and_where_the_arm_is(plan: trical.Plan, tmp_
     script.write_text('[[fault]]\nwhat = "stale"\naxis = "y"\nafter_motions = 30\n')
     out = tmp_path / "run.mcap"
     with trical.virtual_cell(**FILES, faults=script) as cell:
-        with pytest.raises(trical.MeasuringError, match=r"axis y.*what was measured is safe, resume=True goes on"):
+        with pytest.raises(trical.MeasuringError, match=r"indicator y .*what was measured is safe, resume=True goes on"):
             trical.measure(plan, out, **FILES, **links(cell), go=True)
     part = len(trical.Recording.load(out))
     assert 0 < part < len(plan)

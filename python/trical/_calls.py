@@ -60,8 +60,8 @@ def identify(
         folds: also score every pose by a fit without it, in so many folds.
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
-        stream: read files in passes, in memory that does not grow with their rows; by itself above 32 MB of CSV or 512 MB
-            of MCAP.
+        stream: read files in passes, in memory that does not grow with their rows; by itself above 32 MB of CSV or
+            512 MB of MCAP.
         known: a TOML file of what is known beforehand: tables `[[parameter]]` with name, value and sd (a prior), min
             and max, in the units of `parameters`.
         progress: True for a line on standard error, or a function of a fraction and what is being done. What it
@@ -203,7 +203,8 @@ def repeatability(
     """Say how far repeat visits scatter: keys places, by_ball, by_joint_sense, drift, rows, single_visits.
 
     Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place. `robot` and
-    `cell` are needed for touches, unless the file has them inside, as those of `measure` have. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
+    `cell` are needed for touches, unless the file has them inside, as those of `measure` have. RP = mean + 3 sd of the
+    distances from a place's barycentre (formula of ISO 9283).
     """
     rows = (recording if isinstance(recording, Recording) else Recording.load(recording, part=True))._rows
     if not isinstance(recording, Recording) and (robot is None or cell is None):

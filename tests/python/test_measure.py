@@ -169,7 +169,7 @@ def test_a_run_that_fails_says_what_and_where_the_arm_is(plan: trical.Plan, tmp_
     script.write_text('[[fault]]\nwhat = "stale"\naxis = "y"\nafter_motions = 30\n')
     out = tmp_path / "run.mcap"
     with trical.virtual_cell(**FILES, faults=script) as cell:
-        with pytest.raises(trical.MeasuringError, match=r"indicator y .*what was measured is safe, resume=True goes on"):
+        with pytest.raises(trical.MeasuringError, match=r"indicator y .*measured is safe, resume=True goes on"):
             trical.measure(plan, out, **FILES, **links(cell), go=True)
     part = len(trical.Recording.load(out))
     assert 0 < part < len(plan)

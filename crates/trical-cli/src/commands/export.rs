@@ -7,7 +7,7 @@ use trical_ident::{ModelFile, write_whole};
 use trical_model::Robot;
 use trical_report::{ErrorMap, Export};
 
-use crate::error::{CliError, Result};
+use crate::error::Result;
 use crate::{input, say};
 
 /// Arguments of `trical export`.

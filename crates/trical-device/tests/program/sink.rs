@@ -20,6 +20,16 @@ fn program(targets: usize) -> Vec<u8> {
     text
 }
 
+/// The same with as many behind it that no configuration reaches: whoever solves ahead looks for one long, whoever rewrites
+/// has nothing to do.
+fn hard_to_solve(easy: usize, hard: usize) -> Vec<u8> {
+    let mut text = program(easy);
+    for k in 0..hard {
+        writeln!(text, "{:.3},0,320,0,0.6,0.8,0", 800.0 + (k % 100) as f64).unwrap();
+    }
+    text
+}
+
 /// A disk with room for so many bytes.
 struct Full(usize);
 
@@ -46,14 +56,15 @@ fn timed(text: &[u8], sink: &mut dyn Write) -> (Result<usize, ProgramError>, Dur
 
 #[test]
 fn a_full_disk_ends_the_work_at_once() {
-    let text = program(60_000);
+    // what is written first is one block, 2048 targets for each processor
+    let easy = 2048 * std::thread::available_parallelism().map_or(1, usize::from).min(16);
+    let text = hard_to_solve(easy, 20_000);
     let (done, whole) = timed(&text, &mut std::io::sink());
-    assert_eq!(done.unwrap(), 60_000);
-    let (failed, cut) = timed(&text, &mut Full(100_000));
-    let e = failed.unwrap_err();
-    assert_eq!(e.to_string(), "cannot be written: no space left on device");
-    // a block or two of targets are under way by then; all that follow would be half of the work
-    assert!(cut < whole.mul_f64(0.3), "{cut:?} of {whole:?}");
+    assert_eq!(done.unwrap(), easy);
+    let (failed, cut) = timed(&text, &mut Full(1000));
+    assert_eq!(failed.unwrap_err().to_string(), "cannot be written: no space left on device");
+    // the first block is rewritten by then
+    assert!(cut < whole.mul_f64(0.5), "{cut:?} of {whole:?}");
 }
 
 #[test]

@@ -321,6 +321,8 @@ def virtual_cell(
         TricalError: bad input; an effect that is not known.
         DeviceError: the port is in use.
     """
+    if not 0 <= port <= 65535:
+        raise TricalError(f"port is {port}, expected 0 to 65535")
     triple = None if unsettled is None else _three(unsettled, "unsettled")
     return _native._virtual_cell(
         _file(robot),

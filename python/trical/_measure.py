@@ -66,6 +66,14 @@ class Measured:
         return table + "".join(map(_html.note, [*self.steps, *self.warnings]))
 
 
+def _output(out: PathLike) -> str:
+    """Refuse a recording in a folder that does not exist, before anything is asked of a device."""
+    folder = os.path.dirname(os.fspath(out)) or "."
+    if not os.path.isdir(folder):
+        raise TricalError(f"{os.fspath(out)}: the folder {folder} does not exist")
+    return os.fspath(out)
+
+
 def _settings(given: dict[str, Any]) -> dict[str, Any]:
     stroke = given["stroke"]
     if len(stroke) != 2:
@@ -150,7 +158,7 @@ def measure(
     path = None if isinstance(plan, Touches) else os.fspath(plan)
     done = _native._measure(
         {"text": text, "path": path},
-        os.fspath(out),
+        _output(out),
         _file(robot),
         _file(cell),
         gauge,
@@ -207,7 +215,7 @@ def touch_here(
     }
     rows = _native._touch_here(
         ball - 1,
-        os.fspath(out),
+        _output(out),
         _file(robot),
         _file(cell),
         gauge,

@@ -222,6 +222,7 @@ def test_a_virtual_cell_ends_with_its_block() -> None:
     [
         ({"hide": "backlash"}, "hide: backlash: no such effect; known are"),
         ({"hide": ["lost_motion_direction@9"]}, "hide: .*expected EFFECT@SITE; sites of lost_motion_direction are"),
+        ({"port": 70000}, "port is 70000, expected 0 to 65535"),
         ({"pace": -1}, "pace is -1, expected 0 to 100"),
         ({"unsettled": [0.1, 0.1]}, "unsettled has 2 numbers, expected 3"),
         ({"start": [0, 0]}, "q has the shape"),
@@ -385,6 +386,8 @@ def test_plans_that_are_none_and_results_that_travel(
 ) -> None:
     with pytest.raises(trical.TricalError, match=r"nowhere\.csv"):
         trical.measure(tmp_path / "nowhere.csv", tmp_path / "run.mcap", **FILES, **links(cell))
+    with pytest.raises(trical.TricalError, match="away does not exist"):
+        trical.measure(plan, tmp_path / "away" / "run.mcap", **FILES, **links(cell))
     (tmp_path / "plan.csv").write_text("order,ball\n0,1\n")
     with pytest.raises(trical.TricalError, match=r"plan.csv"):
         trical.measure(tmp_path / "plan.csv", tmp_path / "run.mcap", **FILES, **links(cell))

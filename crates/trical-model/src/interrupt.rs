@@ -106,7 +106,12 @@ mod tests {
 
     #[test]
     fn parts_on_other_threads_stop_when_the_whole_is_to() {
-        let until = || (0..).find(|_| std::thread::sleep(Duration::from_millis(1)) == () && checkpoint().is_err());
+        let until = || {
+            (0..).find(|_| {
+                std::thread::sleep(Duration::from_millis(1));
+                checkpoint().is_err()
+            })
+        };
         let parts = |stop: &Shared| {
             std::thread::scope(|s| {
                 let all: Vec<_> = (0..3).map(|_| s.spawn(|| stop.part(until))).collect();

@@ -7,7 +7,8 @@ import os
 from typing import Any
 
 from . import _native
-from ._native import Model, TricalError
+from ._calls import _file
+from ._native import Model, Robot, TricalError
 from ._recording import PathLike
 
 
@@ -31,6 +32,7 @@ def convert(source: PathLike, out: PathLike, *, joints: int | None = None) -> di
 def export(
     model: Model | PathLike,
     *,
+    robot: PathLike | Robot | None = None,
     urdf: PathLike | None = None,
     mdh: PathLike | None = None,
     error_map: PathLike | None = None,
@@ -40,6 +42,7 @@ def export(
 
     Args:
         model: a Model, or the path of a model file.
+        robot: refuse a model that is not of this arm (WrongModelError): path of a robot.toml or URDF, or a Robot.
         urdf: where to write base, links and tool as a URDF.
         mdh: where to write the table of modified Denavit-Hartenberg parameters: .toml (a robot file), .json or .csv.
         error_map: where to write how far the arm misses all over its workspace, a CSV.
@@ -50,10 +53,11 @@ def export(
         move the TCP at 1000 random poses), same_frames (whether the table compares with the nominal one line by
         line), and error_map (a summary, or None).
     """
-    outs = [None if p is None else os.fspath(p) for p in (urdf, mdh, error_map)]
-    if not any(outs):
+    files = (urdf, mdh, error_map)
+    if not any(files):
         raise TricalError("export was given nothing to write, expected urdf, mdh or error_map")
     name = "a model in Python" if isinstance(model, Model) else os.fspath(model)
     loaded = model if isinstance(model, Model) else Model.load(model)
-    said: dict[str, Any] = json.loads(_native._export(loaded, name, outs[0], outs[1], outs[2], poses))
+    arm = None if robot is None else _file(robot)
+    said: dict[str, Any] = json.loads(_native._export(loaded, name, arm, *files, poses))
     return said

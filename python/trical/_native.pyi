@@ -500,5 +500,11 @@ def _base(
 def _inside(path: _Path) -> tuple[Robot | None, Cell | None]: ...
 def _convert(input: _Path, output: _Path, joints: int | None) -> str: ...
 def _export(
-    model: Model, name: str, urdf: _Path | None, mdh: _Path | None, error_map: _Path | None, poses: int
+    model: Model,
+    name: str,
+    robot: _Path | Robot | None,
+    urdf: _Path | None,
+    mdh: _Path | None,
+    error_map: _Path | None,
+    poses: int,
 ) -> str: ...

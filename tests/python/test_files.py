@@ -88,6 +88,11 @@ def test_exports_are_those_of_the_command(model: trical.Model, tmp_path: Path) -
     for name in ("arm.csv", "arm.toml"):
         trical.export(model, mdh=tmp_path / name)
         assert (tmp_path / name).stat().st_size > 300
+    assert trical.export(model, robot=FILES["robot"], mdh=tmp_path / "arm.csv")["written"] == [
+        str(tmp_path / "arm.csv")
+    ]
+    with pytest.raises(trical.WrongModelError):
+        trical.export(model, robot=ROOT / "robots" / "ur5e.toml", mdh=tmp_path / "arm.csv")
     with pytest.raises(trical.TricalError, match="nothing to write"):
         trical.export(model)
     with pytest.raises(trical.TricalError, match=r"must end in .toml, .json or .csv"):

@@ -139,6 +139,9 @@ pub struct PyControllerLink {
     link: Link<dyn Controller>,
 }
 
+/// Joints before and after, (joints,) rad (m).
+type Jogged<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
 fn array<'py>(py: Python<'py>, q: &Joints, n: usize) -> Bound<'py, PyArray1<f64>> {
     q[..n.min(q.len())].to_vec().into_pyarray(py)
 }
@@ -216,9 +219,9 @@ impl PyControllerLink {
         speed: f64,
         robot: Option<RobotArgument>,
         go: bool,
-    ) -> Result<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+    ) -> Result<Jogged<'py>> {
         let jog = match (joint, to, tool) {
-            (Some((joint, _)), None, None) if joint == 0 => {
+            (Some((0, _)), None, None) => {
                 return Err(bad("joint: found 0, expected 1 or more").into());
             }
             (Some((joint, by)), None, None) => Jog::Joint(joint - 1, by),

@@ -11,7 +11,7 @@ use trical_report::{ErrorMap, Export};
 
 use crate::errors::{Result, bad};
 use crate::long::long;
-use crate::machine::{PyCell, PyRobot};
+use crate::machine::{PyCell, PyRobot, RobotArgument};
 use crate::model::PyModel;
 use crate::rows::{is_mcap, recovered, save};
 
@@ -46,10 +46,12 @@ pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<
 
 /// Writes a model for other programs; returns the command's JSON.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _export(
     py: Python<'_>,
     model: &Bound<'_, PyModel>,
     name: String,
+    robot: Option<RobotArgument>,
     urdf: Option<PathBuf>,
     mdh: Option<PathBuf>,
     error_map: Option<PathBuf>,
@@ -61,7 +63,11 @@ pub fn _export(
     if !(1..=1_000_000).contains(&poses) {
         return Err(bad(format!("poses is {poses}, expected 1 to 1000000")).into());
     }
-    let model = model.get().file.model.clone();
+    let file = model.get().file.clone();
+    if let Some(robot) = robot {
+        file.require_robot(&robot.read()?, &name)?;
+    }
+    let model = file.model;
     let said = long(py, None, |_| -> Result<Value> {
         let arm = Export::of(&model)?;
         let mut written = Vec::new();

@@ -135,7 +135,6 @@ impl PyCell {
 
     /// Where the arm stands in the world: position (3,) m and rotation (3, 3).
     #[getter]
-    #[expect(clippy::type_complexity, reason = "two arrays")]
     fn base<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>) {
         let base = &self.0.world_from_base;
         let rotation = Array2::from_shape_fn((3, 3), |(i, j)| base.rotation[(i, j)]);

@@ -51,7 +51,8 @@ impl SettingsArgument {
         if !(1..=1000).contains(&self.visits) {
             return Err(bad(format!("visits is {}, expected 1 to 1000", self.visits)));
         }
-        if !(self.stroke[0] < self.stroke[1]) {
+        let [low, high] = self.stroke;
+        if low.is_nan() || high.is_nan() || low >= high {
             return Err(bad(format!("stroke is {:?}, expected two numbers, the lower first", self.stroke)));
         }
         Ok(Settings {

@@ -2,25 +2,20 @@
 //! limits, what was recorded is right, and the rest can be measured once the fault is gone.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs, dead_code)]
 
-#[path = "../crates/trical-cli/src/error.rs"]
-mod error;
-#[path = "../crates/trical-cli/src/plant.rs"]
-mod plant;
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use plant::{ArmPlant, cell_options, draw_truth};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{Retreat, RetreatOutcome};
 use trical_device::virtual_cell::{Frame, Scheduled, When};
 use trical_device::{
-    CellOptions, Fault, Header, PlanEntry, Plant, ProcedureError, ProcedureOptions, RecordingWriter, VirtualCell,
-    open_controller, open_gauge, read_recording, run,
+    ArmPlant, CellOptions, Fault, Header, PlanEntry, Plant, ProcedureError, ProcedureOptions, RecordingWriter,
+    VirtualCell, open_controller, open_gauge, read_recording, run,
 };
+use trical_ident::truth::draw_truth;
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
 use trical_model::{Cell, Forward, Joints, Measured, Model, Recording, Robot, Row, State};
 use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches};
@@ -112,7 +107,7 @@ impl Bench {
     fn start(&self, seed: u64, script: Vec<Scheduled>, start: Joints, outside: &Arc<AtomicBool>) -> VirtualCell {
         let limits = self.robot.joints.iter().map(|j| j.limits).collect();
         let arm = ArmPlant::new(&self.truth).unwrap();
-        let options = CellOptions { script, start, ..cell_options(&self.truth, seed, 0) };
+        let options = CellOptions { script, start, ..CellOptions::like_a_real_one(&self.truth, seed, 0) };
         VirtualCell::start(Box::new(Watched { arm, limits, outside: Arc::clone(outside) }), options).unwrap()
     }
 

@@ -24,8 +24,13 @@ from ._calls import (
     simulate,
     validate,
 )
+from ._devices import Controller, Gauge, GaugeTest, gauges, master, virtual_cell
+from ._files import convert, export
+from ._measure import BaseFound, Measured, ToolPoint, find_base, find_tool_point, measure, touch_here
 from ._native import (
     Cell,
+    DeviceError,
+    MeasuringError,
     Model,
     NotConvergedError,
     NotEnoughDataError,
@@ -34,6 +39,7 @@ from ._native import (
     Robot,
     TricalError,
     UnreachableError,
+    VirtualCell,
     WrongModelError,
     __version__,
 )
@@ -42,9 +48,16 @@ from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, S
 from ._studies import study_platforms, study_touches
 
 __all__ = [
+    "BaseFound",
     "Cell",
+    "Controller",
+    "DeviceError",
     "Diagnosis",
+    "Gauge",
+    "GaugeTest",
     "Identified",
+    "Measured",
+    "MeasuringError",
     "Model",
     "NextTouches",
     "NotConvergedError",
@@ -56,16 +69,25 @@ __all__ = [
     "RecordingError",
     "Robot",
     "Study",
+    "ToolPoint",
     "Touches",
     "TricalError",
     "UnreachableError",
     "Validation",
+    "VirtualCell",
     "WrongModelError",
     "__version__",
     "compensate",
+    "convert",
     "diagnose",
     "effects",
+    "export",
+    "find_base",
+    "find_tool_point",
+    "gauges",
     "identify",
+    "master",
+    "measure",
     "observability",
     "parameters",
     "plan",
@@ -74,5 +96,7 @@ __all__ = [
     "simulate",
     "study_platforms",
     "study_touches",
+    "touch_here",
     "validate",
+    "virtual_cell",
 ]

@@ -60,7 +60,8 @@ def identify(
         folds: also score every pose by a fit without it, in so many folds.
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
-        stream: read CSV files in passes, in memory that does not grow with their rows; by itself above 32 MB.
+        stream: read files in passes, in memory that does not grow with their rows; by itself above 32 MB of CSV or
+            512 MB of MCAP.
         known: a TOML file of what is known beforehand: tables `[[parameter]]` with name, value and sd (a prior), min
             and max, in the units of `parameters`.
         progress: True for a line on standard error, or a function of a fraction and what is being done. What it
@@ -202,9 +203,13 @@ def repeatability(
     """Say how far repeat visits scatter: keys places, by_ball, by_joint_sense, drift, rows, single_visits.
 
     Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place. `robot` and
-    `cell` are needed for touches. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
+    `cell` are needed for touches, unless the file has them inside, as those of `measure` have. RP = mean + 3 sd of the
+    distances from a place's barycentre (formula of ISO 9283).
     """
     rows = (recording if isinstance(recording, Recording) else Recording.load(recording, part=True))._rows
+    if not isinstance(recording, Recording) and (robot is None or cell is None):
+        inside = _native._inside(os.fspath(recording))
+        robot, cell = (inside[0] if robot is None else robot, inside[1] if cell is None else cell)
     parts = (None if robot is None else _file(robot), None if cell is None else _file(cell))
     result: dict[str, Any] = json.loads(_native._repeatability(rows, *parts, same))
     return result
@@ -274,14 +279,32 @@ def _sphere(sphere: Sequence[float] | None) -> tuple[float, float, float, float]
 
 
 def poses(
-    n: int, *, robot: PathLike | Robot, cell: PathLike | Cell, sphere: Sequence[float] | None = None, seed: int = 1
+    n: int,
+    *,
+    robot: PathLike | Robot,
+    cell: PathLike | Cell,
+    sphere: Sequence[float] | None = None,
+    facing: Sequence[float] | None = None,
+    facing_axis: Sequence[float] = (0.0, 0.0, 1.0),
+    facing_within: float = math.radians(30.0),
+    seed: int = 1,
 ) -> npt.NDArray[np.float64]:
     """Draw n poses free of collisions, (n, joints) rad (m): in a sphere (x, y, z, radius; m), or in the whole
     workspace.
 
-    In no particular order; ways between them are not checked. The same seed gives the same poses.
+    In no particular order; ways between them are not checked. The same seed gives the same poses. `facing` (3,) m is
+    where a tracker stands in the world: then the direction `facing_axis` (3,) of the tool, in its own axes, which
+    carries the reflector, is turned away from it by `facing_within` rad at most.
     """
-    return _native._poses(_file(robot), _file(cell), n, _sphere(sphere), seed)
+    point = None if facing is None else _three(facing, "facing")
+    axis = _three(facing_axis, "facing_axis")
+    return _native._poses(_file(robot), _file(cell), n, _sphere(sphere), point, axis, facing_within, seed)
+
+
+def _three(numbers: Sequence[float], name: str) -> tuple[float, float, float]:
+    if len(numbers) != 3:
+        raise TricalError(f"{name} has {len(numbers)} numbers, expected 3: x, y and z")
+    return (float(numbers[0]), float(numbers[1]), float(numbers[2]))
 
 
 def simulate(

@@ -8,6 +8,10 @@ import numpy.typing as npt
 __version__: str
 __all__ = [
     "Cell",
+    "ControllerLink",
+    "DeviceError",
+    "GaugeLink",
+    "MeasuringError",
     "Model",
     "NotConvergedError",
     "NotEnoughDataError",
@@ -18,20 +22,31 @@ __all__ = [
     "Told",
     "TricalError",
     "UnreachableError",
+    "VirtualCell",
     "WrongModelError",
     "__version__",
+    "_base",
     "_compensate",
+    "_convert",
     "_diagnose",
     "_effects_json",
+    "_export",
     "_identify",
+    "_inside",
+    "_master",
+    "_measure",
     "_observability",
     "_plan",
+    "_ports",
     "_poses",
     "_repeatability",
     "_simulate",
     "_study_platforms",
     "_study_touches",
+    "_tool_point",
+    "_touch_here",
     "_validate",
+    "_virtual_cell",
 ]
 
 _Path = str | os.PathLike[str]
@@ -47,6 +62,8 @@ class NotEnoughDataError(TricalError): ...
 class WrongModelError(TricalError): ...
 class PlanningError(TricalError): ...
 class UnreachableError(TricalError): ...
+class DeviceError(RuntimeError): ...
+class MeasuringError(RuntimeError): ...
 class NotConvergedError(RuntimeError): ...
 
 @final
@@ -94,6 +111,12 @@ class Cell:
     @property
     def balls(self) -> _Floats:
         """Centres of the balls in the world, (balls, 3), m."""
+    @property
+    def tcp(self) -> _Floats:
+        """Tool point (TCP) in the flange's frame, (3,), m."""
+    @property
+    def base(self) -> tuple[_Floats, _Floats]:
+        """Where the arm stands in the world: position (3,) m and rotation (3, 3)."""
     @property
     def targets(self) -> _Floats:
         """Targets on the tool in the flange's frame, (targets, 3), m."""
@@ -241,6 +264,83 @@ class Told:
     def write(self, path: _Path, call: str, inputs: Sequence[str]) -> None:
         """Write the report: one HTML file, whole or not at all, made by `call` from `inputs`."""
 
+@final
+class GaugeLink:
+    """A gauge; `trical.Gauge` shows it."""
+
+    @staticmethod
+    def open(url: str) -> GaugeLink: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def closed(self) -> bool: ...
+    def close(self) -> None: ...
+    def read(self, settled: bool) -> _Floats: ...
+    def says(self) -> list[str]: ...
+    def warnings(self) -> list[str]: ...
+    def trial(self, count: int) -> tuple[list[str], _Floats, float, list[tuple[float, float, float, float | None]]]: ...
+    def stem(self, axis: int, wait: float) -> float: ...
+
+@final
+class ControllerLink:
+    """A robot controller; `trical.Controller` shows it."""
+
+    @staticmethod
+    def open(url: str) -> ControllerLink: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def dof(self) -> int: ...
+    @property
+    def closed(self) -> bool: ...
+    def close(self) -> None: ...
+    def ping(self) -> tuple[float, float, float | None]: ...
+    def joints(self) -> _Floats: ...
+    def jog(
+        self,
+        joint: tuple[int, float] | None,
+        to: Sequence[float] | None,
+        tool: tuple[float, float, float] | None,
+        max_angle: float,
+        speed: float,
+        robot: _Path | Robot | None,
+        go: bool,
+    ) -> tuple[_Floats, _Floats]: ...
+
+@final
+class VirtualCell:
+    """A robot, balls and indicators that answer on a pseudo-terminal and a TCP port of this computer, until `stop`.
+
+    `trical.virtual_cell` starts one. In a `with` block it is stopped at the end. Everything that reaches it goes
+    through the real drivers: `measure`, `Gauge` and `Controller` take its URLs.
+    """
+
+    @property
+    def gauge(self) -> str:
+        """URL of its gauge, for `measure` and `Gauge`."""
+    @property
+    def controller(self) -> str:
+        """URL of its controller, for `measure` and `Controller`."""
+    @property
+    def truth(self) -> Model:
+        """The true arm: what identification is to find, and must not be given."""
+    @property
+    def running(self) -> bool:
+        """Whether it answers."""
+    @property
+    def motions(self) -> int:
+        """Number of motions so far."""
+    @property
+    def q(self) -> _Floats:
+        """Joints at which the arm stands, as its controller reports them: (joints,), rad (m)."""
+    @property
+    def tool(self) -> tuple[_Floats, _Floats]:
+        """Where the tool truly is in the world: position (3,) m, rotation (3, 3); what a perfect tracker would see."""
+    def stop(self) -> None:
+        """End it; its addresses answer no more. Nothing happens where it was stopped already."""
+    def __enter__(self) -> VirtualCell: ...
+    def __exit__(self, _kind: object, _value: object, _trace: object) -> None: ...
+
 def _identify(
     recordings: Sequence[_Path | Rows],
     robot: _Path | Robot,
@@ -292,6 +392,9 @@ def _poses(
     cell: _Path | Cell,
     n: int,
     in_sphere: tuple[float, float, float, float] | None,
+    facing: tuple[float, float, float] | None,
+    facing_axis: tuple[float, float, float],
+    facing_within: float,
     seed: int,
 ) -> _Floats: ...
 def _simulate(
@@ -350,4 +453,58 @@ def _compensate(
     payload_kg: float | None,
     any_configuration: bool,
     own_base: bool,
+) -> str: ...
+def _ports() -> list[tuple[str, str, str | None]]: ...
+def _master(url: str) -> tuple[_Floats, str, list[str]]: ...
+def _virtual_cell(
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    truth: Model | None,
+    seed: int,
+    port: int,
+    hidden: Sequence[str],
+    faults: _Path | None,
+    pace: float,
+    radio_delay: float,
+    unsettled: tuple[float, float, float] | None,
+    noise: float,
+    placement: float,
+    start: npt.ArrayLike | None,
+) -> VirtualCell: ...
+def _measure(
+    plan: dict[str, str | None],
+    out: _Path,
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    gauge: str,
+    controller: str,
+    resume: bool,
+    go: bool,
+    settings: dict[str, Any],
+    progress: _Listener,
+) -> tuple[int, int, int, list[str], list[str]]: ...
+def _touch_here(
+    ball: int,
+    out: _Path,
+    robot: _Path | Robot,
+    cell: _Path | Cell,
+    gauge: str,
+    controller: str,
+    settings: dict[str, Any],
+    progress: _Listener,
+) -> Rows: ...
+def _tool_point(recording: Rows, robot: _Path | Robot, cell: _Path | Cell) -> tuple[Cell, float]: ...
+def _base(
+    recording: Rows, robot: _Path | Robot, cell: _Path | Cell
+) -> tuple[Cell, list[tuple[int, int, float, float]]]: ...
+def _inside(path: _Path) -> tuple[Robot | None, Cell | None]: ...
+def _convert(input: _Path, output: _Path, joints: int | None) -> str: ...
+def _export(
+    model: Model,
+    name: str,
+    robot: _Path | Robot | None,
+    urdf: _Path | None,
+    mdh: _Path | None,
+    error_map: _Path | None,
+    poses: int,
 ) -> str: ...

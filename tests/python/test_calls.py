@@ -274,6 +274,34 @@ def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(touches: tri
         child.kill()
 
 
+STUDENT = """
+import signal, sys, trical
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background job ignores, and its children
+try:
+    # hours of one setting
+    trical.study_touches(robot=sys.argv[1], cell=sys.argv[2], per_ball=[8, 9], trials=200_000, pool=20,
+                         progress=lambda fraction, what: print("said", fraction, flush=True))
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+def test_ctrl_c_in_the_midst_of_a_setting_ends_a_study() -> None:
+    command = [sys.executable, "-c", STUDENT, FILES["robot"], FILES["cell"]]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        time.sleep(6)  # candidates are found by then, trials run
+        assert child.poll() is None
+        os.kill(child.pid, signal.SIGINT)
+        start = time.monotonic()
+        out, err = child.communicate(timeout=60)
+        assert out.splitlines()[-1] == "interrupted", err
+        assert "said" not in out, "a setting has ended"
+        assert child.returncode == 0 and time.monotonic() - start < 10
+    finally:
+        child.kill()
+
+
 @pytest.mark.parametrize(
     ("call", "kind", "said"),
     [
@@ -285,7 +313,7 @@ def test_ctrl_c_in_the_midst_of_a_diagnosis_is_a_keyboard_interrupt(touches: tri
         (
             lambda r: trical.identify(r, **FILES, stream=True),
             "TricalError",
-            "stream reads paths of CSV recordings only",
+            "stream reads paths of recordings only",
         ),
         (lambda r: trical.validate(trical.Model.nominal(**FILES), r, refit="all"), "TricalError", "refit holds 'all'"),
         (lambda r: trical.diagnose(r, **FILES, next=0), "TricalError", "next: expected 1 to 1000 touches"),

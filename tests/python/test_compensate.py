@@ -38,3 +38,19 @@ def test_what_is_wrong_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(trical.TricalError, match="out of reach"):
         trical.compensate(tmp_path / "far.csv", model, tmp_path / "new.csv", **FILES)
     assert not (tmp_path / "new.csv").exists()
+
+
+def test_what_is_wrong_is_said_in_words_of_python(tmp_path: Path) -> None:
+    model = trical.Model.nominal(**FILES)
+    (tmp_path / "far.csv").write_bytes(PROGRAM.replace(b"350,", b"3500,"))
+    with pytest.raises(trical.TricalError, match=r"nothing was written \(partial=True writes the others\)"):
+        trical.compensate(tmp_path / "far.csv", model, tmp_path / "new.csv", **FILES)
+    (tmp_path / "p.txt").write_bytes(PROGRAM)
+    with pytest.raises(trical.TricalError, match="; dialect says it"):
+        trical.compensate(tmp_path / "p.txt", model, **FILES)
+    (tmp_path / "p.csv").write_bytes(PROGRAM)
+    (tmp_path / "frames.toml").write_text("[tools]\n")
+    with pytest.raises(trical.TricalError, match="found no tool and no frame"):
+        trical.compensate(tmp_path / "p.csv", model, **FILES, frames=tmp_path / "frames.toml")
+    with pytest.raises(trical.TricalError, match="temp_c is 900, expected -100 to 200"):
+        trical.compensate(tmp_path / "p.csv", model, **FILES, temp_c=900)

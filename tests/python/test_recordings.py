@@ -183,6 +183,12 @@ def test_files_in_passes_give_what_files_at_once_give(tmp_path: Path) -> None:
     in_passes = trical.identify(tmp_path / "r.csv", **FILES, stream=True)
     assert in_passes.errors == pytest.approx(at_once.errors, rel=1e-3) and in_passes.observations == 80
     assert in_passes.errors_mm is None
+    trical.convert(tmp_path / "r.csv", tmp_path / "r.mcap")
+    by_mcap = trical.identify(tmp_path / "r.mcap", **FILES, stream=True)
+    assert by_mcap.errors_mm is None and by_mcap.errors == pytest.approx(in_passes.errors, rel=1e-6)
+    (tmp_path / "cut.mcap").write_bytes((tmp_path / "r.mcap").read_bytes()[:-400])
+    with pytest.raises(trical.RecordingError, match=r"trical\.convert saves what is whole"):
+        trical.identify(tmp_path / "cut.mcap", **FILES, stream=True)
     with pytest.raises(trical.TricalError, match="stream goes without folds"):
         trical.identify(tmp_path / "r.csv", **FILES, stream=True, folds=4)
 

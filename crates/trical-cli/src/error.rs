@@ -1,6 +1,7 @@
 //! Errors as the command line shows them: one sentence, and an exit code.
 
 use trical_ident::IdentError;
+use trical_ident::truth::TruthError;
 use trical_model::ModelError;
 use trical_plan::PlanError;
 
@@ -36,6 +37,15 @@ impl From<IdentError> for CliError {
         match e {
             IdentError::NotConverged(_) => Self::Failed(e.to_string()),
             _ => Self::Input(e.to_string()),
+        }
+    }
+}
+
+impl From<TruthError> for CliError {
+    fn from(e: TruthError) -> Self {
+        match e {
+            TruthError::Ident(e) => e.into(),
+            e => Self::Input(e.to_string()),
         }
     }
 }

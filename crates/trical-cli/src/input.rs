@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use trical_device::read_recording;
+use trical_device::record::{RecordError, hand_over};
+use trical_ident::passes::{self, Other, Passes, PassesError};
 use trical_ident::{Dataset, JointSource, References, load_csv};
 use trical_model::{Cell, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
@@ -117,6 +119,27 @@ pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
         )));
     }
     Ok(recording)
+}
+
+/// The recordings to be read in passes, if they are: where that is `wanted`, or where they are large and it is `allowed`.
+pub fn passes(paths: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> Result<Option<Passes>> {
+    let other = Other {
+        is: &|path| {
+            let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+            Ok(named || is_mcap(path).map_err(|e| e.to_string())?)
+        },
+        each_row: &|path, take| {
+            hand_over(path, take).map_err(|e| match e {
+                RecordError::Unreadable { .. } => format!("{e}; trical convert saves what is whole in it"),
+                _ => e.to_string(),
+            })
+        },
+    };
+    passes::passes(paths, joints, wanted, allowed, &other).map_err(|e| match e {
+        PassesError::Ident(e) => e.into(),
+        PassesError::Other(text) => CliError::Input(text),
+        PassesError::Scratch(_) => CliError::Failed(e.to_string()),
+    })
 }
 
 /// What an MCAP recording holds, and one sentence on what was lost where it is damaged.

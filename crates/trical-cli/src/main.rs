@@ -2,13 +2,9 @@
 
 mod commands;
 mod error;
-mod fault_script;
-mod hidden;
 mod input;
 mod interrupt;
-mod large;
 mod measure_view;
-mod plant;
 mod progress;
 
 use std::process::ExitCode;

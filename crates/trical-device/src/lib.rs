@@ -29,6 +29,7 @@
 //! | [`motion`] | joint samples and the sense of each joint's last motion |
 //! | [`record`] | MCAP recordings: writer with resume, reader that recovers what is whole |
 //! | [`procedure`] | the touches: plan entries, limits, the loop, repeat visits, tool centre point from one ball |
+//! | [`session`] | a plan driven over URLs into a recording that can be taken up; touches where the arm stands |
 //! | [`program`] | robot programs (RAPID, KRL, FANUC, UR script, CSV) rewritten by a calibrated model |
 //! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port, and fail by a script |
 //! | [`url`] | the small URL grammar of `--gauge` and `--controller` |
@@ -39,6 +40,7 @@ pub mod motion;
 pub mod procedure;
 pub mod program;
 pub mod record;
+pub mod session;
 pub mod url;
 pub mod virtual_cell;
 
@@ -49,4 +51,5 @@ pub use procedure::{
     PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run, visits,
 };
 pub use record::{Header, ReadRecording, RecordError, RecordingWriter, RunLog, read_recording};
-pub use virtual_cell::{CellError, CellOptions, Fault, Plant, VirtualCell};
+pub use session::{Session, SessionError};
+pub use virtual_cell::{ArmPlant, CellError, CellOptions, Fault, Plant, VirtualCell};

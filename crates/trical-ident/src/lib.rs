@@ -11,11 +11,12 @@
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, cross-validation |
 //! | [`gross`] | measurements that no model of the arm explains |
-//! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
+//! | [`stream`], [`passes`], `sample` | identification from files of any size, in bounded memory; which files need it; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`repeatability`] | how far repeat visits scatter |
 //! | [`joint_choice`] | which joint angles to believe |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
+//! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod caution;
@@ -33,6 +34,7 @@ pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
+pub mod passes;
 pub mod recording_csv;
 pub mod repeatability;
 pub mod rigid;
@@ -43,6 +45,7 @@ pub mod start;
 pub mod stream;
 pub mod touches;
 pub mod trilateration;
+pub mod truth;
 pub mod units;
 pub mod validate;
 

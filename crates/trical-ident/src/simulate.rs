@@ -6,6 +6,7 @@ use rand_distr::{Distribution, Normal, Uniform};
 use rand_pcg::Pcg64Mcg;
 use trical_model::ik::continue_from;
 use trical_model::pose::{quaternion_from_rotation, rotation_zyx};
+use trical_model::touch::reading_at;
 use trical_model::{Forward, Measured, Model, ModelError, Pose, Recording, Row, State, Workspace};
 
 use crate::error::{IdentError, Result};
@@ -32,23 +33,6 @@ pub struct Scatter {
     pub angle: f64,
     /// The same seed gives the same recording.
     pub seed: u64,
-}
-
-/// The reading at which a touch agrees with the model: the ball's centre relative to the TCP, in the device's axes, m. Effects
-/// of the indicators depend on the reading, so a few rounds are needed; one without them.
-pub fn reading_at(forward: &Forward, state: &State, ball: usize, ws: &mut Workspace) -> [f64; 3] {
-    let tool = forward.world_from_tool(state, ws).rotation;
-    let mut reading = Vector3::zeros();
-    for _ in 0..8 {
-        forward.residual(state, &Measured::Touch { ball, reading: reading.into() }, 0, ws);
-        let r = ws.residual();
-        let left = tool.transpose() * Vector3::new(r[0], r[1], r[2]);
-        reading -= left;
-        if left.norm() < 1e-10 {
-            break;
-        }
-    }
-    reading.into()
 }
 
 /// What would be recorded. With `stop_within` the arm is first moved, as the measuring procedure does it, until the TCP of the

@@ -12,6 +12,7 @@
 //! | [`recording`] | what is known about a pose and what was measured there |
 //! | [`term`] | sites, bases, terms |
 //! | [`forward`] | prediction and Jacobians |
+//! | [`touch`] | what the device reads at a ball |
 //! | [`rigid`] | the rigid part of a calibrated model, for others |
 //! | [`ik`] | inverse kinematics on the full model |
 //! | [`interrupt`] | long work that can be asked to stop |
@@ -30,6 +31,7 @@ pub mod recording;
 pub mod rigid;
 pub mod robot;
 pub mod term;
+pub mod touch;
 mod trig;
 pub mod urdf;
 

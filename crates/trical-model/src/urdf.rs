@@ -49,6 +49,16 @@ pub struct Imported {
     pub joints: Vec<String>,
 }
 
+impl Imported {
+    /// The text of a robot.toml that says where the arm came from.
+    #[must_use]
+    pub fn to_toml(&self, source: &Path) -> String {
+        let (root, tip, joints) = (&self.root, &self.tip, self.joints.join(", "));
+        format!("# The arm of {} from link {root} to link {tip}; joints: {joints}.\n", source.display())
+            + &self.robot.to_toml()
+    }
+}
+
 /// A URDF's path with the two links that were named behind a `#`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UrdfPath {

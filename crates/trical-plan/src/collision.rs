@@ -1,5 +1,6 @@
 //! Whether the arm, its device and the cell meet, at a configuration and along a motion.
 
+mod guard;
 mod motion;
 mod pairs;
 
@@ -10,6 +11,7 @@ use crate::error::Result;
 use crate::geometry::{Body, Geometry, Place, Role};
 use crate::solid::{Core, Solid, distance, distance_segment_box, distance_segment_segment};
 
+pub use guard::MotionGuard;
 pub use motion::MotionWorkspace;
 use pairs::Pair;
 

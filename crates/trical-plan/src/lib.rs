@@ -52,7 +52,7 @@ pub mod route;
 pub mod solid;
 pub mod validation;
 
-pub use collision::{CollisionModel, MotionWorkspace};
+pub use collision::{CollisionModel, MotionGuard, MotionWorkspace};
 pub use criterion::{Criterion, Goal};
 pub use discriminate::{Discrimination, choose_to_discriminate};
 pub use error::PlanError;

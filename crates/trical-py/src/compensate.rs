@@ -6,13 +6,35 @@ use pyo3::prelude::*;
 use trical_device::program::{Job, Options, ProgramError};
 use trical_model::Model;
 
-use crate::errors::{Result, bad};
+use crate::errors::{Failed, Result, bad};
+use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 
-#[expect(clippy::needless_pass_by_value, reason = "used with map_err")]
-fn program_error(e: ProgramError) -> PyErr {
-    bad(e.to_string())
+impl From<ProgramError> for Failed {
+    /// Options of the command line by their names in Python.
+    fn from(e: ProgramError) -> Self {
+        let mut text = e.to_string();
+        for (option, keyword) in [
+            ("--temp-c", "temp_c"),
+            ("--time-s", "time_s"),
+            ("--partial", "partial=True"),
+            ("--frames FILE", "frames"),
+            ("--frames", "frames"),
+            ("--any-configuration", "any_configuration=True"),
+            ("--dialect NAME", "dialect"),
+        ] {
+            text = text.replace(option, keyword);
+        }
+        bad(text).into()
+    }
+}
+
+fn within(name: &str, value: Option<f64>, from: f64, to: f64) -> PyResult<()> {
+    match value {
+        Some(v) if !(from..=to).contains(&v) => Err(bad(format!("{name} is {v}, expected {from} to {to}"))),
+        _ => Ok(()),
+    }
 }
 
 /// Rewrites a program file; returns the command's JSON.
@@ -37,6 +59,9 @@ pub fn _compensate(
     any_configuration: bool,
     own_base: bool,
 ) -> Result<String> {
+    within("temp_c", temp_c, -100.0, 200.0)?;
+    within("payload_kg", payload_kg, 0.0, 1e4)?;
+    within("time_s", time_s, 0.0, 1e9)?;
     let (robot, cell) = read(&robot, &cell)?;
     let nominal = Model::nominal(robot, cell);
     let file = model.get().file.clone();
@@ -53,7 +78,7 @@ pub fn _compensate(
         details: out.is_none(),
     };
     let job = Job { program: &program, out: out.as_deref(), dialect: dialect.as_deref(), frames: &frames, partial };
-    let dialect = job.dialect().map_err(program_error)?;
-    let report = py.detach(|| job.run(&nominal, &file.model, &options)).map_err(program_error)?;
+    let dialect = job.dialect()?;
+    let report = long(py, None, |_| job.run(&nominal, &file.model, &options))?;
     Ok(report.json(dialect).to_string())
 }

@@ -11,8 +11,8 @@ use trical_ident::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
 use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, residual_rows};
 use trical_plan::{
-    CollisionModel, Criterion, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches, poses_in_sphere,
-    poses_in_workspace, write_plan,
+    CollisionModel, Criterion, Facing, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches,
+    poses_in_sphere, poses_in_workspace, write_plan,
 };
 use trical_report::plan_told::Told;
 
@@ -123,19 +123,32 @@ pub fn _plan<'py>(
 
 /// Poses free of collisions, in a sphere or in the whole workspace: joints (n, joints).
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _poses<'py>(
     py: Python<'py>,
     robot: RobotArgument,
     cell: CellArgument,
     n: usize,
     in_sphere: Option<[f64; 4]>,
+    facing: Option<[f64; 3]>,
+    facing_axis: [f64; 3],
+    facing_within: f64,
     seed: u64,
 ) -> Result<Bound<'py, PyArray2<f64>>> {
     let sphere = sphere(in_sphere)?;
+    let axis_in_tool = Vector3::from(facing_axis);
+    if facing.is_some() && axis_in_tool.norm() < 1e-9 {
+        return Err(bad(format!("facing_axis is {facing_axis:?}, expected a direction")).into());
+    }
+    let facing = facing.map_or(Facing::Any, |point| Facing::Towards {
+        point: Vector3::from(point),
+        axis_in_tool,
+        within_rad: facing_within,
+    });
     let (robot, cell) = read(&robot, &cell)?;
     let poses = long(py, None, |_| -> Result<Vec<Joints>> {
         let model = CollisionModel::new(&robot, &cell)?;
-        let options = ValidationOptions { seed, ..ValidationOptions::default() };
+        let options = ValidationOptions { seed, facing, ..ValidationOptions::default() };
         Ok(match &sphere {
             Some(s) => poses_in_sphere(&model, &s.centre, s.radius, n, &options)?,
             None => poses_in_workspace(&model, n, &options)?,

@@ -1,9 +1,17 @@
 //! Errors as Python knows them: one exception for each thing that a program may want to catch.
 
+use std::fmt;
+
 use pyo3::create_exception;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use trical_device::gauge::trial::StemError;
 use trical_device::record::RecordError;
+use trical_device::session::SetUpError;
+use trical_device::virtual_cell::fault_script::ScriptError;
+use trical_device::{CellError, ControllerError, GaugeError};
+use trical_ident::passes::PassesError;
+use trical_ident::truth::TruthError;
 use trical_ident::{ChoiceError, IdentError};
 use trical_model::{IkError, ModelError};
 use trical_plan::PlanError;
@@ -19,6 +27,18 @@ create_exception!(
     "There is no such plan: what was asked cannot be had in this cell."
 );
 create_exception!(trical, UnreachableError, TricalError, "The arm cannot take a pose.");
+create_exception!(
+    trical,
+    DeviceError,
+    PyRuntimeError,
+    "A gauge or a controller cannot be used: no port, no answer, or another one than expected."
+);
+create_exception!(
+    trical,
+    MeasuringError,
+    PyRuntimeError,
+    "A measurement ended before its plan; what was measured is in the recording, and the message says where the arm is."
+);
 create_exception!(trical, NotConvergedError, PyRuntimeError, "A fit did not reach a minimum.");
 
 /// Any error of the libraries on its way to Python.
@@ -61,9 +81,76 @@ impl From<IdentError> for Failed {
     }
 }
 
+impl From<PassesError> for Failed {
+    fn from(e: PassesError) -> Self {
+        match e {
+            PassesError::Ident(e) => e.into(),
+            PassesError::Other(text) => Self(RecordingError::new_err(text)),
+            PassesError::Scratch(_) => Self(PyRuntimeError::new_err(e.to_string())),
+        }
+    }
+}
+
+impl fmt::Display for Failed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Python::attach(|py| write!(f, "{}", self.0.value(py)))
+    }
+}
+
 impl From<RecordError> for Failed {
     fn from(e: RecordError) -> Self {
         Self(RecordingError::new_err(e.to_string()))
+    }
+}
+
+impl From<GaugeError> for Failed {
+    fn from(e: GaugeError) -> Self {
+        let text = e.to_string();
+        Self(if matches!(e, GaugeError::Url(_)) { TricalError::new_err(text) } else { DeviceError::new_err(text) })
+    }
+}
+
+impl From<ControllerError> for Failed {
+    fn from(e: ControllerError) -> Self {
+        let text = e.to_string();
+        Self(if matches!(e, ControllerError::Url(_)) { TricalError::new_err(text) } else { DeviceError::new_err(text) })
+    }
+}
+
+impl From<StemError> for Failed {
+    fn from(e: StemError) -> Self {
+        match e {
+            StemError::Gauge(e) => e.into(),
+            e => Self(DeviceError::new_err(e.to_string())),
+        }
+    }
+}
+
+impl From<CellError> for Failed {
+    fn from(e: CellError) -> Self {
+        Self(DeviceError::new_err(e.to_string()))
+    }
+}
+
+impl From<ScriptError> for Failed {
+    fn from(e: ScriptError) -> Self {
+        Self(TricalError::new_err(e.to_string()))
+    }
+}
+
+impl From<SetUpError> for Failed {
+    fn from(e: SetUpError) -> Self {
+        Self(TricalError::new_err(e.to_string()))
+    }
+}
+
+impl From<TruthError> for Failed {
+    fn from(e: TruthError) -> Self {
+        match e {
+            TruthError::Ident(e) => e.into(),
+            TruthError::Wish { .. } => Self(TricalError::new_err(format!("hide: {e}"))),
+            TruthError::OutOfReach => Self(TricalError::new_err(e.to_string())),
+        }
     }
 }
 
@@ -115,5 +202,7 @@ pub fn add(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("WrongModelError", py.get_type::<WrongModelError>())?;
     m.add("PlanningError", py.get_type::<PlanningError>())?;
     m.add("UnreachableError", py.get_type::<UnreachableError>())?;
+    m.add("DeviceError", py.get_type::<DeviceError>())?;
+    m.add("MeasuringError", py.get_type::<MeasuringError>())?;
     m.add("NotConvergedError", py.get_type::<NotConvergedError>())
 }

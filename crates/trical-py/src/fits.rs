@@ -6,9 +6,10 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
+use trical_device::record::{RecordError, hand_over};
 use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::fit::position_errors;
-use trical_ident::stream::LARGE;
+use trical_ident::passes::{Other, Passes, passes};
 use trical_ident::{
     Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile,
     ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
@@ -170,32 +171,29 @@ fn in_passes(robot: &Robot, cell: &Cell, stream: &CsvStream, asked: &Asked, say:
     })
 }
 
-/// The recordings to be read in passes, where they are large CSV files that can be, or this is asked for.
-fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted: bool) -> Result<Option<CsvStream>> {
+/// The recordings to be read in passes, where they are large files that can be, or this is asked for.
+fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted: bool) -> Result<Option<Passes>> {
     let scored = asked.folds.is_some() || asked.hold_out_last.is_some();
     if wanted && scored {
         return Err(bad("stream goes without folds and hold_out_last: these need all rows at once").into());
     }
-    let mut paths = Vec::new();
-    let mut bytes = 0;
-    for r in recordings {
-        match r {
-            RecordingArgument::Path(path) if !is_mcap(path)? => {
-                bytes += std::fs::metadata(path).map_or(0, |m| m.len());
-                paths.push(path.clone());
-            }
-            _ if wanted => return Err(bad("stream reads paths of CSV recordings only").into()),
-            _ => return Ok(None),
-        }
-    }
-    if wanted {
-        return Ok(Some(CsvStream::open(&paths, joints)?));
-    }
-    if bytes <= LARGE || scored {
-        return Ok(None);
-    }
-    // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
-    Ok(CsvStream::open(&paths, joints).ok())
+    let path = |r: &RecordingArgument| match r {
+        RecordingArgument::Path(path) => Some(path.clone()),
+        RecordingArgument::Rows(_) => None,
+    };
+    let Some(paths) = recordings.iter().map(path).collect::<Option<Vec<_>>>() else {
+        return if wanted { Err(bad("stream reads paths of recordings only").into()) } else { Ok(None) };
+    };
+    let other = Other {
+        is: &|path| is_mcap(path).map_err(|e| e.to_string()),
+        each_row: &|path, take| {
+            hand_over(path, take).map_err(|e| match e {
+                RecordError::Unreadable { .. } => format!("{e}; trical.convert saves what is whole in it"),
+                _ => e.to_string(),
+            })
+        },
+    };
+    Ok(passes(&paths, joints, wanted, !scored, &other)?)
 }
 
 /// The model, a JSON summary, position errors before and after (n, 2) in mm, the covariance of the parameters (SI), what the
@@ -239,7 +237,7 @@ pub fn _identify<'py>(
         if known.is_none()
             && let Some(stream) = stream(&recordings, robot.dof(), &asked, in_stream)?
         {
-            return in_passes(&robot, &cell, &stream, &asked, say);
+            return in_passes(&robot, &cell, &stream.stream, &asked, say);
         }
         let recordings = read_all(&recordings, robot.dof())?;
         say(0.05, "looking for gross errors");

@@ -5,22 +5,29 @@
 //! | module | holds |
 //! |---|---|
 //! | `arrays` | what NumPy users call an array |
-//! | `errors`, `long` | exceptions; the interpreter's lock, progress and Ctrl-C |
+//! | `errors`, `long`, `watched` | exceptions; the interpreter's lock, progress and Ctrl-C: of work, and of waiting for machines |
 //! | `machine`, `model`, `rows` | the classes: Robot, Cell, Model, Rows (of a recording) |
 //! | `fits`, `designs`, `studies`, `compensate` | the long calls |
+//! | `devices`, `virtual_cell`, `measure` | gauges and controllers, a cell without hardware, the measuring procedure |
+//! | `files` | from and for other programs |
 //! | `told` | what reports are made of |
 
 mod arrays;
 mod compensate;
 mod designs;
+mod devices;
 mod errors;
+mod files;
 mod fits;
 mod long;
 mod machine;
+mod measure;
 mod model;
 mod rows;
 mod studies;
 mod told;
+mod virtual_cell;
+mod watched;
 
 use pyo3::prelude::*;
 
@@ -34,6 +41,19 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::PyModel>()?;
     m.add_class::<rows::PyRows>()?;
     m.add_class::<told::PyTold>()?;
+    m.add_class::<devices::PyGaugeLink>()?;
+    m.add_class::<devices::PyControllerLink>()?;
+    m.add_class::<virtual_cell::PyVirtualCell>()?;
+    m.add_function(wrap_pyfunction!(devices::_ports, m)?)?;
+    m.add_function(wrap_pyfunction!(devices::_master, m)?)?;
+    m.add_function(wrap_pyfunction!(virtual_cell::_virtual_cell, m)?)?;
+    m.add_function(wrap_pyfunction!(measure::_measure, m)?)?;
+    m.add_function(wrap_pyfunction!(measure::_touch_here, m)?)?;
+    m.add_function(wrap_pyfunction!(measure::_tool_point, m)?)?;
+    m.add_function(wrap_pyfunction!(measure::_base, m)?)?;
+    m.add_function(wrap_pyfunction!(files::_inside, m)?)?;
+    m.add_function(wrap_pyfunction!(files::_convert, m)?)?;
+    m.add_function(wrap_pyfunction!(files::_export, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_identify, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_validate, m)?)?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use trical_ident::write_whole;
 use trical_model::{Cell, JointKind, Robot};
@@ -125,6 +125,20 @@ impl PyCell {
     fn balls<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         let balls = &self.0.balls;
         Array2::from_shape_fn((balls.len(), 3), |(i, k)| balls[i][k]).into_pyarray(py)
+    }
+
+    /// Tool point (TCP) in the flange's frame, (3,), m.
+    #[getter]
+    fn tcp<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.tool.tcp.as_slice().to_vec().into_pyarray(py)
+    }
+
+    /// Where the arm stands in the world: position (3,) m and rotation (3, 3).
+    #[getter]
+    fn base<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>) {
+        let base = &self.0.world_from_base;
+        let rotation = Array2::from_shape_fn((3, 3), |(i, j)| base.rotation[(i, j)]);
+        (base.translation.as_slice().to_vec().into_pyarray(py), rotation.into_pyarray(py))
     }
 
     /// Targets on the tool in the flange's frame, (targets, 3), m.

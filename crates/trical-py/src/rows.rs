@@ -54,25 +54,47 @@ fn joints_of(path: &Path) -> Result<usize> {
     Ok((1..=MAX_JOINTS).take_while(has).count().max(1))
 }
 
-/// Reads a recording, CSV or MCAP. A damaged MCAP is refused unless a part of it will do.
-pub fn load(path: &Path, joints: Option<usize>, part: bool) -> Result<Recording> {
+/// Reads a recording, CSV or MCAP; what is whole in a damaged MCAP, and one sentence on what was lost.
+pub fn recovered(path: &Path, joints: Option<usize>) -> Result<(Recording, Option<String>)> {
     if !is_mcap(path)? {
-        return Ok(load_csv(path, joints.map_or_else(|| joints_of(path), Ok)?)?);
+        return Ok((load_csv(path, joints.map_or_else(|| joints_of(path), Ok)?)?, None));
     }
     let read = read_recording(path)?;
     if read.recording.rows.is_empty() {
         let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
         return Err(wrong(format!("{why}; there is no complete measurement in it")).into());
     }
-    if let (Some(lost), false) = (read.lost, part) {
-        let n = read.recording.rows.len();
-        return Err(wrong(format!("{lost}; part=True takes its {n} complete measurements")).into());
-    }
     if let Some(joints) = joints.filter(|j| *j != read.recording.joints) {
         let found = read.recording.joints;
         return Err(wrong(format!("{}: has {found} joints, but the robot has {joints}", path.display())).into());
     }
-    Ok(read.recording)
+    Ok((read.recording, read.lost))
+}
+
+/// Reads a recording, CSV or MCAP. A damaged MCAP is refused unless a part of it will do.
+pub fn load(path: &Path, joints: Option<usize>, part: bool) -> Result<Recording> {
+    let (recording, lost) = recovered(path, joints)?;
+    if let (Some(lost), false) = (lost, part) {
+        let n = recording.rows.len();
+        return Err(wrong(format!("{lost}; part=True takes its {n} complete measurements")).into());
+    }
+    Ok(recording)
+}
+
+/// Writes a .csv or an .mcap.
+pub fn save(recording: &Recording, path: &Path) -> Result<()> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("csv") => Ok(write_whole(path, &csv(recording)?)?),
+        Some("mcap") => Ok(write_recording(path, recording, &Header::for_joints(recording.joints))?),
+        _ => Err(bad(format!("{}: the name must end in .csv or .mcap", path.display())).into()),
+    }
+}
+
+fn csv(recording: &Recording) -> Result<Vec<u8>> {
+    let mut text = Vec::new();
+    let problem = |e: std::io::Error| IdentError::File { file: recording.name.clone(), problem: e.to_string() };
+    write_csv(recording, &mut text).map_err(problem)?;
+    Ok(text)
 }
 
 /// A recording, or the file that it is in.
@@ -391,25 +413,12 @@ impl PyRows {
 
     /// The bytes of the CSV.
     fn to_csv<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyBytes>> {
-        Ok(PyBytes::new(py, &self.csv()?))
+        Ok(PyBytes::new(py, &csv(&self.0)?))
     }
 
     /// Writes a .csv or an .mcap.
     fn save(&self, path: PathBuf) -> Result<()> {
-        match path.extension().and_then(|e| e.to_str()) {
-            Some("csv") => Ok(write_whole(&path, &self.csv()?)?),
-            Some("mcap") => Ok(write_recording(&path, &self.0, &Header::for_joints(self.0.joints))?),
-            _ => Err(bad(format!("{}: the name must end in .csv or .mcap", path.display())).into()),
-        }
-    }
-}
-
-impl PyRows {
-    fn csv(&self) -> Result<Vec<u8>> {
-        let mut text = Vec::new();
-        let problem = |e: std::io::Error| IdentError::File { file: self.0.name.clone(), problem: e.to_string() };
-        write_csv(&self.0, &mut text).map_err(problem)?;
-        Ok(text)
+        save(&self.0, &path)
     }
 }
 

@@ -10,7 +10,7 @@
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
-//! | [`error_map`] | how far an arm misses all over its workspace |
+//! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
 //! | [`study`] | whole calibrations by simulation |
 //! | [`table`] | tables and paragraphs for a terminal |
 
@@ -20,6 +20,7 @@ pub mod diagnosis_report;
 pub mod error;
 pub mod error_map;
 pub mod evidence;
+pub mod export;
 pub mod heat;
 pub mod identify_report;
 pub mod outline;
@@ -35,4 +36,5 @@ pub mod validate_report;
 
 pub use error::{Error, Result};
 pub use error_map::ErrorMap;
+pub use export::Export;
 pub use page::Made;

@@ -1,8 +1,8 @@
 //! `trical compensate`: a program rewritten so that the real arm goes where it says.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use trical_device::program::{Job, Options, ProgramError, Report, left, load_frames, summarized};
+use trical_device::program::{Job, Options, ProgramError, Report, declared_frames, left, summarized};
 use trical_ident::ModelFile;
 use trical_model::Model;
 use trical_report::table;
@@ -83,21 +83,6 @@ fn finite(name: &str, value: Option<f64>, from: f64, to: f64) -> Result<()> {
     }
 }
 
-/// A file that declares nothing is the wrong one.
-fn check_frames(path: &Path) -> std::result::Result<(), ProgramError> {
-    /// What a reader knows without being told.
-    const OWN: [&str; 3] = ["0", "tool0", "wobj0"];
-    let found = load_frames(path)?;
-    let mut names = found.tools.keys().chain(found.frames.keys());
-    if found.world.is_some() || names.any(|n| !OWN.contains(&n.as_str())) {
-        return Ok(());
-    }
-    Err(ProgramError::Input(format!(
-        "{}: found no tool and no frame, expected [tools.NAME], [frames.NAME] or [world], or a program that declares some",
-        path.display()
-    )))
-}
-
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let name = args.program.display().to_string();
@@ -117,7 +102,7 @@ pub fn run(args: &Args) -> Result<()> {
     let failed = failed(args.out.as_ref());
     job.dialect().map_err(&failed)?;
     for path in &args.frames {
-        check_frames(path).map_err(&failed)?;
+        declared_frames(path).map_err(&failed)?;
     }
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;

@@ -74,14 +74,7 @@ fn arm(source: &UrdfPath, output: &Path, as_json: bool) -> Result<()> {
     if output.extension().is_none_or(|e| e != "toml") {
         return Err(CliError::Input(format!("{}: an arm is written as .toml", output.display())));
     }
-    let head = format!(
-        "# The arm of {} from link {} to link {}; joints: {}.\n",
-        source.path.display(),
-        arm.root,
-        arm.tip,
-        arm.joints.join(", ")
-    );
-    write_whole(output, (head + &arm.robot.to_toml()).as_bytes())?;
+    write_whole(output, arm.to_toml(&source.path).as_bytes())?;
     if as_json {
         let value = json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output });
         return say(serde_json::to_string_pretty(&value)?);

@@ -6,13 +6,16 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 use trical_device::program::{self, Dialect, Frames, Options, Report};
-use trical_device::{VirtualCell, open_controller, read_recording};
+use trical_device::session::Settings;
+use trical_device::{ArmPlant, CellOptions, Session, VirtualCell, open_controller, read_recording};
+use trical_ident::truth::draw_truth;
 use trical_ident::{
     Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
 };
 use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State};
 use trical_plan::{
-    CollisionModel, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace, write_plan,
+    CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
+    write_plan,
 };
 use trical_report::page::{Figure, Section, error_table, render};
 use trical_report::plan_told::{self, Told};
@@ -20,11 +23,10 @@ use trical_report::plots::{self, AFTER, BEFORE, Series};
 use trical_report::{Made, plan_report, table};
 
 use crate::commands::identify::parameter_rows;
-use crate::commands::measure::{Session, Settings, perform};
+use crate::commands::measure::perform;
 use crate::commands::{plan, virtual_cell};
 use crate::error::{CliError, Result};
 use crate::measure_view::View;
-use crate::plant::{ArmPlant, cell_options, draw_truth};
 use crate::{input, progress, say};
 
 const ROBOT: &str = include_str!("../../assets/irb120/robot.toml");
@@ -112,8 +114,9 @@ pub fn run(args: &Args) -> Result<()> {
     // 1. the virtual cell
     let truth = draw_truth(&nominal, args.seed)?;
     virtual_cell::seal(&truth, &file("truth.sealed.toml"))?;
-    let running = VirtualCell::start(Box::new(ArmPlant::new(&truth)?), cell_options(&truth, args.seed, 0))
-        .map_err(|e| CliError::Failed(e.to_string()))?;
+    let running =
+        VirtualCell::start(Box::new(ArmPlant::new(&truth)?), CellOptions::like_a_real_one(&truth, args.seed, 0))
+            .map_err(|e| CliError::Failed(e.to_string()))?;
     tell(format!("1. A virtual cell runs: an {} whose true geometry is hidden, three balls, three", robot.name))?;
     tell(format!("   indicators on {} and a controller on {}.", running.terminal().display(), running.address()))?;
 
@@ -154,6 +157,7 @@ pub fn run(args: &Args) -> Result<()> {
             .map_err(|e| CliError::Input(format!("{}: cannot be replaced: {e}", recording.display())))?;
     }
     let mut view = View::new();
+    let guard = MotionGuard::new(&robot, &cell)?;
     let session = Session {
         robot: &robot,
         cell: &cell,
@@ -167,6 +171,7 @@ pub fn run(args: &Args) -> Result<()> {
         settings: &Settings::default(),
         // the demo of a seed is the same to the byte
         start_ns: 0,
+        guard: &|from, to, touched| guard.check(from, to, touched),
         cancel: &AtomicBool::new(false),
     };
     let measured = perform(&session, &mut |p| view.show(&p))?;

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 
 use clap::Subcommand;
 use serde_json::json;
-use trical_device::gauge::{self, AXES, Settle, list_ports, settled_reading, with_zero};
-use trical_device::{Gauge, open_gauge};
+use trical_device::gauge::trial::{Trial, master, stem_answers, trial};
+use trical_device::gauge::{AXES, list_ports};
+use trical_device::{Gauge, GaugeError, open_gauge};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -171,7 +172,7 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
                 shown_so_far += 1;
             }
             // someone may be plugging a cable: say so and go on, but not for ever
-            Err(e @ (gauge::GaugeError::Io { .. } | gauge::GaugeError::Open { .. })) => return Err(failed(e)),
+            Err(e @ (GaugeError::Io { .. } | GaugeError::Open { .. })) => return Err(failed(e)),
             Err(e) => {
                 failures += 1;
                 if failures >= 5 || count.is_some() {
@@ -188,40 +189,10 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
     Ok(())
 }
 
-struct Axis {
-    mean: f64,
-    sd: f64,
-    spread: f64,
-    /// Smallest difference between two different readings, m.
-    step: Option<f64>,
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a count")]
-fn axis(values: &[f64]) -> Axis {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let spread = sorted.last().copied().unwrap_or(mean) - sorted.first().copied().unwrap_or(mean);
-    let steps = sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-10);
-    Axis { mean, sd, spread, step: steps.min_by(f64::total_cmp) }
-}
-
 fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: bool) -> Result<()> {
     let stop = interrupt::flag()?;
-    let about = gauge.describe().map_err(failed)?;
-    let begin = Instant::now();
-    let mut readings = Vec::new();
-    for _ in 0..count {
-        if stop.load(Ordering::Relaxed) {
-            return Err(CliError::Failed("stopped by the user".into()));
-        }
-        readings.push(gauge.read().map_err(failed)?);
-    }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let each = begin.elapsed().as_secs_f64() / count as f64;
-    let axes: Vec<Axis> = (0..3).map(|k| axis(&readings.iter().map(|r: &[f64; 3]| r[k]).collect::<Vec<_>>())).collect();
+    let Trial { says: about, seconds_each: each, axes, .. } =
+        trial(gauge, usize::try_from(count).unwrap_or(usize::MAX), &stop).map_err(failed)?;
     if !as_json {
         say(format!("gauge {}", gauge.name()))?;
         for line in &about {
@@ -250,7 +221,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
     if let Some(wait) = stems {
         for (k, name) in AXES.iter().enumerate() {
             eprintln!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
-            answered.push(moved(gauge, k, wait, &stop)?);
+            answered.push(stem_answers(gauge, k, wait, &stop).map_err(failed)? * 1e3);
             if !as_json {
                 say(format!("axis {name} answers"))?;
             }
@@ -273,61 +244,22 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
     Ok(())
 }
 
-/// Waits until an axis moves by more than half a millimetre, and no other by as much; gives by how many mm.
-fn moved(gauge: &mut dyn Gauge, axis: usize, wait: Duration, stop: &std::sync::atomic::AtomicBool) -> Result<f64> {
-    const ENOUGH: f64 = 0.5e-3;
-    let before = gauge.read().map_err(failed)?;
-    let begin = Instant::now();
-    while begin.elapsed() < wait {
-        if stop.load(Ordering::Relaxed) {
-            return Err(CliError::Failed("stopped by the user".into()));
-        }
-        let now = gauge.read().map_err(failed)?;
-        let by: [f64; 3] = std::array::from_fn(|k| now[k] - before[k]);
-        let (most, far) = (0..3).map(|k| (k, by[k].abs())).fold((0, 0.0), |b, x| if x.1 > b.1 { x } else { b });
-        if far > ENOUGH {
-            if most != axis {
-                return Err(CliError::Failed(format!(
-                    "axis {} moved by {:.3} mm, expected axis {}: exchange the channels or ports in the URL",
-                    AXES[most],
-                    by[most] * 1e3,
-                    AXES[axis]
-                )));
-            }
-            return Ok(by[axis] * 1e3);
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    Err(CliError::Failed(format!(
-        "axis {} did not move by {} mm within {:.0} s: is its transmitter alive?",
-        AXES[axis],
-        ENOUGH * 1e3,
-        wait.as_secs_f64()
-    )))
-}
-
 fn zero(link: &Link, as_json: bool) -> Result<()> {
-    // an earlier mastering has nothing to say here
-    let bare = bare_url(&link.gauge);
-    let mut gauge = open_gauge(&bare).map_err(|e| CliError::Input(e.to_string()))?;
     let stop = interrupt::flag()?;
-    let settle: Settle = gauge.settle();
-    let zero = settled_reading(gauge.as_mut(), &settle, &stop).map_err(failed)?;
-    let warnings = warn(gauge.as_mut());
-    let url = with_zero(&link.gauge, zero);
+    let mastered = master(&link.gauge, &stop).map_err(|e| match e {
+        GaugeError::Url(_) | GaugeError::Open { .. } => CliError::Input(e.to_string()),
+        e => failed(e),
+    })?;
+    for w in &mastered.warnings {
+        eprintln!("trical: note: {w}");
+    }
+    let (zero, url) = (mastered.zero, mastered.url);
     if as_json {
-        let value = json!({ "zero_mm": zero.map(|v| v * 1e3), "gauge": url, "warnings": warnings });
+        let value = json!({ "zero_mm": zero.map(|v| v * 1e3), "gauge": url, "warnings": mastered.warnings });
         return say(serde_json::to_string_pretty(&value)?);
     }
     say(format!("On the calibrator the gauge shows {}. From now on use", shown(&zero)))?;
     say(format!("--gauge '{url}'"))
-}
-
-/// The URL without a mastering.
-pub fn bare_url(url: &str) -> String {
-    let (place, query) = url.split_once('?').unwrap_or((url, ""));
-    let parts: Vec<&str> = query.split('&').filter(|p| !p.is_empty() && !p.starts_with("zero_mm=")).collect();
-    if parts.is_empty() { place.to_owned() } else { format!("{place}?{}", parts.join("&")) }
 }
 
 /// Waits for Enter; gives what was typed. `None` where the input has ended.

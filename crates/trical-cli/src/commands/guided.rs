@@ -3,18 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use nalgebra::{Matrix3, Vector3};
 use trical_device::controller::wait_settled;
-use trical_device::gauge::{settled_reading, with_zero};
-use trical_device::procedure::{FlangeTouch, base_from_balls, stride, tcp_from_touches};
-use trical_device::{PlanEntry, Progress, RecordingWriter, open_controller, open_gauge, visits};
+use trical_device::gauge::trial::master;
+use trical_device::procedure::stride;
+use trical_device::session::{Guard, SetUpError, Settings, base, now_ns, tool_point};
+use trical_device::{PlanEntry, Progress, RecordingWriter, Session, open_controller, visits};
 use trical_ident::write_whole;
-use trical_model::{Cell, Forward, JointKind, Joints, Measured, Model, Pose, Robot, Row, State};
-use trical_plan::{PlanOptions, plan_touches, write_plan};
+use trical_model::{Cell, JointKind, Joints, Robot, Row};
+use trical_plan::{MotionGuard, PlanOptions, plan_touches, write_plan};
 use trical_report::table;
 
-use crate::commands::gauge::{bare_url, shown, typed};
-use crate::commands::measure::{Session, Settings, done, header, now_ns, perform};
+use crate::commands::gauge::{shown, typed};
+use crate::commands::measure::{done, perform};
 use crate::commands::plan;
 use crate::error::{CliError, Result};
 use crate::measure_view::View;
@@ -22,6 +22,9 @@ use crate::say;
 
 /// Orientations in which the first ball is touched for the tool point.
 const ORIENTATIONS: usize = 4;
+
+/// For touches where the arm stands: a person brought it there.
+const FREE: Guard<'static> = &|_, _, _| Ok(());
 
 /// What a guided session begins with; gauge and cell get better on the way.
 pub struct Guided<'a> {
@@ -80,7 +83,8 @@ impl Guided<'_> {
              the arm driven there slowly and straight: look that the way is free. Keep a hand on the emergency stop.",
         )?;
         self.master()?;
-        let log = RecordingWriter::create(&set_up, &header(&self.session(&[], &set_up, false))).map_err(failed)?;
+        let log =
+            RecordingWriter::create(&set_up, &self.session(&[], &set_up, false, FREE).header()).map_err(failed)?;
         let log = self.touches(log)?;
         log.finish().map_err(failed)?;
         write_whole(&self.beside("cell.toml"), self.cell.to_toml().as_bytes())?;
@@ -94,7 +98,7 @@ impl Guided<'_> {
         self.out.with_file_name(format!("{stem}.{what}"))
     }
 
-    fn session<'s>(&'s self, entries: &'s [PlanEntry], out: &'s Path, resume: bool) -> Session<'s> {
+    fn session<'s>(&'s self, entries: &'s [PlanEntry], out: &'s Path, resume: bool, guard: Guard<'s>) -> Session<'s> {
         Session {
             robot: self.robot,
             cell: &self.cell,
@@ -107,6 +111,7 @@ impl Guided<'_> {
             go: true,
             settings: self.settings,
             start_ns: now_ns(),
+            guard,
             cancel: self.cancel,
         }
     }
@@ -168,7 +173,7 @@ impl Guided<'_> {
 
     fn drive(&self, q: &Joints) -> std::result::Result<(), String> {
         let mut controller = open_controller(self.controller).map_err(|e| e.to_string())?;
-        controller.set_speed(self.settings.touch_mm_s * 1e-3, 10_f64.to_radians()).map_err(|e| e.to_string())?;
+        controller.set_speed(self.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
         controller.move_joints(q).map_err(|e| e.to_string())
     }
 
@@ -181,14 +186,10 @@ impl Guided<'_> {
             if !matches!(on, Answer::Go) {
                 return tell("The readings are taken as they come.");
             }
-            let read = open_gauge(&bare_url(&self.gauge)).and_then(|mut gauge| {
-                let settle = gauge.settle();
-                settled_reading(gauge.as_mut(), &settle, self.cancel)
-            });
-            match read {
-                Ok(zero) => {
-                    self.gauge = with_zero(&self.gauge, zero);
-                    return tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&zero)));
+            match master(&self.gauge, self.cancel) {
+                Ok(mastered) => {
+                    self.gauge = mastered.url;
+                    return tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&mastered.zero)));
                 }
                 Err(e) => tell(&format!("That did not work: {e}."))?,
             }
@@ -197,23 +198,13 @@ impl Guided<'_> {
 
     /// The touch where the arm stands: nulled and recorded; then the arm goes back to where it stood.
     fn touch_here(&self, log: &mut RecordingWriter, ball: usize, index: u64) -> std::result::Result<Row, String> {
-        let mut gauge = open_gauge(&self.gauge).map_err(|e| e.to_string())?;
-        let mut controller = open_controller(self.controller).map_err(|e| e.to_string())?;
-        let settle = controller.joint_settle();
-        let at = wait_settled(controller.as_mut(), &settle, self.cancel).map_err(|e| e.to_string())?;
-        let entry = PlanEntry { index, ball, joints: at, via: Vec::new() };
-        let mut options = self.settings.options(self.robot, &self.cell).map_err(|e| e.to_string())?;
-        options.go = true;
-        options.begin_t = log.last_t();
-        let mut found = None;
-        let mut note = |p| match p {
-            Progress::Measured { row, .. } => found = Some(*row),
-            Progress::Warning(w) => eprintln!("trical: note: {w}"),
-            _ => {}
+        let mut note = |p| {
+            if let Progress::Warning(w) = p {
+                eprintln!("trical: note: {w}");
+            }
         };
-        trical_device::run(&[entry], gauge.as_mut(), controller.as_mut(), log, &options, self.cancel, &mut note)
-            .map_err(|e| e.to_string())?;
-        found.ok_or_else(|| "no touch was recorded".to_owned())
+        let session = self.session(&[], self.out, false, FREE);
+        session.touch_here(log, ball, index, &mut note).map_err(|e| e.to_string())
     }
 
     /// Asks for a touch until it is there; `None` where it is skipped.
@@ -261,28 +252,10 @@ impl Guided<'_> {
         Ok(log)
     }
 
-    /// The flange in the arm's own frame, by the nominal arm.
-    fn flange(&self, q: &Joints) -> Result<Pose> {
-        let mut cell = self.cell.clone();
-        cell.world_from_base = Pose::identity();
-        let forward = Forward::new(Model::nominal(self.robot.clone(), cell), Vec::new())?;
-        let mut ws = forward.workspace();
-        Ok(forward.world_from_flange(&State::at(q), &mut ws))
-    }
-
     fn tool_point(&mut self, rows: &[Row]) -> Result<()> {
-        let mut touches = Vec::new();
-        for row in rows {
-            let Measured::Touch { reading, .. } = row.measured else { continue };
-            let flange = self.flange(&row.state.q)?;
-            touches.push(FlangeTouch {
-                position: flange.translation.into(),
-                rotation: std::array::from_fn(|i| std::array::from_fn(|j| flange.rotation[(i, j)])),
-                reading: (self.cell.tool.rotation * Vector3::from(reading)).into(),
-            });
-        }
-        let fit = match tcp_from_touches(&touches) {
+        let fit = match tool_point(self.robot, &self.cell, rows) {
             Ok(fit) => fit,
+            Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
             Err(e) => return tell(&format!("No tool point: {e}. It stays as it was.")),
         };
         let mm = |v: [f64; 3]| v.map(|v| format!("{:.3}", v * 1e3)).join(", ");
@@ -300,42 +273,24 @@ impl Guided<'_> {
     }
 
     fn world(&mut self, rows: [&Row; 3]) -> Result<()> {
-        let mut balls = [[0.0; 3]; 3];
-        for (to, row) in balls.iter_mut().zip(rows) {
-            let Measured::Touch { reading, .. } = row.measured else { continue };
-            let at = self.flange(&row.state.q)?;
-            let centre = self.cell.tool.tcp + self.cell.tool.rotation * Vector3::from(reading);
-            *to = at.apply(&centre).into();
-        }
-        let known: [[f64; 3]; 3] = std::array::from_fn(|k| self.cell.balls[k].into());
-        let mut worst = 0.0_f64;
-        for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-            let length = |p: &[[f64; 3]; 3]| (Vector3::from(p[a]) - Vector3::from(p[b])).norm();
-            let off = length(&balls) - length(&known);
-            worst = worst.max(off.abs());
+        let fit = match base(self.robot, &self.cell, rows) {
+            Ok(fit) => fit,
+            Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
+            Err(e) => return tell(&format!("No world frame: {e}. The base stays as it was.")),
+        };
+        for (a, b, found, expected) in fit.distances {
             tell(&format!(
-                "Balls {} and {} are {:.2} mm apart, the cell file says {:.2} mm.",
-                a + 1,
-                b + 1,
-                length(&balls) * 1e3,
-                length(&known) * 1e3
+                "Balls {a} and {b} are {:.2} mm apart, the cell file says {:.2} mm.",
+                found * 1e3,
+                expected * 1e3
             ))?;
         }
-        if worst > 5e-3 {
-            tell(
+        if fit.check().is_err() {
+            return tell(
                 "That is more than an arm can be off: was each touch at the ball that was asked for? The base stays as it was.",
-            )?;
-            return Ok(());
+            );
         }
-        let (measured, file) = match (base_from_balls(&balls), base_from_balls(&known)) {
-            (Ok(m), Ok(f)) => (m, f),
-            (Err(e), _) | (_, Err(e)) => return tell(&format!("No world frame: {e}. The base stays as it was.")),
-        };
-        let pose = |(origin, rows): ([f64; 3], [[f64; 3]; 3])| Pose {
-            rotation: Matrix3::from_fn(|i, j| rows[i][j]),
-            translation: origin.into(),
-        };
-        self.cell.world_from_base = pose(file).compose(&pose(measured).inverse());
+        self.cell.world_from_base = fit.world_from_base;
         tell("The base of the arm has been found from the balls.")
     }
 
@@ -381,13 +336,16 @@ impl Guided<'_> {
 
     fn measure(&self, entries: &[PlanEntry], stride: u64) -> Result<()> {
         tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it and makes it go back the way it came.")?;
+        // the cell as it was found
+        let guard = MotionGuard::new(self.robot, &self.cell)?;
+        let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
         let mut resume = false;
         let mut text = format!("{} touches. Is everybody out of the cell?", entries.len());
         loop {
             if !matches!(self.ask(&text)?, Answer::Go) {
                 return Err(CliError::Failed("ended by the user; nothing moves".into()));
             }
-            let session = Session { stride: Some(stride), ..self.session(entries, self.out, resume) };
+            let session = Session { stride: Some(stride), ..self.session(entries, self.out, resume, &guard) };
             let mut view = View::new();
             let result = perform(&session, &mut |p| view.show(&p));
             view.end();

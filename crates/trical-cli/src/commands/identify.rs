@@ -13,7 +13,6 @@ use trical_report::{identify_report, table};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::large::passes;
 use crate::say;
 
 /// Which parameters to identify.
@@ -102,7 +101,7 @@ pub fn run(args: &Args) -> Result<()> {
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
     let options = trical_ident::Choice::new(set, &args.compliant, robot.dof())?.knowing(known);
     let all_at_once = args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some();
-    let found = match passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
+    let found = match input::passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
         Some(passes) => {
             let stream = &passes.stream;
             let sample = stream.sample()?;

@@ -1,18 +1,12 @@
 //! `trical measure`: the automated procedure over a gauge and a controller.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde_json::json;
-use trical_device::procedure::{Retreat, stride};
-use trical_device::record::Attachment;
-use trical_device::{
-    ControllerError, GaugeError, Header, PlanEntry, ProcedureOptions, Progress, RecordingWriter, RunReport, dry_run,
-    open_controller, open_gauge, visits,
-};
-use trical_model::{Cell, Robot, urdf};
-use trical_plan::{CollisionModel, MotionWorkspace};
+use trical_device::procedure::stride;
+use trical_device::session::{self, SessionError, now_ns};
+use trical_device::{Progress, RunReport, Session, visits};
+use trical_plan::MotionGuard;
 
 use crate::commands::{guided, plan};
 use crate::error::{CliError, Result};
@@ -99,215 +93,50 @@ pub struct Settings {
     pub payload_kg: Option<f64>,
 }
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            epsilon_mm: 0.02,
-            repeatability_mm: 0.01,
-            visits: 1,
-            travel_mm_s: 100.0,
-            touch_mm_s: 10.0,
-            max_correction_mm: 4.9,
-            max_sum_mm: 8.0,
-            max_corrections: 10,
-            stroke_mm: vec![-5.9, 5.9],
-            temp_c: None,
-            payload_kg: None,
-        }
-    }
-}
-
 impl Settings {
-    /// As the procedure takes them, for an arm and a cell.
-    pub fn options<'a>(&self, robot: &Robot, cell: &Cell) -> Result<ProcedureOptions<'a>> {
-        let mut options = ProcedureOptions {
-            epsilon: self.epsilon_mm * 1e-3,
-            repeatability: self.repeatability_mm * 1e-3,
-            travel_speed: self.travel_mm_s * 1e-3,
-            touch_speed: self.touch_mm_s * 1e-3,
-            retreat: Retreat::Approach,
-            tcp_in_flange: Some(cell.tool.tcp.into()),
-            temp_c: self.temp_c,
-            payload_kg: self.payload_kg,
-            ..ProcedureOptions::default()
-        };
-        // as far as the indicators reach; the controller has limits of its own
-        options.limits.correction = self.max_correction_mm * 1e-3;
-        options.limits.total_correction = self.max_sum_mm * 1e-3;
-        options.limits.iterations = self.max_corrections;
-        options.limits.joints = robot.joints.iter().map(|j| (j.limits[0], j.limits[1])).collect();
-        match self.stroke_mm.as_slice() {
-            [low, high] if low < high => options.limits.stroke = [low * 1e-3, high * 1e-3],
+    /// In SI.
+    pub fn si(&self) -> Result<session::Settings> {
+        let [low, high] = match self.stroke_mm.as_slice() {
+            [low, high] if low < high => [low * 1e-3, high * 1e-3],
             other => {
                 return Err(CliError::Input(format!(
                     "--stroke-mm: found {other:?}, expected two numbers, the lower first"
                 )));
             }
+        };
+        Ok(session::Settings {
+            epsilon: self.epsilon_mm * 1e-3,
+            repeatability: self.repeatability_mm * 1e-3,
+            visits: self.visits,
+            travel_speed: self.travel_mm_s * 1e-3,
+            touch_speed: self.touch_mm_s * 1e-3,
+            max_correction: self.max_correction_mm * 1e-3,
+            max_sum: self.max_sum_mm * 1e-3,
+            max_corrections: self.max_corrections,
+            stroke: [low, high],
+            temp_c: self.temp_c,
+            payload_kg: self.payload_kg,
+        })
+    }
+}
+
+/// Runs a session, with the words of the command line.
+pub fn perform(session: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
+    session.perform(watch).map_err(|e| match e {
+        SessionError::Run(e) if !e.is_cancelled() => {
+            CliError::Failed(format!("{e}; what was measured is safe, --resume goes on"))
         }
-        Ok(options)
-    }
-}
-
-/// What every motion keeps from everything, m.
-const CLEARANCE: f64 = 2e-3;
-
-/// What a measuring run needs.
-pub struct Session<'a> {
-    /// The arm.
-    pub robot: &'a Robot,
-    /// The cell.
-    pub cell: &'a Cell,
-    /// The plan, with all visits.
-    pub plan: &'a [PlanEntry],
-    /// Numbers of one round of visits.
-    pub stride: Option<u64>,
-    /// Gauge URL.
-    pub gauge: &'a str,
-    /// Controller URL.
-    pub controller: &'a str,
-    /// Recording.
-    pub out: &'a Path,
-    /// Whether to go on with a recording.
-    pub resume: bool,
-    /// Whether to move.
-    pub go: bool,
-    /// How to measure.
-    pub settings: &'a Settings,
-    /// When the recording begins, ns since 1970.
-    pub start_ns: u64,
-    /// Set by Ctrl-C.
-    pub cancel: &'a AtomicBool,
-}
-
-/// Nanoseconds since 1970.
-pub fn now_ns() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(0)
-}
-
-/// What a recording says of its session.
-pub fn header(s: &Session<'_>) -> Header {
-    let mut header = Header::for_joints(s.robot.dof());
-    header.start_ns = s.start_ns;
-    header.attachments =
-        vec![Attachment::toml("robot.toml", s.robot.to_toml()), Attachment::toml("cell.toml", s.cell.to_toml())];
-    header.robot_description = Some(urdf::write(s.robot, s.cell, &[]));
-    let set = s.settings;
-    for (name, value) in [
-        ("gauge", s.gauge.to_owned()),
-        ("controller", s.controller.to_owned()),
-        ("epsilon_mm", set.epsilon_mm.to_string()),
-        ("repeatability_mm", set.repeatability_mm.to_string()),
-        ("visits", set.visits.to_string()),
-        ("travel_mm_s", set.travel_mm_s.to_string()),
-        ("touch_mm_s", set.touch_mm_s.to_string()),
-        ("max_correction_mm", set.max_correction_mm.to_string()),
-        ("max_sum_mm", set.max_sum_mm.to_string()),
-    ] {
-        header.settings.insert(name.to_owned(), value);
-    }
-    header
-}
-
-/// What the collision model says of a motion; a stem may meet a ball only on the way into the touch of that ball.
-fn guard(
-    s: &Session<'_>,
-    model: &CollisionModel,
-    from: &trical_model::Joints,
-    to: &trical_model::Joints,
-) -> std::result::Result<(), String> {
-    let touched = s.plan.iter().find(|e| e.joints == *to).map(|e| e.ball);
-    model.check_motion(from, to, touched, &mut MotionWorkspace::new(model)).map_or(Ok(()), |hit| {
-        let (a, b) = model.names(hit);
-        Err(format!("'{a}' would come within {:.0} mm of '{b}'", CLEARANCE * 1e3))
+        SessionError::Run(_) | SessionError::Finish(_) => CliError::Failed(e.to_string()),
+        _ => CliError::Input(e.to_string()),
     })
-}
-
-/// Runs the procedure over real links; every accepted measurement is on disk before the arm moves on.
-pub fn perform(s: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
-    let failed = |e: &dyn std::fmt::Display| CliError::Failed(e.to_string());
-    let wrong = |e: &dyn std::fmt::Display| CliError::Input(e.to_string());
-    // planned with the cell's own clearance; the arm has been corrected away from where it was planned
-    let model = CollisionModel::new(s.robot, s.cell)?.with_margin(CLEARANCE);
-    let guard = |from: &trical_model::Joints, to: &trical_model::Joints| guard(s, &model, from, to);
-    let mut options = s.settings.options(s.robot, s.cell)?;
-    options.go = s.go;
-    options.stride = s.stride;
-    options.guard = Some(&guard);
-    if !s.go {
-        return rehearse(s, &options);
-    }
-    let mut gauge = open_gauge(s.gauge).map_err(|e| wrong(&e))?;
-    let mut controller = open_controller(s.controller).map_err(|e| wrong(&e))?;
-    if controller.joint_count() != s.robot.dof() {
-        return Err(CliError::Input(format!(
-            "{} says that its arm has {} joints, {} has {}",
-            controller.name(),
-            controller.joint_count(),
-            s.robot.name,
-            s.robot.dof()
-        )));
-    }
-    let header = header(s);
-    let mut log = if s.resume {
-        let (log, before) = RecordingWriter::resume(s.out, &header).map_err(|e| wrong(&e))?;
-        if let Some(before) = before {
-            if let Some(lost) = &before.lost {
-                watch(Progress::Warning(lost.clone()));
-            }
-            options.skip = before.done();
-            for row in &before.recording.rows {
-                if let (Some(seq), Some(stride)) = (row.seq, s.stride) {
-                    options.known.entry(seq % stride).or_insert(row.state.q);
-                }
-            }
-            // warm-up and creep go on while nobody measures
-            #[expect(clippy::cast_precision_loss, reason = "s since the recording began")]
-            let since = s.start_ns.saturating_sub(before.start_ns) as f64 * 1e-9;
-            options.begin_t = log.last_t().max(if before.start_ns == 0 { 0.0 } else { since });
-        }
-        log
-    } else {
-        RecordingWriter::create(s.out, &header).map_err(|e| wrong(&e))?
-    };
-    let result = trical_device::run(s.plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, s.cancel, watch);
-    let finished = log.finish();
-    let report = result.map_err(|e| {
-        let safe = if e.is_cancelled() { "" } else { "; what was measured is safe, --resume goes on" };
-        CliError::Failed(format!("{e}{safe}"))
-    })?;
-    finished.map_err(|e| failed(&e))?;
-    Ok(report)
-}
-
-/// The steps of a run, without any device.
-fn rehearse(s: &Session<'_>, options: &ProcedureOptions<'_>) -> Result<RunReport> {
-    let mut report = RunReport::default();
-    // a URL that nobody could use is an error now; a device that is not there yet is not
-    match open_gauge(s.gauge) {
-        Err(e @ GaugeError::Url(_)) => return Err(CliError::Input(e.to_string())),
-        Err(e) => report.warnings.push(e.to_string()),
-        Ok(_) => {}
-    }
-    match open_controller(s.controller) {
-        Err(e @ ControllerError::Url(_)) => return Err(CliError::Input(e.to_string())),
-        Err(e) => report.warnings.push(e.to_string()),
-        Ok(_) => {}
-    }
-    if s.settings.epsilon_mm < s.settings.repeatability_mm {
-        report.warnings.push(format!(
-            "the tolerance of a touch, {} mm, is below the arm's repeatability, {} mm: touches may not converge",
-            s.settings.epsilon_mm, s.settings.repeatability_mm
-        ));
-    }
-    report.steps = dry_run(s.plan, options, s.robot.dof());
-    Ok(report)
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     input::check_output(&args.out)?;
     let (robot, cell) = args.cell.load()?;
+    let settings = args.settings.si()?;
+    let guard = MotionGuard::new(&robot, &cell)?;
     let cancel = interrupt::flag()?;
     if args.guided {
         let about = guided::Guided {
@@ -318,7 +147,7 @@ pub fn run(args: &Args) -> Result<()> {
             out: &args.out,
             plan: args.plan.as_deref(),
             per_ball: args.per_ball,
-            settings: &args.settings,
+            settings: &settings,
             cancel: &cancel,
         };
         return about.lead();
@@ -339,8 +168,9 @@ pub fn run(args: &Args) -> Result<()> {
         out: &args.out,
         resume: args.resume,
         go: args.go,
-        settings: &args.settings,
+        settings: &settings,
         start_ns: now_ns(),
+        guard: &|from, to, touched| guard.check(from, to, touched),
         cancel: &cancel,
     };
     let mut view = View::new();

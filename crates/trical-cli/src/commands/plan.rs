@@ -194,14 +194,7 @@ pub fn model_to_identify(robot: &Robot, cell: &Cell) -> Result<Model> {
 
 /// The plan as entries for the procedure: the stand-off pose is the last point on the way.
 pub fn entries(plan: &[trical_plan::PlanEntry]) -> Vec<PlanEntry> {
-    plan.iter()
-        .map(|e| PlanEntry {
-            index: e.index as u64,
-            ball: e.ball,
-            joints: e.joints,
-            via: e.via.iter().copied().chain(std::iter::once(e.approach)).collect(),
-        })
-        .collect()
+    plan.iter().map(|e| PlanEntry::new(e.index as u64, e.ball, e.joints, &e.via, e.approach)).collect()
 }
 
 /// Reads `plan.csv`.

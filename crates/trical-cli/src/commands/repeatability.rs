@@ -69,13 +69,9 @@ fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Ce
     }
     if robot.is_none() || cell.is_none() {
         let inside = read_recording(path).map_err(|e| CliError::Input(e.to_string()))?;
-        let name = |what: &str| format!("{} ({what} inside)", path.display());
-        if let (None, Some(text)) = (&robot, inside.attachment("robot.toml")) {
-            robot = Some(Robot::parse(text, &name("robot.toml"))?);
-        }
-        if let (None, Some(text)) = (&cell, inside.attachment("cell.toml")) {
-            cell = Some(Cell::parse(text, &name("cell.toml"))?);
-        }
+        let (arm, place) = inside.arm_and_cell(path)?;
+        robot = robot.or(arm);
+        cell = cell.or(place);
     }
     Ok((recording, robot, cell))
 }

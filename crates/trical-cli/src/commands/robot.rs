@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 use clap::{ArgGroup, Subcommand};
 use serde_json::json;
+use trical_device::controller::trial::{self, JogError, check_speed};
 use trical_device::controller::wait_settled;
 use trical_device::{Controller, open_controller};
-use trical_model::{JointKind, Joints, Robot};
+use trical_model::{Joints, Robot};
 
 use crate::error::{CliError, Result};
 use crate::say;
@@ -100,27 +100,19 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn ping(link: &Link) -> Result<()> {
     let mut controller = link.open()?;
-    let mut times = Vec::new();
-    for _ in 0..5 {
-        let begin = Instant::now();
-        controller.ping().map_err(failed)?;
-        times.push(begin.elapsed().as_secs_f64());
-    }
-    times.sort_by(f64::total_cmp);
-    let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
-    let clock = controller.clock().map_err(failed)?;
-    let temperature = controller.temperature().map_err(failed)?;
+    let answer = trial::ping(controller.as_mut()).map_err(failed)?;
     if link.json {
         let value = json!({ "controller": controller.name(), "joints": controller.joint_count(),
-                            "answers_in_s": median, "clock_s": clock, "temp_c": temperature });
+                            "answers_in_s": answer.answers_in, "clock_s": answer.clock, "temp_c": answer.temp_c });
         return say(serde_json::to_string_pretty(&value)?);
     }
     say(format!(
-        "{} answers in {:.1} ms: {} joints, its clock shows {clock:.3} s, {}",
+        "{} answers in {:.1} ms: {} joints, its clock shows {:.3} s, {}",
         controller.name(),
-        median * 1e3,
+        answer.answers_in * 1e3,
         controller.joint_count(),
-        temperature.map_or_else(|| "no temperature sensor".to_owned(), |t| format!("{t:.2} degC"))
+        answer.clock,
+        answer.temp_c.map_or_else(|| "no temperature sensor".to_owned(), |t| format!("{t:.2} degC"))
     ))
 }
 
@@ -143,84 +135,48 @@ fn listed(degrees: &[f64]) -> String {
     degrees.iter().map(|q| format!("{q:.5}")).collect::<Vec<_>>().join(",")
 }
 
-/// The target of a jog, and what refuses it.
-fn target(jog: &Jog, from: &Joints, count: usize) -> Result<Joints> {
-    let mut to = *from;
-    if let (Some(joint), Some(by)) = (jog.joint, jog.by_deg) {
-        if !(1..=count).contains(&joint) {
-            return Err(CliError::Input(format!("--joint: found {joint}, expected 1 to {count}")));
-        }
-        to[joint - 1] += by.to_radians();
-    } else {
-        if jog.joints_deg.len() != count {
-            return Err(CliError::Input(format!(
-                "--joints-deg: found {} numbers, expected {count}, one for each joint",
-                jog.joints_deg.len()
-            )));
-        }
-        for (q, v) in to.iter_mut().zip(&jog.joints_deg) {
-            *q = v.to_radians();
-        }
+impl Jog {
+    /// What is to be done, in SI.
+    fn what(&self) -> Result<trial::Jog> {
+        Ok(match (self.joint, self.by_deg, self.tool_mm.as_slice()) {
+            (Some(0), ..) => return Err(CliError::Input("--joint: found 0, expected 1 or more".into())),
+            (Some(joint), Some(by), _) => trial::Jog::Joint(joint - 1, by.to_radians()),
+            (_, _, []) => trial::Jog::Joints(self.joints_deg.iter().map(|q| q.to_radians()).collect()),
+            (_, _, [x, y, z]) => trial::Jog::Tool([x * 1e-3, y * 1e-3, z * 1e-3]),
+            (_, _, other) => {
+                return Err(CliError::Input(format!(
+                    "--tool-mm: found {} numbers, expected three of 5 mm at most",
+                    other.len()
+                )));
+            }
+        })
     }
-    for (k, (a, b)) in from.iter().zip(&to).enumerate() {
-        let by = (b - a).to_degrees();
-        if !by.is_finite() || by.abs() > jog.max_deg {
-            return Err(CliError::Input(format!(
-                "joint {} would go {by:.3} deg, the limit is {} deg (--max-deg)",
-                k + 1,
-                jog.max_deg
-            )));
-        }
-    }
-    Ok(to)
-}
 
-fn check_limits(robot: &Robot, to: &Joints) -> Result<()> {
-    for (k, (joint, q)) in robot.joints.iter().zip(to).enumerate() {
-        if joint.kind != JointKind::Prismatic && !(joint.limits[0]..=joint.limits[1]).contains(q) {
-            return Err(CliError::Input(format!(
-                "joint {} would go to {:.3} deg, outside its limits {:.1} to {:.1} deg",
-                k + 1,
-                q.to_degrees(),
-                joint.limits[0].to_degrees(),
-                joint.limits[1].to_degrees()
-            )));
-        }
+    /// A refusal, with the option that it is about.
+    fn refused(&self, e: &JogError) -> CliError {
+        let option = match e {
+            JogError::NoJoint { .. } => "--joint: ",
+            JogError::Count { .. } => "--joints-deg: ",
+            JogError::FarTool(_) => "--tool-mm: ",
+            JogError::Speed(_) => "--speed-mm-s: ",
+            _ => "",
+        };
+        let more = if matches!(e, JogError::Far { .. }) { " (--max-deg)" } else { "" };
+        CliError::Input(format!("{option}{e}{more}"))
     }
-    Ok(())
 }
 
 fn move_a_little(jog: &Jog) -> Result<()> {
-    if !(jog.speed_mm_s > 0.0 && jog.speed_mm_s <= 250.0) {
-        return Err(CliError::Input(format!("--speed-mm-s: found {}, expected a number up to 250", jog.speed_mm_s)));
-    }
+    check_speed(jog.speed_mm_s * 1e-3).map_err(|e| jog.refused(&e))?;
+    let what = jog.what()?;
     let robot = jog.robot.as_ref().map(|path| Robot::load(path)).transpose()?;
     let mut controller = jog.link.open()?;
     let count = controller.joint_count();
-    if let Some(robot) = robot.as_ref().filter(|r| r.dof() != count) {
-        return Err(CliError::Input(format!(
-            "{}: found {} joints, expected {count}, as the controller says",
-            robot.name,
-            robot.dof()
-        )));
-    }
     let settle = controller.joint_settle();
     let never = AtomicBool::new(false);
     let from = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
-    let along = match jog.tool_mm.as_slice() {
-        [] => None,
-        [x, y, z] if [x, y, z].iter().all(|v| v.abs() <= 5.0) => Some([x * 1e-3, y * 1e-3, z * 1e-3]),
-        other => {
-            return Err(CliError::Input(format!(
-                "--tool-mm: found {}, expected three numbers of 5 mm at most",
-                other.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
-            )));
-        }
-    };
-    let to = if along.is_some() { from } else { target(jog, &from, count)? };
-    if let Some(robot) = &robot {
-        check_limits(robot, &to)?;
-    }
+    let to = what.target(&from, count, jog.max_deg.to_radians(), robot.as_ref()).map_err(|e| jog.refused(&e))?;
+    let along = if let trial::Jog::Tool(by) = &what { Some(*by) } else { None };
     let would = along.map_or_else(
         || format!("all joints to {} deg", listed(&in_degrees(&to, count))),
         |d| format!("the tool by {:.3} {:.3} {:.3} mm along its own axes", d[0] * 1e3, d[1] * 1e3, d[2] * 1e3),
@@ -234,11 +190,7 @@ fn move_a_little(jog: &Jog) -> Result<()> {
         say(format!("Would move {would}, at {} mm/s.", jog.speed_mm_s))?;
         return say("Nothing has moved. Add --go to move.");
     }
-    controller.set_speed(jog.speed_mm_s * 1e-3, 10_f64.to_radians()).map_err(failed)?;
-    match along {
-        Some(d) => controller.correct(d).map_err(failed)?,
-        None => controller.move_joints(&to).map_err(failed)?,
-    }
+    what.go(controller.as_mut(), &to, jog.speed_mm_s * 1e-3).map_err(failed)?;
     let at = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
     let degrees = in_degrees(&at, count);
     if jog.link.json {

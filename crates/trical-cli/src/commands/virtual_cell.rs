@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use trical_device::virtual_cell::Unsettled;
-use trical_device::{CellOptions, VirtualCell};
+use trical_device::virtual_cell::{Scheduled, Unsettled, fault_script};
+use trical_device::{ArmPlant, CellOptions, VirtualCell};
+use trical_ident::truth::{TruthError, draw_truth, hide};
 use trical_ident::{JointSource, ModelFile, write_whole};
 use trical_model::{MAX_JOINTS, Model};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::plant::{ArmPlant, cell_options, draw_truth};
-use crate::{fault_script, hidden, say};
+use crate::say;
 
 /// Arguments of `trical virtual-cell`.
 #[derive(clap::Args)]
@@ -60,6 +60,11 @@ pub struct Args {
 }
 
 impl Args {
+    fn script(&self) -> Result<Vec<Scheduled>> {
+        let script = self.faults.as_deref().map(fault_script::load).transpose();
+        Ok(script.map_err(|e| CliError::Input(e.to_string()))?.unwrap_or_default())
+    }
+
     fn options(&self, truth: &Model) -> Result<CellOptions> {
         for (name, value, most) in [
             ("--pace", self.pace, 100.0),
@@ -98,8 +103,8 @@ impl Args {
             noise: self.noise_mm * 1e-3,
             placement: self.placement_mm * 1e-3,
             start,
-            script: self.faults.as_deref().map(fault_script::load).transpose()?.unwrap_or_default(),
-            ..cell_options(truth, self.seed, self.port)
+            script: self.script()?,
+            ..CellOptions::like_a_real_one(truth, self.seed, self.port)
         })
     }
 }
@@ -126,7 +131,10 @@ pub fn run(args: &Args) -> Result<()> {
         }
         None => draw_truth(&crate::commands::plan::model_to_identify(&robot, &cell)?, args.seed)?,
     };
-    hidden::hide(&mut truth, &args.hide)?;
+    hide(&mut truth, &args.hide).map_err(|e| match e {
+        TruthError::Wish { .. } => CliError::Input(format!("--hide {e}")),
+        e => e.into(),
+    })?;
     if let Some(path) = &args.seal {
         seal(&truth, path)?;
     }

@@ -5,6 +5,7 @@ pub mod rapid_protocol;
 pub mod rtde;
 pub mod rws;
 pub mod rws_protocol;
+pub mod trial;
 pub mod ur;
 
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -4,6 +4,7 @@ pub mod line;
 pub mod line_protocol;
 mod open;
 pub mod port;
+pub mod trial;
 pub mod uwave;
 pub mod uwave_protocol;
 

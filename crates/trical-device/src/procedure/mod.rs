@@ -31,6 +31,15 @@ pub struct PlanEntry {
     pub via: Vec<Joints>,
 }
 
+impl PlanEntry {
+    /// A touch with the points on the way to its approach, and the approach itself.
+    #[must_use]
+    pub fn new(index: u64, ball: usize, joints: Joints, way: &[Joints], approach: Joints) -> Self {
+        let via = way.iter().copied().chain(std::iter::once(approach)).collect();
+        Self { index, ball, joints, via }
+    }
+}
+
 /// What the procedure tells while it runs.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {

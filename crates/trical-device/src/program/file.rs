@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use trical_model::Model;
 
-use super::{Dialect, Frames, Options, ProgramError, Report, compensate, load_frames, summarized};
+use super::{Dialect, Frames, Options, ProgramError, Report, compensate, declared_frames, summarized};
 
 /// What to do with which file.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,7 @@ impl Job<'_> {
         let name = self.program.display().to_string();
         let mut frames = Frames::default();
         for path in self.frames {
-            frames.or(&load_frames(path)?);
+            frames.or(&declared_frames(path)?);
         }
         let bytes =
             std::fs::read(self.program).map_err(|e| ProgramError::Input(format!("{name}: cannot be read: {e}")))?;

@@ -47,8 +47,12 @@ pub mod urscript;
 
 use std::io::Write;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
 
 use thiserror::Error;
+use trical_model::interrupt::checkpoint;
 use trical_model::pose::rotation_z;
 use trical_model::{Model, Pose, Robot};
 
@@ -219,6 +223,24 @@ pub fn load_frames(path: &Path) -> Result<Frames, ProgramError> {
     Ok(scan.frames)
 }
 
+/// [`load_frames`] of a file that is to declare something: one that declares nothing is the wrong one.
+///
+/// # Errors
+/// One sentence.
+pub fn declared_frames(path: &Path) -> Result<Frames, ProgramError> {
+    /// What a reader knows without being told.
+    const OWN: [&str; 3] = ["0", "tool0", "wobj0"];
+    let found = load_frames(path)?;
+    let mut names = found.tools.keys().chain(found.frames.keys());
+    if found.world.is_some() || names.any(|n| !OWN.contains(&n.as_str())) {
+        return Ok(found);
+    }
+    Err(ProgramError::Input(format!(
+        "{}: found no tool and no frame, expected [tools.NAME], [frames.NAME] or [world], or a program that declares some",
+        path.display()
+    )))
+}
+
 /// The controller's world in the arm's foot, where the dialect's controllers do not put it there: FANUC's lies where axis 2
 /// passes axis 1.
 fn usual_world(dialect: Dialect, robot: &Robot) -> Option<Pose> {
@@ -285,36 +307,55 @@ pub fn compensate(
     let mut tally = Tally::new(&scan, bytes, options);
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
     let size = BLOCK * threads;
-    // one thread goes through the program ahead of the others, which rewrite what is known
+    // one thread goes through the program ahead of the others, which rewrite what is known; what they cannot write, nobody wants
+    let failed = &AtomicBool::new(false);
     std::thread::scope(|scope| -> Result<(), ProgramError> {
-        let (give, starts) = std::sync::mpsc::channel();
+        let (give, starts) = channel();
         let all = &all;
         scope.spawn(move || {
             // whoever no longer listens has failed, and says so
-            all.starts(size, &mut |block| drop(give.send(block)));
+            all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed));
         });
-        for (spots, starts) in scan.spots.chunks(size).zip(starts) {
-            for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
-                if mark.is_some_and(|m| m <= scan.at(spot)) {
-                    out.insert(mark.take().unwrap_or(0), &line)?;
-                }
-                if let Ok(done) = &done {
-                    let mut edits: Vec<_> = done.edits.iter().collect();
-                    edits.sort_by_key(|(span, _)| span.at);
-                    for (span, text) in edits {
-                        out.replace(span.at as usize, span.len as usize, text)?;
+        let mut write = || -> Result<(), ProgramError> {
+            for spots in scan.spots.chunks(size) {
+                let Some(starts) = next(&starts)? else { break };
+                for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
+                    if mark.is_some_and(|m| m <= scan.at(spot)) {
+                        out.insert(mark.take().unwrap_or(0), &line)?;
                     }
+                    if let Ok(done) = &done {
+                        let mut edits: Vec<_> = done.edits.iter().collect();
+                        edits.sort_by_key(|(span, _)| span.at);
+                        for (span, text) in edits {
+                            out.replace(span.at as usize, span.len as usize, text)?;
+                        }
+                    }
+                    tally.take(spot, done);
                 }
-                tally.take(spot, done);
             }
-        }
-        Ok(())
+            Ok(())
+        };
+        let result = write();
+        failed.store(result.is_err(), Ordering::Relaxed);
+        result
     })?;
     if let Some(at) = mark {
         out.insert(at, &line)?;
     }
     out.finish()?;
     Ok(tally.report())
+}
+
+/// What the thread ahead has solved, or nothing where it has ended. Whoever is waited for can be stopped meanwhile.
+fn next<T>(starts: &Receiver<T>) -> Result<Option<T>, ProgramError> {
+    loop {
+        checkpoint().map_err(|e| ProgramError::Input(e.to_string()))?;
+        match starts.recv_timeout(Duration::from_millis(50)) {
+            Ok(block) => return Ok(Some(block)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Ok(None),
+        }
+    }
 }
 
 fn in_parallel(all: &Compensator<'_>, spots: &[Spot], starts: &[Result<Start, String>]) -> Vec<Result<Done, String>> {

@@ -5,6 +5,7 @@
 //! accepted; the reader takes what is whole out of a file that was cut anywhere.
 
 pub mod cdr;
+mod handed;
 pub mod json;
 mod read;
 pub mod schema;
@@ -16,9 +17,11 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 use trical_model::recording::{Recording, Row};
+use trical_model::{Cell, Robot};
 
 use crate::motion::JointSample;
 
+pub use handed::hand_over;
 pub use read::{each_row, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 
@@ -165,6 +168,17 @@ impl ReadRecording {
     pub fn attachment(&self, name: &str) -> Option<&str> {
         let found = self.attachments.iter().find(|attachment| attachment.name == name)?;
         std::str::from_utf8(&found.data).ok()
+    }
+
+    /// Arm and cell that were attached; `file` is the recording's name, for messages.
+    ///
+    /// # Errors
+    /// An attachment that cannot be read.
+    pub fn arm_and_cell(&self, file: &Path) -> trical_model::Result<(Option<Robot>, Option<Cell>)> {
+        let name = |what: &str| format!("{} ({what} inside)", file.display());
+        let robot = self.attachment("robot.toml").map(|text| Robot::parse(text, &name("robot.toml"))).transpose()?;
+        let cell = self.attachment("cell.toml").map(|text| Cell::parse(text, &name("cell.toml"))).transpose()?;
+        Ok((robot, cell))
     }
 }
 

@@ -2,6 +2,8 @@
 //!
 //! Its clock is simulated and moves on with each motion, so nothing waits and the same seed gives the same answers.
 
+mod arm;
+pub mod fault_script;
 mod plant;
 mod receiver;
 mod robot;
@@ -22,6 +24,7 @@ use trical_model::recording::{Joints, MAX_JOINTS, State};
 
 use crate::gauge::uwave_protocol::Status;
 
+pub use arm::ArmPlant;
 pub use plant::{Frame, Plant};
 pub use script::{Scheduled, When};
 

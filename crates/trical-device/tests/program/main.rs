@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod fixtures;
+mod sink;
 
 use fixtures::{
     IRB, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,

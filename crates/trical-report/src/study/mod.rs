@@ -5,9 +5,10 @@ pub mod simulation;
 mod touches;
 
 use plotters::style::RGBColor;
+use rayon::prelude::*;
 use serde_json::Value;
 use trical_ident::ParameterSet;
-use trical_model::interrupt::checkpoint;
+use trical_model::interrupt::{Shared, checkpoint, shared};
 use trical_model::{Cell, Forward, Model, Robot};
 use trical_plan::predict::tool_rows;
 use trical_plan::{
@@ -162,6 +163,20 @@ fn tick(say: &mut dyn FnMut(f64, &str), done: usize, of: usize, what: &str) -> R
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     say(done as f64 / of.max(1) as f64, what);
     Ok(checkpoint()?)
+}
+
+/// Trials on all processors, in order; each is asked whether it is still wanted.
+fn trials<T: Send>(count: u64, one: impl Fn(u64) -> Result<T> + Sync) -> Result<Vec<T>> {
+    let trial = |stop: &Shared, k| {
+        stop.part(|| {
+            checkpoint()?;
+            one(k)
+        })
+    };
+    let done = shared(|stop| (0..count).into_par_iter().map(|k| trial(stop, k)).collect::<Result<Vec<T>>>());
+    // a fit that was stopped has given up, which is no result
+    checkpoint()?;
+    done
 }
 
 /// Where errors are looked at: poses that the nominal arm takes without meeting anything.

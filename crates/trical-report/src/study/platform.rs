@@ -3,14 +3,13 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use serde_json::json;
 use trical_ident::{ParameterSet, model_of_touches};
 use trical_model::{Cell, Robot};
 use trical_plan::{choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick, trials};
 use crate::error::{Error, Result};
 use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
@@ -168,14 +167,11 @@ fn try_layout(
         Ok(c) => c.touches,
         Err(e) => return Ok(Err(e.to_string())),
     };
-    let outcomes = (0..common.trials)
-        .into_par_iter()
-        .map(|k| {
-            let truth = draw_arm(robot, &cell, nature, common.seed, k);
-            let recording = touch(&truth, &chosen, nature, common.seed, k)?;
-            calibrate(robot, &cell, &truth, recording, set, poses)
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let outcomes = trials(common.trials, |k| {
+        let truth = draw_arm(robot, &cell, nature, common.seed, k);
+        let recording = touch(&truth, &chosen, nature, common.seed, k)?;
+        calibrate(robot, &cell, &truth, recording, set, poses)
+    })?;
     let good: Vec<Outcome> = outcomes.iter().flatten().copied().collect();
     if good.is_empty() {
         return Ok(Err("no fit succeeded: these touches do not determine the parameters".into()));

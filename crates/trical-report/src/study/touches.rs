@@ -2,14 +2,13 @@
 
 use std::fmt::Write;
 
-use rayon::prelude::*;
 use serde_json::json;
 use trical_ident::model_of_touches;
 use trical_model::{Cell, Model, Robot};
 use trical_plan::{Candidate, PlanOptions, choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, calibrate, draw_arm, draw_known, random_touches, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick, trials};
 use crate::error::{Error, Result};
 use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
@@ -84,14 +83,11 @@ pub fn touches(
         // fewer rows than parameters: nothing can be chosen, nothing identified
         let chosen = choose_touches(&forward, &pool, &options, &region).map(|c| c.touches);
         for (arm, design) in [(DESCRIBED, CHOSEN), (DESCRIBED, RANDOM), (ANY, CHOSEN), (ANY, RANDOM)] {
-            let outcomes = (0..common.trials)
-                .into_par_iter()
-                .map(|k| match (&chosen, design) {
-                    (Ok(t), CHOSEN) => trial(arm, t, &nature, k),
-                    (Err(_), CHOSEN) => Ok(None),
-                    _ => trial(arm, &random_touches(&pool, cell.balls.len(), *per_ball, common.seed, k)?, &nature, k),
-                })
-                .collect::<Result<Vec<_>>>()?;
+            let outcomes = trials(common.trials, |k| match (&chosen, design) {
+                (Ok(t), CHOSEN) => trial(arm, t, &nature, k),
+                (Err(_), CHOSEN) => Ok(None),
+                _ => trial(arm, &random_touches(&pool, cell.balls.len(), *per_ball, common.seed, k)?, &nature, k),
+            })?;
             settings.push(Setting { arm, noisy: true, design, per_ball: *per_ball, outcomes });
             tick(say, settings.len(), jobs, "")?;
         }
@@ -99,10 +95,7 @@ pub fn touches(
     // without noise, with the most touches: what remains is what the parameters cannot describe
     let chosen = choose_touches(&forward, &pool, &PlanOptions { per_ball: most, ..options.clone() }, &region)?.touches;
     for arm in [DESCRIBED, ANY] {
-        let outcomes = (0..common.trials)
-            .into_par_iter()
-            .map(|k| trial(arm, &chosen, &nature.silent(), k))
-            .collect::<Result<Vec<_>>>()?;
+        let outcomes = trials(common.trials, |k| trial(arm, &chosen, &nature.silent(), k))?;
         settings.push(Setting { arm, noisy: false, design: CHOSEN, per_ball: most, outcomes });
         tick(say, settings.len(), jobs, "")?;
     }

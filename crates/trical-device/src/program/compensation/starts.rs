@@ -23,8 +23,9 @@ pub struct Start {
 impl Compensator<'_> {
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
     /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
-    /// each as soon as it is known: what is done with it need not wait for the rest.
-    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>)) {
+    /// each as soon as it is known: what is done with it need not wait for the rest. `unwanted` is asked before each target; when
+    /// it says true, nothing more is solved or given.
+    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>), unwanted: &dyn Fn() -> bool) {
         let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
         let mut ws = self.workspaces();
         let mut last = [0.0; MAX_JOINTS];
@@ -44,6 +45,9 @@ impl Compensator<'_> {
         let mut given = 0;
         let mut known = 0;
         for visit in self.scan.visits.iter().copied().chain(rest) {
+            if unwanted() {
+                return;
+            }
             while let Some(Some(_)) = out.get(known) {
                 known += 1;
             }

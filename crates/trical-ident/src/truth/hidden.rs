@@ -1,15 +1,18 @@
 //! Effects of the catalogue, hidden in a virtual arm.
 
-use trical_ident::diagnose::catalogue::{Candidate, catalogue};
-use trical_ident::diagnose::effects::gear_ripple::ripple;
-use trical_ident::diagnose::recorded::Recorded;
-use trical_ident::{Dataset, JointSource};
 use trical_model::{Joints, MAX_JOINTS, Measured, Model, Recording, Row, State, Term};
 
-use crate::error::{CliError, Result};
+use super::{Result, TruthError};
+use crate::dataset::{Dataset, JointSource};
+use crate::diagnose::catalogue::{Candidate, catalogue};
+use crate::diagnose::effects::gear_ripple::ripple;
+use crate::diagnose::recorded::Recorded;
 
-/// Adds to a model what `--hide` asks for: `effect`, `effect@site`, `effect@site*size`, where size is in typical sizes
+/// Adds to a model what is asked for: `effect`, `effect@site`, `effect@site*size`, where size is in typical sizes
 /// and may be negative. For ripples the site is `joint/cycles`, for steps `site/seconds`.
+///
+/// # Errors
+/// An effect or a site that the catalogue does not have.
 pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
     let candidates = all(model)?;
     for wish in wishes {
@@ -60,23 +63,21 @@ fn is_at(c: &Candidate, site: &str) -> bool {
     })
 }
 
-fn wrong(wish: &str, expected: &str, candidates: &[Candidate]) -> CliError {
+fn wrong(wish: &str, expected: &str, candidates: &[Candidate]) -> TruthError {
+    let says = |problem: String| TruthError::Wish { wish: wish.to_owned(), problem };
     let effect = wish.split(['@', '*']).next().unwrap_or_default();
     let mut sites: Vec<String> = candidates.iter().filter(|c| c.effect == effect).map(|c| c.site.to_string()).collect();
     sites.dedup();
     if !sites.is_empty() {
         sites.sort();
         sites.dedup();
-        return CliError::Input(format!(
-            "--hide {wish}: expected {expected}; sites of {effect} are {}",
-            sites.join(" ")
-        ));
+        return says(format!("expected {expected}; sites of {effect} are {}", sites.join(" ")));
     }
     let mut names: Vec<&str> = candidates.iter().map(|c| c.effect).collect();
     names.push("gear_ripple");
     names.sort_unstable();
     names.dedup();
-    CliError::Input(format!("--hide {wish}: no such effect; known are {}", names.join(", ")))
+    says(format!("no such effect; known are {}", names.join(", ")))
 }
 
 /// Every candidate of the catalogue: it is asked with a recording that has all that one can have.
@@ -119,14 +120,14 @@ mod tests {
     use trical_model::{Cell, Robot};
 
     fn model() -> Model {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
-        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
         Model::nominal(robot, cell)
     }
 
     #[test]
     fn every_effect_of_the_list_can_be_hidden_and_moves_the_tool_or_the_reading() {
-        let list = include_str!("../../../docs/effects.md");
+        let list = include_str!("../../../../docs/effects.md");
         let names: Vec<&str> = list.lines().filter_map(|l| l.strip_prefix("| `")?.split('`').next()).collect();
         assert!(names.len() > 20, "{names:?}");
         // these two are not the arm's: see what they are refused with

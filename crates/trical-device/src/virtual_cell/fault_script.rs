@@ -3,11 +3,19 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use trical_device::gauge::uwave_protocol::Status;
-use trical_device::virtual_cell::{Scheduled, When};
-use trical_device::{Fault, gauge::AXES};
+use thiserror::Error;
+use trical_model::error::read_text;
 
-use crate::error::{CliError, Result};
+use super::{Fault, Scheduled, When};
+use crate::gauge::AXES;
+use crate::gauge::uwave_protocol::Status;
+
+/// What is wrong with a script, as one sentence.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{0}")]
+pub struct ScriptError(String);
+
+type Result<T> = std::result::Result<T, ScriptError>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -37,20 +45,26 @@ const KNOWN: &str = "silent, garbage, unsolicited, drop_bytes, double_bytes, gar
     slipped_plate (by_mm), refuse, stuck, stall, drop_connection";
 
 /// Reads a script.
+///
+/// # Errors
+/// A file that cannot be read, or what [`parse`] says.
 pub fn load(path: &Path) -> Result<Vec<Scheduled>> {
     let name = path.display().to_string();
-    let text = trical_model::error::read_text(path)?;
+    let text = read_text(path).map_err(|e| ScriptError(e.to_string()))?;
     parse(&text, &name)
 }
 
-fn parse(text: &str, name: &str) -> Result<Vec<Scheduled>> {
-    let file: File = toml::from_str(text).map_err(|e| CliError::Input(format!("{name}: {}", one_line(&e, text))))?;
+/// Reads the text of a script; `name` is for messages.
+///
+/// # Errors
+/// No TOML, a fault that is not known or lacks something, or one with two times.
+pub fn parse(text: &str, name: &str) -> Result<Vec<Scheduled>> {
+    let file: File = toml::from_str(text).map_err(|e| ScriptError(format!("{name}: {}", one_line(&e, text))))?;
     file.fault
         .iter()
         .enumerate()
         .map(|(k, e)| {
-            scheduled(e)
-                .map_err(|problem| CliError::Input(format!("{name}: fault {} ({:?}): {problem}", k + 1, e.what)))
+            scheduled(e).map_err(|problem| ScriptError(format!("{name}: fault {} ({:?}): {problem}", k + 1, e.what)))
         })
         .collect()
 }

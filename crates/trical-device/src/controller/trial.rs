@@ -1,0 +1,176 @@
+//! For a person who tries the controller's cable: is it there, where are the joints, a small motion.
+
+use std::time::Instant;
+
+use thiserror::Error;
+use trical_model::recording::Joints;
+use trical_model::{JointKind, Robot};
+
+use super::{Controller, ControllerError};
+
+/// How a controller answers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ping {
+    /// Median of five answers, s.
+    pub answers_in: f64,
+    /// Its clock, s.
+    pub clock: f64,
+    /// degC, where it has a sensor.
+    pub temp_c: Option<f64>,
+}
+
+/// Asks five times; nothing moves.
+///
+/// # Errors
+/// No or a wrong answer.
+pub fn ping(controller: &mut dyn Controller) -> Result<Ping, ControllerError> {
+    let mut times = Vec::new();
+    for _ in 0..5 {
+        let begin = Instant::now();
+        controller.ping()?;
+        times.push(begin.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    let answers_in = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+    Ok(Ping { answers_in, clock: controller.clock()?, temp_c: controller.temperature()? })
+}
+
+/// Where a small motion goes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Jog {
+    /// One joint (from 0) goes on, rad (m).
+    Joint(usize, f64),
+    /// All joints go there, rad (m).
+    Joints(Vec<f64>),
+    /// The tool goes along its own axes, m.
+    Tool([f64; 3]),
+}
+
+/// Farthest that the tool is jogged along one of its axes, m.
+pub const FAR_TOOL: f64 = 5e-3;
+/// Fastest that it is jogged, m/s.
+pub const FAST: f64 = 0.25;
+
+/// Why a small motion is refused; nothing has moved.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum JogError {
+    /// There is no such joint.
+    #[error("found joint {found}, expected 1 to {joints}")]
+    NoJoint {
+        /// The joint, counted from 1.
+        found: usize,
+        /// How many there are.
+        joints: usize,
+    },
+    /// Joint values that are not one for each joint.
+    #[error("found {found} numbers, expected {joints}, one for each joint")]
+    Count {
+        /// How many came.
+        found: usize,
+        /// How many there are.
+        joints: usize,
+    },
+    /// A robot with another number of joints.
+    #[error("{robot}: found {found} joints, expected {joints}, as the controller says")]
+    OtherArm {
+        /// Its name.
+        robot: String,
+        /// Its joints.
+        found: usize,
+        /// The controller's.
+        joints: usize,
+    },
+    /// The motion is not small.
+    #[error("joint {joint} would go {by_deg:.3} deg, the limit is {limit_deg} deg")]
+    Far {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// How far, deg.
+        by_deg: f64,
+        /// The limit, deg.
+        limit_deg: f64,
+    },
+    /// The tool would go far.
+    #[error("found {0:?}, expected three numbers of 5 mm at most")]
+    FarTool([f64; 3]),
+    /// Beyond the limits of the arm.
+    #[error("joint {joint} would go to {to_deg:.3} deg, outside its limits {lower_deg:.1} to {upper_deg:.1} deg")]
+    Limits {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// Where to, deg.
+        to_deg: f64,
+        /// Least, deg.
+        lower_deg: f64,
+        /// Largest, deg.
+        upper_deg: f64,
+    },
+    /// A speed that makes no sense.
+    #[error("found a speed of {0} mm/s, expected more than 0 and up to 250")]
+    Speed(f64),
+}
+
+impl Jog {
+    /// Where the joints go by it, `from` where they stand; the tool's motion is left to the controller.
+    ///
+    /// # Errors
+    /// A motion that is not small (`most` rad for a joint), or beyond the limits of `robot`, where it is known.
+    pub fn target(&self, from: &Joints, joints: usize, most: f64, robot: Option<&Robot>) -> Result<Joints, JogError> {
+        if let Some(robot) = robot.filter(|r| r.dof() != joints) {
+            return Err(JogError::OtherArm { robot: robot.name.clone(), found: robot.dof(), joints });
+        }
+        let mut to = *from;
+        match self {
+            Self::Joint(joint, by) => {
+                let q = to.get_mut(*joint).filter(|_| *joint < joints);
+                *q.ok_or(JogError::NoJoint { found: joint + 1, joints })? += by;
+            }
+            Self::Joints(all) => {
+                if all.len() != joints {
+                    return Err(JogError::Count { found: all.len(), joints });
+                }
+                to.iter_mut().zip(all).for_each(|(to, q)| *to = *q);
+            }
+            Self::Tool(by) => {
+                if by.iter().any(|v| !(-FAR_TOOL..=FAR_TOOL).contains(v)) {
+                    return Err(JogError::FarTool(by.map(|v| v * 1e3)));
+                }
+            }
+        }
+        for (k, (a, b)) in from.iter().zip(&to).enumerate() {
+            let by_deg = (b - a).to_degrees();
+            let limit_deg = trical_model::robot::tidy(most.to_degrees());
+            if !by_deg.is_finite() || by_deg.abs() > limit_deg {
+                return Err(JogError::Far { joint: k + 1, by_deg, limit_deg });
+            }
+        }
+        for (k, (joint, q)) in robot.iter().flat_map(|r| &r.joints).zip(&to).enumerate() {
+            let [lower, upper] = joint.limits;
+            if joint.kind != JointKind::Prismatic && !(lower..=upper).contains(q) {
+                let [to_deg, lower_deg, upper_deg] = [*q, lower, upper].map(f64::to_degrees);
+                return Err(JogError::Limits { joint: k + 1, to_deg, lower_deg, upper_deg });
+            }
+        }
+        Ok(to)
+    }
+
+    /// Moves, at a speed of the tool in m/s; `to` as [`Jog::target`] gave it.
+    ///
+    /// # Errors
+    /// The controller refuses or does not answer in time.
+    pub fn go(&self, controller: &mut dyn Controller, to: &Joints, speed: f64) -> Result<(), ControllerError> {
+        controller.set_speed(speed, 10_f64.to_radians())?;
+        match self {
+            Self::Tool(by) => controller.correct(*by),
+            _ => controller.move_joints(to),
+        }
+    }
+}
+
+/// A speed of the tool in m/s, if it is one for trying.
+///
+/// # Errors
+/// Zero, negative, or faster than manual mode.
+pub fn check_speed(speed: f64) -> Result<(), JogError> {
+    if speed > 0.0 && speed <= FAST { Ok(()) } else { Err(JogError::Speed(speed * 1e3)) }
+}

@@ -1,0 +1,193 @@
+//! A measuring session: a plan, gauge and controller by their URLs, a recording that can be taken up.
+
+mod settings;
+mod told;
+mod touch_here;
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use thiserror::Error;
+use trical_model::{Cell, Joints, Robot, urdf};
+
+pub use settings::Settings;
+pub use told::Told;
+pub use touch_here::{BaseFit, SetUpError, base, tool_point};
+
+use crate::controller::{ControllerError, open_controller};
+use crate::gauge::{GaugeError, open_gauge};
+use crate::procedure::{PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
+use crate::record::{Attachment, Header, RecordError, RecordingWriter};
+
+/// Says whether the arm may move from the first joint values to the second into the touch of a ball (counted from 0), or
+/// into none; one sentence why not.
+pub type Guard<'a> = &'a dyn Fn(&Joints, &Joints, Option<usize>) -> Result<(), String>;
+
+/// What a measuring run needs.
+pub struct Session<'a> {
+    /// The arm.
+    pub robot: &'a Robot,
+    /// The cell.
+    pub cell: &'a Cell,
+    /// The plan, with all visits.
+    pub plan: &'a [PlanEntry],
+    /// Numbers of one round of visits.
+    pub stride: Option<u64>,
+    /// Gauge URL.
+    pub gauge: &'a str,
+    /// Controller URL.
+    pub controller: &'a str,
+    /// Recording.
+    pub out: &'a Path,
+    /// Whether to go on with a recording.
+    pub resume: bool,
+    /// Whether to move.
+    pub go: bool,
+    /// How to measure.
+    pub settings: &'a Settings,
+    /// When the recording begins, ns since 1970.
+    pub start_ns: u64,
+    /// Asked before each motion (the collision model).
+    pub guard: Guard<'a>,
+    /// Set by who wants it to end in order.
+    pub cancel: &'a AtomicBool,
+}
+
+/// Why a session ended early.
+#[derive(Debug, Error)]
+pub enum SessionError {
+    /// The gauge cannot be used; nothing has moved.
+    #[error(transparent)]
+    Gauge(GaugeError),
+    /// The controller cannot be used; nothing has moved.
+    #[error(transparent)]
+    Controller(ControllerError),
+    /// The controller's arm is another one; nothing has moved.
+    #[error("{controller} says that its arm has {found} joints, {robot} has {expected}")]
+    OtherArm {
+        /// The controller.
+        controller: String,
+        /// Joints that it says.
+        found: usize,
+        /// The robot's name.
+        robot: String,
+        /// Joints that it has.
+        expected: usize,
+    },
+    /// The recording cannot be begun or taken up; nothing has moved.
+    #[error(transparent)]
+    Recording(RecordError),
+    /// The run ended; what was measured is in the recording.
+    #[error(transparent)]
+    Run(ProcedureError),
+    /// Everything was measured, but the recording could not be finished.
+    #[error(transparent)]
+    Finish(RecordError),
+}
+
+/// Nanoseconds since 1970.
+#[must_use]
+pub fn now_ns() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(0)
+}
+
+impl Session<'_> {
+    /// What the recording says of the session.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        let mut header = Header::for_joints(self.robot.dof());
+        header.start_ns = self.start_ns;
+        header.attachments = vec![
+            Attachment::toml("robot.toml", self.robot.to_toml()),
+            Attachment::toml("cell.toml", self.cell.to_toml()),
+        ];
+        header.robot_description = Some(urdf::write(self.robot, self.cell, &[]));
+        header.settings.insert("gauge".to_owned(), self.gauge.to_owned());
+        header.settings.insert("controller".to_owned(), self.controller.to_owned());
+        header.settings.extend(self.settings.named());
+        header
+    }
+
+    /// Runs the procedure over real links; every accepted measurement is on disk before the arm moves on. Without `go` nothing
+    /// moves, no device is needed, and the report has the steps.
+    ///
+    /// # Errors
+    /// See [`SessionError`].
+    pub fn perform(&self, watch: &mut dyn FnMut(Progress)) -> Result<RunReport, SessionError> {
+        let guard = |from: &Joints, to: &Joints| {
+            let touched = self.plan.iter().find(|e| e.joints == *to).map(|e| e.ball);
+            (self.guard)(from, to, touched)
+        };
+        let mut options = self.settings.options(self.robot, self.cell);
+        options.go = self.go;
+        options.stride = self.stride;
+        options.guard = Some(&guard);
+        if !self.go {
+            return self.rehearse(&options);
+        }
+        let mut gauge = open_gauge(self.gauge).map_err(SessionError::Gauge)?;
+        let mut controller = open_controller(self.controller).map_err(SessionError::Controller)?;
+        if controller.joint_count() != self.robot.dof() {
+            return Err(SessionError::OtherArm {
+                controller: controller.name(),
+                found: controller.joint_count(),
+                robot: self.robot.name.clone(),
+                expected: self.robot.dof(),
+            });
+        }
+        let mut log = self.open(&mut options, watch).map_err(SessionError::Recording)?;
+        let result = run(self.plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, self.cancel, watch);
+        let finished = log.finish();
+        let report = result.map_err(SessionError::Run)?;
+        finished.map_err(SessionError::Finish)?;
+        Ok(report)
+    }
+
+    /// A new recording, or the one to go on with; what it has is not measured again.
+    fn open(
+        &self,
+        options: &mut ProcedureOptions<'_>,
+        watch: &mut dyn FnMut(Progress),
+    ) -> Result<RecordingWriter, RecordError> {
+        if !self.resume {
+            return RecordingWriter::create(self.out, &self.header());
+        }
+        let (log, before) = RecordingWriter::resume(self.out, &self.header())?;
+        let Some(before) = before else { return Ok(log) };
+        if let Some(lost) = &before.lost {
+            watch(Progress::Warning(lost.clone()));
+        }
+        options.skip = before.done();
+        for row in &before.recording.rows {
+            if let (Some(seq), Some(stride)) = (row.seq, self.stride) {
+                options.known.entry(seq % stride).or_insert(row.state.q);
+            }
+        }
+        // warm-up and creep go on while nobody measures
+        #[expect(clippy::cast_precision_loss, reason = "s since the recording began")]
+        let since = self.start_ns.saturating_sub(before.start_ns) as f64 * 1e-9;
+        options.begin_t = log.last_t().max(if before.start_ns == 0 { 0.0 } else { since });
+        Ok(log)
+    }
+
+    /// The steps of a run, without any device.
+    fn rehearse(&self, options: &ProcedureOptions<'_>) -> Result<RunReport, SessionError> {
+        let mut report = RunReport::default();
+        // a URL that nobody could use is an error now; a device that is not there yet is not
+        match open_gauge(self.gauge) {
+            Err(e @ GaugeError::Url(_)) => return Err(SessionError::Gauge(e)),
+            Err(e) => report.warnings.push(e.to_string()),
+            Ok(_) => {}
+        }
+        match open_controller(self.controller) {
+            Err(e @ ControllerError::Url(_)) => return Err(SessionError::Controller(e)),
+            Err(e) => report.warnings.push(e.to_string()),
+            Ok(_) => {}
+        }
+        report.warnings.extend(self.settings.too_tight());
+        report.steps = dry_run(self.plan, options, self.robot.dof());
+        Ok(report)
+    }
+}

@@ -1,0 +1,106 @@
+//! Files from and for other programs.
+
+use std::path::{Path, PathBuf};
+
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+use trical_device::read_recording;
+use trical_ident::write_whole;
+use trical_model::urdf::UrdfPath;
+use trical_report::{ErrorMap, Export};
+
+use crate::errors::{Result, bad};
+use crate::long::long;
+use crate::machine::{PyCell, PyRobot, RobotArgument};
+use crate::model::PyModel;
+use crate::rows::{is_mcap, recovered, save};
+
+/// Refuses an output whose folder does not exist, before any work is done.
+fn check_output(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if folder.is_dir() {
+        return Ok(());
+    }
+    Err(bad(format!("{}: the folder {} does not exist", path.display(), folder.display())).into())
+}
+
+/// A recording from CSV to MCAP or back, an arm from URDF to robot.toml; returns the command's JSON.
+#[pyfunction]
+pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<usize>) -> Result<String> {
+    check_output(&output)?;
+    let said = long(py, None, |_| -> Result<Value> {
+        if let Some(source) = UrdfPath::of(&input) {
+            let arm = source.load()?;
+            if output.extension().is_none_or(|e| e != "toml") {
+                return Err(bad(format!("{}: an arm is written as .toml", output.display())).into());
+            }
+            write_whole(&output, arm.to_toml(&source.path).as_bytes())?;
+            return Ok(json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output }));
+        }
+        let (recording, lost) = recovered(&input, joints)?;
+        save(&recording, &output)?;
+        Ok(json!({ "rows": recording.rows.len(), "joints": recording.joints, "lost": lost, "out": output }))
+    })?;
+    Ok(said.to_string())
+}
+
+/// Writes a model for other programs; returns the command's JSON.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
+pub fn _export(
+    py: Python<'_>,
+    model: &Bound<'_, PyModel>,
+    name: String,
+    robot: Option<RobotArgument>,
+    urdf: Option<PathBuf>,
+    mdh: Option<PathBuf>,
+    error_map: Option<PathBuf>,
+    poses: usize,
+) -> Result<String> {
+    for out in [&urdf, &mdh, &error_map].into_iter().flatten() {
+        check_output(out)?;
+    }
+    if !(1..=1_000_000).contains(&poses) {
+        return Err(bad(format!("poses is {poses}, expected 1 to 1000000")).into());
+    }
+    let file = model.get().file.clone();
+    if let Some(robot) = robot {
+        file.require_robot(&robot.read()?, &name)?;
+    }
+    let model = file.model;
+    let said = long(py, None, |_| -> Result<Value> {
+        let arm = Export::of(&model)?;
+        let mut written = Vec::new();
+        let mut write = |out: &Path, text: &str| -> Result<()> {
+            write_whole(out, text.as_bytes())?;
+            written.push(out.display().to_string());
+            Ok(())
+        };
+        if let Some(out) = &urdf {
+            write(out, &arm.urdf(&name))?;
+        }
+        if let Some(out) = &mdh {
+            write(out, &arm.table(out)?)?;
+        }
+        let mut map = Value::Null;
+        if let Some(out) = &error_map {
+            let errors = ErrorMap::of(&model, poses)?;
+            write(out, &errors.csv())?;
+            map = serde_json::to_value(errors.summary())?;
+        }
+        let mut said = arm.json(&written);
+        said["error_map"] = map;
+        Ok(said)
+    })?;
+    Ok(said.to_string())
+}
+
+/// Arm and cell inside an MCAP recording, where they are.
+#[pyfunction]
+pub fn _inside(path: PathBuf) -> Result<(Option<PyRobot>, Option<PyCell>)> {
+    if !is_mcap(&path)? {
+        return Ok((None, None));
+    }
+    let (robot, cell) = read_recording(&path)?.arm_and_cell(&path)?;
+    Ok((robot.map(PyRobot), cell.map(PyCell)))
+}

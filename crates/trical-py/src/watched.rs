@@ -1,0 +1,75 @@
+//! Calls that wait for machines: without the interpreter's lock, with progress, and ended in order by Ctrl-C.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+
+use crate::errors::Result;
+
+/// Ctrl-C is looked for this often.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// How work says how far it is.
+pub type Tell<'a> = &'a mut dyn FnMut(f64, String);
+
+/// Runs `work` on a thread of its own, while this one hears its progress for `progress` (a callable of a fraction and what is
+/// being done, or None) and looks for Ctrl-C. Ctrl-C, and whatever `progress` raises, set the flag that `work` is given; the
+/// call returns when `work` has ended, in order, and raises that. How it ended then is the cause of what is raised.
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&AtomicBool, Tell<'_>) -> Result<T> + Send,
+) -> PyResult<T> {
+    let cancel = &AtomicBool::new(false);
+    let (result, raised) = py.detach(move || {
+        std::thread::scope(|scope| {
+            let (tell, hear) = channel::<(f64, String)>();
+            let worker = scope.spawn(move || {
+                work(cancel, &mut |fraction, what| {
+                    // nobody hears any more: the other side has panicked
+                    let _ = tell.send((fraction, what));
+                })
+            });
+            let mut raised: Option<PyErr> = None;
+            loop {
+                let said = match hear.recv_timeout(LOOK) {
+                    Ok(said) => Some(said),
+                    Err(RecvTimeoutError::Timeout) => None,
+                    Err(RecvTimeoutError::Disconnected) => break,
+                };
+                if raised.is_some() {
+                    // pressed again: the end is on its way, and shall not be interrupted a second time where it is caught
+                    Python::attach(|py| drop(py.check_signals()));
+                    continue;
+                }
+                let heard = Python::attach(|py| {
+                    py.check_signals()?;
+                    match (said, &progress) {
+                        (Some((fraction, what)), Some(callable)) => callable.call1(py, (fraction, what)).map(drop),
+                        _ => Ok(()),
+                    }
+                });
+                if let Err(e) = heard {
+                    cancel.store(true, Ordering::Relaxed);
+                    raised = Some(e);
+                }
+            }
+            match worker.join() {
+                Ok(result) => (result.map_err(PyErr::from), raised),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        })
+    });
+    // pressed since the work last looked
+    let raised = raised.or_else(|| py.check_signals().err());
+    match (raised, result) {
+        (None, result) => result,
+        (Some(e), Ok(_)) => Err(e),
+        (Some(e), Err(end)) => {
+            e.set_cause(py, Some(end));
+            Err(e)
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! The calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters.
+
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use serde_json::json;
+use trical_ident::unit;
+use trical_model::pose::angles_zyx;
+use trical_model::robot::tidy;
+use trical_model::{Forward, JointKind, Model, Pose, Rigid, Robot, State, urdf};
+
+use crate::error::{Error, Result};
+
+/// What an exported arm cannot say, in numbers.
+struct LeftOut {
+    /// Names with units of the terms.
+    names: Vec<String>,
+    /// How far the model's TCP is from the rigid one's at random poses within limits, mm.
+    rms_mm: f64,
+    max_mm: f64,
+}
+
+/// Poses at which the model is compared with its rigid part.
+const POSES: usize = 1000;
+
+impl LeftOut {
+    fn of(model: &Model, rigid: &Rigid) -> Result<Self> {
+        let names = rigid.left_out.iter().map(|t| format!("{} ({}, {})", t.name, t.effect, unit(t).name)).collect();
+        let full = Forward::new(model.clone(), Vec::new())?;
+        let bare = Forward::new(Model::nominal(rigid.robot.clone(), rigid.cell.clone()), Vec::new())?;
+        let (mut a, mut b) = (full.workspace(), bare.workspace());
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(20_260_201);
+        let (mut sum, mut max): (f64, f64) = (0.0, 0.0);
+        for _ in 0..POSES {
+            let q: Vec<f64> = model.robot.joints.iter().map(|j| rng.random_range(j.limits[0]..j.limits[1])).collect();
+            let state = State::at(&q);
+            let off =
+                full.world_from_tool(&state, &mut a).translation - bare.world_from_tool(&state, &mut b).translation;
+            sum += off.norm_squared();
+            max = max.max(off.norm());
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let rms = (sum / POSES as f64).sqrt();
+        Ok(Self { names, rms_mm: rms * 1e3, max_mm: max * 1e3 })
+    }
+
+    fn sentences(&self) -> Vec<String> {
+        if self.names.is_empty() {
+            return vec!["Nothing is left out: the model is rigid.".into()];
+        }
+        let mut lines = vec![format!(
+            "Left out, since a table of lengths and angles cannot hold it: {} terms, which move the TCP by {:.3} mm (rms) and up \
+             to {:.3} mm at {POSES} random poses (load only; time, temperature and sense of motion not counted):",
+            self.names.len(),
+            self.rms_mm,
+            self.max_mm
+        )];
+        lines.extend(self.names.iter().map(|n| format!("  {n}")));
+        lines
+    }
+}
+
+/// A calibrated arm as others can have it.
+pub struct Export {
+    model: Model,
+    rigid: Rigid,
+    left_out: LeftOut,
+}
+
+impl Export {
+    /// Of a model, its rigid part.
+    ///
+    /// # Errors
+    /// A model that has none.
+    pub fn of(model: &Model) -> Result<Self> {
+        let rigid = model.rigid()?;
+        let left_out = LeftOut::of(model, &rigid)?;
+        Ok(Self { model: model.clone(), rigid, left_out })
+    }
+
+    /// The text of a URDF: base, links and tool; `source` is the model's name.
+    #[must_use]
+    pub fn urdf(&self, source: &str) -> String {
+        let mut remarks = vec![
+            format!("{}, calibrated: {source}.", self.rigid.robot.name),
+            "Lengths in m, angles in rad. From world to tcp: base, links in Craig's modified Denavit-Hartenberg frames, flange, tool."
+                .into(),
+            "Moments of inertia, greatest torques and speeds are not known, and zero.".into(),
+        ];
+        remarks.extend(self.left_out.sentences());
+        urdf::write(&self.rigid.robot, &self.rigid.cell, &remarks)
+    }
+
+    /// The text of a table of modified Denavit-Hartenberg parameters, as the name of `out` says: .toml (a robot file), .json or
+    /// .csv.
+    ///
+    /// # Errors
+    /// Another ending of the name.
+    pub fn table(&self, out: &Path) -> Result<String> {
+        table(out, &self.model, &self.rigid, &self.left_out)
+    }
+
+    /// Whether the frames are those of the nominal arm, so that tables can be compared line by line.
+    #[must_use]
+    pub fn same_frames(&self) -> bool {
+        self.rigid.same_frames
+    }
+
+    /// Whether anything was left out, how far that moves the TCP, and what it is.
+    #[must_use]
+    pub fn sentences(&self) -> Vec<String> {
+        self.left_out.sentences()
+    }
+
+    /// What was written and what was left out, as JSON.
+    #[must_use]
+    pub fn json(&self, written: &[String]) -> serde_json::Value {
+        json!({
+            "written": written,
+            "robot": self.rigid.robot.name,
+            "left_out": self.left_out.names,
+            "left_out_rms_mm": self.left_out.rms_mm,
+            "left_out_max_mm": self.left_out.max_mm,
+            "same_frames": self.rigid.same_frames,
+        })
+    }
+}
+
+/// The columns of the CSV; a limit has its own column for each unit, and one of them is empty.
+const COLUMNS: [&str; 11] = [
+    "joint",
+    "kind",
+    "alpha_deg",
+    "a_mm",
+    "beta_deg",
+    "d_mm",
+    "theta_offset_deg",
+    "lower_deg",
+    "upper_deg",
+    "lower_mm",
+    "upper_mm",
+];
+
+/// One line of the table: numbers by name, each with its unit.
+fn line(robot: &Robot, i: usize) -> Option<serde_json::Map<String, serde_json::Value>> {
+    let j = robot.joints.get(i)?;
+    let deg = |x: f64| json!(tidy(x.to_degrees()));
+    let mm = |x: f64| json!(tidy(x * 1e3));
+    let prismatic = j.kind == JointKind::Prismatic;
+    let mut m = serde_json::Map::new();
+    m.insert("joint".into(), json!(i + 1));
+    m.insert("kind".into(), json!(j.kind));
+    m.insert("alpha_deg".into(), deg(j.alpha));
+    m.insert("a_mm".into(), mm(j.a));
+    m.insert("beta_deg".into(), deg(j.beta));
+    m.insert("d_mm".into(), mm(j.d));
+    m.insert("theta_offset_deg".into(), deg(j.theta_offset));
+    for (k, name) in ["lower", "upper"].iter().enumerate() {
+        let (own, value) = if prismatic { ("mm", mm(j.limits[k])) } else { ("deg", deg(j.limits[k])) };
+        for unit in ["deg", "mm"] {
+            let value = if unit == own { value.clone() } else { serde_json::Value::Null };
+            m.insert(format!("{name}_{unit}"), value);
+        }
+    }
+    Some(m)
+}
+
+fn table(out: &Path, model: &Model, rigid: &Rigid, left_out: &LeftOut) -> Result<String> {
+    let lines = || (0..rigid.robot.dof()).filter_map(|i| line(&rigid.robot, i));
+    match out.extension().and_then(|e| e.to_str()) {
+        Some("toml") => {
+            let head: Vec<String> = left_out.sentences().iter().map(|s| format!("# {s}\n")).collect();
+            Ok(format!(
+                "# Calibrated; T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d).\n{}\n{}",
+                head.concat(),
+                rigid.robot.to_toml()
+            ))
+        }
+        Some("json") => {
+            let pose = |p: &Pose| {
+                let xyz_mm = [p.translation.x, p.translation.y, p.translation.z].map(|x| tidy(x * 1e3));
+                let zyx_deg = angles_zyx(&p.rotation).map(|a| tidy(a.to_degrees()));
+                json!({ "xyz_mm": xyz_mm, "zyx_deg": zyx_deg })
+            };
+            let nominal: Vec<_> = if rigid.same_frames {
+                (0..model.robot.dof()).filter_map(|i| line(&model.robot, i)).collect()
+            } else {
+                Vec::new()
+            };
+            let tool = Pose { rotation: rigid.cell.tool.rotation, translation: rigid.cell.tool.tcp };
+            Ok(serde_json::to_string_pretty(&json!({
+                "robot": rigid.robot.name,
+                "convention": "T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d); R = Rz(a) Ry(b) Rx(c) in zyx_deg",
+                "world_from_base": pose(&rigid.cell.world_from_base),
+                "base_from_frame_0": pose(&rigid.robot.root_from_zero),
+                "joints": lines().collect::<Vec<_>>(),
+                "nominal_joints": nominal,
+                "frame_n_from_flange": pose(&rigid.robot.last_from_flange),
+                "flange_from_tcp": pose(&tool),
+                "left_out": left_out.names,
+                "left_out_rms_mm": left_out.rms_mm,
+                "left_out_max_mm": left_out.max_mm,
+            }))?)
+        }
+        Some("csv") => {
+            let mut text = COLUMNS.join(",") + "\n";
+            for m in lines() {
+                let cell = |name: &&str| match m.get(*name) {
+                    None | Some(serde_json::Value::Null) => String::new(),
+                    Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
+                };
+                text.push_str(&COLUMNS.iter().map(cell).collect::<Vec<_>>().join(","));
+                text.push('\n');
+            }
+            Ok(text)
+        }
+        _ => Err(Error::Input(format!("{}: the name must end in .toml, .json or .csv", out.display()))),
+    }
+}

@@ -1,0 +1,63 @@
+"""Files from and for other programs: what `convert` and `export` do."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any
+
+from . import _native
+from ._calls import _file
+from ._native import Model, Robot, TricalError
+from ._recording import PathLike
+
+
+def convert(source: PathLike, out: PathLike, *, joints: int | None = None) -> dict[str, Any]:
+    """Write a recording as .csv or .mcap, or the arm of a URDF as .toml, by the ending of `out`.
+
+    A damaged MCAP gives what is whole in it. The file appears whole or not at all. `joints` is the number of the arm's
+    joints, by default as many as the file has.
+
+    Returns:
+        Of a recording rows, joints, out, and lost: None, or one sentence on what was damaged. Of an arm
+        ("arm.urdf#base_link:tool0") joints (their names), root, tip, out.
+
+    Raises:
+        RecordingError, TricalError: a file that cannot be read, or written.
+    """
+    said: dict[str, Any] = json.loads(_native._convert(os.fspath(source), os.fspath(out), joints))
+    return said
+
+
+def export(
+    model: Model | PathLike,
+    *,
+    robot: PathLike | Robot | None = None,
+    urdf: PathLike | None = None,
+    mdh: PathLike | None = None,
+    error_map: PathLike | None = None,
+    poses: int = 2000,
+) -> dict[str, Any]:
+    """Write a calibrated arm for other programs.
+
+    Args:
+        model: a Model, or the path of a model file.
+        robot: refuse a model that is not of this arm (WrongModelError): path of a robot.toml or URDF, or a Robot.
+        urdf: where to write base, links and tool as a URDF.
+        mdh: where to write the table of modified Denavit-Hartenberg parameters: .toml (a robot file), .json or .csv.
+        error_map: where to write how far the arm misses all over its workspace, a CSV.
+        poses: of the map.
+
+    Returns:
+        robot, written, left_out (terms that a table cannot hold), left_out_rms_mm and left_out_max_mm (how far they
+        move the TCP at 1000 random poses), same_frames (whether the table compares with the nominal one line by
+        line), and error_map (a summary, or None).
+    """
+    files = (urdf, mdh, error_map)
+    if not any(files):
+        raise TricalError("export was given nothing to write, expected urdf, mdh or error_map")
+    name = "a model in Python" if isinstance(model, Model) else os.fspath(model)
+    loaded = model if isinstance(model, Model) else Model.load(model)
+    arm = None if robot is None else _file(robot)
+    said: dict[str, Any] = json.loads(_native._export(loaded, name, arm, *files, poses))
+    return said

@@ -1,7 +1,7 @@
 //! What recordings say about themselves: which covariates they have, how loaded the joints were, when something may have
 //! changed. Effects ask this before they ask the residual.
 
-use trical_model::{Basis, Forward, Measured, Model, Shape, Site, Variable};
+use trical_model::{Basis, Forward, Measured, Model, Shape, Site, Term, Variable};
 
 use crate::dataset::{Dataset, Observation};
 
@@ -122,13 +122,20 @@ impl<'a> Recorded<'a> {
         self.loads.iter().fold(SMALL_ARM, |most, load| most.max(*load)) / SMALL_ARM
     }
 
-    /// How far a joint gives way, rad/Nm: as it was fitted, a standard deviation added, but no less than a stiff joint of an arm of
-    /// this strength does.
+    /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of an arm of this strength does.
     #[must_use]
     pub fn compliance(&self, joint: usize) -> f64 {
-        let torque = Basis::torque(joint, Shape::Linear);
-        let fitted = self.model.terms.iter().find(|t| t.site == Site::Joint { joint } && t.basis == torque);
-        fitted.map_or(0.0, |t| t.value.abs() + t.sd.unwrap_or(0.0)).max(3e-5 / self.strength())
+        let fitted = self.model.terms.iter().find(|t| gives_way(t) == Some(joint));
+        fitted.map_or(0.0, |t| t.value.abs()).max(3e-5 / self.strength())
+    }
+}
+
+/// The joint of which a term is the compliance about its axis.
+#[must_use]
+pub fn gives_way(term: &Term) -> Option<usize> {
+    match term.site {
+        Site::Joint { joint } if term.basis == Basis::torque(joint, Shape::Linear) => Some(joint),
+        _ => None,
     }
 }
 

@@ -10,7 +10,7 @@ use super::explain::at_same_place;
 use super::locators::{self, locators};
 use super::memory::memory;
 use super::misfit::{CONSIDERABLE, Judge, LEFT, Probes, probes};
-use super::recorded::Recorded;
+use super::recorded::{Recorded, gives_way};
 use super::refine::finer;
 use super::search::{self, Search};
 use super::{hygiene, periodogram};
@@ -83,14 +83,18 @@ impl Work {
         work.believe()?;
         (work.candidates, work.untestable) = catalogue(&Recorded::new(&work.fitted.model, &work.all, sigma));
         work.candidates.extend(locators(&work.fitted.model, &work.all));
+        work.resize();
         Ok(work)
     }
 
-    /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now: a baseline without the
-    /// effect has taken up some of it.
+    /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now, with a standard deviation
+    /// added: a baseline without the effect has taken up some of it.
     fn resize(&mut self) {
-        let sigma = touch_sigma(&self.fitted);
-        let (now, _) = catalogue(&Recorded::new(&self.fitted.model, &self.all, sigma));
+        let mut model = self.fitted.model.clone();
+        for t in model.terms.iter_mut().filter(|t| gives_way(t).is_some()) {
+            t.value = t.value.abs() + t.sd.unwrap_or(0.0);
+        }
+        let (now, _) = catalogue(&Recorded::new(&model, &self.all, touch_sigma(&self.fitted)));
         let is_soft = |c: &&mut Candidate| c.effect == nonlinear_stiffness::EFFECT.name;
         for c in self.candidates.iter_mut().filter(is_soft) {
             if let Some(now) = now.iter().find(|n| n.effect == c.effect && n.terms[0].name == c.terms[0].name) {

@@ -17,6 +17,7 @@ from ._recording import PathLike
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
     import numpy.typing as npt
+    from typing_extensions import Self
 
     Floats = npt.NDArray[np.float64]
 
@@ -70,7 +71,38 @@ class GaugeTest:
         return _html.table(head, self._rows(), self._head()) + "".join(map(_html.note, [*self.says, *self.warnings]))
 
 
-class Gauge:
+class _Device:
+    """What hangs on a link by its URL, open until `close` or the end of a `with` block."""
+
+    url: str
+    _link: GaugeLink | ControllerLink
+
+    @property
+    def name(self) -> str:
+        """What it is and where."""
+        return self._link.name
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed."""
+        return self._link.closed
+
+    def close(self) -> None:
+        """End the connection; nothing happens where that was done."""
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        """Return it."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self.close()
+
+
+class Gauge(_Device):
     """A gauge by its URL, open until `close` or the end of a `with` block.
 
     Readings are the ball's centre relative to the TCP, in the device's axes, m. A port has one reader: close the gauge
@@ -85,24 +117,12 @@ class Gauge:
         DeviceError: the port cannot be opened; below, no answer, or none that makes sense.
     """
 
+    _link: GaugeLink
+
     def __init__(self, url: str) -> None:
         """See the class."""
         self.url = url
         self._link = GaugeLink.open(url)
-
-    @property
-    def name(self) -> str:
-        """What it is and where."""
-        return self._link.name
-
-    @property
-    def closed(self) -> bool:
-        """Whether it was closed."""
-        return self._link.closed
-
-    def close(self) -> None:
-        """Give the port back; nothing happens where that was done."""
-        self._link.close()
 
     def read(self) -> Floats:
         """Return one reading as it comes, (3,), m."""
@@ -146,16 +166,6 @@ class Gauge:
             raise TricalError(f"axis is {axis!r}, expected 'x', 'y' or 'z'")
         return self._link.stem(AXES.index(axis), timeout)
 
-    def __enter__(self) -> Gauge:
-        """Return the gauge."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close it."""
-        self.close()
-
     def __repr__(self) -> str:
         """Name, and whether it is open."""
         return f"<trical.Gauge {self.name}{': closed' if self.closed else ''}>"
@@ -171,7 +181,7 @@ def master(url: str) -> str:
     return mastered
 
 
-class Controller:
+class Controller(_Device):
     """A robot controller by its URL, open until `close` or the end of a `with` block.
 
     Args:
@@ -183,29 +193,17 @@ class Controller:
         DeviceError: no connection; below, no answer, or a motion that is refused.
     """
 
+    _link: ControllerLink
+
     def __init__(self, url: str) -> None:
         """See the class."""
         self.url = url
         self._link = ControllerLink.open(url)
 
     @property
-    def name(self) -> str:
-        """What it is and where."""
-        return self._link.name
-
-    @property
     def dof(self) -> int:
         """Number of the arm's joints, as the controller says."""
         return self._link.dof
-
-    @property
-    def closed(self) -> bool:
-        """Whether it was closed."""
-        return self._link.closed
-
-    def close(self) -> None:
-        """End the connection; nothing happens where that was done."""
-        self._link.close()
 
     def ping(self) -> dict[str, float | None]:
         """Ask for signs of life: answers_in (s, median of five), clock (s), temperature (degC, or None).
@@ -262,16 +260,6 @@ class Controller:
         arm = None if robot is None else _file(robot)
         _, after = self._link.jog(one, goal, aside, max_angle, speed, arm, go)
         return after
-
-    def __enter__(self) -> Controller:
-        """Return the controller."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close it."""
-        self.close()
 
     def __repr__(self) -> str:
         """Name, number of joints, and whether it is open."""

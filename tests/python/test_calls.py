@@ -7,7 +7,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import pytest
 
 import trical
 from terms import link, lost_motion, term
+from threads import ticks_during
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = ROOT / "target" / "release" / "trical"
@@ -226,18 +226,7 @@ def test_progress_is_told_and_what_it_raises_ends_the_call(
 
 
 def test_other_threads_run_meanwhile(touches: trical.Recording) -> None:
-    ticks, ended = 0, threading.Event()
-
-    def work() -> None:
-        trical.diagnose(touches, **FILES)
-        ended.set()
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    while not ended.wait(0.001):
-        ticks += 1
-    thread.join()
-    assert ticks > 5
+    assert ticks_during(lambda: trical.diagnose(touches, **FILES)) > 5
 
 
 SLEEPER = """

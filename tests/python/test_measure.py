@@ -7,7 +7,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 
 import trical
+from threads import ticks_during
 
 ARM = Path(__file__).resolve().parents[2] / "cells" / "irb120"
 FILES: Any = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
@@ -155,18 +155,8 @@ def test_ctrl_c_brings_the_arm_back_and_leaves_the_recording_whole(plan: trical.
 
 
 def test_other_threads_run_while_the_arm_moves(plan: trical.Plan, tmp_path: Path) -> None:
-    ticks, ended = 0, threading.Event()
     with trical.virtual_cell(**FILES, pace=0.002) as cell:
-
-        def work() -> None:
-            trical.measure(plan, tmp_path / "run.mcap", **FILES, **links(cell), go=True)
-            ended.set()
-
-        thread = threading.Thread(target=work)
-        thread.start()
-        while not ended.wait(0.001):
-            ticks += 1
-        thread.join()
+        ticks = ticks_during(lambda: trical.measure(plan, tmp_path / "run.mcap", **FILES, **links(cell), go=True))
     assert ticks > 5
 
 

@@ -277,12 +277,13 @@ pub(super) fn of_one_kind(group: &Group, candidates: &[Candidate]) -> f64 {
     if extra == 0 { 1.0 } else { 0.5_f64.powi(i32::try_from(extra).unwrap_or(i32::MAX)) }
 }
 
-/// A mismatch that a probe tells: where and on what it depends.
-fn told(m: Misfit, rms_mm: f64, [before, after]: [f64; 2], curve: Vec<(f64, f64)>) -> Unexplained {
+/// A mismatch that a probe tells at a stage: where and on what it depends; held-out errors without and with it.
+fn told(judge: &Judge<'_>, stage: &Stage, m: Misfit, [before, after]: [f64; 2]) -> Unexplained {
+    let curve = judge.line(stage, &m);
     let units = if curve.is_empty() { "" } else { "deg" };
     Unexplained {
         region: m.region,
-        rms_mm,
+        rms_mm: before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt(),
         holdout_rms_before_mm: before,
         holdout_rms_after_mm: after,
         site: m.site,
@@ -304,12 +305,12 @@ pub(super) fn told_better(
     held_out_rms_mm: &dyn Fn(&serde_json::Value, bool, Option<usize>) -> f64,
 ) {
     let mut sites: Vec<serde_json::Value> = Vec::new();
-    for u in unexplained.iter() {
-        if !sites.contains(&u.site) {
-            sites.push(u.site.clone());
+    for site in unexplained.iter().map(|u| &u.site).chain(doubted) {
+        if !sites.contains(site) {
+            sites.push(site.clone());
         }
     }
-    for site in sites.into_iter().chain(doubted.iter().cloned()) {
+    for site in sites {
         let here = |u: &Unexplained| u.site == site;
         let curves = unexplained.iter().any(here);
         let stage = without(&site, curves);
@@ -319,10 +320,8 @@ pub(super) fn told_better(
         let better = if curves { said > own + TELLS } else { m.dss > 0.5 * (stage.ss - full.ss) };
         if better && !known {
             let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(&site, curves, probe));
-            let rms_mm = errors[0] * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt();
             let at = unexplained.iter().position(here).unwrap_or(0);
-            let line = judge.line(&stage, &m);
-            unexplained.insert(at, told(m, rms_mm, errors, line));
+            unexplained.insert(at, told(judge, &stage, m, errors));
         }
     }
 }
@@ -344,10 +343,8 @@ pub(super) fn left_over(
     places
         .into_iter()
         .map(|m| {
-            let rms_mm = before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt();
-            let errors = [before, held_out_rms_mm(Some(m.probe))];
-            let line = judge.line(stage, &m);
-            told(m, rms_mm, errors, line)
+            let after = held_out_rms_mm(Some(m.probe));
+            told(judge, stage, m, [before, after])
         })
         .collect()
 }

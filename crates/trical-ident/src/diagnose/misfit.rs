@@ -137,13 +137,11 @@ impl Judge<'_> {
     #[must_use]
     pub fn teller(&self, stage: &Stage, site: &serde_json::Value) -> Option<(Misfit, f64)> {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
-        let nats = |dss: f64, rank: usize| nats(self.freedom(stage), stage.ss, stage.ss - dss, rank as f64);
+        let says = |(dss, rank): (f64, usize)| nats(self.freedom(stage), stage.ss, stage.ss - dss, rank as f64);
         let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == *site);
-        let told = here.map(|k| {
-            let gain = self.gain(stage, k);
-            (self.misfit(stage, k, gain), nats(gain.0, gain.1))
-        });
-        told.max_by(|a, b| a.1.total_cmp(&b.1))
+        let gains = here.map(|k| (k, self.gain(stage, k)));
+        let (probe, gain, nats) = gains.map(|(k, g)| (k, g, says(g))).max_by(|a, b| a.2.total_cmp(&b.2))?;
+        Some((self.misfit(stage, probe, gain), nats))
     }
 
     /// What a probe of one scalar says of it: its least and its largest value and how far the joint is off there, deg. Nothing for

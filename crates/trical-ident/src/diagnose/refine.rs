@@ -31,11 +31,7 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
         |o: &&Candidate| (o.effect, &o.site) == (c.effect, &c.site) && o.step().is_some_and(|(of, _)| of == variable);
     let Some(step) = all.iter().find(is_step) else { return Vec::new() };
     let scan: Vec<f64> = all.iter().filter(is_step).filter_map(|o| Some(o.step()?.1)).collect();
-    let (below, above) = at.map_or((f64::NEG_INFINITY, f64::INFINITY), |at| {
-        let lower = scan.iter().copied().filter(|v| *v < at);
-        let higher = scan.iter().copied().filter(|v| *v > at);
-        (lower.fold(f64::NEG_INFINITY, f64::max), higher.fold(f64::INFINITY, f64::min))
-    });
+    let [below, above] = at.map_or([f64::NEG_INFINITY, f64::INFINITY], |at| neighbours(at, &scan));
     let mut values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
     values.sort_by(f64::total_cmp);
     values.dedup();
@@ -81,12 +77,17 @@ fn same_curves<'a>(c: &'a Candidate, all: &'a [Candidate]) -> impl Iterator<Item
     seen.into_iter()
 }
 
-/// Halfway from a point of a scan to its neighbours, but for those that are nearer than `near`.
-fn halfway(at: f64, scan: &[f64], near: f64) -> impl Iterator<Item = f64> {
+/// Points of a scan next below and next above; infinite where there is none.
+fn neighbours(at: f64, scan: &[f64]) -> [f64; 2] {
     let below = scan.iter().copied().filter(|s| *s < at).fold(f64::NEG_INFINITY, f64::max);
     let above = scan.iter().copied().filter(|s| *s > at).fold(f64::INFINITY, f64::min);
+    [below, above]
+}
+
+/// Halfway from a point of a scan to its neighbours, but for those that are nearer than `near`.
+fn halfway(at: f64, scan: &[f64], near: f64) -> impl Iterator<Item = f64> {
     let apart = move |neighbour: &f64| neighbour.is_finite() && (neighbour - at).abs() > 2.0 * near;
-    [below, above].into_iter().filter(apart).map(move |neighbour| 0.5 * (at + neighbour))
+    neighbours(at, scan).into_iter().filter(apart).map(move |neighbour| 0.5 * (at + neighbour))
 }
 
 #[cfg(test)]

@@ -94,10 +94,10 @@ impl Work {
         for t in model.terms.iter_mut().filter(|t| gives_way(t).is_some()) {
             t.value = t.value.abs() + t.sd.unwrap_or(0.0);
         }
-        let (now, _) = catalogue(&Recorded::new(&model, &self.all, touch_sigma(&self.fitted)));
-        let is_soft = |c: &&mut Candidate| c.effect == nonlinear_stiffness::EFFECT.name;
-        for c in self.candidates.iter_mut().filter(is_soft) {
-            if let Some(now) = now.iter().find(|n| n.effect == c.effect && n.terms[0].name == c.terms[0].name) {
+        let soft = &nonlinear_stiffness::EFFECT;
+        let now = (soft.ask)(&Recorded::new(&model, &self.all, touch_sigma(&self.fitted))).candidates;
+        for c in self.candidates.iter_mut().filter(|c| c.effect == soft.name) {
+            if let Some(now) = now.iter().find(|n| n.terms[0].name == c.terms[0].name) {
                 c.scales.clone_from(&now.scales);
                 c.typical = now.typical;
             }

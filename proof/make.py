@@ -184,6 +184,13 @@ def noise(rng, s: Session, kind: str) -> np.ndarray:
         rho, x = rng.uniform(0.4, 0.8), white.copy()
         for i in range(1, n):
             x[i] = rho * x[i - 1] + np.sqrt(1 - rho**2) * white[i]
+    elif kind == "wander":
+        # waves of no one length, beside white noise: no process of first order
+        share, waves = rng.uniform(0.3, 0.7), np.zeros((n, 3))
+        for period in np.exp(rng.uniform(np.log(5), np.log(60), 24)):
+            phase = rng.uniform(0, 2 * np.pi, 3)
+            waves += np.sin(2 * np.pi * np.arange(n)[:, None] / period + phase) / np.sqrt(12)
+        x = np.sqrt(share) * waves + np.sqrt(1 - share) * white
     elif kind == "student":
         x = rng.standard_t(4, (n, 3)) / np.sqrt(2.0)
     elif kind == "uneven":
@@ -350,7 +357,7 @@ def name_of(kind: str, seed: int, index: int) -> str:
 
 def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> tuple[str, dict[str, str], dict]:
     d = draw(kind, seed, index, touches, attempt)
-    noise_kind = pick(d.rng, ["ar1", "student", "uneven"]) if kind == "nonwhite" else "white"
+    noise_kind = pick(d.rng, ["ar1", "wander", "student", "uneven"]) if kind == "nonwhite" else "white"
     columns, measured, rows = measure(d.rng, d.arm, d.s, d.effects, noise_kind, kind == "dirty", d.machine)
     case_id = name_of(kind, seed, index)
     files = {

@@ -108,12 +108,6 @@ impl Candidate {
         other
     }
 
-    /// Whether it only changes slowly, with time or temperature: noise that remembers itself looks like that.
-    #[must_use]
-    pub fn slow(&self) -> bool {
-        self.terms.iter().all(|t| slow(&t.basis))
-    }
-
     /// Whether it is a step or a curve rather than a wave.
     #[must_use]
     pub fn scanned(&self) -> bool {
@@ -129,11 +123,6 @@ const BETWEEN: &str = " about a point ";
 #[must_use]
 pub fn anything(_: &[f64]) -> bool {
     true
-}
-
-/// Whether a basis changes with time or temperature alone.
-fn slow(basis: &Basis) -> bool {
-    matches!(basis.of, Variable::Time | Variable::Temperature { .. }) && basis.sense.is_none()
 }
 
 /// A family of the catalogue that this data cannot test, and what is missing.

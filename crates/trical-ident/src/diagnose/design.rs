@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use trical_model::{Forward, Model, residual_rows};
 
 use super::catalogue::Candidate;
+use super::memory::{Filter, Memory};
 use crate::dataset::Dataset;
 use crate::error::Result;
 use crate::noise::Noise;
@@ -46,6 +47,10 @@ pub struct Design {
     /// Weighted Jacobian of the fitted parameters, and residual before projection.
     jacobian: Mat<f64>,
     raw: Vec<f64>,
+    /// What made the noise white.
+    filter: Filter,
+    /// Half of `ln det (J'J)`.
+    of_parameters: f64,
     /// Standard deviation and observation of each row.
     sigma_of_row: Vec<(f64, usize)>,
 }
@@ -84,10 +89,11 @@ impl Design {
     /// # Errors
     /// A candidate at a site that the arm does not have.
     pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
-        Self::weighted(model, candidates, &[], data, noise)
+        Self::weighted(model, candidates, &[], data, noise, Memory::NONE)
     }
 
-    /// As [`Design::new`]; a candidate with weights (for each of its columns, one for each observation) has them multiplied in.
+    /// As [`Design::new`]; a candidate with weights (for each of its columns, one for each observation) has them multiplied in. Noise that
+    /// remembers itself is made white: rows are then what could not be foreseen from those before.
     ///
     /// # Errors
     /// As [`Design::new`].
@@ -97,6 +103,7 @@ impl Design {
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
+        memory: Memory,
     ) -> Result<Self> {
         let p = model.terms.len();
         let mut wide = model.clone();
@@ -119,37 +126,48 @@ impl Design {
         let mut sigma_of_row = Vec::with_capacity(rows);
         let mut ws = forward.workspace();
         let mut block = vec![0.0; 6 * total];
+        let mut filter = Filter::new(memory);
         let mut row = 0;
         for (index, o) in data.observations.iter().enumerate() {
             if index % 64 == 0 {
                 trical_model::interrupt::checkpoint()?;
             }
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
+            let mut left = *ws.residual();
             for k in 0..n {
                 let sigma = noise.sigma(o.recording, &o.measured, k);
                 let s = 1.0 / sigma;
                 // rotations of a pose are fitted, but a position error has no part in them
                 sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
-                residual[row] = ws.residual()[k] * s;
-                pose_of_row[row] = o.pose;
-                for j in 0..p {
-                    jacobian[(row, j)] = block[k * total + j] * s;
-                }
-                let from = &block[k * total + p..(k + 1) * total];
-                let to = &mut columns[row * width..(row + 1) * width];
-                for (to, v) in to.iter_mut().zip(from) {
-                    *to = v * s;
+                left[k] *= s;
+                let line = &mut block[k * total..(k + 1) * total];
+                for v in line.iter_mut() {
+                    *v *= s;
                 }
                 for (weights, (from, upto)) in weights.iter().zip(&spans) {
-                    for (v, weight) in to[*from..*upto].iter_mut().zip(weights) {
+                    for (v, weight) in line[p + *from..p + *upto].iter_mut().zip(weights) {
                         *v *= weight[index];
                     }
                 }
+            }
+            if filter.works() {
+                let tool = forward.world_from_tool(&o.state, &mut ws).rotation;
+                filter.next(o, n, &tool, [&mut left[..n], &mut block[..n * total]]);
+            }
+            for k in 0..n {
+                residual[row] = left[k];
+                pose_of_row[row] = o.pose;
+                let line = &block[k * total..(k + 1) * total];
+                for j in 0..p {
+                    jacobian[(row, j)] = line[j];
+                }
+                columns[row * width..(row + 1) * width].copy_from_slice(&line[p..]);
                 row += 1;
             }
         }
         let qr = jacobian.qr();
         let q = qr.compute_thin_Q();
+        let of_parameters: f64 = (0..p).map(|j| qr.R()[(j, j)].abs().max(1e-300).ln()).sum();
         // residual after projection, twice for the last digits
         let mut r = residual.clone();
         for _ in 0..2 {
@@ -192,6 +210,8 @@ impl Design {
             pose_of_row,
             jacobian,
             raw: residual,
+            of_parameters,
+            filter,
             sigma_of_row,
         })
     }
@@ -215,6 +235,15 @@ impl Design {
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let parameters = self.parameters as f64;
         Stage { w: Vec::new(), left, b: self.b.clone(), ss: self.ss, parameters }
+    }
+
+    /// How likely the residuals of the fitted parameters alone are, nats (restricted likelihood, Patterson & Thompson 1971): comparable
+    /// between memories of the noise. `temper` is the share of the rows that is independent.
+    #[must_use]
+    pub fn nats(&self, temper: f64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let freedom = (self.rows as f64 * temper - self.parameters as f64).max(1.0);
+        -0.5 * (freedom * self.ss.ln() + temper * self.filter.log_determinant()) - self.of_parameters
     }
 
     /// Whether the fit has not absorbed a column.
@@ -336,13 +365,23 @@ impl Design {
     pub fn held_out(&self, set: &[usize], train: &dyn Fn(usize) -> bool, test: &dyn Fn(usize) -> bool) -> Vec<f64> {
         let extra: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
         let p = self.parameters + extra.len();
-        let entry = |i: usize, j: usize| {
+        let kept = |i: usize, j: usize| {
             if j < self.parameters {
                 self.jacobian[(i, j)]
             } else {
                 self.columns[i * self.width + extra[j - self.parameters]]
             }
         };
+        // errors are those of the measurements, not of what could not be foreseen of them
+        let whole = self.filter.works().then(|| {
+            let mut whole = Mat::from_fn(self.rows, p + 1, |i, j| if j < p { kept(i, j) } else { self.raw[i] });
+            for j in 0..=p {
+                self.filter.undo(whole.col_as_slice_mut(j));
+            }
+            whole
+        });
+        let entry = |i: usize, j: usize| whole.as_ref().map_or_else(|| kept(i, j), |w| w[(i, j)]);
+        let raw = |i: usize| whole.as_ref().map_or(self.raw[i], |w| w[(i, p)]);
         let rows: Vec<usize> = (0..self.rows).filter(|i| train(self.pose_of_row[*i])).collect();
         // normal equations with scaled columns and a trace of damping, so that absorbed columns do no harm
         let mut scale = vec![0.0; p];
@@ -363,13 +402,13 @@ impl Design {
                 h[(j, j)] += self.precision[extra[j - self.parameters]] * scale[j].powi(2);
             }
         }
-        let g = Mat::from_fn(p, 1, |j, _| -(0..rows.len()).map(|i| a[(i, j)] * self.raw[rows[i]]).sum::<f64>());
+        let g = Mat::from_fn(p, 1, |j, _| -(0..rows.len()).map(|i| a[(i, j)] * raw(rows[i])).sum::<f64>());
         let Ok(llt) = h.llt(Side::Lower) else { return Vec::new() };
         let x = llt.solve(&g);
         let mut squares: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
         for i in (0..self.rows).filter(|i| test(self.pose_of_row[*i])) {
             let (sigma, observation) = self.sigma_of_row[i];
-            let r = self.raw[i] + (0..p).map(|j| entry(i, j) * scale[j] * x[(j, 0)]).sum::<f64>();
+            let r = raw(i) + (0..p).map(|j| entry(i, j) * scale[j] * x[(j, 0)]).sum::<f64>();
             *squares.entry(observation).or_insert(0.0) += (r * sigma).powi(2);
         }
         squares.into_values().map(f64::sqrt).collect()
@@ -401,6 +440,8 @@ impl Design {
             pose_of_row: Vec::new(),
             jacobian: Mat::zeros(0, 0),
             raw: Vec::new(),
+            filter: Filter::new(Memory::NONE),
+            of_parameters: self.of_parameters,
             sigma_of_row: Vec::new(),
         };
         let stage = Stage {

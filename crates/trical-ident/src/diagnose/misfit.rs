@@ -72,15 +72,12 @@ pub struct Judge<'a> {
     pub first: usize,
     /// Share of the rows that is independent.
     pub temper: f64,
-    /// Share of what a slow probe removes that counts: less than 1 where the noise remembers itself.
-    pub slow: f64,
 }
 
 impl Judge<'_> {
-    /// What a probe would still remove, as far as it counts, and with how many numbers.
+    /// What a probe would still remove, and with how many numbers.
     fn gain(&self, stage: &Stage, probe: usize) -> (f64, usize) {
-        let (dss, rank) = self.design.plain_gain(stage, self.first + probe);
-        (if self.probes.candidates[probe].slow() { dss * self.slow } else { dss }, rank)
+        self.design.plain_gain(stage, self.first + probe)
     }
 
     /// Independent scalars left at a stage.

@@ -8,7 +8,7 @@
 //! | [`locators`] | what finds a mismatch without a name |
 //! | [`periodogram`] | which frequencies a joint's error has |
 //! | [`misfit`] | whether a name says all that happens at its place |
-//! | `memory`, `refine` | whether the noise remembers itself; finer shapes between those of a scan |
+//! | [`memory`], `refine` | noise that remembers itself; finer shapes between those of a scan |
 //! | [`design`] | the linear picture: signatures after projection, evidence, held-out errors |
 //! | [`search`] | which candidates the residual asks for |
 //! | [`hygiene`] | rows that must not be believed |
@@ -22,7 +22,7 @@ pub mod effects;
 mod explain;
 pub mod hygiene;
 pub mod locators;
-mod memory;
+pub mod memory;
 pub mod misfit;
 pub mod periodogram;
 pub mod recorded;
@@ -178,7 +178,10 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         },
         unexplained: (!unexplained.is_empty()).then(|| unexplained.remove(0)),
         more_unexplained: unexplained,
-        cautions: cautions(&fitted.model, fitted.observability.rows, fitted.free.len()),
+        cautions: cautions(&fitted.model, fitted.observability.rows, fitted.free.len())
+            .into_iter()
+            .chain(work.memory.caution())
+            .collect(),
         rejected: kept.rejected.clone(),
         model: fitted.model.clone(),
         data: kept.clone(),

@@ -25,8 +25,6 @@ pub struct Search<'a> {
     pub design: &'a Design,
     /// The candidates, as the design has them.
     pub candidates: &'a [Candidate],
-    /// Share of the rows that counts for each: less than 1 for slow effects where the noise remembers itself.
-    pub trust: Vec<f64>,
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
     /// Candidates that turned out to be no physics.
@@ -63,8 +61,7 @@ impl Search<'_> {
         }
         let n = self.freedom(stage);
         let share = (gain.dss / stage.ss).min(1.0 - 1e-12);
-        let evidence =
-            -0.5 * n * self.trust[candidate] * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
+        let evidence = -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
     }
 
@@ -135,13 +132,7 @@ impl Search<'_> {
     /// has a part.
     fn among<T>(&self, stage: &Stage, set: &[usize], ask: impl FnOnce(&Search<'_>, &Stage) -> T) -> T {
         let (design, stage) = self.design.narrowed(stage, set);
-        let few = Search {
-            design: &design,
-            candidates: self.candidates,
-            trust: self.trust.clone(),
-            temper: self.temper,
-            banned: Vec::new(),
-        };
+        let few = Search { design: &design, candidates: self.candidates, temper: self.temper, banned: Vec::new() };
         ask(&few, &stage)
     }
 

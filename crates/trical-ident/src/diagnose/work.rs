@@ -8,7 +8,7 @@ use super::design::Design;
 use super::effects::nonlinear_stiffness;
 use super::explain::at_same_place;
 use super::locators::{self, locators};
-use super::memory::memory;
+use super::memory::Memory;
 use super::misfit::{CONSIDERABLE, Judge, LEFT, Probes, probes};
 use super::recorded::{Recorded, gives_way};
 use super::refine::finer;
@@ -24,6 +24,9 @@ use crate::noise::Noise;
 
 /// Rounds of search and exact refit until nothing changes.
 const ROUNDS: usize = 5;
+
+/// How often effects and the memory of the noise are chosen in turn.
+const TURNS: usize = 4;
 
 /// Robust standard deviations beyond which a row is a gross error before anything is known.
 const GROSS: f64 = 30.0;
@@ -43,13 +46,22 @@ pub(super) struct Work {
     pub(super) candidates: Vec<Candidate>,
     /// Indices into the candidates.
     pub(super) chosen: Vec<usize>,
-    /// Correlation of residuals that follow each other, the smallest that any choice has left so far: what a choice leaves
-    /// undone remembers itself too, and is not noise.
-    memory: Option<f64>,
+    /// How the noise remembers itself, beside what was chosen.
+    pub(super) memory: Memory,
     pub(super) untestable: Vec<Untestable>,
     /// Terms about the readings' own noise, and which of them are in the baseline.
     pub(super) nuisances: Vec<Candidate>,
     pub(super) believed: Vec<bool>,
+}
+
+/// What may explain the residuals.
+struct Explanation {
+    chosen: Vec<usize>,
+    memory: Memory,
+    /// How likely the residuals are with it.
+    nats: f64,
+    /// Memories beside which effects were chosen.
+    tried: Vec<Memory>,
 }
 
 impl Work {
@@ -69,7 +81,7 @@ impl Work {
             known: vec![Known::NOTHING; fitted.model.terms.len()],
             candidates: Vec::new(),
             chosen: Vec::new(),
-            memory: None,
+            memory: Memory::NONE,
             untestable: Vec::new(),
             believed: vec![false; nuisances.len()],
             nuisances,
@@ -115,10 +127,8 @@ impl Work {
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
-            let design = self.design()?;
-            checkpoint()?;
-            let before = std::mem::take(&mut self.chosen);
-            self.chosen = self.searcher(&design).choose(&design.stage(), &before);
+            let before = self.chosen.clone();
+            self.choose(last.is_none())?;
             let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
             self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
@@ -128,8 +138,6 @@ impl Work {
                 break;
             }
             self.resize();
-            let left = memory(&self.fitted, &self.kept)?;
-            self.memory = Some(self.memory.map_or(left, |m| m.min(left)));
             // with the effects out of the way the readings' noise may show
             if self.believe()? {
                 continue;
@@ -184,6 +192,59 @@ impl Work {
         Ok(new)
     }
 
+    /// Chooses what explains the residuals: effects beside white noise, or fewer beside noise that remembers itself. A slow effect that is not
+    /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are.
+    fn choose(&mut self, first: bool) -> Result<()> {
+        let mut best = self.explanation(self.memory, &self.chosen)?;
+        if first {
+            let (bare, _) = self.memory_beside(&[])?;
+            for start in [Memory::NONE, bare] {
+                if start == self.memory || best.tried.contains(&start) {
+                    continue;
+                }
+                let other = self.explanation(start, &[])?;
+                best.tried.extend(&other.tried);
+                if other.nats > best.nats {
+                    best = Explanation { tried: best.tried, ..other };
+                }
+            }
+        }
+        (self.chosen, self.memory) = (best.chosen, best.memory);
+        Ok(())
+    }
+
+    /// Effects and memory of the noise, each chosen beside the other in turn from `memory` on.
+    fn explanation(&self, memory: Memory, initial: &[usize]) -> Result<Explanation> {
+        let mut best = Explanation { chosen: initial.to_vec(), memory, nats: f64::NEG_INFINITY, tried: Vec::new() };
+        let mut next = memory;
+        while !best.tried.contains(&next) && best.tried.len() < TURNS {
+            checkpoint()?;
+            best.tried.push(next);
+            let design = self.design(&self.candidates, &[], next)?;
+            checkpoint()?;
+            let chosen = self.searcher(&design).choose(&design.stage(), &best.chosen);
+            let (memory, nats) = self.memory_beside(&chosen)?;
+            next = memory;
+            if nats >= best.nats {
+                (best.chosen, best.memory, best.nats) = (chosen, memory, nats);
+            }
+        }
+        Ok(best)
+    }
+
+    /// How the noise most likely remembers itself if `set` is all that happens, and how likely both are, nats.
+    fn memory_beside(&self, set: &[usize]) -> Result<(Memory, f64)> {
+        let candidates: Vec<Candidate> = set.iter().map(|c| self.candidates[*c].clone()).collect();
+        let all: Vec<usize> = (0..set.len()).collect();
+        Memory::likeliest(|memory| {
+            checkpoint()?;
+            let design = self.design(&candidates, &[], memory)?;
+            let temper = temper(&self.kept);
+            let search = Search { design: &design, candidates: &candidates, temper, banned: Vec::new() };
+            Ok(design.nats(temper) + search.total(&design.stage(), &all))
+        })
+    }
+
     fn add(&mut self, more: Vec<Candidate>) {
         for c in more {
             let known = |o: &Candidate| {
@@ -205,38 +266,31 @@ impl Work {
         bare
     }
 
-    /// The linear picture of the baseline with all candidates.
-    pub(super) fn design(&self) -> Result<Design> {
-        Design::new(&self.bare(), &self.candidates, &self.kept, &self.fitted.noise)
+    /// The linear picture of the baseline with candidates.
+    fn design(&self, candidates: &[Candidate], weights: &[Vec<Vec<f64>>], memory: Memory) -> Result<Design> {
+        Design::weighted(&self.bare(), candidates, weights, &self.kept, &self.fitted.noise, memory)
     }
 
-    /// The same with probes behind the candidates.
+    /// With all candidates, and probes behind them.
     pub(super) fn design_with_probes(&self) -> Result<(Design, Probes)> {
         let probes = probes(&self.fitted.model, &self.kept);
         let mut all = self.candidates.clone();
         all.extend(probes.candidates.iter().cloned());
         let mut weights = vec![Vec::new(); self.candidates.len()];
         weights.extend(probes.weights.iter().cloned());
-        let design = Design::weighted(&self.bare(), &all, &weights, &self.kept, &self.fitted.noise)?;
-        Ok((design, probes))
+        Ok((self.design(&all, &weights, self.memory)?, probes))
     }
 
     pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        let trust = self.candidates.iter().map(|c| if c.slow() { self.slow() } else { 1.0 }).collect();
-        Search { design, candidates: &self.candidates, trust, temper: temper(&self.kept), banned: Vec::new() }
+        Search { design, candidates: &self.candidates, temper: temper(&self.kept), banned: Vec::new() }
     }
 
     pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
-        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept), slow: self.slow() }
+        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
     }
 
     pub(super) fn touch_sigma(&self) -> f64 {
         touch_sigma(&self.fitted)
-    }
-
-    /// Of rows whose noise remembers itself, the share that counts for what changes slowly.
-    fn slow(&self) -> f64 {
-        self.memory.map_or(1.0, |m| (1.0 - m) / (1.0 + m))
     }
 
     /// The exact joint fit of the baseline and what was chosen.
@@ -268,13 +322,8 @@ impl Work {
             }
             let one = std::slice::from_ref(&self.nuisances[k]);
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
-            let search = Search {
-                design: &design,
-                candidates: one,
-                trust: vec![1.0],
-                temper: temper(&self.fitted.data),
-                banned: Vec::new(),
-            };
+            let temper = temper(&self.fitted.data);
+            let search = Search { design: &design, candidates: one, temper, banned: Vec::new() };
             if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;

@@ -509,6 +509,57 @@ def test_strong_effects_are_named_and_nothing_is_named_where_nothing_is(tmp_path
     assert sum(bool(c.findings) for c in cases if not c.effects) <= 1, failures
 
 
+def diagnosed(folder: Path, seed: int, n: int, effects: list[dict], noise: str = "white") -> dict:
+    """What the program says of `n` touches of an arm with these effects."""
+    if not BINARY.is_file():
+        pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
+    d = make.draw("none", seed, 0, [n], 0)
+    columns, _, _ = make.measure(d.rng, d.arm, d.s, effects, noise, False)
+    (folder / "robot.toml").write_text(write.robot_toml(d.nominal))
+    (folder / "cell.toml").write_text(write.cell_toml(d.nominal))
+    (folder / "recording.csv").write_text(write.csv(columns))
+    said = run.diagnose(BINARY, folder, 120)
+    assert said["answer"], said["error"]
+    return said["answer"]
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "variable"),
+    [
+        ("out_overshoot", {"size": 0.03 * DEG}, "travel3"),
+        ("out_hysteresis_memory", {"size": 0.06 * DEG, "keep": 0.8}, "dir3"),
+    ],
+)
+def test_a_joint_that_remembers_its_moves_is_told_without_a_name(
+    tmp_path: Path, effect: str, size: dict, variable: str
+) -> None:
+    """No model file can hold it; curves over time and angle that it looks like are not what is told first."""
+    answer = diagnosed(tmp_path, 1, 150, [{"effect": effect, "site": {"joint": 3}, "p": size}])
+    assert answer["unexplained"]["site"] == {"joint": 3} and answer["unexplained"]["variable"] == variable
+    assert not any(f["confidence"] >= 0.9 for f in answer["findings"])
+
+
+def test_a_gap_that_gravity_closes_softly_is_no_soft_joint(tmp_path: Path) -> None:
+    """The two are one curve; the gap is larger than a joint of this stiffness can be soft."""
+    gap = {"effect": "lost_motion_gravity", "site": {"joint": 3}, "p": {"gap": 0.08 * DEG, "soft_nm": 6.0}}
+    first = diagnosed(tmp_path, 1, 150, [gap])["findings"][0]
+    assert (first["effect"], first["site"]) == ("lost_motion_gravity", {"joint": 3})
+
+
+@pytest.mark.parametrize("noise", ["ar1", "wander"])
+def test_noise_that_remembers_itself_is_no_effect(tmp_path: Path, noise: str) -> None:
+    answer = diagnosed(tmp_path, 2, 300, [], noise)
+    assert not answer["findings"] and not answer["unexplained"]
+    assert any("noise remembers itself" in c for c in answer["cautions"])
+
+
+def test_a_slow_effect_is_no_noise(tmp_path: Path) -> None:
+    drift = {"effect": "tool_drift", "site": {"tool": True}, "p": {"by": [0.0, 0.03 * MM, 0.0]}}
+    answer = diagnosed(tmp_path, 2, 300, [drift])
+    assert [(f["effect"], f["site"]) for f in answer["findings"]] == [("tool_drift", {"tool": True})]
+    assert not any("noise remembers itself" in c for c in answer["cautions"])
+
+
 # ---- touches that decide ---------------------------------------------------------------------------------------------
 
 

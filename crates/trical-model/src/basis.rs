@@ -79,6 +79,11 @@ pub enum Shape {
         /// In units of u.
         scale: f64,
     },
+    /// In proportion until `at` either way, 1 beyond: min(1, max(-1, u / at)).
+    Clip {
+        /// In units of u.
+        at: f64,
+    },
     /// sin(cycles u)
     Sine {
         /// Cycles per turn.
@@ -138,6 +143,7 @@ impl Shape {
         match self {
             Self::One | Self::Linear | Self::Absolute | Self::SignedSquare | Self::Cube => Ok(()),
             Self::SoftSign { scale } => positive("scale", scale),
+            Self::Clip { at } => positive("at", at),
             Self::Sine { cycles } | Self::Cosine { cycles } => finite("cycles", cycles),
             Self::Step { at } | Self::Hinge { at } => finite("at", at),
             Self::WarmUp { constant } => positive("constant", constant),
@@ -170,6 +176,7 @@ impl Shape {
                 let t = (u / scale).tanh();
                 (t, (1.0 - t * t) / scale)
             }
+            Self::Clip { at } => ((u / at).clamp(-1.0, 1.0), if u.abs() < at { 1.0 / at } else { 0.0 }),
             Self::Sine { cycles } => {
                 let (s, c) = (cycles * u).sin_cos();
                 (s, cycles * c)

@@ -80,6 +80,13 @@ fn shape(s: Shape, u: D) -> D {
         Shape::SignedSquare => u * u * u.re.signum(),
         Shape::Cube => u * u * u,
         Shape::SoftSign { scale } => (u / scale).tanh(),
+        Shape::Clip { at } => {
+            if u.re.abs() < at {
+                u / at
+            } else {
+                c(u.re.signum())
+            }
+        }
         Shape::Sine { cycles } => (u * cycles).sin(),
         Shape::Cosine { cycles } => (u * cycles).cos(),
         Shape::Step { at } => c(if u.re >= at { 1.0 } else { 0.0 }),
@@ -422,7 +429,7 @@ impl Draw {
             6 => Variable::Temperature { reference_c: 20.0 },
             _ => Variable::Reading { axis: Axis::ALL[self.below(3)] },
         };
-        let shape = match self.below(13) {
+        let shape = match self.below(14) {
             0 => Shape::One,
             1 | 2 => Shape::Linear,
             3 => Shape::Absolute,
@@ -434,6 +441,7 @@ impl Draw {
             9 => Shape::Step { at: 0.1 },
             10 => Shape::Hinge { at: -0.2 },
             11 => Shape::Growth { from: 0.3, to: -1.1 },
+            12 => Shape::Clip { at: 0.7 },
             _ => Shape::WarmUp { constant: 3.0 },
         };
         // elsewhere it would be an exponential without end

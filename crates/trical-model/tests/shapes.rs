@@ -14,6 +14,7 @@ fn slopes_are_those_of_the_values() {
         Shape::SignedSquare,
         Shape::Cube,
         Shape::SoftSign { scale: 0.4 },
+        Shape::Clip { at: 0.4 },
         Shape::Sine { cycles: 3.0 },
         Shape::Cosine { cycles: 2.0 },
         Shape::Step { at: 0.1 },
@@ -36,6 +37,7 @@ fn slopes_are_those_of_the_values() {
     }
     for broken in [
         Shape::SoftSign { scale: 0.0 },
+        Shape::Clip { at: -0.4 },
         Shape::WarmUp { constant: -1.0 },
         Shape::Sine { cycles: f64::NAN },
         Shape::Tent { left: 0.5, centre: 0.2, right: 0.9 },

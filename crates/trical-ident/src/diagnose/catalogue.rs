@@ -61,23 +61,25 @@ impl Candidate {
         (self.terms.len() > 1 && self.terms.iter().all(is_tent)).then(|| self.terms[0].basis.of)
     }
 
-    /// Softness or time constant of its shape, if it has one (all its terms share it).
+    /// Softness, kink or time constant of its shape, if it has one (all its terms share it).
     #[must_use]
     pub fn scale(&self) -> Option<f64> {
         match self.terms.first()?.basis.shape {
             Shape::SoftSign { scale } => Some(scale),
+            Shape::Clip { at } => Some(at),
             Shape::WarmUp { constant } => Some(constant),
             _ => None,
         }
     }
 
-    /// The same with another softness or time constant.
+    /// The same with another softness, kink or time constant.
     #[must_use]
     pub fn with_scale(&self, to: f64) -> Self {
         let mut other = self.clone();
         for shape in other.terms.iter_mut().map(|t| &mut t.basis.shape) {
             match shape {
                 Shape::SoftSign { scale } => *scale = to,
+                Shape::Clip { at } => *at = to,
                 Shape::WarmUp { constant } => *constant = to,
                 _ => {}
             }
@@ -135,7 +137,7 @@ pub struct Untestable {
 }
 
 /// All candidates that this data can be asked about, with priors, and the effects that it cannot test. The prior is uniform over
-/// effects, then over sites, then over scan points.
+/// effects, then over sites, then over scan points; of these, effects may hold some for less likely.
 #[must_use]
 pub fn catalogue(recorded: &Recorded<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
     let mut all = Vec::new();
@@ -155,7 +157,7 @@ pub fn catalogue(recorded: &Recorded<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
             let scan = sites.iter().find(|s| s.0 == c.site).map_or(1, |s| s.1);
             #[expect(clippy::cast_precision_loss, reason = "counts")]
             let ways = (EFFECTS.len() * sites.len() * scan) as f64;
-            c.log_prior = -ways.ln();
+            c.log_prior -= ways.ln();
         }
         all.append(&mut list);
     }

@@ -1,5 +1,9 @@
 //! Shapes chosen from a coarse scan, at places between their neighbours in it.
 
+use std::mem::discriminant;
+
+use trical_model::Term;
+
 use super::catalogue::Candidate;
 use super::locators::{KNOTS, value};
 use crate::dataset::Dataset;
@@ -7,7 +11,7 @@ use crate::dataset::Dataset;
 /// Steps all along a variable are so many.
 const ALONG: usize = 60;
 
-/// Softnesses and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
+/// Softnesses, kinks and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
 const NEAR: f64 = 1.15;
 const NEAR_SHARE: f64 = 0.05;
 
@@ -41,40 +45,53 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
     between.iter().step_by(every).map(|at| step.with_step(*at)).collect()
 }
 
-/// A softness or a time constant, or a point of an axis, halfway to its neighbours on either side, unless they are near.
+/// A softness, a kink or a time constant, or a point of an axis, halfway to its neighbours on either side, unless they are near.
 fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
     let alike = || all.iter().filter(|o| (o.effect, &o.site) == (c.effect, &c.site));
     if let Some(scale) = c.scale() {
-        let scan: Vec<f64> = alike().filter_map(|o| Some(o.scale()?.ln())).collect();
+        let scan: Vec<f64> = alike().filter(|o| same_curve(c, o)).filter_map(|o| Some(o.scale()?.ln())).collect();
         let finer: Vec<f64> = halfway(scale.ln(), &scan, NEAR.ln()).map(f64::exp).collect();
-        let rivals = same_curves(c, all);
-        let of_rivals = rivals.flat_map(|(rival, [least, most])| {
-            let within = move |s: &f64| (least..=most).contains(s);
-            finer.iter().copied().chain([scale]).filter(within).map(|s| rival.with_scale(s)).collect::<Vec<_>>()
-        });
-        return of_rivals.chain(finer.iter().map(|s| c.with_scale(*s))).collect();
+        return of_rivals(c, all, &[&finer[..], &[scale]].concat())
+            .into_iter()
+            .chain(finer.iter().map(|s| c.with_scale(*s)))
+            .collect();
     }
     let Some(share) = c.share() else { return Vec::new() };
     let scan: Vec<f64> = alike().filter_map(Candidate::share).chain([0.0, 1.0]).collect();
     halfway(share, &scan, NEAR_SHARE).map(|share| c.with_share(share)).collect()
 }
 
-/// Other effects at the site of `c` whose shape is its own but for the scale: one candidate of each, with the least and the largest
-/// scale that it has. What is refined for one must be refined for the other, or it would win by that alone.
-fn same_curves<'a>(c: &'a Candidate, all: &'a [Candidate]) -> impl Iterator<Item = (&'a Candidate, [f64; 2])> {
-    let is_rival = |o: &&Candidate| {
-        let own = |o: &Candidate| o.terms.iter().map(|t| (t.site, t.basis.of, t.basis.sense)).collect::<Vec<_>>();
-        o.effect != c.effect && o.site == c.site && o.scale().is_some() && own(o) == own(c)
+/// Whether two candidates at one site differ by their scale alone, whatever they are called.
+fn same_curve(a: &Candidate, b: &Candidate) -> bool {
+    let kind = |c: &Candidate| {
+        let of = |t: &Term| (t.site, t.basis.of, t.basis.sense, discriminant(&t.basis.shape));
+        c.terms.iter().map(of).collect::<Vec<_>>()
     };
-    let mut seen: Vec<(&Candidate, [f64; 2])> = Vec::new();
-    for o in all.iter().filter(is_rival) {
-        let scale = o.scale().unwrap_or_default();
-        match seen.iter_mut().find(|(s, _)| s.effect == o.effect) {
-            Some((_, [least, most])) => (*least, *most) = (least.min(scale), most.max(scale)),
-            None => seen.push((o, [scale, scale])),
+    a.scale().is_some() && a.site == b.site && kind(a) == kind(b)
+}
+
+/// Other effects with the curve of `c`, at those of the `scales` that are within their own: what is refined for one must be refined for
+/// the other, or it would win by that alone.
+fn of_rivals(c: &Candidate, all: &[Candidate], scales: &[f64]) -> Vec<Candidate> {
+    let mut rivals: Vec<Vec<&Candidate>> = Vec::new();
+    for o in all.iter().filter(|o| o.effect != c.effect && same_curve(c, o)) {
+        match rivals.iter_mut().find(|r| r[0].effect == o.effect) {
+            Some(rival) => rival.push(o),
+            None => rivals.push(vec![o]),
         }
     }
-    seen.into_iter()
+    let apart = |o: &Candidate, s: f64| (o.scale().unwrap_or(f64::INFINITY) / s).ln().abs();
+    let mut out = Vec::new();
+    for rival in rivals {
+        let own = || rival.iter().filter_map(|o| o.scale());
+        let (least, most) = (own().fold(f64::INFINITY, f64::min), own().fold(0.0, f64::max));
+        for s in scales.iter().copied().filter(|s| (least..=most).contains(s)) {
+            // the nearest knows best how likely such a scale is
+            let nearest = rival.iter().min_by(|a, b| apart(a, s).total_cmp(&apart(b, s)));
+            out.extend(nearest.map(|o| o.with_scale(s)));
+        }
+    }
+    out
 }
 
 /// Points of a scan next below and next above; infinite where there is none.

@@ -4,6 +4,7 @@
 use trical_model::{Basis, Shape, Site};
 
 use super::{Asked, Effect, NO_MASSES, Size, deg, joint_site};
+use crate::diagnose::catalogue::Candidate;
 use crate::diagnose::recorded::{Recorded, SMALL_ARM};
 
 pub const EFFECT: Effect = Effect {
@@ -15,6 +16,10 @@ pub const EFFECT: Effect = Effect {
     rivals: "nonlinear_stiffness; the zero offset where tau_j never changes sign",
     ask,
 };
+
+/// Prior odds of a gap that closes as softly as this share of the load, against a firmer one: friction and preload would be
+/// most of what the joint bears.
+const SOFTEST: (f64, f64) = (1.0 / 1.5, 0.2);
 
 /// T of a small arm, N m.
 const SOFTNESS: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.5];
@@ -29,15 +34,17 @@ fn ask(r: &Recorded<'_>) -> Asked {
         let load = r.load(joint);
         let firm = softnesses[0].max(load / 8.0);
         // the softest gaps are the firmest soft joints (nonlinear_stiffness): rivals, told apart by their size alone
-        let soft = [load / 6.0, load / 3.0].into_iter().filter(|s| *s > softnesses[0]);
+        let soft = [load / 6.0, load / 3.0, SOFTEST.0 * load].into_iter().filter(|s| *s > softnesses[0]);
         for scale in softnesses.into_iter().filter(|s| *s <= firm).chain(soft) {
             let basis = Basis::torque(joint, Shape::SoftSign { scale });
-            out.push(EFFECT.candidate(
+            let candidate = EFFECT.candidate(
                 joint_site(joint),
                 format!("follows the sign of joint {joint}'s gravity torque"),
                 Size { typical: deg(0.01), large: deg(0.02) },
                 vec![(format!("half_gap_gravity_{joint}"), Site::Joint { joint }, basis, 1)],
-            ));
+            );
+            let odds = if scale >= SOFTEST.0 * load { SOFTEST.1 } else { 1.0 };
+            out.push(Candidate { log_prior: odds.ln(), ..candidate });
         }
     }
     out.into()

@@ -1,4 +1,5 @@
-//! A drive that gives way readily under little torque and stiffens (a strain-wave gear), or the other way round. Shapes are scanned;
+//! A drive that gives way readily under little torque and stiffens, softly or from one stiffness to the next (as data sheets of
+//! strain-wave gears have it), or the other way round. Shapes are scanned;
 //! a size is half of what the joint gives way in proportion to its torque, at the torque that it usually bears.
 
 use trical_model::{Basis, Shape, Site};
@@ -9,7 +10,7 @@ use crate::diagnose::recorded::Recorded;
 pub const EFFECT: Effect = Effect {
     name: "nonlinear_stiffness",
     site: "joint",
-    form: "D = k tanh(tau_j / T), k tau_j |tau_j|, k tau_j^3",
+    form: "D = k tanh(tau_j / T), k clip(tau_j / T), k tau_j |tau_j|, k tau_j^3",
     needs: "masses",
     typical: "15 to 50 % of c tau",
     rivals: "lost_motion_gravity",
@@ -32,6 +33,9 @@ fn ask(r: &Recorded<'_>) -> Asked {
             ("soft_two_thirds", Shape::SoftSign { scale: load / 1.5 }),
             ("soft", Shape::SoftSign { scale: 1.25 * load }),
             ("soft_twice", Shape::SoftSign { scale: 2.5 * load }),
+            ("kink_third", Shape::Clip { at: load / 3.0 }),
+            ("kink_two_thirds", Shape::Clip { at: load / 1.5 }),
+            ("kink", Shape::Clip { at: 1.25 * load }),
         ];
         for (name, shape) in shapes {
             let at_load = shape.at(load).0.abs();

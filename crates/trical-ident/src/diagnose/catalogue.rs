@@ -87,6 +87,15 @@ impl Candidate {
         other
     }
 
+    /// Cycles a turn, if it is a wave.
+    #[must_use]
+    pub fn cycles(&self) -> Option<f64> {
+        match self.terms.first()?.basis.shape {
+            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
+            _ => None,
+        }
+    }
+
     /// Where on its axis a joint gives way, if it is between: the share of the way from its origin to its foot.
     #[must_use]
     pub fn share(&self) -> Option<f64> {

@@ -268,13 +268,24 @@ pub(super) fn beside_unknown(own: f64, site: &serde_json::Value, unknown: &[(ser
     own / (own + leaked).max(1e-300)
 }
 
+/// Waves of more cycles a turn are a gear's teeth; of fewer, they may be a part of anything that depends on the angle.
+const SLOW_WAVES: f64 = 20.0;
+
 /// Trust in a name that it took several candidates of one kind to uphold: a sum of waves can be anything that depends on an
-/// angle, and steps up and down anything that depends on time.
-pub(super) fn of_one_kind(group: &Group, candidates: &[Candidate]) -> f64 {
-    let repeated =
-        |c: &Candidate| matches!(c.effect, "joint_harmonic" | "gear_ripple" | "axis_wobble") || c.step().is_some();
-    let extra = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
-    if extra == 0 { 1.0 } else { 0.5_f64.powi(i32::try_from(extra).unwrap_or(i32::MAX)) }
+/// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name.
+pub(super) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
+    let waves = |c: &Candidate| matches!(c.effect, "joint_harmonic" | "gear_ripple" | "axis_wobble");
+    let repeated = |c: &Candidate| waves(c) || c.step().is_some();
+    let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
+    let first = &candidates[group.members[0]];
+    let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
+    let alike = |c: &&Candidate| slow(c) && c.effect != first.effect && c.site == first.site;
+    let others = if group.members.iter().any(|m| slow(&candidates[*m])) {
+        chosen.iter().map(|c| &candidates[*c]).filter(alike).count()
+    } else {
+        0
+    };
+    0.5_f64.powi(i32::try_from(own + others).unwrap_or(i32::MAX))
 }
 
 /// A mismatch that a probe tells at a stage: where and on what it depends; held-out errors without and with it.

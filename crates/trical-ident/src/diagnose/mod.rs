@@ -51,7 +51,7 @@ use work::Work;
 
 /// Names that are trusted no more than this by their place's probes (rivals apart) are doubted: what happens there is told without
 /// a name too.
-const DOUBTED: f64 = 0.5;
+const DOUBTED: f64 = 0.9;
 
 /// Progress: a fraction and what is being done.
 pub type Progress<'a> = &'a mut dyn FnMut(f64, &str);
@@ -102,7 +102,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
             let (mut f, rivals) = finding(&search, &stage, group, &others, &fitted.model, [before, after]);
             let own = stage.ss - full.ss;
             let doubt = judge.doubt(&full, &stage, own, &|site| at_same_place(site, &f.site));
-            let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, candidates);
+            let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, chosen, candidates);
             f.confidence = (f.confidence * trust * 1e4).round() / 1e4;
             if trust <= DOUBTED {
                 doubted.extend(place_of(&f.site).filter(|place| !doubted.contains(place)));
@@ -139,6 +139,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let known = |m: &Unexplained| unexplained.iter().any(|u| u.site == m.site && u.variable == m.variable);
     let left: Vec<Unexplained> = left.into_iter().filter(|m| !known(m)).collect();
     unexplained.extend(left);
+    unexplained.sort_by(|a, b| b.rms_mm.total_cmp(&a.rms_mm));
 
     progress(0.95, "what the data cannot show");
     let mut blind_to = blind(&search, &full, chosen);

@@ -25,12 +25,12 @@ import score
 HERE = Path(__file__).resolve().parent
 # two cores: a case costs 1 s to make, 11 s in MuJoCo, and 1 to 2 s to diagnose
 FULL = dict(
-    none=150, single=500, tracker=150, mujoco=60, pair=120, five=30, outside=150, nonwhite=60, dirty=60, arms=200
+    none=150, single=500, tracker=150, mujoco=60, pair=120, five=30, outside=150, nonwhite=120, dirty=60, arms=200
 )
 COUNTS = {
     "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5, arms=6),
     # where an hour of two cores is too much
-    "large": {**FULL, **dict(tracker=90, mujoco=24, pair=80, five=20, nonwhite=45, dirty=45, arms=120)},
+    "large": {**FULL, **dict(tracker=90, mujoco=24, pair=80, five=20, nonwhite=90, dirty=45, arms=120)},
     "full": FULL,
 }
 TOUCHES = [150, 45, 300, 150]

@@ -11,8 +11,12 @@ use trical_model::Measured;
 
 use crate::dataset::Observation;
 
-/// A memory must better the likelihood of white noise by so many nats, as effects must.
-const REMEMBERS: f64 = 3.0;
+/// A memory must better the likelihood of white noise by so many nats, as what has no name must that of names.
+const REMEMBERS: f64 = 5.0;
+
+/// A process is noise where recordings hold so many of its spans (the measurements after which an e-th is left); beyond, it is a drift, and
+/// the effects say of what.
+const SPANS: f64 = 10.0;
 
 /// Shares that may be kept from one measurement to the next, and shares of the variance that may be white.
 const KEPT: [f64; 10] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98];
@@ -46,15 +50,19 @@ impl Memory {
         })
     }
 
-    /// The memory of the greatest likelihood; `nats` says how likely the residuals are with one. None where white noise is about as likely.
+    /// The memory of the greatest likelihood; `nats` says how likely the residuals are with one, of recordings of `length` measurements.
+    /// None where white noise is about as likely.
     ///
     /// # Errors
     /// Those of `nats`.
-    pub fn likeliest<E>(mut nats: impl FnMut(Self) -> Result<f64, E>) -> Result<(Self, f64), E> {
+    pub fn likeliest<E>(length: usize, mut nats: impl FnMut(Self) -> Result<f64, E>) -> Result<(Self, f64), E> {
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let longest = length as f64 / SPANS;
+        let count = KEPT.iter().filter(|kept| -kept.ln().recip() <= longest).count();
         let at = |(k, w): (usize, usize)| Self { kept: KEPT[k], white: WHITE[w] };
         let none = nats(Self::NONE)?;
         let mut known: BTreeMap<(usize, usize), f64> = BTreeMap::new();
-        for place in FIRST {
+        for place in FIRST.into_iter().filter(|p| p.0 < count) {
             known.insert(place, nats(at(place))?);
         }
         let best = |known: &BTreeMap<(usize, usize), f64>| {
@@ -64,10 +72,8 @@ impl Memory {
         while best(&known).1 > none - 2.0 * REMEMBERS {
             let (k, w) = best(&known).0;
             let beside = [(k.wrapping_sub(1), w), (k + 1, w), (k, w.wrapping_sub(1)), (k, w + 1)];
-            let new: Vec<_> = beside
-                .into_iter()
-                .filter(|p| p.0 < KEPT.len() && p.1 < WHITE.len() && !known.contains_key(p))
-                .collect();
+            let new: Vec<_> =
+                beside.into_iter().filter(|p| p.0 < count && p.1 < WHITE.len() && !known.contains_key(p)).collect();
             if new.is_empty() {
                 break;
             }
@@ -264,12 +270,15 @@ mod tests {
         // two chains, each of which is such noise
         let [a, b] = [noise(kept, white, 600), noise(kept, white, 1200)[600..].to_vec()];
         let both: Vec<[f64; 3]> = a.into_iter().zip(b).flat_map(|(a, b)| [a, b]).collect();
-        Memory::likeliest(|m| Ok::<f64, ()>(nats(m, &both))).unwrap().0
+        Memory::likeliest(600, |m| Ok::<f64, ()>(nats(m, &both))).unwrap().0
     }
 
     #[test]
     fn noise_that_remembers_itself_is_told_from_noise_that_does_not() {
         assert_eq!(told(0.0, 1.0), Memory::NONE);
+        let sequence = noise(0.95, 0.0, 100);
+        let short = Memory::likeliest(100, |m| Ok::<f64, ()>(nats(m, &sequence))).unwrap().0;
+        assert!(short.kept <= 0.9, "{short:?}: ten spans are what is known of noise");
         let one = told(0.6, 0.0);
         assert!((one.kept - 0.6).abs() < 0.11 && one.white < 0.3, "{one:?}");
         let mixed = told(0.95, 0.5);

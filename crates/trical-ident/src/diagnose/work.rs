@@ -236,7 +236,7 @@ impl Work {
     fn memory_beside(&self, set: &[usize]) -> Result<(Memory, f64)> {
         let candidates: Vec<Candidate> = set.iter().map(|c| self.candidates[*c].clone()).collect();
         let all: Vec<usize> = (0..set.len()).collect();
-        Memory::likeliest(|memory| {
+        Memory::likeliest(longest_recording(&self.kept), |memory| {
             checkpoint()?;
             let design = self.design(&candidates, &[], memory)?;
             let temper = temper(&self.kept);
@@ -343,6 +343,19 @@ fn touch_sigma(fitted: &Identified) -> f64 {
     let of = |o: &Observation| fitted.noise.sigma(o.recording, &o.measured, 0);
     let touch = fitted.data.observations.iter().find(|o| matches!(o.measured, Measured::Touch { .. }));
     touch.or_else(|| fitted.data.observations.first()).map_or(1e-5, of)
+}
+
+/// Poses of the recording that has most.
+fn longest_recording(data: &Dataset) -> usize {
+    let mut poses = vec![0; data.names.len()];
+    let mut last = None;
+    for o in &data.observations {
+        if last != Some((o.recording, o.pose)) {
+            poses[o.recording] += 1;
+        }
+        last = Some((o.recording, o.pose));
+    }
+    poses.into_iter().max().unwrap_or(0)
 }
 
 /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm, six numbers.

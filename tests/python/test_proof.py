@@ -541,9 +541,18 @@ def test_a_joint_that_remembers_its_moves_is_told_without_a_name(
 
 def test_a_gap_that_gravity_closes_softly_is_no_soft_joint(tmp_path: Path) -> None:
     """The two are one curve; the gap is larger than a joint of this stiffness can be soft."""
-    gap = {"effect": "lost_motion_gravity", "site": {"joint": 3}, "p": {"gap": 0.08 * DEG, "soft_nm": 6.0}}
-    first = diagnosed(tmp_path, 1, 150, [gap])["findings"][0]
-    assert (first["effect"], first["site"]) == ("lost_motion_gravity", {"joint": 3})
+    gap = {"effect": "lost_motion_gravity", "site": {"joint": 5}, "p": {"gap": 0.06 * DEG, "soft_nm": 0.5}}
+    first = diagnosed(tmp_path, 2, 150, [gap])["findings"][0]
+    assert (first["effect"], first["site"]) == ("lost_motion_gravity", {"joint": 5})
+
+
+def test_a_joint_may_be_soft_up_to_a_kink(tmp_path: Path) -> None:
+    """As data sheets of strain-wave gears have it; smooth shapes do not follow, and nothing was named here."""
+    soft = {"shape": "soft_start", "scale_nm": 30.634, "until": 0.7, "size": 0.06 * DEG}
+    first = diagnosed(tmp_path, 4, 150, [{"effect": "nonlinear_stiffness", "site": {"joint": 2}, "p": soft}])[
+        "findings"
+    ][0]
+    assert (first["effect"], first["site"]) == ("nonlinear_stiffness", {"joint": 2})
 
 
 @pytest.mark.parametrize("noise", ["ar1", "wander"])
@@ -554,7 +563,7 @@ def test_noise_that_remembers_itself_is_no_effect(tmp_path: Path, noise: str) ->
 
 
 def test_a_slow_effect_is_no_noise(tmp_path: Path) -> None:
-    drift = {"effect": "tool_drift", "site": {"tool": True}, "p": {"by": [0.0, 0.03 * MM, 0.0]}}
+    drift = {"effect": "tool_drift", "site": {"tool": True}, "p": {"by": [0.03 * MM, 0.02 * MM, -0.03 * MM]}}
     answer = diagnosed(tmp_path, 2, 300, [drift])
     assert [(f["effect"], f["site"]) for f in answer["findings"]] == [("tool_drift", {"tool": True})]
     assert not any("noise remembers itself" in c for c in answer["cautions"])

@@ -34,8 +34,11 @@ fn ask(r: &Recorded<'_>) -> Asked {
             ("soft", Shape::SoftSign { scale: 1.25 * load }),
             ("soft_twice", Shape::SoftSign { scale: 2.5 * load }),
             ("kink_third", Shape::Clip { at: load / 3.0 }),
+            ("kink_half", Shape::Clip { at: load / 2.0 }),
             ("kink_two_thirds", Shape::Clip { at: load / 1.5 }),
-            ("kink", Shape::Clip { at: 1.25 * load }),
+            ("kink_below", Shape::Clip { at: 0.85 * load }),
+            ("kink", Shape::Clip { at: load }),
+            ("kink_above", Shape::Clip { at: 1.2 * load }),
         ];
         for (name, shape) in shapes {
             let at_load = shape.at(load).0.abs();

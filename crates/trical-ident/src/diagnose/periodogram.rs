@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use trical_model::{Basis, Shape, Site, Term, Variable};
 
 use super::catalogue::{Candidate, anything};
-use super::design::Design;
+use super::design::Linear;
 use super::effects::gear_ripple::ripple;
 use super::locators::{LARGE, PRICE, UNEXPLAINED, name};
 use crate::dataset::Dataset;
@@ -99,7 +99,7 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
             log_prior: 0.0,
         })
         .collect();
-    let design = Design::new(&fitted.model, &columns, data, &fitted.noise)?;
+    let linear = Linear::new(&fitted.model, false, &columns, &[], data, &fitted.noise)?;
     let poses = data.used_poses();
     let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
     for o in &data.observations {
@@ -114,10 +114,10 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
                 push: vec![0.0; poses.len()],
                 weight: vec![0.0; poses.len()],
             };
-            for (row, pose) in design.pose_of_row.iter().enumerate() {
+            for (row, pose) in linear.pose_of_row.iter().enumerate() {
                 if let Ok(k) = poses.binary_search(pose) {
-                    let c = design.column_at(row, joint);
-                    a.push[k] += c * design.residual_at(row);
+                    let c = linear.column_at(row, joint);
+                    a.push[k] += c * linear.residual[row];
                     a.weight[k] += c * c;
                 }
             }

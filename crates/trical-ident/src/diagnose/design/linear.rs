@@ -1,0 +1,379 @@
+//! The linearized fit itself: residual, derivatives to the fitted parameters, and the columns of the candidates.
+//!
+//! Most columns are one direction of their site at a measurement times a number that their basis says: they are stored as that
+//! number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatRef, Par};
+use pulp::Arch;
+use rayon::prelude::*;
+use trical_model::{Basis, Forward, Model, Site, residual_rows};
+
+use super::super::catalogue::Candidate;
+use crate::dataset::Dataset;
+use crate::error::Result;
+use crate::noise::Noise;
+
+/// Columns of one piece of a product.
+const PIECE: usize = 256;
+
+/// Columns on the other side of a product that are taken at once.
+const BATCH: usize = 64;
+
+/// Largest part of a column's length beside its site's direction that is rounding.
+const ROUNDING: f64 = 1e-13;
+
+/// Most rows of a measurement.
+const MOST_ROWS: usize = 6;
+
+/// A fit, linearized: all weighted by the noise.
+pub(in super::super) struct Linear {
+    /// Residual of each row, predicted minus measured.
+    pub residual: Vec<f64>,
+    /// Pose of each row.
+    pub pose_of_row: Vec<usize>,
+    /// Standard deviation (0 for rotations, which have no part in position errors) and observation of each row.
+    pub sigma_of_row: Vec<(f64, usize)>,
+    /// Derivatives to the fitted parameters, `rows x parameters`.
+    pub jacobian: Mat<f64>,
+    /// First row of each observation, and one past the last.
+    first_row: Vec<usize>,
+    /// How many candidate columns.
+    width: usize,
+    /// Where each column is stored: columns of one family stand together.
+    place: Vec<usize>,
+    /// What its basis says of each column, `observations x width`, row-major, by place.
+    says: Vec<f64>,
+    /// Places of each family.
+    families: Vec<(usize, usize)>,
+    /// Family of each place.
+    family: Vec<usize>,
+    /// Unit direction of each family at each observation, `rows x families`.
+    directions: Mat<f64>,
+    /// By place: columns that are not along their family's direction, all rows. What `says` has for them is zero.
+    whole: Vec<Option<Vec<f64>>>,
+}
+
+impl Linear {
+    /// Linearizes `model` with the terms of the candidates at zero; without its own terms (`parameters` false) there is no
+    /// Jacobian. A candidate with weights has them multiplied in, for each of its columns one for each observation.
+    pub fn new(
+        model: &Model,
+        parameters: bool,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        data: &Dataset,
+        noise: &Noise,
+    ) -> Result<Self> {
+        let own = model.terms.len();
+        let p = if parameters { own } else { 0 };
+        let terms: Vec<_> = candidates.iter().flat_map(|c| &c.terms).collect();
+        let width = terms.len();
+        let mut kinds: Vec<(Site, bool)> = Vec::new();
+        let mut by_family: Vec<(usize, usize)> = Vec::with_capacity(width);
+        for (column, t) in terms.iter().enumerate() {
+            // what is constant acts through torques too, what is not does not
+            let kind = (t.site, t.basis == Basis::CONSTANT);
+            let family = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
+                kinds.push(kind);
+                kinds.len() - 1
+            });
+            by_family.push((family, column));
+        }
+        by_family.sort_unstable();
+        let mut place = vec![0; width];
+        let mut families = vec![(0, 0); kinds.len()];
+        for (at, (family, column)) in by_family.iter().enumerate() {
+            place[*column] = at;
+            if families[*family].1 == 0 {
+                families[*family].0 = at;
+            }
+            families[*family].1 = at + 1;
+        }
+        let mut factors: Vec<(usize, &[f64])> = Vec::new();
+        let mut column = 0;
+        for (k, c) in candidates.iter().enumerate() {
+            for (j, weights) in weights.get(k).into_iter().flatten().enumerate() {
+                factors.push((place[column + j], weights));
+            }
+            column += c.terms.len();
+        }
+        let mut wide = model.clone();
+        wide.terms.extend(by_family.iter().map(|(_, column)| terms[*column].clone()));
+        let forward = Forward::new(wide, (own - p..own + width).collect())?;
+        let total = p + width;
+
+        let count = data.observations.len();
+        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let mut all = Self {
+            residual: vec![0.0; rows],
+            pose_of_row: vec![0; rows],
+            sigma_of_row: Vec::with_capacity(rows),
+            jacobian: Mat::zeros(rows, p),
+            first_row: vec![0],
+            width,
+            place,
+            says: vec![0.0; count * width],
+            family: by_family.iter().map(|(family, _)| *family).collect(),
+            directions: Mat::zeros(rows, families.len()),
+            families,
+            whole: vec![None; width],
+        };
+        let mut ws = forward.workspace();
+        let mut block = vec![0.0; MOST_ROWS * total];
+        let mut along = Along::new(width);
+        let mut row = 0;
+        for (index, o) in data.observations.iter().enumerate() {
+            if index % 64 == 0 {
+                trical_model::interrupt::checkpoint()?;
+            }
+            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
+            for k in 0..n {
+                let sigma = noise.sigma(o.recording, &o.measured, k);
+                let s = 1.0 / sigma;
+                // rotations of a pose are fitted, but a position error has no part in them
+                all.sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
+                all.residual[row + k] = ws.residual()[k] * s;
+                all.pose_of_row[row + k] = o.pose;
+                let line = &mut block[k * total..(k + 1) * total];
+                for v in line.iter_mut() {
+                    *v *= s;
+                }
+                for (j, v) in line[..p].iter().enumerate() {
+                    all.jacobian[(row + k, j)] = *v;
+                }
+            }
+            let lines: Vec<&[f64]> = (0..n).map(|k| &block[k * total + p..(k + 1) * total]).collect();
+            all.take(&lines, index, row, &factors, &mut along);
+            row += n;
+            all.first_row.push(row);
+        }
+        Ok(all)
+    }
+
+    /// Takes an observation's part of all columns.
+    fn take(&mut self, lines: &[&[f64]], index: usize, row: usize, factors: &[(usize, &[f64])], along: &mut Along) {
+        let Self { directions, families, says, width, .. } = self;
+        let says = &mut says[index * *width..(index + 1) * *width];
+        Arch::new().dispatch(Squares { lines, squares: &mut along.squares });
+        for (family, (from, to)) in families.iter().enumerate() {
+            let squares = &along.squares[*from..*to];
+            let longest = (0..squares.len()).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+            let length = squares[longest].sqrt();
+            let mut direction = [0.0; MOST_ROWS];
+            if length > 0.0 {
+                for (k, line) in lines.iter().enumerate() {
+                    direction[k] = line[from + longest] / length;
+                    directions[(row + k, family)] = direction[k];
+                }
+            }
+            Arch::new().dispatch(Onto {
+                lines,
+                from: *from,
+                direction,
+                says: &mut says[*from..*to],
+                beside: &mut along.beside[*from..*to],
+            });
+        }
+        let beside = along.squares.iter().zip(&along.beside);
+        let crooked: Vec<usize> =
+            beside.enumerate().filter(|(_, (s, b))| **b > ROUNDING * ROUNDING * **s).map(|(at, _)| at).collect();
+        for at in crooked {
+            if self.whole[at].is_none() {
+                self.make_whole(at, index);
+            }
+        }
+        for (at, whole) in self.whole.iter_mut().enumerate() {
+            if let Some(whole) = whole {
+                self.says[index * self.width + at] = 0.0;
+                for (k, line) in lines.iter().enumerate() {
+                    whole[row + k] = line[at];
+                }
+            }
+        }
+        for (at, weights) in factors {
+            self.says[index * self.width + at] *= weights[index];
+            if let Some(whole) = &mut self.whole[*at] {
+                whole[row..row + lines.len()].iter_mut().for_each(|v| *v *= weights[index]);
+            }
+        }
+    }
+
+    /// A column that turns out not to be along its family's direction at observation `before`.
+    fn make_whole(&mut self, at: usize, before: usize) {
+        let mut whole = vec![0.0; self.residual.len()];
+        for i in 0..before {
+            let says = std::mem::take(&mut self.says[i * self.width + at]);
+            for (row, v) in whole.iter_mut().enumerate().take(self.first_row[i + 1]).skip(self.first_row[i]) {
+                *v = says * self.directions[(row, self.family[at])];
+            }
+        }
+        self.whole[at] = Some(whole);
+    }
+
+    /// Rows (scalars).
+    pub fn rows(&self) -> usize {
+        self.residual.len()
+    }
+
+    /// Entry of a column in a row.
+    pub fn column_at(&self, row: usize, column: usize) -> f64 {
+        let at = self.place[column];
+        match &self.whole[at] {
+            Some(whole) => whole[row],
+            None => {
+                let observation = self.sigma_of_row[row].1;
+                self.says[observation * self.width + at] * self.directions[(row, self.family[at])]
+            }
+        }
+    }
+
+    /// A column, all rows.
+    pub fn column(&self, column: usize) -> Vec<f64> {
+        (0..self.rows()).map(|row| self.column_at(row, column)).collect()
+    }
+
+    /// `X'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
+    pub fn products(&self, with: MatRef<'_, f64>) -> Mat<f64> {
+        let k = with.ncols();
+        let mut all = Mat::<f64>::zeros(self.width, k);
+        for first in (0..k).step_by(BATCH) {
+            let with = with.subcols(first, BATCH.min(k - first));
+            let pieces: Vec<(usize, usize)> = (0..self.families.len())
+                .flat_map(|f| (self.families[f].0..self.families[f].1).step_by(PIECE).map(move |from| (f, from)))
+                .collect();
+            let products: Vec<Mat<f64>> = pieces
+                .par_iter()
+                .map(|(family, from)| self.piece(*family, *from, PIECE.min(self.families[*family].1 - from), with))
+                .collect();
+            let mut by_place: Vec<(usize, usize)> = vec![(0, 0); self.width];
+            for (piece, (_, from)) in pieces.iter().enumerate() {
+                for k in 0..products[piece].nrows() {
+                    by_place[from + k] = (piece, k);
+                }
+            }
+            for j in 0..with.ncols() {
+                for (v, at) in all.col_as_slice_mut(first + j).iter_mut().zip(&self.place) {
+                    let (piece, k) = by_place[*at];
+                    *v = products[piece][(k, j)];
+                }
+            }
+        }
+        all
+    }
+
+    /// Products of `count` places of a family.
+    fn piece(&self, family: usize, from: usize, count: usize, with: MatRef<'_, f64>) -> Mat<f64> {
+        let observations = self.first_row.len() - 1;
+        let direction = self.directions.col_as_slice(family);
+        let along = Mat::from_fn(observations, with.ncols(), |i, j| {
+            (self.first_row[i]..self.first_row[i + 1]).map(|row| direction[row] * with[(row, j)]).sum::<f64>()
+        });
+        let mut out = Mat::<f64>::zeros(count, with.ncols());
+        let says = MatRef::from_row_major_slice(&self.says, observations, self.width).subcols(from, count);
+        matmul(out.as_mut(), Accum::Replace, says.transpose(), along.as_ref(), 1.0, Par::Seq);
+        for k in 0..count {
+            if let Some(whole) = &self.whole[from + k] {
+                for j in 0..with.ncols() {
+                    out[(k, j)] = whole.iter().enumerate().map(|(row, v)| v * with[(row, j)]).sum();
+                }
+            }
+        }
+        out
+    }
+
+    /// Inner products of the columns `from..to` with each other: row by row of the lower triangle, diagonal included.
+    pub fn products_among(&self, from: usize, to: usize) -> Vec<f64> {
+        let mut out = Vec::with_capacity((to - from) * (to - from + 1) / 2);
+        let any_whole = (from..to).any(|a| self.whole[self.place[a]].is_some());
+        let observations = self.first_row.len() - 1;
+        let columns: Vec<Vec<f64>> = (from..to)
+            .map(|a| {
+                if any_whole {
+                    return self.column(a);
+                }
+                let at = self.place[a];
+                (0..observations).map(|o| self.says[o * self.width + at]).collect()
+            })
+            .collect();
+        for i in 0..to - from {
+            for j in 0..=i {
+                let [a, b] = [i, j].map(|k| self.family[self.place[from + k]]);
+                let products = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b);
+                out.push(if any_whole || a == b {
+                    products.sum()
+                } else {
+                    let [u, v] = [a, b].map(|family| self.directions.col_as_slice(family));
+                    let between =
+                        |o: usize| (self.first_row[o]..self.first_row[o + 1]).map(|r| u[r] * v[r]).sum::<f64>();
+                    products.enumerate().map(|(o, product)| product * between(o)).sum()
+                });
+            }
+        }
+        out
+    }
+}
+
+/// What the parts of all columns at one observation are beside their families' directions.
+struct Along {
+    squares: Vec<f64>,
+    beside: Vec<f64>,
+}
+
+impl Along {
+    fn new(width: usize) -> Self {
+        Self { squares: vec![0.0; width], beside: vec![0.0; width] }
+    }
+}
+
+/// Squared lengths of some rows' columns.
+struct Squares<'a> {
+    lines: &'a [&'a [f64]],
+    squares: &'a mut [f64],
+}
+
+impl pulp::NullaryFnOnce for Squares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.squares.fill(0.0);
+        for line in self.lines {
+            for (s, v) in self.squares.iter_mut().zip(*line) {
+                *s += v * v;
+            }
+        }
+    }
+}
+
+/// The parts of a family's columns along its direction, and the squared length of what is beside it.
+struct Onto<'a> {
+    lines: &'a [&'a [f64]],
+    from: usize,
+    direction: [f64; MOST_ROWS],
+    says: &'a mut [f64],
+    beside: &'a mut [f64],
+}
+
+impl pulp::NullaryFnOnce for Onto<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { lines, from, direction, says, beside } = self;
+        let n = says.len();
+        says.fill(0.0);
+        for (line, d) in lines.iter().zip(direction) {
+            for (s, v) in says.iter_mut().zip(&line[from..from + n]) {
+                *s += v * d;
+            }
+        }
+        beside.fill(0.0);
+        for (line, d) in lines.iter().zip(direction) {
+            for ((b, s), v) in beside.iter_mut().zip(&*says).zip(&line[from..from + n]) {
+                let left = v - s * d;
+                *b += left * left;
+            }
+        }
+    }
+}

@@ -2,7 +2,7 @@
 //! pair and swap check, backward elimination.
 
 use super::catalogue::Candidate;
-use super::design::{Company, Design, Stage};
+use super::design::{Company, Design, Stage, Without};
 use rayon::prelude::*;
 use trical_model::interrupt::stop_wanted;
 
@@ -22,6 +22,10 @@ const FIRST: usize = 64;
 /// Pairs are merged among at most so many.
 const MERGED: usize = 12;
 
+/// Evidence that differs by less, nats, is the same: rounding must not decide between columns that are (steps between which no row
+/// is left).
+const SAME: f64 = 1e-6;
+
 /// Leaner candidates that are tried, with another one, in the place of a rich one.
 const LEANER: usize = 3;
 
@@ -33,7 +37,7 @@ struct Member {
     best: Option<Ranked>,
     lean: Vec<Ranked>,
     /// The stage with the others.
-    stage: Stage,
+    without: Without,
 }
 
 /// The search on one design.
@@ -109,7 +113,9 @@ impl Search<'_> {
             .with_min_len(256)
             .filter_map(|c| self.evidence(stage, c))
             .collect();
-        let order = |a: &Ranked, b: &Ranked| b.evidence.total_cmp(&a.evidence).then(a.candidate.cmp(&b.candidate));
+        let order = |a: &Ranked, b: &Ranked| {
+            whole(b.evidence).total_cmp(&whole(a.evidence)).then(a.candidate.cmp(&b.candidate))
+        };
         let first = FIRST.min(all.len());
         if first < all.len() {
             all.select_nth_unstable_by(first, order);
@@ -137,6 +143,13 @@ impl Search<'_> {
             self.design.add(&mut stage, *c);
         }
         stage
+    }
+
+    /// The stage of a company without some of its set.
+    #[must_use]
+    pub fn without(&self, company: &Company<'_>, start: &Stage, own: &[usize]) -> Without {
+        let rest: Vec<usize> = company.set().iter().copied().filter(|c| !own.contains(c)).collect();
+        self.among(start, &rest, |few, start| company.without(own, &few.with(start, &rest)))
     }
 
     /// Whether two candidates are one effect at one site, differing in a scan point only.
@@ -283,7 +296,7 @@ impl Search<'_> {
         for _ in 0..2 {
             let mut wishes: Vec<(f64, usize, Vec<usize>)> = Vec::new();
             let set = chosen.clone();
-            let company = Company::new(self.design, start, &set);
+            let mut company = Company::new(self.design, start, &set);
             let mut likes: Vec<(usize, Stage)> = Vec::new();
             self.among(start, &set, |few, start| {
                 few.without_each(start, &set, &mut |own, like| likes.push((own, like.clone())));
@@ -292,12 +305,12 @@ impl Search<'_> {
                 .into_par_iter()
                 .filter_map(|(own, like)| self.asked(own, company.without(&[own], &like), &set))
                 .collect();
-            self.design.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
-            for found in members.par_iter().map(|m| self.wishes(m, &set)).collect::<Vec<_>>() {
+            company.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
+            for found in members.par_iter().map(|m| self.wishes(&company, m, &set)).collect::<Vec<_>>() {
                 wishes.extend(found);
             }
             // the best wish first; wishes that were made beside each other are checked together
-            wishes.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            wishes.sort_by(|a, b| whole(b.0).total_cmp(&whole(a.0)).then(a.1.cmp(&b.1)));
             let mut changed = false;
             for (_, own, new) in wishes.into_iter().take(6) {
                 if !chosen.contains(&own) || new.iter().any(|n| chosen.contains(n)) {
@@ -305,7 +318,7 @@ impl Search<'_> {
                 }
                 let mut proposal: Vec<usize> = chosen.iter().filter(|c| **c != own).copied().collect();
                 proposal.extend(new);
-                if self.total(start, &proposal) > self.total(start, chosen) + 1e-6 {
+                if self.total(start, &proposal) > self.total(start, chosen) + SAME {
                     *chosen = proposal;
                     changed = true;
                 }
@@ -317,12 +330,12 @@ impl Search<'_> {
     }
 
     /// What could be in the place of a member of a set, at a stage without it.
-    fn asked(&self, own: usize, stage: Stage, set: &[usize]) -> Option<Member> {
-        let now = self.evidence(&stage, own)?.evidence;
+    fn asked(&self, own: usize, without: Without, set: &[usize]) -> Option<Member> {
+        let now = self.evidence(&without.stage, own)?.evidence;
         let size = |k: usize| self.candidates[k].terms.len();
         let wanted = if size(own) > 1 { LEANER } else { 0 };
         let (mut best, mut lean) = (None, Vec::new());
-        for r in self.best(&stage) {
+        for r in self.best(&without.stage) {
             let new = !set.contains(&r.candidate);
             if best.is_none() && (new || r.candidate == own) {
                 best = Some(r);
@@ -334,25 +347,25 @@ impl Search<'_> {
                 break;
             }
         }
-        Some(Member { own, now, best, lean, stage })
+        Some(Member { own, now, best, lean, without })
     }
 
     /// Which replacements of a member are better than it, and by how much.
-    fn wishes(&self, member: &Member, set: &[usize]) -> Vec<(f64, usize, Vec<usize>)> {
-        let Member { own, now, best, lean, stage } = member;
+    fn wishes(&self, company: &Company<'_>, member: &Member, set: &[usize]) -> Vec<(f64, usize, Vec<usize>)> {
+        let Member { own, now, best, lean, without } = member;
         let mut wishes = Vec::new();
         if let Some(best) = best
             && best.candidate != *own
-            && best.evidence > now + 1e-6
+            && best.evidence > now + SAME
         {
             wishes.push((best.evidence - now, *own, vec![best.candidate]));
         }
         for first in lean {
-            let after = self.with(stage, &[first.candidate]);
+            let after = company.with(without, first.candidate);
             let second = self.best(&after).find(|r| !set.contains(&r.candidate));
             if let Some(second) = second
                 && second.evidence > THRESHOLD
-                && first.evidence + second.evidence > now + 1e-6
+                && first.evidence + second.evidence > now + SAME
             {
                 let gain = first.evidence + second.evidence - now;
                 wishes.push((gain, *own, vec![first.candidate, second.candidate]));
@@ -375,7 +388,7 @@ impl Search<'_> {
                 let now = self.total(&stage, &some);
                 let one = self.best(&stage).find(|r| !chosen.contains(&r.candidate));
                 if let Some(one) = one
-                    && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
+                    && one.evidence > now + best.as_ref().map_or(0.0, |b| b.0) + SAME
                 {
                     let mut proposal = rest;
                     proposal.push(one.candidate);
@@ -412,20 +425,28 @@ impl Search<'_> {
                 sites.push(site);
             }
         }
-        for site in sites {
-            let (here, rest): (Vec<usize>, Vec<usize>) =
-                chosen.iter().partition(|c| self.candidates[**c].site == *site);
-            if here.len() < 2 {
-                continue;
-            }
-            let stage = self.with(start, &rest);
-            let now = self.total(&stage, &here);
-            let one = self.best(&stage).find(|r| self.candidates[r.candidate].site == *site);
-            if let Some(one) = one
-                && one.evidence > now + 1e-6
-            {
-                *chosen = rest;
-                chosen.push(one.candidate);
+        sites.retain(|site| chosen.iter().filter(|c| self.candidates[**c].site == **site).count() > 1);
+        let mut asked = 0;
+        while asked < sites.len() && !stop_wanted() {
+            let set = chosen.clone();
+            let company = Company::new(self.design, start, &set);
+            for site in &sites[asked..] {
+                asked += 1;
+                let (here, rest): (Vec<usize>, Vec<usize>) =
+                    set.iter().partition(|c| self.candidates[**c].site == **site);
+                if here.len() < 2 {
+                    continue;
+                }
+                let stage = self.without(&company, start, &here).stage;
+                let now = self.total(&stage, &here);
+                let one = self.best(&stage).find(|r| self.candidates[r.candidate].site == **site);
+                if let Some(one) = one
+                    && one.evidence > now + SAME
+                {
+                    *chosen = rest;
+                    chosen.push(one.candidate);
+                    break;
+                }
             }
         }
     }
@@ -437,7 +458,7 @@ impl Search<'_> {
             self.among(start, chosen, |few, start| {
                 few.without_each(start, chosen, &mut |own, stage| {
                     let evidence = few.evidence(stage, own).map_or(f64::NEG_INFINITY, |r| r.evidence);
-                    if worst.is_none_or(|(_, e)| evidence < e) {
+                    if worst.is_none_or(|(_, e)| evidence < e - SAME) {
                         worst = Some((own, evidence));
                     }
                 });
@@ -448,4 +469,9 @@ impl Search<'_> {
             }
         }
     }
+}
+
+/// Evidence in units of [`SAME`].
+fn whole(evidence: f64) -> f64 {
+    (evidence / SAME).round()
 }

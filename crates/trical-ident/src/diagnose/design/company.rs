@@ -8,6 +8,7 @@
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, Par};
+use rayon::prelude::*;
 
 use super::Design;
 use super::stage::{Part, Stage, cholesky, forward_substitution};
@@ -25,6 +26,16 @@ pub struct Company<'a> {
     z: Mat<f64>,
     /// The residual's parts along the columns that were added.
     d: Vec<f64>,
+    /// What the full stage leaves of the inner products of candidates that are not in the set, `width x k`, by candidate.
+    others: Vec<(usize, Vec<Vec<f64>>)>,
+}
+
+/// A stage without some of a company.
+pub struct Without {
+    /// The stage.
+    pub stage: Stage,
+    /// So many of what it consists of are the company's.
+    common: usize,
 }
 
 impl<'a> Company<'a> {
@@ -52,7 +63,13 @@ impl<'a> Company<'a> {
         let mut z = Mat::<f64>::zeros(design.width, m);
         matmul(z.as_mut(), Accum::Replace, w.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
         let (columns, d) = added.iter().map(|a| (a.column, a.d)).unzip();
-        Self { design, start, set, columns, d, full, inverse, z }
+        Self { design, start, set, columns, d, full, inverse, z, others: Vec::new() }
+    }
+
+    /// The set.
+    #[must_use]
+    pub fn set(&self) -> &[usize] {
+        self.set
     }
 
     /// The stage with all of the set.
@@ -64,7 +81,7 @@ impl<'a> Company<'a> {
     /// The stage without the candidates `own`. How many parameters it has depends on the order in which the others were added:
     /// `like` is a stage of a narrowed design with the others, on a start that was narrowed with it.
     #[must_use]
-    pub fn without(&self, own: &[usize], like: &Stage) -> Stage {
+    pub fn without(&self, own: &[usize], like: &Stage) -> Without {
         let is_own = |a: usize| own.iter().any(|c| (self.design.spans[*c].0..self.design.spans[*c].1).contains(&a));
         let out: Vec<usize> = (0..self.columns.len()).filter(|k| is_own(self.columns[*k])).collect();
         if like.added.len() + out.len() != self.columns.len() {
@@ -73,7 +90,7 @@ impl<'a> Company<'a> {
             for c in self.set.iter().filter(|c| !own.contains(c)) {
                 self.design.add(&mut stage, *c);
             }
-            return stage;
+            return Without { stage, common: 0 };
         }
         let k = out.len();
         let of = |i: usize| self.inverse.col_as_slice(out[i]);
@@ -97,6 +114,32 @@ impl<'a> Company<'a> {
         }
         stage.added.retain(|a| !is_own(a.column));
         (stage.ss, stage.parameters) = (like.ss, like.parameters);
+        Without { stage, common: self.full.parts.len() }
+    }
+
+    /// Makes ready to add candidates to stages without some of the set: what the others of the set leave of them is worked out
+    /// once for all such stages.
+    pub fn prepare(&mut self, candidates: &[usize]) {
+        self.design.prepare(candidates);
+        let mut new: Vec<usize> =
+            candidates.iter().copied().filter(|c| self.others.iter().all(|(known, _)| known != c)).collect();
+        new.sort_unstable();
+        new.dedup();
+        let full = &self.full;
+        let left: Vec<_> = new.into_par_iter().map(|c| (c, self.design.orthogonal(&full.parts, c))).collect();
+        self.others.extend(left);
+    }
+
+    /// `without` with a candidate added.
+    #[must_use]
+    pub fn with(&self, without: &Without, candidate: usize) -> Stage {
+        let mut stage = without.stage.clone();
+        match self.others.iter().find(|(c, _)| *c == candidate) {
+            Some((_, left)) if without.common > 0 => {
+                self.design.add_left(&mut stage, candidate, left.clone(), without.common);
+            }
+            _ => self.design.add(&mut stage, candidate),
+        }
         stage
     }
 }

@@ -41,7 +41,9 @@ impl HeldOut {
             .map(|a| {
                 p + self.columns.iter().position(|known| known == a).unwrap_or_else(|| {
                     self.columns.push(*a);
-                    self.entries.extend(linear.column(*a));
+                    let from = self.entries.len();
+                    self.entries.resize(from + linear.rows(), 0.0);
+                    linear.column(*a, &mut self.entries[from..]);
                     self.columns.len() - 1
                 })
             })
@@ -61,7 +63,13 @@ impl HeldOut {
         let from = fold.gram.len();
         if from < count {
             let new = &self.entries[from * rows..];
-            let seen = Mat::from_fn(rows, count - from, |i, j| if fold.train[i] { new[j * rows + i] } else { 0.0 });
+            let mut seen = Mat::<f64>::zeros(rows, count - from);
+            for j in 0..count - from {
+                let of = new[j * rows..].iter().zip(&fold.train);
+                for (v, (x, train)) in seen.col_as_slice_mut(j).iter_mut().zip(of) {
+                    *v = if *train { *x } else { 0.0 };
+                }
+            }
             let mut products = Mat::<f64>::zeros(count, count - from);
             let all = MatRef::from_column_major_slice(&self.entries, rows, count);
             matmul(products.as_mut(), Accum::Replace, all.transpose(), seen.as_ref(), 1.0, Par::Seq);

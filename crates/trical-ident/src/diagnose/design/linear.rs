@@ -3,6 +3,8 @@
 //! Most columns are one direction of their site at a measurement times a number that their basis says: they are stored as that
 //! number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
 
+use std::ops::Range;
+
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use pulp::Arch;
@@ -15,7 +17,7 @@ use crate::error::Result;
 use crate::noise::Noise;
 
 /// Columns of one piece of a product.
-const PIECE: usize = 256;
+const PIECE: usize = 512;
 
 /// Columns on the other side of a product that are taken at once.
 const BATCH: usize = 64;
@@ -229,22 +231,35 @@ impl Linear {
     }
 
     /// A column, all rows.
-    pub fn column(&self, column: usize) -> Vec<f64> {
-        (0..self.rows()).map(|row| self.column_at(row, column)).collect()
+    pub fn column(&self, column: usize, out: &mut [f64]) {
+        let at = self.place[column];
+        if let Some(whole) = &self.whole[at] {
+            out.copy_from_slice(whole);
+            return;
+        }
+        let direction = self.directions.col_as_slice(self.family[at]);
+        for (i, rows) in self.first_row.windows(2).enumerate() {
+            let says = self.says[i * self.width + at];
+            for (v, d) in out[rows[0]..rows[1]].iter_mut().zip(&direction[rows[0]..rows[1]]) {
+                *v = says * d;
+            }
+        }
     }
 
     /// `X'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
-    pub fn products(&self, with: MatRef<'_, f64>) -> Mat<f64> {
+    pub fn products(&self, with: &Mat<f64>) -> Mat<f64> {
         let k = with.ncols();
         let mut all = Mat::<f64>::zeros(self.width, k);
         for first in (0..k).step_by(BATCH) {
-            let with = with.subcols(first, BATCH.min(k - first));
+            let some = first..k.min(first + BATCH);
             let pieces: Vec<(usize, usize)> = (0..self.families.len())
                 .flat_map(|f| (self.families[f].0..self.families[f].1).step_by(PIECE).map(move |from| (f, from)))
                 .collect();
             let products: Vec<Mat<f64>> = pieces
                 .par_iter()
-                .map(|(family, from)| self.piece(*family, *from, PIECE.min(self.families[*family].1 - from), with))
+                .map(|(family, from)| {
+                    self.piece(*family, *from, PIECE.min(self.families[*family].1 - from), with, some.clone())
+                })
                 .collect();
             let mut by_place: Vec<(usize, usize)> = vec![(0, 0); self.width];
             for (piece, (_, from)) in pieces.iter().enumerate() {
@@ -252,8 +267,8 @@ impl Linear {
                     by_place[from + k] = (piece, k);
                 }
             }
-            for j in 0..with.ncols() {
-                for (v, at) in all.col_as_slice_mut(first + j).iter_mut().zip(&self.place) {
+            for (j, column) in some.enumerate() {
+                for (v, at) in all.col_as_slice_mut(column).iter_mut().zip(&self.place) {
                     let (piece, k) = by_place[*at];
                     *v = products[piece][(k, j)];
                 }
@@ -262,20 +277,25 @@ impl Linear {
         all
     }
 
-    /// Products of `count` places of a family.
-    fn piece(&self, family: usize, from: usize, count: usize, with: MatRef<'_, f64>) -> Mat<f64> {
+    /// Products of `count` places of a family with some columns.
+    fn piece(&self, family: usize, from: usize, count: usize, with: &Mat<f64>, some: Range<usize>) -> Mat<f64> {
         let observations = self.first_row.len() - 1;
         let direction = self.directions.col_as_slice(family);
-        let along = Mat::from_fn(observations, with.ncols(), |i, j| {
-            (self.first_row[i]..self.first_row[i + 1]).map(|row| direction[row] * with[(row, j)]).sum::<f64>()
-        });
-        let mut out = Mat::<f64>::zeros(count, with.ncols());
+        let mut along = Mat::<f64>::zeros(observations, some.len());
+        for (j, column) in some.clone().enumerate() {
+            let with = with.col_as_slice(column);
+            for (sum, rows) in along.col_as_slice_mut(j).iter_mut().zip(self.first_row.windows(2)) {
+                let (d, w) = (&direction[rows[0]..rows[1]], &with[rows[0]..rows[1]]);
+                *sum = d.iter().zip(w).map(|(d, w)| d * w).sum();
+            }
+        }
+        let mut out = Mat::<f64>::zeros(count, some.len());
         let says = MatRef::from_row_major_slice(&self.says, observations, self.width).subcols(from, count);
         matmul(out.as_mut(), Accum::Replace, says.transpose(), along.as_ref(), 1.0, Par::Seq);
         for k in 0..count {
             if let Some(whole) = &self.whole[from + k] {
-                for j in 0..with.ncols() {
-                    out[(k, j)] = whole.iter().enumerate().map(|(row, v)| v * with[(row, j)]).sum();
+                for (j, column) in some.clone().enumerate() {
+                    out[(k, j)] = whole.iter().zip(with.col_as_slice(column)).map(|(v, w)| v * w).sum();
                 }
             }
         }
@@ -290,7 +310,9 @@ impl Linear {
         let columns: Vec<Vec<f64>> = (from..to)
             .map(|a| {
                 if any_whole {
-                    return self.column(a);
+                    let mut all = vec![0.0; self.rows()];
+                    self.column(a, &mut all);
+                    return all;
                 }
                 let at = self.place[a];
                 (0..observations).map(|o| self.says[o * self.width + at]).collect()

@@ -23,7 +23,7 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 use trical_model::Model;
 
-pub use company::Company;
+pub use company::{Company, Without};
 pub(super) use linear::Linear;
 pub use stage::{Gain, Stage};
 
@@ -101,7 +101,7 @@ impl Design {
             }
         }
         let ss = basis.col_as_slice(p).iter().map(|v| v * v).sum();
-        let products = linear.products(basis.as_ref());
+        let products = linear.products(&basis);
         let projected = Mat::from_fn(p, width, |i, a| products[(a, i)]);
         let b = products.col_as_slice(p).to_vec();
 
@@ -155,11 +155,9 @@ impl Design {
         }
         let mut of = Mat::<f64>::zeros(self.rows, columns.len());
         for (j, a) in columns.iter().enumerate() {
-            for (row, v) in of.col_as_slice_mut(j).iter_mut().enumerate() {
-                *v = linear.column_at(row, *a);
-            }
+            linear.column(*a, of.col_as_slice_mut(j));
         }
-        let mut all = linear.products(of.as_ref());
+        let mut all = linear.products(&of);
         let known = Mat::from_fn(self.parameters, columns.len(), |i, j| self.projected[(i, columns[j])]);
         matmul(all.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
         let mut at = 0;

@@ -113,23 +113,30 @@ impl Design {
 
     /// Adds a candidate to the basis.
     pub fn add(&self, stage: &mut Stage, candidate: usize) {
+        let left = self.orthogonal(&stage.parts, candidate);
+        self.add_left(stage, candidate, left, stage.parts.len());
+    }
+
+    /// What some parts leave of the inner products with each column of a candidate.
+    pub(super) fn orthogonal(&self, parts: &[Part], candidate: usize) -> Vec<Vec<f64>> {
         let (from, to) = self.spans[candidate];
-        let columns: Vec<usize> = (from..to).filter(|a| self.is_left(stage, *a)).collect();
         let gram = self.gram(candidate);
-        let mut after: Vec<Vec<f64>> = columns.iter().map(|a| gram.col_as_slice(a - from).to_vec()).collect();
-        // the loops that diagnoses spend their time in, compiled for the processor's vectors
-        Arch::new().dispatch(Orthogonal { w: &mut after, at: &columns, known: &stage.parts });
-        let before = stage.parts.len();
-        for (a, mut w) in columns.into_iter().zip(after) {
+        let mut left: Vec<Vec<f64>> = (0..gram.ncols()).map(|j| gram.col_as_slice(j).to_vec()).collect();
+        let columns: Vec<usize> = (from..to).collect();
+        Arch::new().dispatch(Orthogonal { w: &mut left, at: &columns, known: parts });
+        left
+    }
+
+    /// Adds a candidate, of whose inner products the first `done` parts of a stage have left `left`.
+    pub(super) fn add_left(&self, stage: &mut Stage, candidate: usize, left: Vec<Vec<f64>>, done: usize) {
+        let from = self.spans[candidate].0;
+        for (a, mut w) in (from..).zip(left) {
             // those of the same candidate before it may have taken all of it
             if !self.is_left(stage, a) {
                 continue;
             }
-            Arch::new().dispatch(Orthogonal {
-                w: std::slice::from_mut(&mut w),
-                at: &[a],
-                known: &stage.parts[before..],
-            });
+            let rest = Orthogonal { w: std::slice::from_mut(&mut w), at: &[a], known: &stage.parts[done..] };
+            Arch::new().dispatch(rest);
             let square = stage.left[a] + self.precision[a];
             let norm = square.sqrt();
             w.iter_mut().for_each(|v| *v /= norm);
@@ -255,7 +262,8 @@ impl Design {
     }
 }
 
-/// Takes what is known of them out of the columns `w` of inner products: no sum is reordered.
+/// Takes what is known of them out of the columns `w` of inner products: the loops that diagnoses spend their time in, compiled
+/// for the processor's vectors. No sum is reordered.
 struct Orthogonal<'a> {
     w: &'a mut [Vec<f64>],
     /// Which column each of them is.

@@ -85,7 +85,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let last = ErrorSummary::of(&cv(chosen));
     let forward = forward_in_time(&design, chosen, &poses);
 
-    let unknown = unknowns(&search, &start, &full, chosen);
+    let unknown = search.among(&start, chosen, |few, start| unknowns(few, start, &full, chosen));
     let mut findings = Vec::new();
     let mut grounds = Vec::new();
     let mut unexplained = Vec::new();

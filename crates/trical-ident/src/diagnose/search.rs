@@ -294,7 +294,6 @@ impl Search<'_> {
     /// twist hides in a wobble, but is one number instead of four).
     fn swap(&self, start: &Stage, chosen: &mut Vec<usize>) {
         for _ in 0..2 {
-            let mut wishes: Vec<(f64, usize, Vec<usize>)> = Vec::new();
             let set = chosen.clone();
             let mut company = Company::new(self.design, start, &set);
             let mut likes: Vec<(usize, Stage)> = Vec::new();
@@ -305,10 +304,12 @@ impl Search<'_> {
                 .into_par_iter()
                 .filter_map(|(own, like)| self.asked(own, company.without(&[own], &like), &set))
                 .collect();
-            company.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
-            for found in members.par_iter().map(|m| self.wishes(&company, m, &set)).collect::<Vec<_>>() {
-                wishes.extend(found);
+            if stop_wanted() {
+                return;
             }
+            company.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
+            let mut wishes: Vec<(f64, usize, Vec<usize>)> =
+                members.par_iter().flat_map_iter(|m| self.wishes(&company, m, &set)).collect();
             // the best wish first; wishes that were made beside each other are checked together
             wishes.sort_by(|a, b| whole(b.0).total_cmp(&whole(a.0)).then(a.1.cmp(&b.1)));
             let mut changed = false;

@@ -52,8 +52,10 @@ pub(in super::super) struct Linear {
     family: Vec<usize>,
     /// Unit direction of each family at each observation, `rows x families`.
     directions: Mat<f64>,
-    /// By place: columns that are not along their family's direction, all rows. What `says` has for them is zero.
-    whole: Vec<Option<Vec<f64>>>,
+    /// Columns that are not along their family's direction, all rows, and by place which of them it is. What `says` has for them is
+    /// zero.
+    whole: Mat<f64>,
+    whole_of: Vec<Option<usize>>,
 }
 
 impl Linear {
@@ -119,7 +121,8 @@ impl Linear {
             family: by_family.iter().map(|(family, _)| *family).collect(),
             directions: Mat::zeros(rows, families.len()),
             families,
-            whole: vec![None; width],
+            whole: Mat::zeros(rows, 0),
+            whole_of: vec![None; width],
         };
         let mut ws = forward.workspace();
         let mut block = vec![0.0; MOST_ROWS * total];
@@ -149,6 +152,13 @@ impl Linear {
             all.take(&lines, index, row, &factors, &mut along);
             row += n;
             all.first_row.push(row);
+        }
+        let whole: Vec<(usize, Vec<f64>)> =
+            along.whole.into_iter().enumerate().filter_map(|(at, whole)| Some((at, whole?))).collect();
+        all.whole = Mat::zeros(rows, whole.len());
+        for (k, (at, column)) in whole.into_iter().enumerate() {
+            all.whole.col_as_slice_mut(k).copy_from_slice(&column);
+            all.whole_of[at] = Some(k);
         }
         Ok(all)
     }
@@ -181,11 +191,11 @@ impl Linear {
         let crooked: Vec<usize> =
             beside.enumerate().filter(|(_, (s, b))| **b > ROUNDING * ROUNDING * **s).map(|(at, _)| at).collect();
         for at in crooked {
-            if self.whole[at].is_none() {
-                self.make_whole(at, index);
+            if along.whole[at].is_none() {
+                along.whole[at] = Some(self.whole_until(at, index));
             }
         }
-        for (at, whole) in self.whole.iter_mut().enumerate() {
+        for (at, whole) in along.whole.iter_mut().enumerate() {
             if let Some(whole) = whole {
                 self.says[index * self.width + at] = 0.0;
                 for (k, line) in lines.iter().enumerate() {
@@ -195,22 +205,22 @@ impl Linear {
         }
         for (at, weights) in factors {
             self.says[index * self.width + at] *= weights[index];
-            if let Some(whole) = &mut self.whole[*at] {
+            if let Some(whole) = &mut along.whole[*at] {
                 whole[row..row + lines.len()].iter_mut().for_each(|v| *v *= weights[index]);
             }
         }
     }
 
-    /// A column that turns out not to be along its family's direction at observation `before`.
-    fn make_whole(&mut self, at: usize, before: usize) {
+    /// The rows before observation `until` of a column that turns out not to be along its family's direction there.
+    fn whole_until(&mut self, at: usize, until: usize) -> Vec<f64> {
         let mut whole = vec![0.0; self.residual.len()];
-        for i in 0..before {
+        for i in 0..until {
             let says = std::mem::take(&mut self.says[i * self.width + at]);
             for (row, v) in whole.iter_mut().enumerate().take(self.first_row[i + 1]).skip(self.first_row[i]) {
                 *v = says * self.directions[(row, self.family[at])];
             }
         }
-        self.whole[at] = Some(whole);
+        whole
     }
 
     /// Rows (scalars).
@@ -221,8 +231,8 @@ impl Linear {
     /// Entry of a column in a row.
     pub fn column_at(&self, row: usize, column: usize) -> f64 {
         let at = self.place[column];
-        match &self.whole[at] {
-            Some(whole) => whole[row],
+        match self.whole_of[at] {
+            Some(whole) => self.whole[(row, whole)],
             None => {
                 let observation = self.sigma_of_row[row].1;
                 self.says[observation * self.width + at] * self.directions[(row, self.family[at])]
@@ -233,8 +243,8 @@ impl Linear {
     /// A column, all rows.
     pub fn column(&self, column: usize, out: &mut [f64]) {
         let at = self.place[column];
-        if let Some(whole) = &self.whole[at] {
-            out.copy_from_slice(whole);
+        if let Some(whole) = self.whole_of[at] {
+            out.copy_from_slice(self.whole.col_as_slice(whole));
             return;
         }
         let direction = self.directions.col_as_slice(self.family[at]);
@@ -248,25 +258,84 @@ impl Linear {
 
     /// `X'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
     pub fn products(&self, with: &Mat<f64>) -> Mat<f64> {
-        let k = with.ncols();
-        let mut all = Mat::<f64>::zeros(self.width, k);
-        for first in (0..k).step_by(BATCH) {
-            let some = first..k.min(first + BATCH);
-            let pieces: Vec<(usize, usize)> = (0..self.families.len())
-                .flat_map(|f| (self.families[f].0..self.families[f].1).step_by(PIECE).map(move |from| (f, from)))
-                .collect();
-            let products: Vec<Mat<f64>> = pieces
-                .par_iter()
-                .map(|(family, from)| {
-                    self.piece(*family, *from, PIECE.min(self.families[*family].1 - from), with, some.clone())
-                })
-                .collect();
-            let mut by_place: Vec<(usize, usize)> = vec![(0, 0); self.width];
-            for (piece, (_, from)) in pieces.iter().enumerate() {
-                for k in 0..products[piece].nrows() {
-                    by_place[from + k] = (piece, k);
+        self.products_with(with, |family, column, out| {
+            let of = (self.directions.col_as_slice(family), with.col_as_slice(column));
+            self.in_each_observation(of, out);
+        })
+    }
+
+    /// `X'Y` of all columns `X`, `width x k`, for some of them.
+    pub fn products_of(&self, columns: &[usize]) -> Mat<f64> {
+        let mut rows = Mat::<f64>::zeros(self.rows(), columns.len());
+        for (j, a) in columns.iter().enumerate() {
+            self.column(*a, rows.col_as_slice_mut(j));
+        }
+        // two columns along directions: what their bases say, times what the directions have in common
+        let mut sources: Vec<usize> = columns.iter().map(|a| self.family[self.place[*a]]).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        let families = self.families.len();
+        let common: Vec<Vec<f64>> = (0..sources.len() * families)
+            .into_par_iter()
+            .map(|k| {
+                let of = [sources[k / families], k % families].map(|family| self.directions.col_as_slice(family));
+                let mut out = vec![0.0; self.first_row.len() - 1];
+                self.in_each_observation((of[0], of[1]), &mut out);
+                out
+            })
+            .collect();
+        let says: Vec<Option<(usize, Vec<f64>)>> = columns
+            .iter()
+            .map(|a| {
+                let at = self.place[*a];
+                let source = sources.binary_search(&self.family[at]).ok().filter(|_| self.whole_of[at].is_none())?;
+                Some((source, (0..self.first_row.len() - 1).map(|o| self.says[o * self.width + at]).collect()))
+            })
+            .collect();
+        self.products_with(&rows, |family, column, out| match &says[column] {
+            Some((source, says)) => {
+                for ((v, s), c) in out.iter_mut().zip(says).zip(&common[source * families + family]) {
+                    *v = s * c;
                 }
             }
+            None => {
+                let of = (self.directions.col_as_slice(family), rows.col_as_slice(column));
+                self.in_each_observation(of, out);
+            }
+        })
+    }
+
+    /// Inner products of two columns of rows in each observation.
+    fn in_each_observation(&self, (a, b): (&[f64], &[f64]), out: &mut [f64]) {
+        for (sum, rows) in out.iter_mut().zip(self.first_row.windows(2)) {
+            *sum = a[rows[0]..rows[1]].iter().zip(&b[rows[0]..rows[1]]).map(|(a, b)| a * b).sum();
+        }
+    }
+
+    /// As [`Linear::products`]; `along` gives the inner products of a column of `with` with a family's direction in each observation.
+    fn products_with(&self, with: &Mat<f64>, along: impl Fn(usize, usize, &mut [f64]) + Sync) -> Mat<f64> {
+        let k = with.ncols();
+        let mut all = Mat::<f64>::zeros(self.width, k);
+        let pieces: Vec<(usize, Range<usize>)> = (0..self.families.len())
+            .flat_map(|f| {
+                let (first, end) = self.families[f];
+                (first..end).step_by(PIECE).map(move |from| (f, from..end.min(from + PIECE)))
+            })
+            .collect();
+        let mut by_place: Vec<(usize, usize)> = vec![(0, 0); self.width];
+        for (piece, (_, places)) in pieces.iter().enumerate() {
+            for (k, at) in places.clone().enumerate() {
+                by_place[at] = (piece, k);
+            }
+        }
+        for first in (0..k).step_by(BATCH) {
+            let some = first..k.min(first + BATCH);
+            let products: Vec<Mat<f64>> = pieces
+                .par_iter()
+                .map(|(family, places)| {
+                    self.piece(places.clone(), some.clone(), &|column, out| along(*family, column, out))
+                })
+                .collect();
             for (j, column) in some.enumerate() {
                 for (v, at) in all.col_as_slice_mut(column).iter_mut().zip(&self.place) {
                     let (piece, k) = by_place[*at];
@@ -274,38 +343,36 @@ impl Linear {
                 }
             }
         }
-        all
-    }
-
-    /// Products of `count` places of a family with some columns.
-    fn piece(&self, family: usize, from: usize, count: usize, with: &Mat<f64>, some: Range<usize>) -> Mat<f64> {
-        let observations = self.first_row.len() - 1;
-        let direction = self.directions.col_as_slice(family);
-        let mut along = Mat::<f64>::zeros(observations, some.len());
-        for (j, column) in some.clone().enumerate() {
-            let with = with.col_as_slice(column);
-            for (sum, rows) in along.col_as_slice_mut(j).iter_mut().zip(self.first_row.windows(2)) {
-                let (d, w) = (&direction[rows[0]..rows[1]], &with[rows[0]..rows[1]]);
-                *sum = d.iter().zip(w).map(|(d, w)| d * w).sum();
-            }
-        }
-        let mut out = Mat::<f64>::zeros(count, some.len());
-        let says = MatRef::from_row_major_slice(&self.says, observations, self.width).subcols(from, count);
-        matmul(out.as_mut(), Accum::Replace, says.transpose(), along.as_ref(), 1.0, Par::Seq);
-        for k in 0..count {
-            if let Some(whole) = &self.whole[from + k] {
-                for (j, column) in some.clone().enumerate() {
-                    out[(k, j)] = whole.iter().zip(with.col_as_slice(column)).map(|(v, w)| v * w).sum();
+        let mut whole = Mat::<f64>::zeros(self.whole.ncols(), k);
+        matmul(whole.as_mut(), Accum::Replace, self.whole.transpose(), with.as_ref(), 1.0, Par::Seq);
+        for (column, at) in self.place.iter().enumerate() {
+            if let Some(row) = self.whole_of[*at] {
+                for j in 0..k {
+                    all[(column, j)] = whole[(row, j)];
                 }
             }
         }
+        all
+    }
+
+    /// Products of some places of a family with some columns.
+    fn piece(&self, places: Range<usize>, some: Range<usize>, along: &dyn Fn(usize, &mut [f64])) -> Mat<f64> {
+        let observations = self.first_row.len() - 1;
+        let mut numbers = Mat::<f64>::zeros(observations, some.len());
+        for (j, column) in some.enumerate() {
+            along(column, numbers.col_as_slice_mut(j));
+        }
+        let mut out = Mat::<f64>::zeros(places.len(), numbers.ncols());
+        let says = MatRef::from_row_major_slice(&self.says, observations, self.width);
+        let says = says.subcols(places.start, places.len());
+        matmul(out.as_mut(), Accum::Replace, says.transpose(), numbers.as_ref(), 1.0, Par::Seq);
         out
     }
 
     /// Inner products of the columns `from..to` with each other: row by row of the lower triangle, diagonal included.
     pub fn products_among(&self, from: usize, to: usize) -> Vec<f64> {
         let mut out = Vec::with_capacity((to - from) * (to - from + 1) / 2);
-        let any_whole = (from..to).any(|a| self.whole[self.place[a]].is_some());
+        let any_whole = (from..to).any(|a| self.whole_of[self.place[a]].is_some());
         let observations = self.first_row.len() - 1;
         let columns: Vec<Vec<f64>> = (from..to)
             .map(|a| {
@@ -340,11 +407,13 @@ impl Linear {
 struct Along {
     squares: Vec<f64>,
     beside: Vec<f64>,
+    /// Columns that are not along it, all rows so far.
+    whole: Vec<Option<Vec<f64>>>,
 }
 
 impl Along {
     fn new(width: usize) -> Self {
-        Self { squares: vec![0.0; width], beside: vec![0.0; width] }
+        Self { squares: vec![0.0; width], beside: vec![0.0; width], whole: vec![None; width] }
     }
 }
 

@@ -153,11 +153,7 @@ impl Design {
         if columns.is_empty() {
             return;
         }
-        let mut of = Mat::<f64>::zeros(self.rows, columns.len());
-        for (j, a) in columns.iter().enumerate() {
-            linear.column(*a, of.col_as_slice_mut(j));
-        }
-        let mut all = linear.products(&of);
+        let mut all = linear.products_of(&columns);
         let known = Mat::from_fn(self.parameters, columns.len(), |i, j| self.projected[(i, columns[j])]);
         matmul(all.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
         let mut at = 0;

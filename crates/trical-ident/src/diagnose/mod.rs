@@ -76,12 +76,16 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
     let judge = work.judge(&design, &probes);
     let search = work.searcher(&design);
     let start = design.stage();
-    let full = search.with(&start, chosen);
-    let groups = ordered(&search, &start, grouped(candidates, chosen));
+    let company = design::Company::new(&design, &start, chosen);
+    let full = company.full().clone();
+    let groups = search.among(&start, chosen, |few, start| ordered(few, start, grouped(candidates, chosen)));
     let poses = kept.used_poses();
     let cv = |set: &[usize]| held_out(&design, set, &poses);
+    // first of all: fits of fewer find their sums in it
+    let last = ErrorSummary::of(&cv(chosen));
+    let forward = forward_in_time(&design, chosen, &poses);
 
-    let unknown = unknowns(&search, &start, &full, chosen);
+    let unknown = search.among(&start, chosen, |few, start| unknowns(few, start, &full, chosen));
     let mut findings = Vec::new();
     let mut grounds = Vec::new();
     let mut unexplained = Vec::new();
@@ -95,7 +99,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         so_far.extend(&group.members);
         let after = prove(&design, &so_far, &poses);
         let others: Vec<usize> = chosen.iter().filter(|c| !group.members.contains(c)).copied().collect();
-        let stage = search.with(&start, &others);
+        let stage = search.without(&company, &start, &group.members).stage;
         if candidates[group.members[0]].effect == locators::UNEXPLAINED {
             unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, [before, after], kept));
         } else {
@@ -150,9 +154,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
         lacks: Some(u.lacks.to_owned()),
     }));
     let errors = fitted.errors()?;
-    let last = ErrorSummary::of(&cv(chosen));
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, kept);
-    let forward = forward_in_time(&design, chosen, &poses);
     let diagnosis = Diagnosis {
         baseline: Baseline {
             parameters: arm_parameters(&baseline),

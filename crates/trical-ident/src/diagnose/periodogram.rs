@@ -1,13 +1,15 @@
 //! Which frequencies the error of each joint has: a score test for every whole number of cycles per turn, on the residual of
 //! the fit. Only a shortlist: what it finds is tried with the exact projection like every other candidate.
 
+use pulp::Arch;
 use rayon::prelude::*;
 use trical_model::{Basis, Shape, Site, Term, Variable};
 
 use super::catalogue::{Candidate, anything};
-use super::design::Design;
+use super::design::Linear;
 use super::effects::gear_ripple::ripple;
 use super::locators::{LARGE, PRICE, UNEXPLAINED, name};
+use super::memory::Memory;
 use crate::dataset::Dataset;
 use crate::error::Result;
 use crate::identify::Identified;
@@ -99,7 +101,7 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
             log_prior: 0.0,
         })
         .collect();
-    let design = Design::new(&fitted.model, &columns, data, &fitted.noise)?;
+    let linear = Linear::new(&fitted.model, false, &columns, &[], data, &fitted.noise, Memory::NONE)?;
     let poses = data.used_poses();
     let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
     for o in &data.observations {
@@ -114,16 +116,54 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
                 push: vec![0.0; poses.len()],
                 weight: vec![0.0; poses.len()],
             };
-            for (row, pose) in design.pose_of_row.iter().enumerate() {
+            for (row, pose) in linear.pose_of_row.iter().enumerate() {
                 if let Ok(k) = poses.binary_search(pose) {
-                    let c = design.column_at(row, joint);
-                    a.push[k] += c * design.residual_at(row);
+                    let c = linear.column_at(row, joint);
+                    a.push[k] += c * linear.residual[row];
                     a.weight[k] += c * c;
                 }
             }
             a
         })
         .collect())
+}
+
+/// Numbers that are summed beside each other, on every machine: the sums are the same to the last bit.
+const LANES: usize = 8;
+
+/// `(sum push sin)^2 + (sum push cos)^2` for `count` frequencies, the phases turned on from one to the next. All lengths are the
+/// same multiple of [`LANES`].
+struct Powers {
+    count: usize,
+    push: Vec<f64>,
+    sin: Vec<f64>,
+    cos: Vec<f64>,
+    turn_sin: Vec<f64>,
+    turn_cos: Vec<f64>,
+}
+
+impl pulp::NullaryFnOnce for Powers {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f64> {
+        let Self { count, push, mut sin, mut cos, turn_sin, turn_cos } = self;
+        let mut powers = Vec::with_capacity(count);
+        for _ in 0..count {
+            let (mut s, mut c) = ([0.0; LANES], [0.0; LANES]);
+            let turns = turn_sin.chunks_exact(LANES).zip(turn_cos.chunks_exact(LANES));
+            let phases = sin.chunks_exact_mut(LANES).zip(cos.chunks_exact_mut(LANES));
+            for ((push, (sin, cos)), (ts, tc)) in push.chunks_exact(LANES).zip(phases).zip(turns) {
+                for k in 0..LANES {
+                    s[k] += push[k] * sin[k];
+                    c[k] += push[k] * cos[k];
+                    (sin[k], cos[k]) = (sin[k] * tc[k] + cos[k] * ts[k], cos[k] * tc[k] - sin[k] * ts[k]);
+                }
+            }
+            powers.push(s.iter().sum::<f64>().powi(2) + c.iter().sum::<f64>().powi(2));
+        }
+        powers
+    }
 }
 
 impl Apparent {
@@ -134,21 +174,22 @@ impl Apparent {
         if half <= 0.0 {
             return Vec::new();
         }
-        // the phase of every pose, turned on from one frequency to the next
-        let start: Vec<(f64, f64)> = self.q.iter().map(|q| (f64::from(from) * q).sin_cos()).collect();
-        let turn: Vec<(f64, f64)> = self.q.iter().map(|q| q.sin_cos()).collect();
-        let (mut sin, mut cos): (Vec<f64>, Vec<f64>) = start.into_iter().unzip();
-        let mut power = Vec::with_capacity((to - from + 1) as usize);
-        for _ in from..=to {
-            let (mut s, mut c) = (0.0, 0.0);
-            for k in 0..n {
-                s += self.push[k] * sin[k];
-                c += self.push[k] * cos[k];
-                let (ts, tc) = turn[k];
-                (sin[k], cos[k]) = (sin[k] * tc + cos[k] * ts, cos[k] * tc - sin[k] * ts);
-            }
-            power.push((s * s + c * c) / half);
-        }
+        let of = |values: &mut dyn Iterator<Item = f64>| {
+            let mut all: Vec<f64> = values.collect();
+            all.resize(n.next_multiple_of(LANES), 0.0);
+            all
+        };
+        let q = || self.q.iter();
+        let count = (to - from + 1) as usize;
+        let mut power = Arch::new().dispatch(Powers {
+            count,
+            push: of(&mut self.push.iter().copied()),
+            sin: of(&mut q().map(|q| (f64::from(from) * q).sin())),
+            cos: of(&mut q().map(|q| (f64::from(from) * q).cos())),
+            turn_sin: of(&mut q().map(|q| q.sin())),
+            turn_cos: of(&mut q().map(|q| q.cos())),
+        });
+        power.iter_mut().for_each(|p| *p /= half);
         let mut order: Vec<usize> = (0..power.len()).collect();
         order.sort_by(|a, b| power[*b].total_cmp(&power[*a]).then(a.cmp(b)));
         let mut peaks: Vec<usize> = Vec::new();

@@ -2,7 +2,7 @@
 //! pair and swap check, backward elimination.
 
 use super::catalogue::Candidate;
-use super::design::{Design, Stage};
+use super::design::{Company, Design, Stage, Without};
 use rayon::prelude::*;
 use trical_model::interrupt::stop_wanted;
 
@@ -16,8 +16,29 @@ const MOST: usize = 40;
 /// Candidates looked at as second members of a pair.
 const PAIR_SHORTLIST: usize = 24;
 
+/// Of a ranking, so many are sorted before anybody asks for more.
+const FIRST: usize = 64;
+
 /// Pairs are merged among at most so many.
 const MERGED: usize = 12;
+
+/// Evidence that differs by less, nats, is the same: rounding must not decide between columns that are (steps between which no row
+/// is left).
+const SAME: f64 = 1e-6;
+
+/// Leaner candidates that are tried, with another one, in the place of a rich one.
+const LEANER: usize = 3;
+
+/// A member of a set, with what could be in its place.
+struct Member {
+    own: usize,
+    /// Its evidence, the others being there.
+    now: f64,
+    best: Option<Ranked>,
+    lean: Vec<Ranked>,
+    /// The stage with the others.
+    without: Without,
+}
 
 /// The search on one design.
 pub struct Search<'a> {
@@ -79,30 +100,53 @@ impl Search<'_> {
     /// All candidates at a stage, best first; those with forbidden signs left out.
     #[must_use]
     pub fn rank(&self, stage: &Stage) -> Vec<Ranked> {
+        self.best(stage).collect()
+    }
+
+    /// As [`Search::rank`], one after the other: most questions end with the first.
+    fn best<'a>(&'a self, stage: &'a Stage) -> impl Iterator<Item = Ranked> + 'a {
         let mut all: Vec<Ranked> = (0..self.candidates.len())
             .into_par_iter()
-            .with_min_len(64)
+            .with_min_len(256)
             .filter_map(|c| self.evidence(stage, c))
             .collect();
-        all.sort_unstable_by(|a, b| b.evidence.total_cmp(&a.evidence).then(a.candidate.cmp(&b.candidate)));
-        // plausibility costs a solve: only where it matters
-        let mut kept = Vec::with_capacity(all.len());
-        for (k, r) in all.into_iter().enumerate() {
-            if !self.banned.contains(&r.candidate) && (k > 200 || self.plausible(stage, r.candidate)) {
-                kept.push(r);
-            }
+        let order = |a: &Ranked, b: &Ranked| {
+            whole(b.evidence).total_cmp(&whole(a.evidence)).then(a.candidate.cmp(&b.candidate))
+        };
+        let first = FIRST.min(all.len());
+        if first < all.len() {
+            all.select_nth_unstable_by(first, order);
         }
-        kept
+        all[..first].sort_unstable_by(order);
+        let mut at = 0;
+        std::iter::from_fn(move || {
+            if at == first {
+                all[first..].sort_unstable_by(order);
+            }
+            at += 1;
+            all.get(at - 1).map(|r| (at - 1, *r))
+        })
+        // plausibility costs a solve: only where it matters
+        .filter(|(k, r)| !self.banned.contains(&r.candidate) && (*k > 200 || self.plausible(stage, r.candidate)))
+        .map(|(_, r)| r)
     }
 
     /// The stage with a set of candidates added.
     #[must_use]
     pub fn with(&self, start: &Stage, set: &[usize]) -> Stage {
+        self.design.prepare(set);
         let mut stage = start.clone();
         for c in set {
             self.design.add(&mut stage, *c);
         }
         stage
+    }
+
+    /// The stage of a company without some of its set.
+    #[must_use]
+    pub fn without(&self, company: &Company<'_>, start: &Stage, own: &[usize]) -> Without {
+        let rest: Vec<usize> = company.set().iter().copied().filter(|c| !own.contains(c)).collect();
+        self.among(start, &rest, |few, start| company.without(own, &few.with(start, &rest)))
     }
 
     /// Whether two candidates are one effect at one site, differing in a scan point only.
@@ -130,7 +174,7 @@ impl Search<'_> {
 
     /// What `ask` says of the search and the stage with the columns of `set` only: for questions in which no other candidate
     /// has a part.
-    fn among<T>(&self, stage: &Stage, set: &[usize], ask: impl FnOnce(&Search<'_>, &Stage) -> T) -> T {
+    pub(super) fn among<T>(&self, stage: &Stage, set: &[usize], ask: impl FnOnce(&Search<'_>, &Stage) -> T) -> T {
         let (design, stage) = self.design.narrowed(stage, set);
         let few = Search { design: &design, candidates: self.candidates, temper: self.temper, banned: Vec::new() };
         ask(&few, &stage)
@@ -184,7 +228,7 @@ impl Search<'_> {
         let mut stage = self.with(start, chosen);
         // asked to stop, whatever was chosen will not be used
         while chosen.len() < MOST && !stop_wanted() {
-            let Some(best) = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate)) else { break };
+            let Some(best) = self.best(&stage).find(|r| !chosen.contains(&r.candidate)) else { break };
             if best.evidence < THRESHOLD {
                 break;
             }
@@ -197,7 +241,7 @@ impl Search<'_> {
     fn try_pairs(&self, start: &Stage, chosen: &mut Vec<usize>) {
         let first: Vec<usize> = {
             let mut seen: Vec<usize> = Vec::new();
-            for r in self.rank(start) {
+            for r in self.best(start) {
                 if !seen.iter().any(|s| self.same_place(*s, r.candidate)) {
                     seen.push(r.candidate);
                 }
@@ -207,11 +251,12 @@ impl Search<'_> {
             }
             seen
         };
+        self.design.prepare(&first);
         let mut best = (self.total(start, chosen).max(0.0) + THRESHOLD, chosen.clone());
         for a in &first {
             let Some(one) = self.evidence(start, *a) else { continue };
             let stage = self.with(start, &[*a]);
-            if let Some(two) = self.rank(&stage).into_iter().find(|r| r.candidate != *a)
+            if let Some(two) = self.best(&stage).find(|r| r.candidate != *a)
                 && one.evidence + two.evidence > best.0
                 && two.evidence > THRESHOLD
             {
@@ -240,36 +285,24 @@ impl Search<'_> {
     /// twist hides in a wobble, but is one number instead of four).
     fn swap(&self, start: &Stage, chosen: &mut Vec<usize>) {
         for _ in 0..2 {
-            let mut wishes: Vec<(f64, usize, Vec<usize>)> = Vec::new();
             let set = chosen.clone();
-            self.without_each(start, &set, &mut |own, stage| {
-                let Some(now) = self.evidence(stage, own) else { return };
-                let ranked = self.rank(stage);
-                let free = |r: &&Ranked| r.candidate == own || !set.contains(&r.candidate);
-                if let Some(best) = ranked.iter().find(free)
-                    && best.candidate != own
-                    && best.evidence > now.evidence + 1e-6
-                {
-                    wishes.push((best.evidence - now.evidence, own, vec![best.candidate]));
-                }
-                if self.candidates[own].terms.len() > 1 {
-                    let size = |k: usize| self.candidates[k].terms.len();
-                    let lean = |r: &&Ranked| size(r.candidate) < size(own) && !set.contains(&r.candidate);
-                    for first in ranked.iter().filter(lean).take(3) {
-                        let after = self.with(stage, &[first.candidate]);
-                        let second = self.rank(&after).into_iter().find(|r| !set.contains(&r.candidate));
-                        if let Some(second) = second
-                            && second.evidence > THRESHOLD
-                            && first.evidence + second.evidence > now.evidence + 1e-6
-                        {
-                            let gain = first.evidence + second.evidence - now.evidence;
-                            wishes.push((gain, own, vec![first.candidate, second.candidate]));
-                        }
-                    }
-                }
+            let mut company = Company::new(self.design, start, &set);
+            let mut likes: Vec<(usize, Stage)> = Vec::new();
+            self.among(start, &set, |few, start| {
+                few.without_each(start, &set, &mut |own, like| likes.push((own, like.clone())));
             });
+            let members: Vec<Member> = likes
+                .into_par_iter()
+                .filter_map(|(own, like)| self.asked(own, company.without(&[own], &like), &set))
+                .collect();
+            if stop_wanted() {
+                return;
+            }
+            company.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
+            let mut wishes: Vec<(f64, usize, Vec<usize>)> =
+                members.par_iter().flat_map_iter(|m| self.wishes(&company, m, &set)).collect();
             // the best wish first; wishes that were made beside each other are checked together
-            wishes.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            wishes.sort_by(|a, b| whole(b.0).total_cmp(&whole(a.0)).then(a.1.cmp(&b.1)));
             let mut changed = false;
             for (_, own, new) in wishes.into_iter().take(6) {
                 if !chosen.contains(&own) || new.iter().any(|n| chosen.contains(n)) {
@@ -277,7 +310,7 @@ impl Search<'_> {
                 }
                 let mut proposal: Vec<usize> = chosen.iter().filter(|c| **c != own).copied().collect();
                 proposal.extend(new);
-                if self.total(start, &proposal) > self.total(start, chosen) + 1e-6 {
+                if self.total(start, &proposal) > self.total(start, chosen) + SAME {
                     *chosen = proposal;
                     changed = true;
                 }
@@ -286,6 +319,51 @@ impl Search<'_> {
                 break;
             }
         }
+    }
+
+    /// What could be in the place of a member of a set, at a stage without it.
+    fn asked(&self, own: usize, without: Without, set: &[usize]) -> Option<Member> {
+        let now = self.evidence(&without.stage, own)?.evidence;
+        let size = |k: usize| self.candidates[k].terms.len();
+        let wanted = if size(own) > 1 { LEANER } else { 0 };
+        let (mut best, mut lean) = (None, Vec::new());
+        for r in self.best(&without.stage) {
+            let new = !set.contains(&r.candidate);
+            if best.is_none() && (new || r.candidate == own) {
+                best = Some(r);
+            }
+            if lean.len() < wanted && new && size(r.candidate) < size(own) {
+                lean.push(r);
+            }
+            if best.is_some() && lean.len() == wanted {
+                break;
+            }
+        }
+        Some(Member { own, now, best, lean, without })
+    }
+
+    /// Which replacements of a member are better than it, and by how much.
+    fn wishes(&self, company: &Company<'_>, member: &Member, set: &[usize]) -> Vec<(f64, usize, Vec<usize>)> {
+        let Member { own, now, best, lean, without } = member;
+        let mut wishes = Vec::new();
+        if let Some(best) = best
+            && best.candidate != *own
+            && best.evidence > now + SAME
+        {
+            wishes.push((best.evidence - now, *own, vec![best.candidate]));
+        }
+        for first in lean {
+            let after = company.with(without, first.candidate);
+            let second = self.best(&after).find(|r| !set.contains(&r.candidate));
+            if let Some(second) = second
+                && second.evidence > THRESHOLD
+                && first.evidence + second.evidence > now + SAME
+            {
+                let gain = first.evidence + second.evidence - now;
+                wishes.push((gain, *own, vec![first.candidate, second.candidate]));
+            }
+        }
+        wishes
     }
 
     /// Replaces two chosen candidates, or all of one effect, by one that says as much (drifting indicators are a drifting
@@ -300,9 +378,9 @@ impl Search<'_> {
                 let rest: Vec<usize> = chosen.iter().copied().filter(|c| !some.contains(c)).collect();
                 let stage = self.with(start, &rest);
                 let now = self.total(&stage, &some);
-                let one = self.rank(&stage).into_iter().find(|r| !chosen.contains(&r.candidate));
+                let one = self.best(&stage).find(|r| !chosen.contains(&r.candidate));
                 if let Some(one) = one
-                    && one.evidence > now + best.as_ref().map_or(1e-6, |b| b.0)
+                    && one.evidence > now + best.as_ref().map_or(0.0, |b| b.0) + SAME
                 {
                     let mut proposal = rest;
                     proposal.push(one.candidate);
@@ -339,20 +417,28 @@ impl Search<'_> {
                 sites.push(site);
             }
         }
-        for site in sites {
-            let (here, rest): (Vec<usize>, Vec<usize>) =
-                chosen.iter().partition(|c| self.candidates[**c].site == *site);
-            if here.len() < 2 {
-                continue;
-            }
-            let stage = self.with(start, &rest);
-            let now = self.total(&stage, &here);
-            let one = self.rank(&stage).into_iter().find(|r| self.candidates[r.candidate].site == *site);
-            if let Some(one) = one
-                && one.evidence > now + 1e-6
-            {
-                *chosen = rest;
-                chosen.push(one.candidate);
+        sites.retain(|site| chosen.iter().filter(|c| self.candidates[**c].site == **site).count() > 1);
+        let mut asked = 0;
+        while asked < sites.len() && !stop_wanted() {
+            let set = chosen.clone();
+            let company = Company::new(self.design, start, &set);
+            for site in &sites[asked..] {
+                asked += 1;
+                let (here, rest): (Vec<usize>, Vec<usize>) =
+                    set.iter().partition(|c| self.candidates[**c].site == **site);
+                if here.len() < 2 {
+                    continue;
+                }
+                let stage = self.without(&company, start, &here).stage;
+                let now = self.total(&stage, &here);
+                let one = self.best(&stage).find(|r| self.candidates[r.candidate].site == **site);
+                if let Some(one) = one
+                    && one.evidence > now + SAME
+                {
+                    *chosen = rest;
+                    chosen.push(one.candidate);
+                    break;
+                }
             }
         }
     }
@@ -364,7 +450,7 @@ impl Search<'_> {
             self.among(start, chosen, |few, start| {
                 few.without_each(start, chosen, &mut |own, stage| {
                     let evidence = few.evidence(stage, own).map_or(f64::NEG_INFINITY, |r| r.evidence);
-                    if worst.is_none_or(|(_, e)| evidence < e) {
+                    if worst.is_none_or(|(_, e)| evidence < e - SAME) {
                         worst = Some((own, evidence));
                     }
                 });
@@ -375,4 +461,9 @@ impl Search<'_> {
             }
         }
     }
+}
+
+/// Evidence in units of [`SAME`].
+fn whole(evidence: f64) -> f64 {
+    (evidence / SAME).round()
 }

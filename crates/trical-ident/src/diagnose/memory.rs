@@ -7,9 +7,9 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
-use trical_model::Measured;
+use trical_model::{Measured, residual_rows};
 
-use crate::dataset::Observation;
+use crate::dataset::{Dataset, Observation};
 
 /// A memory must better the likelihood of white noise by so many nats, as what has no name must that of names.
 const REMEMBERS: f64 = 5.0;
@@ -105,10 +105,10 @@ impl Chain {
     }
 }
 
-/// What the filter did to one scalar.
+/// What the filter does to one scalar.
 #[derive(Clone, Copy)]
 struct Step {
-    /// Standard deviation of what was not foreseen.
+    /// Standard deviation of what cannot be foreseen.
     root: f64,
     /// Share of that in the next forecast.
     gain: f64,
@@ -116,73 +116,40 @@ struct Step {
     before: Option<usize>,
 }
 
-/// The filter that makes such noise white, row after row; and back.
+/// The filter `W` that makes such noise white: of a column with an entry for every scalar of the data, what could not be foreseen from
+/// the measurements before. It is the inverse root of the noise's correlations: `W'W` is their inverse.
 pub struct Filter {
-    memory: Memory,
-    ends: BTreeMap<Chain, End>,
+    kept: f64,
     steps: Vec<Step>,
 }
 
-/// Where a chain has come to.
-struct End {
-    /// Variance of the part that remembers, as foreseen.
-    variance: f64,
-    /// Forecast of every entry of both parts.
-    forecast: [Vec<f64>; 2],
-    /// Its first scalar.
-    row: usize,
-}
-
 impl Filter {
-    /// Nothing seen yet.
+    /// For noise of a memory in the data.
     #[must_use]
-    pub fn new(memory: Memory) -> Self {
-        Self { memory, ends: BTreeMap::new(), steps: Vec::new() }
+    pub fn new(memory: Memory, data: &Dataset) -> Self {
+        let Memory { kept, white } = memory;
+        let mut steps: Vec<Step> = Vec::new();
+        // first scalar of the last measurement of each chain, and the variance of what remembers that is foreseen after it
+        let mut ends: BTreeMap<Chain, (usize, f64)> = BTreeMap::new();
+        for o in data.observations.iter().filter(|_| memory != Memory::NONE) {
+            let rows = residual_rows(&o.measured);
+            let chain = Chain::of(o, rows);
+            let end = ends.get(&chain);
+            let variance = end.map_or(1.0 - white, |e| e.1);
+            let total = variance + white;
+            let gain = variance / total;
+            let first = steps.len();
+            steps.extend((0..rows).map(|k| Step { root: total.sqrt(), gain, before: end.map(|e| e.0 + k) }));
+            let next = kept * kept * variance * (1.0 - gain) + (1.0 - kept * kept) * (1.0 - white);
+            ends.insert(chain, (first, next));
+        }
+        Self { kept, steps }
     }
 
     /// Whether there is anything to do.
     #[must_use]
     pub fn works(&self) -> bool {
-        self.memory != Memory::NONE
-    }
-
-    /// Makes the next observation's `rows` scalars white: its residual, and its columns one scalar after the other. Those of touches, which
-    /// are in world axes, are turned into the device's, whose noise it is: `tool` is its orientation in the world.
-    pub fn next(&mut self, o: &Observation, rows: usize, tool: &Matrix3<f64>, mut parts: [&mut [f64]; 2]) {
-        if rows == 0 || !self.works() {
-            return;
-        }
-        if matches!(o.measured, Measured::Touch { .. }) {
-            for values in &mut parts {
-                let width = values.len() / rows;
-                for column in 0..width {
-                    let turned = tool.tr_mul(&Vector3::from_fn(|k, _| values[k * width + column]));
-                    for k in 0..3 {
-                        values[k * width + column] = turned[k];
-                    }
-                }
-            }
-        }
-        let Memory { kept, white } = self.memory;
-        let chain = Chain::of(o, rows);
-        let (before, variance, mut forecast) = match self.ends.remove(&chain) {
-            Some(e) => (Some(e.row), e.variance, e.forecast),
-            None => (None, 1.0 - white, [0, 1].map(|k| vec![0.0; parts[k].len()])),
-        };
-        let total = variance + white;
-        let gain = variance / total;
-        let root = total.sqrt();
-        for (values, forecast) in parts.into_iter().zip(&mut forecast) {
-            for (v, a) in values.iter_mut().zip(forecast) {
-                let new = *v - *a;
-                *a = kept * (*a + gain * new);
-                *v = new / root;
-            }
-        }
-        let row = self.steps.len();
-        self.steps.extend((0..rows).map(|k| Step { root, gain, before: before.map(|b| b + k) }));
-        let variance = kept * kept * variance * (1.0 - gain) + (1.0 - kept * kept) * (1.0 - white);
-        self.ends.insert(chain, End { variance, forecast, row });
+        !self.steps.is_empty()
     }
 
     /// Logarithm of the determinant of the noise's correlations.
@@ -191,17 +158,39 @@ impl Filter {
         2.0 * self.steps.iter().map(|s| s.root.ln()).sum::<f64>()
     }
 
-    /// A whole column as it was, turned into the device's axes.
-    pub fn undo(&self, column: &mut [f64]) {
+    /// `W` times a column.
+    pub fn apply(&self, column: &mut [f64]) {
         let mut forecasts = vec![0.0; self.steps.len()];
         for (row, step) in self.steps.iter().enumerate() {
-            // what the scalar before left for this one
             if let Some(b) = step.before {
-                let new = column[b] - forecasts[b];
-                forecasts[row] = self.memory.kept * (forecasts[b] + self.steps[b].gain * new);
+                let new = column[b] * self.steps[b].root;
+                forecasts[row] = self.kept * (forecasts[b] + self.steps[b].gain * new);
             }
-            column[row] = column[row] * step.root + forecasts[row];
+            column[row] = (column[row] - forecasts[row]) / step.root;
         }
+    }
+
+    /// `W'` times a column.
+    pub fn apply_transposed(&self, column: &mut [f64]) {
+        let mut of_forecasts = vec![0.0; self.steps.len()];
+        for (row, step) in self.steps.iter().enumerate().rev() {
+            let next = self.kept * of_forecasts[row];
+            let new = column[row] / step.root + step.gain * next;
+            if let Some(b) = step.before {
+                of_forecasts[b] = next - new;
+            }
+            column[row] = new;
+        }
+    }
+}
+
+/// Turns the world axes of a touch's scalars (and of their columns, one scalar after the other) into the device's, whose noise it is: `tool`
+/// is its orientation in the world.
+pub fn in_device_axes(tool: &Matrix3<f64>, scalars: &mut [f64]) {
+    let width = scalars.len() / 3;
+    for column in 0..width {
+        let turned = tool.tr_mul(&Vector3::from_fn(|k, _| scalars[k * width + column]));
+        (0..3).for_each(|k| scalars[k * width + column] = turned[k]);
     }
 }
 
@@ -212,7 +201,9 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
-    use trical_model::State;
+    use trical_model::{Recording, Row, State};
+
+    use crate::dataset::JointSource;
 
     /// Residuals that keep `kept` of the one before, with `white` beside.
     fn noise(kept: f64, white: f64, count: usize) -> Vec<[f64; 3]> {
@@ -233,33 +224,22 @@ mod tests {
             .collect()
     }
 
-    fn point(target: usize) -> Observation {
-        Observation {
-            state: State::at(&[0.0; 6]),
-            measured: Measured::Point { target, position: [0.0; 3] },
-            frame: 0,
-            pose: 0,
-            recording: 0,
-            row: 1,
+    /// As many points of two targets in turn.
+    fn points(count: usize) -> Dataset {
+        let row = |k| Row {
+            state: State::at(&[0.1 * f64::from(k); 6]),
+            measured: Measured::Point { target: usize::from(k % 2 == 1), position: [0.0; 3] },
+            seq: None,
             line: 2,
-        }
+        };
+        let rows = (0..u16::try_from(count).unwrap()).map(row).collect();
+        Dataset::build(&[Recording { name: "made".into(), joints: 6, rows }], JointSource::Read, None).unwrap()
     }
 
-    /// Filters a sequence as the points of two targets in turn.
-    fn filtered(memory: Memory, sequence: &[[f64; 3]]) -> (Filter, Vec<f64>) {
-        let mut filter = Filter::new(memory);
-        let mut out = Vec::new();
-        for (k, v) in sequence.iter().enumerate() {
-            let (mut residual, mut columns) = (*v, v.map(|x| 2.0 * x));
-            filter.next(&point(k % 2), 3, &Matrix3::identity(), [&mut residual, &mut columns]);
-            assert!(residual.iter().zip(&columns).all(|(r, c)| (2.0 * r - c).abs() < 1e-12));
-            out.extend(residual);
-        }
-        (filter, out)
-    }
-
-    fn nats(memory: Memory, sequence: &[[f64; 3]]) -> f64 {
-        let (filter, white) = filtered(memory, sequence);
+    fn nats(memory: Memory, sequence: &[[f64; 3]], data: &Dataset) -> f64 {
+        let filter = Filter::new(memory, data);
+        let mut white = sequence.concat();
+        filter.apply(&mut white);
         let square: f64 = white.iter().map(|v| v * v).sum();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = white.len() as f64;
@@ -270,14 +250,15 @@ mod tests {
         // two chains, each of which is such noise
         let [a, b] = [noise(kept, white, 600), noise(kept, white, 1200)[600..].to_vec()];
         let both: Vec<[f64; 3]> = a.into_iter().zip(b).flat_map(|(a, b)| [a, b]).collect();
-        Memory::likeliest(600, |m| Ok::<f64, ()>(nats(m, &both))).unwrap().0
+        let data = points(both.len());
+        Memory::likeliest(600, |m| Ok::<f64, ()>(nats(m, &both, &data))).unwrap().0
     }
 
     #[test]
     fn noise_that_remembers_itself_is_told_from_noise_that_does_not() {
         assert_eq!(told(0.0, 1.0), Memory::NONE);
-        let sequence = noise(0.95, 0.0, 100);
-        let short = Memory::likeliest(100, |m| Ok::<f64, ()>(nats(m, &sequence))).unwrap().0;
+        let (sequence, data) = (noise(0.95, 0.0, 200), points(200));
+        let short = Memory::likeliest(100, |m| Ok::<f64, ()>(nats(m, &sequence, &data))).unwrap().0;
         assert!(short.kept <= 0.9, "{short:?}: ten spans are what is known of noise");
         let one = told(0.6, 0.0);
         assert!((one.kept - 0.6).abs() < 0.11 && one.white < 0.3, "{one:?}");
@@ -285,34 +266,28 @@ mod tests {
         assert!((mixed.kept - 0.95).abs() < 0.06 && (mixed.white - 0.5).abs() < 0.25, "{mixed:?}");
     }
 
-    /// The likelihood is that of the whole covariance matrix of one chain, decomposed at once.
+    /// The filter is that of the whole covariance matrix of each chain; the transposed filter is its transpose.
     #[test]
     fn the_filter_is_the_inverse_root_of_the_covariance() {
-        let memory = Memory { kept: 0.7, white: 0.3 };
-        let mut filter = Filter::new(memory);
-        let mut rows = Vec::new();
-        for k in 0..6 {
-            let mut unit = [[0.0; 6]; 3];
-            unit[0][k] = 1.0;
-            let mut columns: Vec<f64> = unit.concat();
-            filter.next(&point(0), 3, &Matrix3::identity(), [&mut [0.0; 3], &mut columns]);
-            rows.push(columns[..6].to_vec());
-        }
-        let w = nalgebra::DMatrix::from_fn(6, 6, |i, j| rows[i][j]);
-        let covariance = nalgebra::DMatrix::from_fn(6, 6, |i, j| {
-            let apart = i32::try_from(i.abs_diff(j)).unwrap();
-            if apart == 0 { 1.0 } else { 0.7 * 0.7_f64.powi(apart) }
+        let data = points(8);
+        let filter = Filter::new(Memory { kept: 0.7, white: 0.3 }, &data);
+        let of = |apply: &dyn Fn(&mut [f64])| {
+            let mut all = nalgebra::DMatrix::<f64>::identity(24, 24);
+            all.column_iter_mut().for_each(|mut c| apply(c.as_mut_slice()));
+            all
+        };
+        let w = of(&|c| filter.apply(c));
+        assert!((of(&|c| filter.apply_transposed(c)) - w.transpose()).amax() < 1e-12);
+        // scalars of one axis and one target remember each other
+        let covariance = nalgebra::DMatrix::from_fn(24, 24, |i: usize, j: usize| {
+            let apart = i.abs_diff(j) / 6;
+            match i.abs_diff(j) % 6 {
+                0 if apart == 0 => 1.0,
+                0 => 0.7 * 0.7_f64.powi(i32::try_from(apart).unwrap()),
+                _ => 0.0,
+            }
         });
-        let identity = &w * &covariance * w.transpose();
-        assert!((identity - nalgebra::DMatrix::identity(6, 6)).amax() < 1e-12);
-        assert!((filter.log_determinant() - 3.0 * covariance.determinant().ln()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn what_was_filtered_can_be_undone() {
-        let sequence = noise(0.5, 0.5, 20);
-        let (filter, mut column) = filtered(Memory { kept: 0.8, white: 0.25 }, &sequence);
-        filter.undo(&mut column);
-        assert!(column.iter().zip(sequence.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!((&w * &covariance * w.transpose() - nalgebra::DMatrix::identity(24, 24)).amax() < 1e-12);
+        assert!((filter.log_determinant() - covariance.determinant().ln()).abs() < 1e-12);
     }
 }

@@ -15,8 +15,6 @@ pub(super) struct HeldOut {
     /// Candidate columns that were asked for, and all rows of the parameters' columns and these, one column after the other.
     columns: Vec<usize>,
     entries: Vec<f64>,
-    /// Residual of each row.
-    residual: Vec<f64>,
     folds: Vec<Fold>,
 }
 
@@ -35,17 +33,8 @@ impl HeldOut {
     /// Takes up columns, and gives their places behind the parameters'.
     fn take(&mut self, linear: &Linear, columns: &[usize]) -> Vec<usize> {
         let p = linear.jacobian.ncols();
-        // errors are those of the measurements, not of what could not be foreseen of them
-        let measured = |column: &mut [f64]| {
-            if linear.filter.works() {
-                linear.filter.undo(column);
-            }
-        };
         if self.entries.is_empty() {
             self.entries.extend((0..p).flat_map(|j| linear.jacobian.col_as_slice(j)));
-            self.entries.chunks_exact_mut(linear.rows()).for_each(measured);
-            self.residual.clone_from(&linear.residual);
-            measured(&mut self.residual);
         }
         columns
             .iter()
@@ -55,15 +44,14 @@ impl HeldOut {
                     let from = self.entries.len();
                     self.entries.resize(from + linear.rows(), 0.0);
                     linear.column(*a, &mut self.entries[from..]);
-                    measured(&mut self.entries[from..]);
                     self.columns.len() - 1
                 })
             })
             .collect()
     }
 
-    /// Which fold has these rows to be fitted and to be predicted; it knows the products of all columns so far.
-    fn fold(&mut self, linear: &Linear, train: Vec<bool>, test: Vec<usize>) -> usize {
+    /// Rows to be fitted and to be predicted, with the products of all columns so far.
+    fn fold(&mut self, linear: &Linear, train: Vec<bool>, test: Vec<usize>) -> &Fold {
         let at = self.folds.iter().position(|f| f.train == train && f.test == test).unwrap_or_else(|| {
             let (gram, residual, tested) = (Vec::new(), Vec::new(), Vec::new());
             self.folds.push(Fold { train, test, gram, residual, tested });
@@ -87,11 +75,11 @@ impl HeldOut {
             matmul(products.as_mut(), Accum::Replace, all.transpose(), seen.as_ref(), 1.0, Par::Seq);
             for j in 0..count - from {
                 fold.gram.push(products.col_as_slice(j)[..=from + j].to_vec());
-                fold.residual.push(seen.col_as_slice(j).iter().zip(&self.residual).map(|(x, r)| x * r).sum());
+                fold.residual.push(seen.col_as_slice(j).iter().zip(&linear.residual).map(|(x, r)| x * r).sum());
                 fold.tested.extend(fold.test.iter().map(|i| new[j * rows + i]));
             }
         }
-        at
+        fold
     }
 }
 
@@ -142,8 +130,7 @@ impl Design {
         let poses = &linear.pose_of_row;
         let tested = (0..self.rows).filter(|i| test(poses[*i])).collect();
         let fold = known.fold(linear, poses.iter().map(|p| train(*p)).collect(), tested);
-        let fold = &known.folds[fold];
-        let Some(left) = fold.predicted(&places, &precision, &known.residual) else { return Vec::new() };
+        let Some(left) = fold.predicted(&places, &precision, &linear.residual) else { return Vec::new() };
         // the rows of an observation follow each other
         let mut squares: Vec<(usize, f64)> = Vec::new();
         for (i, r) in fold.test.iter().zip(left) {

@@ -1,8 +1,7 @@
 //! The linearized fit itself: residual, derivatives to the fitted parameters, and the columns of the candidates.
 //!
 //! Most columns are one direction of their site at a measurement times a number that their basis says: they are stored as that
-//! number, one for each measurement instead of one for each row, and inner products are taken of the numbers. Where noise remembers
-//! itself a row has a part of those before it, and all columns keep all their rows.
+//! number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
 
 use std::ops::Range;
 
@@ -10,10 +9,10 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use pulp::Arch;
 use rayon::prelude::*;
-use trical_model::{Basis, Forward, Model, Site, residual_rows};
+use trical_model::{Basis, Forward, Measured, Model, Site, residual_rows};
 
 use super::super::catalogue::Candidate;
-use super::super::memory::{Filter, Memory};
+use super::super::memory::{Filter, Memory, in_device_axes};
 use crate::dataset::Dataset;
 use crate::error::Result;
 use crate::noise::Noise;
@@ -34,7 +33,8 @@ const MOST_ROWS: usize = 6;
 pub(in super::super) struct Linear {
     /// Residual of each row, predicted minus measured.
     pub residual: Vec<f64>,
-    /// What made the noise white.
+    /// What makes the noise white. Inner products are taken of what it leaves; residual, Jacobian and columns are those of the measurements,
+    /// touches in the device's axes where it works.
     pub filter: Filter,
     /// Pose of each row.
     pub pose_of_row: Vec<usize>,
@@ -64,8 +64,7 @@ pub(in super::super) struct Linear {
 
 impl Linear {
     /// Linearizes `model` with the terms of the candidates at zero; without its own terms (`parameters` false) there is no
-    /// Jacobian. A candidate with weights has them multiplied in, for each of its columns one for each observation. Noise that remembers
-    /// itself is made white.
+    /// Jacobian. A candidate with weights has them multiplied in, for each of its columns one for each observation.
     pub fn new(
         model: &Model,
         parameters: bool,
@@ -117,7 +116,7 @@ impl Linear {
         let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
         let mut all = Self {
             residual: vec![0.0; rows],
-            filter: Filter::new(memory),
+            filter: Filter::new(memory, data),
             pose_of_row: vec![0; rows],
             sigma_of_row: Vec::with_capacity(rows),
             jacobian: Mat::zeros(rows, p),
@@ -140,34 +139,29 @@ impl Linear {
                 trical_model::interrupt::checkpoint()?;
             }
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
-            let mut left = *ws.residual();
+            let mut residual = *ws.residual();
+            if all.filter.works() && matches!(o.measured, Measured::Touch { .. }) {
+                let tool = forward.world_from_tool(&o.state, &mut ws).rotation;
+                in_device_axes(&tool, &mut residual[..3]);
+                in_device_axes(&tool, &mut block[..3 * total]);
+            }
             for k in 0..n {
                 let sigma = noise.sigma(o.recording, &o.measured, k);
                 let s = 1.0 / sigma;
                 // rotations of a pose are fitted, but a position error has no part in them
                 all.sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
-                left[k] *= s;
+                all.residual[row + k] = residual[k] * s;
                 all.pose_of_row[row + k] = o.pose;
                 let line = &mut block[k * total..(k + 1) * total];
                 for v in line.iter_mut() {
                     *v *= s;
                 }
-            }
-            if all.filter.works() {
-                for (at, weights) in &factors {
-                    (0..n).for_each(|k| block[k * total + p + at] *= weights[index]);
-                }
-                let tool = forward.world_from_tool(&o.state, &mut ws).rotation;
-                all.filter.next(o, n, &tool, [&mut left[..n], &mut block[..n * total]]);
-            }
-            for k in 0..n {
-                all.residual[row + k] = left[k];
-                for (j, v) in block[k * total..k * total + p].iter().enumerate() {
+                for (j, v) in line[..p].iter().enumerate() {
                     all.jacobian[(row + k, j)] = *v;
                 }
             }
             let lines: Vec<&[f64]> = (0..n).map(|k| &block[k * total + p..(k + 1) * total]).collect();
-            all.take(&lines, index, row, if all.filter.works() { &[] } else { &factors }, &mut along);
+            all.take(&lines, index, row, &factors, &mut along);
             row += n;
             all.first_row.push(row);
         }
@@ -274,19 +268,28 @@ impl Linear {
         }
     }
 
-    /// `X'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
-    pub fn products(&self, with: &Mat<f64>) -> Mat<f64> {
-        self.products_with(with, |family, column, out| {
+    /// `(WX)'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
+    pub fn products(&self, mut with: Mat<f64>) -> Mat<f64> {
+        if self.filter.works() {
+            (0..with.ncols()).for_each(|j| self.filter.apply_transposed(with.col_as_slice_mut(j)));
+        }
+        self.products_with(&with, |family, column, out| {
             let of = (self.directions.col_as_slice(family), with.col_as_slice(column));
             self.in_each_observation(of, out);
         })
     }
 
-    /// `X'Y` of all columns `X`, `width x k`, for some of them.
+    /// `(WX)'WY` of all columns `X`, `width x k`, for some of them.
     pub fn products_of(&self, columns: &[usize]) -> Mat<f64> {
         let mut rows = Mat::<f64>::zeros(self.rows(), columns.len());
         for (j, a) in columns.iter().enumerate() {
             self.column(*a, rows.col_as_slice_mut(j));
+            if self.filter.works() {
+                self.filter.apply(rows.col_as_slice_mut(j));
+            }
+        }
+        if self.filter.works() {
+            return self.products(rows);
         }
         // two columns along directions: what their bases say, times what the directions have in common
         let mut sources: Vec<usize> = columns.iter().map(|a| self.family[self.place[*a]]).collect();
@@ -387,16 +390,17 @@ impl Linear {
         out
     }
 
-    /// Inner products of the columns `from..to` with each other: row by row of the lower triangle, diagonal included.
+    /// Inner products of the columns `from..to` with each other after the filter: row by row of the lower triangle, diagonal included.
     pub fn products_among(&self, from: usize, to: usize) -> Vec<f64> {
         let mut out = Vec::with_capacity((to - from) * (to - from + 1) / 2);
-        let any_whole = (from..to).any(|a| self.whole_of[self.place[a]].is_some());
+        let any_whole = self.filter.works() || (from..to).any(|a| self.whole_of[self.place[a]].is_some());
         let observations = self.first_row.len() - 1;
         let columns: Vec<Vec<f64>> = (from..to)
             .map(|a| {
                 if any_whole {
                     let mut all = vec![0.0; self.rows()];
                     self.column(a, &mut all);
+                    self.filter.apply(&mut all);
                     return all;
                 }
                 let at = self.place[a];

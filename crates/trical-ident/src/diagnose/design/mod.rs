@@ -93,10 +93,14 @@ impl Design {
         let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
         let (rows, p) = (linear.rows(), linear.jacobian.ncols());
         // an orthonormal basis of the parameters, and behind it the residual after projection, twice for the last digits
-        let qr = linear.jacobian.qr();
+        let mut jacobian = linear.jacobian.clone();
+        let mut residual = linear.residual.clone();
+        (0..p).for_each(|j| linear.filter.apply(jacobian.col_as_slice_mut(j)));
+        linear.filter.apply(&mut residual);
+        let qr = jacobian.qr();
         let of_parameters = (0..p).map(|j| qr.R()[(j, j)].abs().max(1e-300).ln()).sum();
         let q = qr.compute_thin_Q();
-        let mut basis = Mat::from_fn(rows, p + 1, |i, j| if j < p { q[(i, j)] } else { linear.residual[i] });
+        let mut basis = Mat::from_fn(rows, p + 1, |i, j| if j < p { q[(i, j)] } else { residual[i] });
         for _ in 0..2 {
             for j in 0..p {
                 let column = q.col_as_slice(j);
@@ -108,7 +112,7 @@ impl Design {
             }
         }
         let ss = basis.col_as_slice(p).iter().map(|v| v * v).sum();
-        let products = linear.products(&basis);
+        let products = linear.products(basis);
         let projected = Mat::from_fn(p, width, |i, a| products[(a, i)]);
         let b = products.col_as_slice(p).to_vec();
 

@@ -23,13 +23,13 @@ import run
 import score
 
 HERE = Path(__file__).resolve().parent
-# two cores: a case costs 1 s to make, 11 s in MuJoCo, and 1 to 2 s to diagnose
+# two cores: a case costs 1 s to make, 11 s in MuJoCo, and half a second to diagnose
 FULL = dict(
     none=150, single=500, tracker=150, mujoco=60, pair=120, five=30, outside=150, nonwhite=120, dirty=60, arms=200
 )
 COUNTS = {
     "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5, arms=6),
-    # where an hour of two cores is too much
+    # where three quarters of an hour of two cores are too much
     "large": {**FULL, **dict(tracker=90, mujoco=24, pair=80, five=20, nonwhite=90, dirty=45, arms=120)},
     "full": FULL,
 }
@@ -123,7 +123,7 @@ def main() -> int:
         "--seed", type=int, default=today, help="default: today's date, so that nobody has trained on it"
     )
     parser.add_argument(
-        "--size", choices=sorted(COUNTS), default="small", help="small: 3 minutes; large: 40; full: an hour"
+        "--size", choices=sorted(COUNTS), default="small", help="small: 2 minutes; large: 30; full: 45"
     )
     parser.add_argument("--out", type=Path, help="default: proof/runs/SIZE-SEED; must not hold another run")
     parser.add_argument("--binary", type=Path, default=HERE.parent / "target" / "release" / "trical")

@@ -122,9 +122,7 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=today, help="default: today's date, so that nobody has trained on it"
     )
-    parser.add_argument(
-        "--size", choices=sorted(COUNTS), default="small", help="small: 2 minutes; large: 30; full: 45"
-    )
+    parser.add_argument("--size", choices=sorted(COUNTS), default="small", help="small: 2 minutes; large: 30; full: 45")
     parser.add_argument("--out", type=Path, help="default: proof/runs/SIZE-SEED; must not hold another run")
     parser.add_argument("--binary", type=Path, default=HERE.parent / "target" / "release" / "trical")
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))

@@ -6,9 +6,9 @@ use super::design::{Company, Design, Stage, Without};
 use rayon::prelude::*;
 use trical_model::interrupt::stop_wanted;
 
-/// A candidate must better the criterion by this many nats. With the prior spread over all candidates, an effect-free data
-/// set passes it about once in a hundred.
-pub const THRESHOLD: f64 = 3.0;
+/// A candidate must better the criterion by this many nats. With the prior spread over all candidates, of 300 effect-free data sets of the
+/// proof none passes it.
+pub const THRESHOLD: f64 = 2.0;
 
 /// Most effects that are looked for.
 const MOST: usize = 40;

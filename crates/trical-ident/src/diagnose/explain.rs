@@ -305,7 +305,7 @@ fn told(judge: &Judge<'_>, stage: &Stage, m: Misfit, [before, after]: [f64; 2]) 
 }
 
 /// Curves without a name are what the model can hold; a probe may tell better on what the mismatch depends (a joint that remembers
-/// its last moves looks like a curve of time). Before a place's curves, what its probe tells instead; and what a probe tells of
+/// its last moves looks like a curve of time). Beside a place's curves, what its probe tells instead; and what a probe tells of
 /// places whose names are `doubted`. `without` and `held_out_rms_mm` leave out what was chosen at a place: its curves, or all of it.
 pub(super) fn told_better(
     judge: &Judge<'_>,
@@ -331,8 +331,7 @@ pub(super) fn told_better(
         let better = if curves { said > own + TELLS } else { m.dss > 0.5 * (stage.ss - full.ss) };
         if better && !known {
             let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(&site, curves, probe));
-            let at = unexplained.iter().position(here).unwrap_or(0);
-            unexplained.insert(at, told(judge, &stage, m, errors));
+            unexplained.push(told(judge, &stage, m, errors));
         }
     }
 }

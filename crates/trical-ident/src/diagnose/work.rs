@@ -127,13 +127,13 @@ impl Work {
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
-            let before = self.chosen.clone();
+            let before = (self.chosen.clone(), self.memory);
             self.choose(last.is_none())?;
             let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
             self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
                 // the exact fit does not follow the linear picture: what was there before stays
-                self.chosen = before;
+                (self.chosen, self.memory) = before;
                 self.refit()?;
                 break;
             }
@@ -199,7 +199,7 @@ impl Work {
         if first {
             let (bare, _) = self.memory_beside(&[])?;
             for start in [Memory::NONE, bare] {
-                if start == self.memory || best.tried.contains(&start) {
+                if best.tried.contains(&start) {
                     continue;
                 }
                 let other = self.explanation(start, &[])?;
@@ -236,10 +236,10 @@ impl Work {
     fn memory_beside(&self, set: &[usize]) -> Result<(Memory, f64)> {
         let candidates: Vec<Candidate> = set.iter().map(|c| self.candidates[*c].clone()).collect();
         let all: Vec<usize> = (0..set.len()).collect();
+        let temper = temper(&self.kept);
         Memory::likeliest(longest_recording(&self.kept), |memory| {
             checkpoint()?;
             let design = self.design(&candidates, &[], memory)?;
-            let temper = temper(&self.kept);
             let search = Search { design: &design, candidates: &candidates, temper, banned: Vec::new() };
             Ok(design.nats(temper) + search.total(&design.stage(), &all))
         })

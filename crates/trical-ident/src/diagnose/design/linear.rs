@@ -284,9 +284,7 @@ impl Linear {
         let mut rows = Mat::<f64>::zeros(self.rows(), columns.len());
         for (j, a) in columns.iter().enumerate() {
             self.column(*a, rows.col_as_slice_mut(j));
-            if self.filter.works() {
-                self.filter.apply(rows.col_as_slice_mut(j));
-            }
+            self.filter.apply(rows.col_as_slice_mut(j));
         }
         if self.filter.works() {
             return self.products(rows);

@@ -186,14 +186,15 @@ class Model:
         directions: npt.ArrayLike | None = None,
         temperature: npt.ArrayLike | None = None,
         time: npt.ArrayLike | None = None,
+        seq: npt.ArrayLike | None = None,
         payload: npt.ArrayLike | None = None,
     ) -> tuple[_Floats, _Floats]:
         """Where the tool is, in the world: positions (n, 3) m and rotations (n, 3, 3).
 
         What terms of the model look at, one value for all poses or one a pose: directions (n, joints) or (joints,),
-        -1, 0 or 1, sense of each joint's last motion; temperature (n,) degC; time (n,) s since the recording began;
-        payload (n,) kg on the flange beyond the cell's tool. Not given means no sense of motion, the reference
-        temperature, time 0, no payload.
+        -1, 0 or 1, sense of each joint's last motion; temperature (n,) degC; time (n,) s since the recording began; seq
+        (n,) number of the pose, for models of recordings without times; payload (n,) kg on the flange beyond the cell's
+        tool. Not given means no sense of motion, the reference temperature, time and number 0, no payload.
         """
     def error_map(self, n: int = 2000) -> tuple[_Floats, _Floats, _Floats]:
         """How far the arm misses all over its workspace: n poses at random within the limits, the same ones each time.
@@ -209,6 +210,7 @@ class Model:
         directions: npt.ArrayLike | None = None,
         temperature: npt.ArrayLike | None = None,
         time: npt.ArrayLike | None = None,
+        seq: npt.ArrayLike | None = None,
         payload: npt.ArrayLike | None = None,
     ) -> tuple[_Floats, _Floats]:
         """Where the flange is, in the world: positions (n, 3) m and rotations (n, 3, 3). Arguments as for `forward`."""
@@ -228,6 +230,7 @@ class Model:
         directions: npt.ArrayLike | None = None,
         temperature: npt.ArrayLike | None = None,
         time: npt.ArrayLike | None = None,
+        seq: npt.ArrayLike | None = None,
         payload: npt.ArrayLike | None = None,
     ) -> _Floats:
         """Joint values (n, joints) at which the tool, by the whole model, has poses in the world: those nearest to
@@ -450,6 +453,7 @@ def _compensate(
     frame: str | None,
     temp_c: float | None,
     time_s: float | None,
+    seq: float | None,
     payload_kg: float | None,
     any_configuration: bool,
     own_base: bool,

@@ -30,6 +30,22 @@ def test_a_recording_says_the_same_here_and_on_the_command_line(shared: Path, tm
     assert after["after"]["mean_mm"] < after["before"]["mean_mm"]
 
 
+def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: Path, tmp_path: Path) -> None:
+    """An IRB 120 without a clock or a thermometer: joints were read before they arrived, and the arm warmed up."""
+    d = shared / "irb120"
+    files = {"robot": d / "robot.toml", "cell": d / "cell.toml"}
+    found = trical.diagnose(d / "tracker.csv", **files)
+    assert found.answer["final"]["holdout_mean_mm"] < 0.032 and found.answer["final"]["forward_mean_mm"] < 0.06
+    first = found.findings[0]
+    assert first["effect"] == "late_joint_reading" and first["coefficients"][0]["value"] == pytest.approx(1.0, abs=0.02)
+    (growth,) = [f for f in found.findings if f["effect"] == "thermal_growth"]
+    # a cold arm warms by 5 to 15 K: aluminium, 23e-6 / K
+    assert growth["confidence"] > 0.8 and 1e-4 < growth["coefficients"][0]["value"] < 4e-4
+    found.model.save(tmp_path / "improved.toml")
+    after = trical.validate(trical.Model.load(tmp_path / "improved.toml"), d / "tracker.csv", **files)
+    assert after["after"]["median_mm"] < 0.03
+
+
 def test_the_catalogue_is_that_of_the_program() -> None:
     names = [e["name"] for e in trical.effects()]
     assert len(names) == len(set(names)) and "axis_twist" in names

@@ -509,15 +509,18 @@ def test_strong_effects_are_named_and_nothing_is_named_where_nothing_is(tmp_path
     assert sum(bool(c.findings) for c in cases if not c.effects) <= 1, failures
 
 
-def diagnosed(folder: Path, seed: int, n: int, effects: list[dict], noise: str = "white") -> dict:
-    """What the program says of `n` touches of an arm with these effects."""
+def diagnosed(
+    folder: Path, seed: int, n: int, effects: list[dict], noise: str = "white", without: tuple[str, ...] = ()
+) -> dict:
+    """What the program says of `n` touches of an arm with these effects, recorded `without` some columns."""
     if not BINARY.is_file():
         pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
     d = make.draw("none", seed, 0, [n], 0)
     columns, _, _ = make.measure(d.rng, d.arm, d.s, effects, noise, False)
     (folder / "robot.toml").write_text(write.robot_toml(d.nominal))
     (folder / "cell.toml").write_text(write.cell_toml(d.nominal))
-    (folder / "recording.csv").write_text(write.csv(columns))
+    kept = {name: column for name, column in columns.items() if name not in without}
+    (folder / "recording.csv").write_text(write.csv(kept))
     said = run.diagnose(BINARY, folder, 120)
     assert said["answer"], said["error"]
     return said["answer"]
@@ -568,6 +571,22 @@ def test_a_slow_effect_is_no_noise(tmp_path: Path) -> None:
     answer = diagnosed(tmp_path, 2, 300, [drift])
     assert [(f["effect"], f["site"]) for f in answer["findings"]] == [("tool_drift", {"tool": True})]
     assert not any("noise remembers itself" in c for c in answer["cautions"])
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        ({"effect": "joint_zero_shift", "site": {"joint": 3}, "p": {"at": 0.6, "size": 0.05 * DEG}}, "at pose "),
+        ({"effect": "tool_drift", "site": {"tool": True}, "p": {"by": [0.1 * MM, 0.08 * MM, 0.0]}}, "creeps"),
+    ],
+)
+def test_without_a_clock_the_order_of_the_poses_tells_when(tmp_path: Path, effect: dict, words: str) -> None:
+    answer = diagnosed(tmp_path, 2, 150, [effect], without=("t_s", "temp_c"))
+    first = answer["findings"][0]
+    assert (first["effect"], first["site"]) == (effect["effect"], effect["site"]) and words in first["located"]
+    # what was asked by the order alone, and not found, is among what the data could not show
+    lacks = {b["effect"]: b.get("lacks") for b in answer["blind_to"] if b.get("lacks")}
+    assert "only the order" in lacks["thermal_growth"] and effect["effect"] not in lacks
 
 
 # ---- touches that decide ---------------------------------------------------------------------------------------------

@@ -120,6 +120,9 @@ impl Dataset {
             let first_observation = this.observations.len();
             let mut references: Vec<(usize, usize, Vector3<f64>, usize, usize)> = Vec::new();
             let mut key: Option<(Option<u64>, Joints)> = None;
+            // rows are in the order of time: numbers that fall are not
+            let numbered = recording.rows.iter().all(|r| r.seq.is_some()) && recording.rows.is_sorted_by_key(|r| r.seq);
+            let first_pose = this.poses;
             for r in &recording.rows {
                 row += 1;
                 let mut state = r.state;
@@ -139,6 +142,9 @@ impl Dataset {
                     this.poses += 1;
                     key = Some(now);
                 }
+                #[expect(clippy::cast_precision_loss, reason = "no recording has 2^53 poses")]
+                let order = if numbered { r.seq.map(|s| s as f64) } else { Some((this.poses - 1 - first_pose) as f64) };
+                state.seq = order;
                 if let Measured::Reference { reference, position } = r.measured {
                     references.push((this.poses - 1, reference, Vector3::from(position), row, r.line));
                 } else {

@@ -48,6 +48,7 @@ pub fn unit(term: &Term) -> Unit {
         Variable::Joint { .. } | Variable::Lag { .. } => ("deg", deg),
         Variable::Moment { .. } | Variable::FootMoment { .. } | Variable::PartMoment { .. } => ("Nm", 1.0),
         Variable::Time => ("s", 1.0),
+        Variable::Seq => ("pose", 1.0),
         Variable::Temperature { .. } => ("K", 1.0),
         Variable::Reading { .. } => ("mm", 1e3),
     };

@@ -48,6 +48,8 @@ pub enum Variable {
     },
     /// Time since the recording began, s.
     Time,
+    /// Number of the pose in the order of time.
+    Seq,
     /// Temperature above a reference, K.
     Temperature {
         /// The reference, degC.
@@ -292,6 +294,7 @@ impl Basis {
         }
         match self.of {
             Variable::Time if state.t.is_none() => Some("time (t_s)"),
+            Variable::Seq if state.seq.is_none() => Some("the number of the pose (seq)"),
             Variable::Temperature { .. } if state.temp_c.is_none() => Some("temperature (temp_c)"),
             Variable::Reading { .. } if !matches!(measured, Measured::Touch { .. }) => Some("indicator readings"),
             _ => None,

@@ -343,6 +343,7 @@ impl Forward {
             Variable::Moment { .. } | Variable::FootMoment { .. } => moment.map_or(0.0, |m| m.value),
             Variable::Lag { joint } => state.q_commanded.map_or(0.0, |c| c[joint - 1] - state.q[joint - 1]),
             Variable::Time => state.t.unwrap_or(0.0),
+            Variable::Seq => state.seq.unwrap_or(0.0),
             Variable::Temperature { reference_c } => state.temp_c.map_or(0.0, |t| t - reference_c),
             Variable::Reading { axis } => match measured {
                 Measured::Touch { reading, .. } => reading[axis.index()],

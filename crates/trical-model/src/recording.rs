@@ -20,6 +20,8 @@ pub struct State {
     pub dir: Option<[i8; MAX_JOINTS]>,
     /// Time since the recording began, in s.
     pub t: Option<f64>,
+    /// Number of the pose in the order of time, counted from where the recording says: what tells earlier from later without a clock.
+    pub seq: Option<f64>,
     /// Temperature in degC.
     pub temp_c: Option<f64>,
     /// Mass added on the flange beyond the cell's tool, in kg.
@@ -34,7 +36,7 @@ impl State {
         for (to, from) in joints.iter_mut().zip(q) {
             *to = *from;
         }
-        Self { q: joints, q_commanded: None, dir: None, t: None, temp_c: None, payload_kg: None }
+        Self { q: joints, q_commanded: None, dir: None, t: None, seq: None, temp_c: None, payload_kg: None }
     }
 }
 

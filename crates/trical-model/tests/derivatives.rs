@@ -213,6 +213,7 @@ impl Naive<'_> {
                 }
                 Variable::Lag { joint } => c(state.q_commanded.unwrap()[joint - 1]) - self.q[joint - 1],
                 Variable::Time => c(state.t.unwrap()),
+                Variable::Seq => c(state.seq.unwrap()),
                 Variable::Temperature { reference_c } => c(state.temp_c.unwrap() - reference_c),
                 Variable::Reading { axis } => match measured {
                     Measured::Touch { reading, .. } => c(reading[axis.index()]),
@@ -419,7 +420,7 @@ impl Draw {
 
     fn basis(&mut self, n: usize) -> Basis {
         let joint = 1 + self.below(n);
-        let of = match self.below(8) {
+        let of = match self.below(9) {
             0 => Variable::Nothing,
             1 => Variable::Joint { joint },
             2 => Variable::Moment { joint, axis: Axis::ALL[self.below(3)] },
@@ -427,6 +428,7 @@ impl Draw {
             4 => Variable::Lag { joint },
             5 => Variable::Time,
             6 => Variable::Temperature { reference_c: 20.0 },
+            7 => Variable::Seq,
             _ => Variable::Reading { axis: Axis::ALL[self.below(3)] },
         };
         let shape = match self.below(14) {
@@ -529,6 +531,7 @@ impl Draw {
         s.q_commanded = Some(qc);
         s.dir = Some(std::array::from_fn(|_| if self.below(2) == 0 { -1 } else { 1 }));
         s.t = Some(5.0 + self.n(4.0));
+        s.seq = Some(5.0 + self.n(4.0));
         s.temp_c = Some(24.0 + self.n(3.0));
         s.payload_kg = Some(0.3);
         s

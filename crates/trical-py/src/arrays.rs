@@ -112,6 +112,7 @@ pub struct Known<'py> {
     q: Table<'py>,
     directions: Option<Table<'py>>,
     time: Option<Column<'py>>,
+    seq: Option<Column<'py>>,
     temperature: Option<Column<'py>>,
     payload: Option<Column<'py>>,
 }
@@ -123,6 +124,7 @@ pub struct Beside<'a, 'py> {
     pub directions: Option<&'a Bound<'py, PyAny>>,
     /// s
     pub time: Option<&'a Bound<'py, PyAny>>,
+    pub seq: Option<&'a Bound<'py, PyAny>>,
     /// degC
     pub temperature: Option<&'a Bound<'py, PyAny>>,
     /// kg
@@ -156,6 +158,7 @@ impl<'py> Known<'py> {
             q,
             directions,
             time: column(beside.time, "time")?,
+            seq: column(beside.seq, "seq")?,
             temperature: column(beside.temperature, "temperature")?,
             payload: column(beside.payload, "payload")?,
         })
@@ -172,6 +175,7 @@ impl<'py> Known<'py> {
             q: self.q.rows()?,
             directions: self.directions.as_ref().map(Table::rows).transpose()?,
             time: self.time.as_ref().map(Column::view).transpose()?,
+            seq: self.seq.as_ref().map(Column::view).transpose()?,
             temperature: self.temperature.as_ref().map(Column::view).transpose()?,
             payload: self.payload.as_ref().map(Column::view).transpose()?,
         })
@@ -183,6 +187,7 @@ pub struct States<'a> {
     q: ArrayView2<'a, f64>,
     directions: Option<ArrayView2<'a, f64>>,
     time: Option<One<'a>>,
+    seq: Option<One<'a>>,
     temperature: Option<One<'a>>,
     payload: Option<One<'a>>,
 }
@@ -216,6 +221,7 @@ impl States<'_> {
         State {
             dir,
             t: number(&self.time),
+            seq: number(&self.seq),
             temp_c: number(&self.temperature),
             payload_kg: number(&self.payload),
             ..State { q: joints, ..State::at(&[]) }

@@ -18,6 +18,7 @@ impl From<ProgramError> for Failed {
         for (option, keyword) in [
             ("--temp-c", "temp_c"),
             ("--time-s", "time_s"),
+            ("--seq", "seq"),
             ("--partial", "partial=True"),
             ("--frames FILE", "frames"),
             ("--frames", "frames"),
@@ -39,7 +40,7 @@ fn within(name: &str, value: Option<f64>, from: f64, to: f64) -> PyResult<()> {
 
 /// Rewrites a program file; returns the command's JSON.
 #[pyfunction]
-#[pyo3(signature = (program, model, out, robot, cell, dialect, frames, partial, tool, frame, temp_c, time_s, payload_kg, any_configuration, own_base))]
+#[pyo3(signature = (program, model, out, robot, cell, dialect, frames, partial, tool, frame, temp_c, time_s, seq, payload_kg, any_configuration, own_base))]
 #[expect(clippy::too_many_arguments, reason = "the keywords of trical.compensate")]
 pub fn _compensate(
     py: Python<'_>,
@@ -55,6 +56,7 @@ pub fn _compensate(
     frame: Option<String>,
     temp_c: Option<f64>,
     time_s: Option<f64>,
+    seq: Option<f64>,
     payload_kg: Option<f64>,
     any_configuration: bool,
     own_base: bool,
@@ -62,6 +64,7 @@ pub fn _compensate(
     within("temp_c", temp_c, -100.0, 200.0)?;
     within("payload_kg", payload_kg, 0.0, 1e4)?;
     within("time_s", time_s, 0.0, 1e9)?;
+    within("seq", seq, 0.0, 1e9)?;
     let (robot, cell) = read(&robot, &cell)?;
     let nominal = Model::nominal(robot, cell);
     let file = model.get().file.clone();
@@ -72,6 +75,7 @@ pub fn _compensate(
         frame,
         temp_c,
         time_s,
+        seq,
         payload_kg,
         configuration_off: any_configuration,
         own_base,

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 use trical_ident::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
-use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, residual_rows};
+use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, State, residual_rows};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, write_plan,
@@ -192,7 +192,7 @@ pub fn _simulate(
     payload: Option<&Bound<'_, PyAny>>,
 ) -> Result<PyRows> {
     let model = model.get().file.model.clone();
-    let known = Known::new(q, model.robot.dof(), &Beside { directions, time, temperature, payload })?;
+    let known = Known::new(q, model.robot.dof(), &Beside { directions, time, seq: None, temperature, payload })?;
     let states = known.states()?;
     let n = states.len();
     let numbers = number.map(|b| counted(b, kind, n)).transpose()?.unwrap_or_else(|| vec![0; n]);
@@ -208,7 +208,7 @@ pub fn _simulate(
         _ => Aim::Target(numbers[k]),
     };
     let scatter = Scatter { length: noise, angle: angle_noise, seed };
-    let rows: Vec<_> = (0..n).map(|k| (states.at(k), aim(k))).collect();
+    let rows: Vec<_> = (0..n).map(|k| (State { seq: Some(k as f64), ..states.at(k) }, aim(k))).collect();
     let recording = long(py, None, |_| simulate(&model, &rows, &scatter, stop_within))?;
     Ok(PyRows(Arc::new(recording)))
 }

@@ -216,11 +216,13 @@ impl PyModel {
     ///
     /// q: (n, joints) or (joints,), rad (m for prismatic joints). What terms of the model look at, each for all poses or one a
     /// pose: directions (n, joints) or (joints,), -1, 0 or 1, sense of each joint's last motion; temperature (n,) degC; time
-    /// (n,) s since the recording began; payload (n,) kg on the flange beyond the cell's tool. Not given
-    /// means no sense of motion, the reference temperature, time 0, no payload.
+    /// (n,) s since the recording began; seq (n,) number of the pose, for models of recordings without times; payload (n,)
+    /// kg on the flange beyond the cell's tool. Not given means no sense of motion, the reference temperature, time and
+    /// number 0, no payload.
     ///
     /// Returns positions (n, 3) m and rotations (n, 3, 3); (3,) and (3, 3) for q of shape (joints,).
-    #[pyo3(signature = (q, *, directions=None, temperature=None, time=None, payload=None))]
+    #[pyo3(signature = (q, *, directions=None, temperature=None, time=None, seq=None, payload=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords")]
     fn forward<'py>(
         &self,
         py: Python<'py>,
@@ -228,9 +230,10 @@ impl PyModel {
         directions: Option<&Bound<'py, PyAny>>,
         temperature: Option<&Bound<'py, PyAny>>,
         time: Option<&Bound<'py, PyAny>>,
+        seq: Option<&Bound<'py, PyAny>>,
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Poses<'py>> {
-        let known = Known::new(q, self.dof_(), &Beside { directions, time, temperature, payload })?;
+        let known = Known::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
         self.poses(py, &known, Forward::world_from_tool)
     }
 
@@ -250,7 +253,8 @@ impl PyModel {
     }
 
     /// Where the flange is, in the world: arguments and shapes as for `forward`.
-    #[pyo3(signature = (q, *, directions=None, temperature=None, time=None, payload=None))]
+    #[pyo3(signature = (q, *, directions=None, temperature=None, time=None, seq=None, payload=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords")]
     fn flange<'py>(
         &self,
         py: Python<'py>,
@@ -258,9 +262,10 @@ impl PyModel {
         directions: Option<&Bound<'py, PyAny>>,
         temperature: Option<&Bound<'py, PyAny>>,
         time: Option<&Bound<'py, PyAny>>,
+        seq: Option<&Bound<'py, PyAny>>,
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Poses<'py>> {
-        let known = Known::new(q, self.dof_(), &Beside { directions, time, temperature, payload })?;
+        let known = Known::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
         self.poses(py, &known, Forward::world_from_flange)
     }
 
@@ -309,7 +314,7 @@ impl PyModel {
     /// positions: (n, 3) m; rotations: (n, 3, 3); near: (n, joints) or (joints,), rad (m). Without the n: one pose. The other
     /// arguments are those of `forward`. Returns (n, joints), or (joints,) for one pose; raises UnreachableError for the first
     /// pose that the arm cannot take.
-    #[pyo3(signature = (positions, rotations, near, *, directions=None, temperature=None, time=None, payload=None))]
+    #[pyo3(signature = (positions, rotations, near, *, directions=None, temperature=None, time=None, seq=None, payload=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords")]
     fn inverse<'py>(
         &self,
@@ -320,6 +325,7 @@ impl PyModel {
         directions: Option<&Bound<'py, PyAny>>,
         temperature: Option<&Bound<'py, PyAny>>,
         time: Option<&Bound<'py, PyAny>>,
+        seq: Option<&Bound<'py, PyAny>>,
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.dof_();
@@ -341,7 +347,7 @@ impl PyModel {
             Array2::from_shape_fn((rows.nrows(), n), |(k, j)| seeds[(if seed.single() { 0 } else { k }, j)])
                 .into_pyarray(py)
                 .into_any();
-        let known = Known::new(&all_seeds, n, &Beside { directions, time, temperature, payload })?;
+        let known = Known::new(&all_seeds, n, &Beside { directions, time, seq, temperature, payload })?;
         let states = known.states()?;
         let all = py.detach(|| -> Result<Vec<Joints>> {
             let mut ws = self.forward.workspace();

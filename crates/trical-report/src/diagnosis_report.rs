@@ -103,6 +103,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
             format!("commanded minus read angle of joint {joint}, deg"),
             of(&|s| s.q_commanded.map_or(0.0, |c| (c[joint - 1] - s.q[joint - 1]).to_degrees())),
         )),
+        (Variable::Seq, _) => Some(("number of the pose (seq)".into(), of(&|s| s.seq.unwrap_or(0.0)))),
         (Variable::Time, _) => Some(("time, min".into(), of(&|s| s.t.unwrap_or(0.0) / 60.0))),
         (Variable::Temperature { .. }, _) => Some(("temperature, degC".into(), of(&|s| s.temp_c.unwrap_or(0.0)))),
         (Variable::Reading { axis }, _) => {

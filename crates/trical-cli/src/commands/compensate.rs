@@ -50,6 +50,9 @@ pub struct Args {
     /// When the program runs, s since the recording began, for a model that drifts
     #[arg(long, value_name = "T")]
     time_s: Option<f64>,
+    /// The same for a model of a recording without times: after how many of its poses (seq)
+    #[arg(long, value_name = "N")]
+    seq: Option<f64>,
     /// Mass on the flange beyond the tool's own, kg
     #[arg(long, value_name = "M")]
     payload_kg: Option<f64>,
@@ -92,6 +95,7 @@ pub fn run(args: &Args) -> Result<()> {
     finite("--temp-c", args.temp_c, -100.0, 200.0)?;
     finite("--payload-kg", args.payload_kg, 0.0, 1e4)?;
     finite("--time-s", args.time_s, 0.0, 1e9)?;
+    finite("--seq", args.seq, 0.0, 1e9)?;
     let job = Job {
         program: &args.program,
         out: args.out.as_deref().filter(|_| !args.check),
@@ -113,6 +117,7 @@ pub fn run(args: &Args) -> Result<()> {
         frame: args.frame.clone(),
         temp_c: args.temp_c,
         time_s: args.time_s,
+        seq: args.seq,
         payload_kg: args.payload_kg,
         configuration_off: args.any_configuration,
         own_base: args.own_base,

@@ -295,6 +295,7 @@ impl Runner<'_, '_> {
             q_commanded: None,
             dir: Some(self.motion.sense()),
             t: Some(t),
+            seq: None,
             temp_c,
             payload_kg: self.options.payload_kg,
         };

@@ -93,6 +93,7 @@ impl<'a> Compensator<'a> {
             if let Some(needs) = term.basis.missing(&state, &anything) {
                 let how = match needs {
                     n if n.starts_with("temperature") => "--temp-c says at what temperature the program runs",
+                    n if n.contains("seq") => "--seq says after how many poses of the recording the program runs",
                     _ => "--time-s says when the program runs, in seconds since the recording began",
                 };
                 return Err(ProgramError::Input(format!("the model's term '{}' needs {needs}: {how}", term.name)));
@@ -131,6 +132,7 @@ impl<'a> Compensator<'a> {
             q_commanded: None,
             dir: Some(dir),
             t: self.options.time_s,
+            seq: self.options.seq,
             temp_c: self.options.temp_c,
             payload_kg: self.options.payload_kg,
         }

@@ -200,6 +200,8 @@ pub struct Options {
     pub temp_c: Option<f64>,
     /// Time at which it runs, s since the recording began.
     pub time_s: Option<f64>,
+    /// After how many poses of the recording it runs.
+    pub seq: Option<f64>,
     /// Mass on the flange beyond the tool, kg.
     pub payload_kg: Option<f64>,
     /// Take the solution nearest to the target before, whatever configuration the text demands.

@@ -97,6 +97,7 @@ pub fn row_from_json(text: &[u8]) -> Result<(Row, usize), String> {
         q_commanded: (commanded > 0).then_some(q_commanded),
         dir,
         t: fields.number("t_s")?,
+        seq: None,
         temp_c: fields.number("temp_c")?,
         payload_kg: fields.number("payload_kg")?,
     };

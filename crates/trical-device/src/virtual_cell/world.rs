@@ -163,6 +163,7 @@ impl World {
             q_commanded: Some(self.commanded),
             dir: Some(self.motion.sense()),
             t: Some(self.clock),
+            seq: None,
             temp_c: self.plant.temperature(self.clock),
             payload_kg: self.options.payload_kg,
         }

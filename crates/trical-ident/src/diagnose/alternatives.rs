@@ -113,6 +113,7 @@ impl Diagnosis {
         let of = |f: fn(&State) -> Option<f64>| last.and_then(f);
         State {
             t: of(|s| s.t),
+            seq: of(|s| s.seq),
             temp_c: of(|s| s.temp_c),
             payload_kg: of(|s| s.payload_kg),
             ..State::at(&[0.0; MAX_JOINTS])

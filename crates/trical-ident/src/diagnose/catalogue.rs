@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Motion, Shape, Site, Term, Variable};
 
 use super::effects::EFFECTS;
-use super::recorded::Recorded;
+use super::recorded::{Recorded, is_order, moment};
 
 /// One explanation that can be tried: the terms that it would add.
 #[derive(Clone, Debug)]
@@ -46,10 +46,11 @@ impl Candidate {
         for t in &mut other.terms {
             t.basis.shape = Shape::Step { at };
         }
-        if self.terms[0].basis.of == Variable::Time
+        let of = self.terms[0].basis.of;
+        if is_order(of)
             && let Some((what, _)) = self.located.rsplit_once(" at ")
         {
-            other.located = format!("{what} at {at:.0} s");
+            other.located = format!("{what} {}", moment(of, at));
         }
         other
     }
@@ -145,6 +146,9 @@ pub struct Untestable {
     pub lacks: &'static str,
 }
 
+/// What lacks where poses are known in their order alone: steps, steady creep and warming up at an even pace are asked for, no more.
+const ORDER_ONLY: &str = "time (t_s): only the order of the poses could be asked";
+
 /// All candidates that this data can be asked about, with priors, and the effects that it cannot test. The prior is uniform over
 /// effects, then over sites, then over scan points; of these, effects may hold some for less likely.
 #[must_use]
@@ -153,7 +157,9 @@ pub fn catalogue(recorded: &Recorded<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
     let mut untestable = Vec::new();
     for effect in EFFECTS {
         let asked = (effect.ask)(recorded);
-        untestable.extend(asked.lacks.map(|lacks| Untestable { effect: effect.name, lacks }));
+        let by_order = asked.candidates.iter().any(|c| c.terms.iter().any(|t| t.basis.of == Variable::Seq));
+        let lacks = asked.lacks.or(by_order.then_some(ORDER_ONLY));
+        untestable.extend(lacks.map(|lacks| Untestable { effect: effect.name, lacks }));
         let mut list = asked.candidates;
         let mut sites: Vec<(serde_json::Value, usize)> = Vec::new();
         for c in &list {

@@ -5,6 +5,7 @@
 use trical_model::{Basis, Beside, Model, Shape, Site, State, Term, Variable};
 
 use super::catalogue::{Candidate, anything};
+use super::recorded::{is_order, order_of};
 use crate::dataset::Dataset;
 
 /// The "effect" of what has no name.
@@ -31,6 +32,7 @@ pub fn value(variable: Variable, state: &State) -> f64 {
     match variable {
         Variable::Joint { joint } => state.q[joint - 1],
         Variable::Time => state.t.unwrap_or(0.0),
+        Variable::Seq => state.seq.unwrap_or(0.0),
         Variable::Temperature { reference_c } => state.temp_c.unwrap_or(reference_c) - reference_c,
         _ => 0.0,
     }
@@ -129,9 +131,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     let n = model.robot.dof();
     let read = |variable: Variable| data.observations.iter().map(|o| value(variable, &o.state)).collect::<Vec<f64>>();
     let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
-    if data.observations.iter().all(|o| o.state.t.is_some()) {
-        variables.push(Variable::Time);
-    }
+    variables.extend(order_of(data));
     let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
     let mut out = Vec::new();
     for joint in 1..=n {
@@ -141,7 +141,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             let values = read(*variable);
             let Some(curve) = knots(&values, KNOTS) else { continue };
             let of = name(*variable);
-            if *variable != Variable::Time {
+            if !is_order(*variable) {
                 let sorted = sorted(&values);
                 for k in 1..THRESHOLDS {
                     // nobody was between two values: the step is as likely there as anywhere else between them
@@ -165,7 +165,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                 let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
                 out.extend(fine.map(|fine| candidate(tents(at, *variable, None, &fine), &of)));
             }
-            if has_direction && (*variable == Variable::Time || *variable == (Variable::Joint { joint })) {
+            if has_direction && (is_order(*variable) || *variable == (Variable::Joint { joint })) {
                 let what = format!("its sense of motion, differently with {of},");
                 out.push(candidate(tents(at, *variable, Some(joint), &curve), &what));
             }
@@ -186,12 +186,13 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     out
 }
 
-/// "q2", "time".
+/// "q2", "time", "seq".
 #[must_use]
 pub fn name(variable: Variable) -> String {
     match variable {
         Variable::Joint { joint } => format!("q{joint}"),
         Variable::Time => "time".into(),
+        Variable::Seq => "seq".into(),
         other => format!("{other:?}").to_lowercase(),
     }
 }
@@ -225,7 +226,14 @@ pub fn describe<'a>(
     }
     let variable = basis.of;
     let factor = if matches!(variable, Variable::Joint { .. }) { 1.0_f64.to_degrees() } else { 1.0 };
-    let units = if matches!(variable, Variable::Joint { .. }) { "deg" } else { "s" };
+    let units = match variable {
+        Variable::Joint { .. } => "deg",
+        Variable::Seq => "pose",
+        _ => "s",
+    };
+    // "-32.0 deg"; a number of a pose needs no unit
+    let shown = |v: f64| if variable == Variable::Seq { format!("{:.0}", v.ceil()) } else { format!("{v:.1} {units}") };
+    let bare = |v: f64| if variable == Variable::Seq { format!("{:.0}", v.ceil()) } else { format!("{v:.1}") };
     let values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
     let (low, high) =
         (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));
@@ -247,19 +255,19 @@ pub fn describe<'a>(
             Shape::Step { at } => {
                 let below = values.iter().filter(|v| **v < at).count();
                 let sign = if 2 * below <= values.len() { "<" } else { ">" };
-                format!("{n} {sign} {:.1} {units}", at * factor)
+                format!("{n} {sign} {}", shown(at * factor))
             }
             Shape::Tent { left, right, .. } if right.is_infinite() => {
-                format!("{n} > {:.1} {units}, growing", left * factor)
+                format!("{n} > {}, growing", shown(left * factor))
             }
             Shape::Tent { left, right, .. } if left.is_infinite() => {
-                format!("{n} < {:.1} {units}, growing", right * factor)
+                format!("{n} < {}, growing", shown(right * factor))
             }
             Shape::Growth { from, to } => {
                 let side = if to > from { ">" } else { "<" };
-                format!("{n} {side} {:.1} {units}, growing with the square", from * factor)
+                format!("{n} {side} {}, growing with the square", shown(from * factor))
             }
-            _ => format!("{n} from {:.1} to {:.1} {units}", low * factor, high * factor),
+            _ => format!("{n} from {} to {}", bare(low * factor), shown(high * factor)),
         },
         _ => {
             // where the curve is farthest from its middle value
@@ -269,7 +277,7 @@ pub fn describe<'a>(
             let largest = curve.iter().map(|c| (c.1 - middle).abs()).fold(0.0, f64::max);
             let off: Vec<f64> = curve.iter().filter(|c| (c.1 - middle).abs() > 0.5 * largest).map(|c| c.0).collect();
             match (off.first(), off.last()) {
-                (Some(a), Some(b)) => format!("{n} from {a:.1} to {b:.1} {units}"),
+                (Some(a), Some(b)) => format!("{n} from {} to {}", bare(*a), shown(*b)),
                 _ => format!("all of {n}"),
             }
         }

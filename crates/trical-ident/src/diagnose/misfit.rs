@@ -8,6 +8,7 @@ use trical_model::{Axis, Basis, Model, Motion, Shape, Site, Term, Variable};
 use super::catalogue::{Candidate, anything};
 use super::design::{Design, Stage};
 use super::locators::{UNEXPLAINED, knots, name, tents, value};
+use super::recorded::{is_order, order_of};
 use crate::dataset::Dataset;
 
 /// Prior odds that what happens at a place is not in the catalogue.
@@ -217,7 +218,7 @@ const MEMORIES: [Memory; 4] = [
 #[must_use]
 pub fn probes(model: &Model, data: &Dataset) -> Probes {
     let mut probes: Vec<Candidate> = Vec::new();
-    let has_time = data.observations.iter().all(|o| o.state.t.is_some());
+    let order = order_of(data);
     let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
     let has_masses = model.robot.require_masses().is_ok();
     let n = model.robot.dof();
@@ -225,14 +226,12 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
         let site = serde_json::json!({ "joint": joint });
         let at = Site::Joint { joint };
         let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
-        if has_time {
-            variables.push(Variable::Time);
-        }
+        variables.extend(order);
         for variable in variables {
             let Some(knots) = knots(&value_of(data, variable), KNOTS) else { continue };
             probes.push(probe(&site, name(variable), tents(at, variable, None, &knots)));
-            if has_direction && (variable == Variable::Time || variable == (Variable::Joint { joint })) {
-                let named = if variable == Variable::Time { name(variable) } else { format!("dir{joint}") };
+            if has_direction && (is_order(variable) || variable == (Variable::Joint { joint })) {
+                let named = if is_order(variable) { name(variable) } else { format!("dir{joint}") };
                 probes.push(probe(&site, named, tents(at, variable, Some(joint), &knots)));
             }
         }
@@ -243,19 +242,18 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
             probes.push(probe(&site, format!("tau{joint}"), bases.to_vec()));
         }
     }
-    if has_time && let Some(knots) = knots(&value_of(data, Variable::Time), KNOTS) {
+    if let Some(order) = order
+        && let Some(knots) = knots(&value_of(data, order), KNOTS)
+    {
         let along = |of: fn(Motion) -> Site| {
-            Axis::ALL
-                .iter()
-                .flat_map(|a| tents(of(Motion::Along(*a)), Variable::Time, None, &knots))
-                .collect::<Vec<_>>()
+            Axis::ALL.iter().flat_map(|a| tents(of(Motion::Along(*a)), order, None, &knots)).collect::<Vec<_>>()
         };
-        probes.push(probe(&serde_json::json!({ "tool": true }), "time".into(), along(Site::Tool)));
+        probes.push(probe(&serde_json::json!({ "tool": true }), name(order), along(Site::Tool)));
         if data.observations.iter().any(|o| matches!(o.measured, trical_model::Measured::Touch { .. })) {
-            probes.push(probe(&serde_json::json!({ "fixture": true }), "time".into(), along(Site::Fixture)));
+            probes.push(probe(&serde_json::json!({ "fixture": true }), name(order), along(Site::Fixture)));
         }
-        let growth = tents(Site::Links, Variable::Time, None, &knots);
-        probes.push(probe(&serde_json::json!({ "links": true }), "time".into(), growth));
+        let growth = tents(Site::Links, order, None, &knots);
+        probes.push(probe(&serde_json::json!({ "links": true }), name(order), growth));
     }
     // what came before, and two angles at once, are no basis: such probes borrow a joint's constant column and weigh it row
     // by row

@@ -42,7 +42,7 @@ use crate::fit::position_errors;
 use crate::identify::ErrorSummary;
 
 use alternatives::Grounds;
-use catalogue::Candidate;
+use catalogue::{Candidate, Untestable};
 use explain::{
     at_same_place, beside_unknown, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, left_over,
     noise_of, of_one_kind, ordered, place_of, prove, told_better, unexplained_from, unknowns,
@@ -147,7 +147,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'
 
     progress(0.95, "what the data cannot show");
     let mut blind_to = blind(&search, &full, chosen);
-    blind_to.extend(untestable.iter().map(|u| Blind {
+    let shown = |u: &&Untestable| findings.iter().any(|f| f.effect == u.effect);
+    blind_to.extend(untestable.iter().filter(|u| !shown(u)).map(|u| Blind {
         effect: u.effect.to_owned(),
         site: serde_json::json!({ "all": true }),
         lambda: 0.0,

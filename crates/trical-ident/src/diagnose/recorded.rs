@@ -1,11 +1,12 @@
 //! What recordings say about themselves: which covariates they have, how loaded the joints were, when something may have
 //! changed. Effects ask this before they ask the residual.
 
-use trical_model::{Basis, Forward, Measured, Model, Shape, Site, Term, Variable};
+use trical_model::{Basis, Forward, Measured, Model, Shape, Site, State, Term, Variable};
 
+use super::locators::value;
 use crate::dataset::{Dataset, Observation};
 
-/// Times at which a change is looked for.
+/// Moments at which a change is looked for.
 const CHANGES: usize = 60;
 
 /// Loads below this (N m) are none.
@@ -18,14 +19,51 @@ pub const SMALL_ARM: f64 = 25.0;
 pub struct Clock {
     /// "with temperature".
     pub how: &'static str,
-    /// Looks at temperature, or at the time with a warm-up curve.
+    /// Looks at temperature, or with a warm-up curve at what tells earlier from later.
     pub basis: Basis,
     /// By how much the basis changes over the data.
     pub rise: f64,
 }
 
-/// Time constants with which an arm may warm up, s.
+/// Time constants with which an arm may warm up, s; longer ones by doubling, as long as the recording is.
 const WARM_UPS: [f64; 5] = [400.0, 800.0, 1600.0, 3200.0, 6400.0];
+
+/// The same where nothing tells how long a pose took, as parts of the recording.
+const WARM_UP_PARTS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 0.125, 0.25, 0.5, 1.0, 2.0];
+
+/// How long a touch takes, s: what a rate in time is at each pose where there is no clock.
+const PACE: f64 = 20.0;
+
+/// What tells earlier from later: time, or where it was not recorded the number of the pose.
+#[must_use]
+pub fn order_of(data: &Dataset) -> Option<Variable> {
+    let all = |f: &dyn Fn(&State) -> bool| data.observations.iter().all(|o| f(&o.state));
+    if all(&|s| s.t.is_some()) {
+        Some(Variable::Time)
+    } else if all(&|s| s.seq.is_some()) {
+        Some(Variable::Seq)
+    } else {
+        None
+    }
+}
+
+/// Whether a variable tells earlier from later.
+#[must_use]
+pub fn is_order(variable: Variable) -> bool {
+    matches!(variable, Variable::Time | Variable::Seq)
+}
+
+/// A moment in words: "at 450 s", "at pose 450".
+#[must_use]
+pub fn moment(order: Variable, at: f64) -> String {
+    if order == Variable::Seq { format!("at pose {:.0}", at.ceil()) } else { format!("at {at:.0} s") }
+}
+
+/// Seconds in each unit of what tells earlier from later.
+#[must_use]
+pub fn seconds_per(order: Variable) -> f64 {
+    if order == Variable::Seq { PACE } else { 1.0 }
+}
 
 /// What effects can look at.
 #[expect(clippy::struct_excessive_bools, reason = "a list of yes and no")]
@@ -36,8 +74,8 @@ pub struct Recorded<'a> {
     pub direction: bool,
     /// Commanded joints stand beside read ones.
     pub commanded: bool,
-    /// Times are known.
-    pub time: bool,
+    /// What tells earlier from later.
+    pub order: Option<Variable>,
     /// There are touches.
     pub touches: bool,
     /// The robot has masses.
@@ -48,7 +86,7 @@ pub struct Recorded<'a> {
     pub lags: bool,
     /// Measures of warmth, if any.
     pub clocks: Vec<Clock>,
-    /// Duration, s.
+    /// Duration, in units of what tells earlier from later.
     pub span: f64,
     loads: Vec<f64>,
     changes: Vec<f64>,
@@ -62,22 +100,22 @@ impl<'a> Recorded<'a> {
         let all = |f: &dyn Fn(&Observation) -> bool| data.observations.iter().all(f);
         let any = |f: &dyn Fn(&Observation) -> bool| data.observations.iter().any(f);
         let masses = model.robot.require_masses().is_ok();
-        let time = all(&|o| o.state.t.is_some());
+        let order = order_of(data);
         let optical = any(&|o| matches!(o.measured, Measured::Point { .. } | Measured::Pose { .. }));
         Self {
             model,
             direction: all(&|o| o.state.dir.is_some())
                 && any(&|o| o.state.dir.is_some_and(|d| d.iter().any(|s| *s != 0))),
             commanded: any(&|o| o.state.q_commanded.is_some_and(|c| c != o.state.q)),
-            time,
+            order,
             touches: any(&|o| matches!(o.measured, Measured::Touch { .. })),
             masses,
             spread: std::array::from_fn(|k| reading_spread(data, k) > SPREAD * sigma),
             lags: lag_follows_motion(data),
-            clocks: clocks(data, time),
-            span: data.observations.iter().filter_map(|o| o.state.t).fold(0.0, f64::max).max(1.0),
+            clocks: clocks(data, order),
+            span: order.map_or(1.0, |order| span(data, order)),
             loads: if masses { usual_loads(model, data) } else { vec![1.0; model.robot.dof()] },
-            changes: if time { change_points(data, CHANGES) } else { Vec::new() },
+            changes: order.map_or_else(Vec::new, |order| change_points(data, order, CHANGES)),
             frames: if optical { data.frames() } else { 0 },
         }
     }
@@ -98,7 +136,7 @@ impl<'a> Recorded<'a> {
         1..=self.frames
     }
 
-    /// Times at which something may have changed at once.
+    /// Moments at which something may have changed at once.
     #[must_use]
     pub fn changes(&self) -> &[f64] {
         &self.changes
@@ -139,7 +177,7 @@ pub fn gives_way(term: &Term) -> Option<usize> {
     }
 }
 
-fn clocks(data: &Dataset, time: bool) -> Vec<Clock> {
+fn clocks(data: &Dataset, order: Option<Variable>) -> Vec<Clock> {
     let t: Vec<f64> = data.observations.iter().filter_map(|o| o.state.temp_c).collect();
     if !t.is_empty() && t.len() == data.observations.len() {
         let reference_c = (crate::rigid::median(&t) * 10.0).round() / 10.0;
@@ -147,12 +185,25 @@ fn clocks(data: &Dataset, time: bool) -> Vec<Clock> {
         let basis = Basis::new(Variable::Temperature { reference_c }, Shape::Linear);
         return vec![Clock { how: "with temperature", basis, rise }];
     }
+    let Some(order) = order else { return Vec::new() };
     let warm_up = |constant| Clock {
         how: "as the arm warms up",
-        basis: Basis::new(Variable::Time, Shape::WarmUp { constant }),
+        basis: Basis::new(order, Shape::WarmUp { constant }),
         rise: 1.0,
     };
-    if time { WARM_UPS.map(warm_up).into() } else { Vec::new() }
+    let span = span(data, order);
+    if order == Variable::Seq {
+        return WARM_UP_PARTS.map(|part| warm_up(part * span)).into();
+    }
+    let longer = std::iter::successors(WARM_UPS.last().copied(), |c| Some(2.0 * c)).skip(1).take_while(|c| *c <= span);
+    WARM_UPS.into_iter().chain(longer).map(warm_up).collect()
+}
+
+/// How long the data goes on.
+fn span(data: &Dataset, order: Variable) -> f64 {
+    let of = || data.observations.iter().map(|o| value(order, &o.state));
+    let first = if order == Variable::Time { 0.0 } else { of().fold(f64::INFINITY, f64::min) };
+    (of().fold(0.0, f64::max) - first).max(1.0)
 }
 
 /// Root mean square of each joint's gravity torque over the data, N m; at least [`UNLOADED`].
@@ -173,9 +224,9 @@ fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
     squares.into_iter().map(|s| (s / count).sqrt().max(UNLOADED)).collect()
 }
 
-/// Times at which something may have changed: `count` quantiles of the data's times, ends left out.
-fn change_points(data: &Dataset, count: usize) -> Vec<f64> {
-    let mut t: Vec<f64> = data.observations.iter().filter_map(|o| o.state.t).collect();
+/// Moments at which something may have changed: `count` quantiles of the data's, ends left out.
+fn change_points(data: &Dataset, order: Variable, count: usize) -> Vec<f64> {
+    let mut t: Vec<f64> = data.observations.iter().map(|o| value(order, &o.state)).collect();
     t.sort_by(f64::total_cmp);
     t.dedup();
     let n = t.len();

@@ -100,6 +100,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
                 q_commanded: Some(commanded),
                 dir: Some(dir),
                 t: Some(60.0 * turn),
+                seq: Some(turn),
                 temp_c: Some(20.0 + 0.1 * turn),
                 payload_kg: Some(0.0),
             };

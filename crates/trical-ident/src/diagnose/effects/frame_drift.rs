@@ -1,6 +1,6 @@
 //! The measuring instrument's own frame moves.
 
-use trical_model::{Basis, Motion, Shape, Site, Variable};
+use trical_model::{Basis, Motion, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size};
 use crate::diagnose::recorded::Recorded;
@@ -9,17 +9,15 @@ pub const EFFECT: Effect = Effect {
     name: "frame_drift",
     site: "frame",
     form: "the measuring frame moves with t, six coordinates",
-    needs: "time, an optical instrument",
+    needs: "time or order, an optical instrument",
     typical: "0.01 to 0.2 mm",
     rivals: "fixture_drift, thermal_growth",
     ask,
 };
 
 fn ask(r: &Recorded<'_>) -> Asked {
-    if !r.time {
-        return Asked::lacking(NO_TIME);
-    }
-    let drift = Basis::new(Variable::Time, Shape::Linear);
+    let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
+    let drift = Basis::new(order, Shape::Linear);
     let of = |frame| {
         let part = |m: &Motion| (format!("frame_drift_{}", m.name()), Site::Frame { frame, motion: *m }, drift, 0);
         EFFECT.candidate(

@@ -9,7 +9,7 @@ pub const EFFECT: Effect = Effect {
     name: "thermal_growth",
     site: "links",
     form: "a, d times (1 + alpha dT), or with 1 - exp(-t/T) where there is no thermometer",
-    needs: "temperature or time",
+    needs: "temperature, time or order",
     typical: "12e-6 to 26e-6 / K",
     rivals: "frame_drift, thermal_zero_drift",
     ask,
@@ -23,10 +23,10 @@ fn ask(r: &Recorded<'_>) -> Asked {
         return Asked::lacking("temperature (temp_c) or time (t_s)");
     }
     let of = |clock: &crate::diagnose::recorded::Clock| {
-        let size = if clock.basis.of == Variable::Time {
-            Size { typical: 18e-6 * WARM[0], large: 26e-6 * WARM[1] }
-        } else {
+        let size = if matches!(clock.basis.of, Variable::Temperature { .. }) {
             Size { typical: 18e-6, large: 26e-6 }
+        } else {
+            Size { typical: 18e-6 * WARM[0], large: 26e-6 * WARM[1] }
         };
         EFFECT.candidate(
             serde_json::json!({ "links": true }),

@@ -9,7 +9,7 @@ pub const EFFECT: Effect = Effect {
     name: "thermal_zero_drift",
     site: "joint",
     form: "D = k dT",
-    needs: "temperature or time",
+    needs: "temperature, time or order",
     typical: "0.005 to 0.06 deg",
     rivals: "fixture_drift, thermal_growth",
     ask,

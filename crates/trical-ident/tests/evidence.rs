@@ -65,7 +65,7 @@ fn judged(candidate: Candidate) -> (f64, bool) {
     let (model, data) = made();
     let candidates = [candidate];
     let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
-    let mut search = Search { design: &design, candidates: &candidates, temper: 1.0, banned: Vec::new() };
+    let mut search = Search::new(&design, &candidates, 1.0);
     let start = design.stage();
     let evidence = search.evidence(&start, 0).unwrap().evidence;
     (evidence, !search.choose(&start, &[]).is_empty())

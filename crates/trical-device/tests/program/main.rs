@@ -11,7 +11,7 @@ use fixtures::{
 };
 use proptest::prelude::*;
 use trical_device::program::{Dialect, Frames, Options, ProgramError, Report, compensate};
-use trical_model::{Forward, MAX_JOINTS, Model, Site, State, Tool};
+use trical_model::{Basis, Forward, MAX_JOINTS, Model, Shape, Site, State, Term, Tool, Variable};
 
 fn options() -> Options {
     Options { temp_c: Some(32.0), details: true, model_name: "m.toml".into(), ..Options::default() }
@@ -269,6 +269,33 @@ fn a_model_that_needs_a_temperature_asks_for_it() {
     let options = Options::default();
     let e = compensate(b"q1_deg\n1\n", "p", Dialect::Csv, &n, &real(&n), &Frames::default(), &options, &mut Vec::new());
     assert!(e.unwrap_err().to_string().contains("--temp-c"));
+}
+
+#[test]
+fn a_model_of_an_arm_that_warmed_up_asks_after_how_many_poses() {
+    let n = nominal(IRB);
+    let warm_up = Basis::new(Variable::Seq, Shape::WarmUp { constant: 100.0 });
+    let mut warming = n.clone();
+    warming.terms.push(Term { value: 2e-4, ..Term::new("expansion", "thermal_growth", Site::Links, warm_up) });
+    let moved = |seq: Option<f64>| {
+        let options = Options { seq, ..Options::default() };
+        let frames = Frames::default();
+        compensate(
+            b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,30,0\n",
+            "p",
+            Dialect::Csv,
+            &n,
+            &warming,
+            &frames,
+            &options,
+            &mut Vec::new(),
+        )
+        .map(|r| r.largest_move)
+        .map_err(|e| e.to_string())
+    };
+    assert!(moved(None).unwrap_err().contains("--seq"));
+    let (cold, warm) = (moved(Some(0.0)).unwrap(), moved(Some(1e6)).unwrap());
+    assert!(cold < 1e-9 && warm > 5e-5 && warm < 3e-4, "{cold} {warm}");
 }
 
 proptest! {

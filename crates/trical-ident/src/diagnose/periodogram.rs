@@ -101,7 +101,8 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
             log_prior: 0.0,
         })
         .collect();
-    let linear = Linear::new(&fitted.model, false, &columns, &[], data, &fitted.noise, Memory::NONE)?;
+    let linear =
+        Linear::new(&fitted.model, [0, fitted.model.terms.len()], &columns, &[], data, &fitted.noise, Memory::NONE)?;
     let poses = data.used_poses();
     let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
     for o in &data.observations {

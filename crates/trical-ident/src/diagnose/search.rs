@@ -3,6 +3,7 @@
 
 use super::catalogue::Candidate;
 use super::design::{Company, Design, Stage, Without};
+use super::locators::UNEXPLAINED;
 use rayon::prelude::*;
 use trical_model::interrupt::stop_wanted;
 
@@ -49,7 +50,8 @@ pub struct Search<'a> {
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
     /// Candidates that turned out to be no physics.
-    pub banned: Vec<usize>,
+    banned: Vec<usize>,
+    names_only: bool,
 }
 
 /// A candidate with its evidence.
@@ -66,7 +68,19 @@ pub struct Ranked {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts")]
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// Among all candidates.
+    #[must_use]
+    pub fn new(design: &'a Design, candidates: &'a [Candidate], temper: f64) -> Self {
+        Self { design, candidates, temper, banned: Vec::new(), names_only: false }
+    }
+
+    /// Among those of the catalogue alone.
+    #[must_use]
+    pub fn names_alone(self) -> Self {
+        Self { names_only: true, ..self }
+    }
+
     /// Independent scalars left at a stage.
     #[must_use]
     pub fn freedom(&self, stage: &Stage) -> f64 {
@@ -104,7 +118,7 @@ impl Search<'_> {
     }
 
     /// As [`Search::rank`], one after the other: most questions end with the first.
-    fn best<'a>(&'a self, stage: &'a Stage) -> impl Iterator<Item = Ranked> + 'a {
+    fn best<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = Ranked> + 's {
         let mut all: Vec<Ranked> = (0..self.candidates.len())
             .into_par_iter()
             .with_min_len(256)
@@ -127,8 +141,14 @@ impl Search<'_> {
             all.get(at - 1).map(|r| (at - 1, *r))
         })
         // plausibility costs a solve: only where it matters
-        .filter(|(k, r)| !self.banned.contains(&r.candidate) && (*k > 200 || self.plausible(stage, r.candidate)))
+        .filter(|(k, r)| self.allows(r.candidate) && (*k > 200 || self.plausible(stage, r.candidate)))
         .map(|(_, r)| r)
+    }
+
+    fn allows(&self, candidate: usize) -> bool {
+        let nameless = self.candidates[candidate].effect == UNEXPLAINED;
+        let wanted = !(nameless && self.names_only);
+        wanted && !self.banned.contains(&candidate)
     }
 
     /// The stage with a set of candidates added.
@@ -176,7 +196,7 @@ impl Search<'_> {
     /// has a part.
     pub(super) fn among<T>(&self, stage: &Stage, set: &[usize], ask: impl FnOnce(&Search<'_>, &Stage) -> T) -> T {
         let (design, stage) = self.design.narrowed(stage, set);
-        let few = Search { design: &design, candidates: self.candidates, temper: self.temper, banned: Vec::new() };
+        let few = Search::new(&design, self.candidates, self.temper);
         ask(&few, &stage)
     }
 

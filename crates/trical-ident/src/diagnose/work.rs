@@ -64,6 +64,30 @@ struct Explanation {
     tried: Vec<Memory>,
 }
 
+/// What a round of the search came to.
+struct Round {
+    chosen: Vec<usize>,
+    memory: Memory,
+    fitted: Identified,
+    known: Vec<Known>,
+}
+
+impl Round {
+    /// How many rows it believed.
+    fn believed(&self) -> usize {
+        self.fitted.data.observations.len()
+    }
+
+    fn is_as(&self, other: &Self) -> bool {
+        let sorted = |r: &Self| {
+            let mut chosen = r.chosen.clone();
+            chosen.sort_unstable();
+            chosen
+        };
+        self.believed() == other.believed() && sorted(self) == sorted(other)
+    }
+}
+
 impl Work {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
     pub(super) fn begin(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Self> {
@@ -116,9 +140,10 @@ impl Work {
         }
     }
 
-    /// Rounds of search and exact refit until the choice stays as it is.
+    /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
+    /// two choices may each lead to the other: then the likelier one is taken.
     pub(super) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
-        let mut last: Option<(Vec<usize>, usize)> = None;
+        let mut rounds: Vec<Round> = Vec::new();
         for round in 0..ROUNDS {
             checkpoint()?;
             #[expect(clippy::cast_precision_loss, reason = "counts")]
@@ -128,7 +153,7 @@ impl Work {
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
             let before = (self.chosen.clone(), self.memory);
-            self.choose(last.is_none())?;
+            self.choose(rounds.is_empty())?;
             let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
             self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
@@ -140,16 +165,53 @@ impl Work {
             self.resize();
             // with the effects out of the way the readings' noise may show
             if self.believe()? {
+                rounds.clear();
                 continue;
             }
-            let mut state = (self.chosen.clone(), self.kept.observations.len());
-            state.0.sort_unstable();
-            if last.as_ref() == Some(&state) {
+            let new = Round {
+                chosen: self.chosen.clone(),
+                memory: self.memory,
+                fitted: self.fitted.clone(),
+                known: self.known.clone(),
+            };
+            let been_there = rounds.iter().any(|r| r.is_as(&new));
+            rounds.push(new);
+            if been_there {
                 break;
             }
-            last = Some(state);
         }
+        self.take_likeliest(rounds)
+    }
+
+    /// Goes back to the likeliest of some rounds, of those that believed the same rows as the last one.
+    fn take_likeliest(&mut self, mut rounds: Vec<Round>) -> Result<()> {
+        let Some(last) = rounds.pop() else { return Ok(()) };
+        rounds.retain(|r| r.believed() == last.believed() && !r.is_as(&last));
+        if rounds.is_empty() {
+            return Ok(());
+        }
+        rounds.insert(0, last);
+        let mut best = (f64::NEG_INFINITY, 0);
+        for (k, round) in rounds.iter().enumerate() {
+            let nats = self.nats(round)?;
+            if nats > best.0 {
+                best = (nats, k);
+            }
+        }
+        let Round { chosen, memory, fitted, known } = rounds.swap_remove(best.1);
+        (self.chosen, self.memory, self.fitted, self.known) = (chosen, memory, fitted, known);
         Ok(())
+    }
+
+    /// How likely the residuals are with what a round chose, where it was fitted. The noise is the present one's for all, or they could
+    /// not be compared.
+    fn nats(&self, round: &Round) -> Result<f64> {
+        let candidates: Vec<Candidate> = round.chosen.iter().map(|c| self.candidates[*c].clone()).collect();
+        let all: Vec<usize> = (0..candidates.len()).collect();
+        let (model, noise) = (&round.fitted.model, &self.fitted.noise);
+        let design = Design::weighted(model, self.baseline_terms, &candidates, &[], &self.kept, noise, round.memory)?;
+        let temper = temper(&self.kept);
+        Ok(design.nats(temper) + Search::new(&design, &candidates, temper).total(&design.stage(), &all))
     }
 
     /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where
@@ -240,7 +302,7 @@ impl Work {
         Memory::likeliest(longest_recording(&self.kept), |memory| {
             checkpoint()?;
             let design = self.design(&candidates, &[], memory)?;
-            let search = Search { design: &design, candidates: &candidates, temper, banned: Vec::new() };
+            let search = Search::new(&design, &candidates, temper);
             Ok(design.nats(temper) + search.total(&design.stage(), &all))
         })
     }
@@ -268,7 +330,15 @@ impl Work {
 
     /// The linear picture of the baseline with candidates.
     fn design(&self, candidates: &[Candidate], weights: &[Vec<Vec<f64>>], memory: Memory) -> Result<Design> {
-        Design::weighted(&self.bare(), candidates, weights, &self.kept, &self.fitted.noise, memory)
+        Design::weighted(
+            &self.fitted.model,
+            self.baseline_terms,
+            candidates,
+            weights,
+            &self.kept,
+            &self.fitted.noise,
+            memory,
+        )
     }
 
     /// With all candidates, and probes behind them.
@@ -282,7 +352,7 @@ impl Work {
     }
 
     pub(super) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        Search { design, candidates: &self.candidates, temper: temper(&self.kept), banned: Vec::new() }
+        Search::new(design, &self.candidates, temper(&self.kept))
     }
 
     pub(super) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
@@ -323,7 +393,7 @@ impl Work {
             let one = std::slice::from_ref(&self.nuisances[k]);
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
             let temper = temper(&self.fitted.data);
-            let search = Search { design: &design, candidates: one, temper, banned: Vec::new() };
+            let search = Search::new(&design, one, temper);
             if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;

@@ -63,11 +63,12 @@ pub(in super::super) struct Linear {
 }
 
 impl Linear {
-    /// Linearizes `model` with the terms of the candidates at zero; without its own terms (`parameters` false) there is no
-    /// Jacobian. A candidate with weights has them multiplied in, for each of its columns one for each observation.
+    /// Linearizes `model` with the terms of the candidates at zero. Of its own terms those before `parameters` have a Jacobian, those from
+    /// `effects` on are taken out of the residual again, by their columns: what is left where the others stay as they are. A candidate
+    /// with weights has them multiplied in, for each of its columns one for each observation.
     pub fn new(
         model: &Model,
-        parameters: bool,
+        [parameters, effects]: [usize; 2],
         candidates: &[Candidate],
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
@@ -75,7 +76,8 @@ impl Linear {
         memory: Memory,
     ) -> Result<Self> {
         let own = model.terms.len();
-        let p = if parameters { own } else { 0 };
+        let p = parameters;
+        let values: Vec<f64> = model.terms[effects..].iter().map(|t| t.value).collect();
         let terms: Vec<_> = candidates.iter().flat_map(|c| &c.terms).collect();
         let width = terms.len();
         let mut kinds: Vec<(Site, bool)> = Vec::new();
@@ -109,8 +111,10 @@ impl Linear {
         }
         let mut wide = model.clone();
         wide.terms.extend(by_family.iter().map(|(_, column)| terms[*column].clone()));
-        let forward = Forward::new(wide, (own - p..own + width).collect())?;
-        let total = p + width;
+        let free = (0..p).chain(effects..own + width).collect();
+        let forward = Forward::new(wide, free)?;
+        let first = p + values.len();
+        let total = first + width;
 
         let count = data.observations.len();
         let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
@@ -150,7 +154,6 @@ impl Linear {
                 let s = 1.0 / sigma;
                 // rotations of a pose are fitted, but a position error has no part in them
                 all.sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
-                all.residual[row + k] = residual[k] * s;
                 all.pose_of_row[row + k] = o.pose;
                 let line = &mut block[k * total..(k + 1) * total];
                 for v in line.iter_mut() {
@@ -159,8 +162,10 @@ impl Linear {
                 for (j, v) in line[..p].iter().enumerate() {
                     all.jacobian[(row + k, j)] = *v;
                 }
+                let taken: f64 = line[p..first].iter().zip(&values).map(|(column, value)| column * value).sum();
+                all.residual[row + k] = residual[k] * s - taken;
             }
-            let lines: Vec<&[f64]> = (0..n).map(|k| &block[k * total + p..(k + 1) * total]).collect();
+            let lines: Vec<&[f64]> = (0..n).map(|k| &block[k * total + first..(k + 1) * total]).collect();
             all.take(&lines, index, row, &factors, &mut along);
             row += n;
             all.first_row.push(row);

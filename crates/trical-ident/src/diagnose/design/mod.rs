@@ -72,23 +72,26 @@ impl Design {
     /// # Errors
     /// A candidate at a site that the arm does not have.
     pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
-        Self::weighted(model, candidates, &[], data, noise, Memory::NONE)
+        Self::weighted(model, model.terms.len(), candidates, &[], data, noise, Memory::NONE)
     }
 
-    /// As [`Design::new`]; a candidate with weights (for each of its columns, one for each observation) has them multiplied in. Noise that
-    /// remembers itself is made white: rows are then what could not be foreseen from those before.
+    /// As [`Design::new`], of a model whose terms from `parameters` on are effects: it is linearized with them, and they are taken out of
+    /// the residual again by their own columns, so that with them in it the picture is exact. A candidate with weights (for each of its
+    /// columns, one for each observation) has them multiplied in. Noise that remembers itself is made white: rows are then what could
+    /// not be foreseen from those before.
     ///
     /// # Errors
     /// As [`Design::new`].
     pub fn weighted(
         model: &Model,
+        parameters: usize,
         candidates: &[Candidate],
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
         memory: Memory,
     ) -> Result<Self> {
-        let linear = Linear::new(model, true, candidates, weights, data, noise, memory)?;
+        let linear = Linear::new(model, [parameters, parameters], candidates, weights, data, noise, memory)?;
         let (spans, width) = spans(candidates.iter().map(|c| c.terms.len()));
         let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
         let (rows, p) = (linear.rows(), linear.jacobian.ncols());

@@ -127,17 +127,18 @@ def diagnose(
     robot: PathLike | Robot,
     cell: PathLike | Cell,
     joints: str = "read",
+    names_only: bool = False,
     next: int | None = None,
     progress: Progress = False,
 ) -> Diagnosis:
     """Say which physics the model of an arm lacks, by recordings of it.
 
     Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, so many touches are
-    planned that would decide between the least sure finding and its rivals (`Diagnosis.next`). The other arguments
-    and errors are those of `identify`.
+    planned that would decide between the least sure finding and its rivals (`Diagnosis.next`). With `names_only` what
+    has no name is told but not modelled. The other arguments and errors are those of `identify`.
     """
     model, text, errors, planned, told = _native._diagnose(
-        _sources(recordings), _file(robot), _file(cell), joints, next, listener(progress, "diagnosing")
+        _sources(recordings), _file(robot), _file(cell), joints, names_only, next, listener(progress, "diagnosing")
     )
     answer: dict[str, Any] = json.loads(text)
     nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
@@ -155,7 +156,15 @@ def diagnose(
         errors_mm=errors,
         next=deciding,
         _made=Made.of(
-            told, diagnose, recordings, robot=robot, cell=cell, joints=joints, next=next, files=("robot", "cell")
+            told,
+            diagnose,
+            recordings,
+            robot=robot,
+            cell=cell,
+            joints=joints,
+            names_only=names_only,
+            next=next,
+            files=("robot", "cell"),
         ),
     )
 

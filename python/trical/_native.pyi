@@ -363,6 +363,7 @@ def _diagnose(
     robot: _Path | Robot,
     cell: _Path | Cell,
     joints: str,
+    names_only: bool,
     next: int | None,
     progress: _Listener,
 ) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None, Told]: ...

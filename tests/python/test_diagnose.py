@@ -35,7 +35,7 @@ def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: 
     d = shared / "irb120"
     files = {"robot": d / "robot.toml", "cell": d / "cell.toml"}
     found = trical.diagnose(d / "tracker.csv", **files)
-    assert found.answer["final"]["holdout_mean_mm"] < 0.032 and found.answer["final"]["forward_mean_mm"] < 0.06
+    assert found.answer["final"]["holdout_mean_mm"] < 0.030 and found.answer["final"]["forward_mean_mm"] < 0.06
     first = found.findings[0]
     assert first["effect"] == "late_joint_reading" and first["coefficients"][0]["value"] == pytest.approx(1.0, abs=0.02)
     (growth,) = [f for f in found.findings if f["effect"] == "thermal_growth"]
@@ -44,6 +44,12 @@ def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: 
     found.model.save(tmp_path / "improved.toml")
     after = trical.validate(trical.Model.load(tmp_path / "improved.toml"), d / "tracker.csv", **files)
     assert after["after"]["median_mm"] < 0.03
+
+    named = trical.diagnose(d / "tracker.csv", **files, names_only=True)
+    assert named.answer["final"]["holdout_mean_mm"] < 0.036 and named.answer["final"]["forward_mean_mm"] < 0.04
+    assert 'effect = "unexplained"' not in named.model.to_toml() and named.unexplained
+    # gravity's torque about joint 2 changes its sign near -32 deg, below which the error grows
+    assert any(f["effect"] == "lost_motion_gravity" and f["site"] == {"joint": 2} for f in named.findings)
 
 
 def test_the_catalogue_is_that_of_the_program() -> None:

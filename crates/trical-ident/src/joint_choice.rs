@@ -44,7 +44,7 @@ pub fn clean(
     Ok(if left(&commanded)? < left(&read)? { commanded } else { read })
 }
 
-/// Diagnoses recordings; without `joints` as read and as commanded, and takes what leaves less, held out. Also says which
+/// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out. Also says which
 /// joints that were.
 ///
 /// # Errors
@@ -54,11 +54,12 @@ pub fn diagnose_recordings(
     cell: &Cell,
     recordings: &[Recording],
     joints: Option<JointSource>,
+    names_only: bool,
     progress: Progress<'_>,
 ) -> Result<(Diagnosis, JointSource)> {
     let mut of = |source| -> Result<(Diagnosis, JointSource)> {
         let data = Dataset::build(recordings, source, None)?;
-        Ok((diagnose(robot, cell, &data, progress)?, source))
+        Ok((diagnose(robot, cell, &data, names_only, progress)?, source))
     };
     if let Some(source) = joints {
         return of(source);

@@ -230,7 +230,7 @@ fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
 
 fn diagnosed(model: &Model, seed: u64) -> trical_ident::Diagnosis {
     let data = build(touch(model, 150, 8e-6, seed));
-    diagnose(&model.robot, &model.cell, &data, &mut |_, _| ()).unwrap()
+    diagnose(&model.robot, &model.cell, &data, false, &mut |_, _| ()).unwrap()
 }
 
 #[test]
@@ -284,7 +284,7 @@ fn the_noise_of_nulled_readings_is_no_gain_error() {
         row.state.q = trical_model::ik::continue_from(&forward, &on, &row.state, &mut ws).unwrap();
         *reading = std::array::from_fn(|_| rand_distr::Distribution::sample(&normal, &mut rng));
     }
-    let d = diagnose(&model.robot, &model.cell, &build(recording), &mut |_, _| ()).unwrap();
+    let d = diagnose(&model.robot, &model.cell, &build(recording), false, &mut |_, _| ()).unwrap();
     assert!(d.findings.is_empty(), "{:?}", d.findings);
     assert_eq!(d.baseline.reading_noise.len(), 1);
     assert!(d.blind_to.iter().any(|b| b.effect == "indicator_gain" && b.lacks.is_some()));

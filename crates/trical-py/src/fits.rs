@@ -283,6 +283,7 @@ pub fn _diagnose<'py>(
     robot: RobotArgument,
     cell: CellArgument,
     joints: &str,
+    names_only: bool,
     next: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Diagnosed<'py>> {
@@ -296,7 +297,7 @@ pub fn _diagnose<'py>(
     }
     let (file, text, errors, planned, told) = long(py, progress, |say| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
-        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, say)?;
+        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, names_only, say)?;
         let mut value = serde_json::to_value(&found)?;
         value["recordings"] = json!(found.data.names);
         value["joints"] = json!(source);

@@ -31,6 +31,9 @@ pub struct Args {
     /// Which joint angles to believe
     #[arg(long, value_enum, default_value = "read")]
     joints: Joints,
+    /// Model what has a name alone: what has none is told, but not corrected
+    #[arg(long)]
+    names_only: bool,
     /// Where to write the extended model
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -60,7 +63,8 @@ pub fn run(args: &Args) -> Result<()> {
     let recordings = input::recordings(&args.recordings, robot.dof())?;
     let bar = progress::bar("diagnosing");
     let mut at = |fraction: f64, what: &str| progress::at(&bar, fraction, what);
-    let (diagnosis, source) = diagnose_recordings(&robot, &cell, &recordings, args.joints.source(), &mut at)?;
+    let (diagnosis, source) =
+        diagnose_recordings(&robot, &cell, &recordings, args.joints.source(), args.names_only, &mut at)?;
     // rivals are fitted anew only for those who ask
     let undecided = args.next.map(|_| diagnosis.undecided()).transpose()?.flatten();
     let next = match (args.next, undecided) {

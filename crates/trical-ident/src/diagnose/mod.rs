@@ -56,17 +56,23 @@ const DOUBTED: f64 = 0.9;
 /// Progress: a fraction and what is being done.
 pub type Progress<'a> = &'a mut dyn FnMut(f64, &str);
 
-/// Diagnoses recordings of one arm.
+/// Diagnoses recordings of one arm. With `names_only` what has no name is told but not modelled.
 ///
 /// # Errors
 /// As [`crate::identify::identify`].
-pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, progress: Progress<'_>) -> Result<Diagnosis> {
+pub fn diagnose(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    names_only: bool,
+    progress: Progress<'_>,
+) -> Result<Diagnosis> {
     progress(0.0, "hygiene");
-    let mut work = Work::begin(robot, cell, data)?;
+    let mut work = Work::begin(robot, cell, data, names_only)?;
     let baseline = work.fitted.model.clone();
     work.settle(&mut |part| progress(0.1 + 0.4 * part, "searching"))?;
     progress(0.5, "looking again without names");
-    if work.look_again()? {
+    if !names_only && work.look_again()? {
         work.settle(&mut |part| progress(0.55 + 0.2 * part, "searching"))?;
     }
 

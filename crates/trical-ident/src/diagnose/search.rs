@@ -3,7 +3,6 @@
 
 use super::catalogue::Candidate;
 use super::design::{Company, Design, Stage, Without};
-use super::locators::UNEXPLAINED;
 use rayon::prelude::*;
 use trical_model::interrupt::stop_wanted;
 
@@ -51,7 +50,6 @@ pub struct Search<'a> {
     pub temper: f64,
     /// Candidates that turned out to be no physics.
     banned: Vec<usize>,
-    names_only: bool,
 }
 
 /// A candidate with its evidence.
@@ -72,13 +70,7 @@ impl<'a> Search<'a> {
     /// Among all candidates.
     #[must_use]
     pub fn new(design: &'a Design, candidates: &'a [Candidate], temper: f64) -> Self {
-        Self { design, candidates, temper, banned: Vec::new(), names_only: false }
-    }
-
-    /// Among those of the catalogue alone.
-    #[must_use]
-    pub fn names_alone(self) -> Self {
-        Self { names_only: true, ..self }
+        Self { design, candidates, temper, banned: Vec::new() }
     }
 
     /// Independent scalars left at a stage.
@@ -141,14 +133,8 @@ impl<'a> Search<'a> {
             all.get(at - 1).map(|r| (at - 1, *r))
         })
         // plausibility costs a solve: only where it matters
-        .filter(|(k, r)| self.allows(r.candidate) && (*k > 200 || self.plausible(stage, r.candidate)))
+        .filter(|(k, r)| !self.banned.contains(&r.candidate) && (*k > 200 || self.plausible(stage, r.candidate)))
         .map(|(_, r)| r)
-    }
-
-    fn allows(&self, candidate: usize) -> bool {
-        let nameless = self.candidates[candidate].effect == UNEXPLAINED;
-        let wanted = !(nameless && self.names_only);
-        wanted && !self.banned.contains(&candidate)
     }
 
     /// The stage with a set of candidates added.

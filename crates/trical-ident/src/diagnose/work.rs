@@ -90,7 +90,7 @@ impl Round {
 
 impl Work {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
-    pub(super) fn begin(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Self> {
+    pub(super) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool) -> Result<Self> {
         let all = hygiene::without_stale(data);
         let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
         let all = reject_gross_errors_beyond(robot, cell, &all, GROSS)?;
@@ -118,7 +118,9 @@ impl Work {
         }
         work.believe()?;
         (work.candidates, work.untestable) = catalogue(&Recorded::new(&work.fitted.model, &work.all, sigma));
-        work.candidates.extend(locators(&work.fitted.model, &work.all));
+        if !names_only {
+            work.candidates.extend(locators(&work.fitted.model, &work.all));
+        }
         work.resize();
         Ok(work)
     }

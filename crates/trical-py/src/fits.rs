@@ -277,6 +277,7 @@ type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touch
 
 /// Diagnoses.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the keywords of trical.diagnose")]
 pub fn _diagnose<'py>(
     py: Python<'py>,
     recordings: Vec<RecordingArgument>,

@@ -7,6 +7,7 @@ import pickle
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import trical
@@ -44,6 +45,10 @@ def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: 
     found.model.save(tmp_path / "improved.toml")
     after = trical.validate(trical.Model.load(tmp_path / "improved.toml"), d / "tracker.csv", **files)
     assert after["after"]["median_mm"] < 0.03
+    # programs command joints: there is no reading that lags behind them
+    q = np.radians([[10.0, -20.0, 15.0, 30.0, 40.0, 50.0], [0.0, 30.0, -20.0, -60.0, 70.0, 10.0]])
+    positions, rotations = found.model.forward(q, seq=900.0)
+    np.testing.assert_allclose(found.model.inverse(positions, rotations, q + 0.01, seq=900.0), q, atol=1e-9)
 
     named = trical.diagnose(d / "tracker.csv", **files, names_only=True)
     assert named.answer["final"]["holdout_mean_mm"] < 0.036 and named.answer["final"]["forward_mean_mm"] < 0.04

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::basis::Variable;
+use crate::basis::{Basis, Variable};
 use crate::chain::Moment;
 use crate::forward::{Bound, Forward, NOTHING, Workspace, residual_rows};
 use crate::pose::Pose;
@@ -120,21 +120,37 @@ impl Forward {
             self.add_through_moments(dof, ws, 1.0, &mut sum);
             for (k, index) in &self.varying {
                 let b = &self.bound[*index];
-                let sign = match b.basis.of {
-                    Variable::Joint { joint } if joint == i + 1 => 1.0,
-                    Variable::Lag { joint } if joint == i + 1 => -1.0,
-                    _ => continue,
-                };
-                let u = Self::variable(&b.basis, None, state, &NOTHING);
-                let slope = b.basis.shape.at(u).1 * Self::factor(&b.basis, state);
-                let factor = sign * slope * b.weight * self.model.terms[*k].value;
-                add(&mut sum, &ws.columns[b.dof], factor);
+                let moment = b.moment.map(|m| &ws.moments[m]);
+                let slope = Self::slope_by_joint(&b.basis, i + 1, moment, state);
+                if slope != 0.0 {
+                    add(&mut sum, &ws.columns[b.dof], slope * b.weight * self.model.terms[*k].value);
+                }
             }
             for (row, value) in sum.iter().enumerate() {
                 jacobian[row * n + i] = *value;
             }
         }
         pose
+    }
+
+    /// What a basis changes with a joint's value itself, beside what it does through moments.
+    #[inline]
+    fn slope_by_joint(basis: &Basis, joint: usize, moment: Option<&Moment>, state: &State) -> f64 {
+        let u = Self::variable(basis, moment, state, &NOTHING);
+        let (value, slope) = basis.shape.at(u);
+        let own = match basis.of {
+            Variable::Joint { joint: own } if own == joint => slope,
+            // what was not commanded does not lag
+            Variable::Lag { joint: own } if own == joint && state.q_commanded.is_some() => -slope,
+            _ => 0.0,
+        };
+        let beside = basis.beside.filter(|b| b.joint == joint);
+        let by_factor = beside.map_or(0.0, |b| {
+            let alone = Basis { beside: None, ..*basis };
+            value * Self::factor(&alone, state) * b.shape.at(state.q[joint - 1]).1
+        });
+        let own = if own == 0.0 { 0.0 } else { own * Self::factor(basis, state) };
+        own + by_factor
     }
 
     /// Columns of all degrees of freedom, and the derivatives to the gravity moments, at the present pose.

@@ -192,6 +192,8 @@ fn from_the_side(points: &[Vector3<f64>]) -> Vec<(f64, f64)> {
 fn map(d: &Diagnosis) -> Result<String> {
     const WIDE: f64 = 620.0;
     const HIGH: f64 = 420.0;
+    // of the list beside the arm
+    const LIST: f64 = 260.0;
     let mut flat = from_the_side(&places(d)?);
     let last = flat.len().saturating_sub(1);
     let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
@@ -204,7 +206,7 @@ fn map(d: &Diagnosis) -> Result<String> {
     let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
     let high = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
     let (left, right, down, up) = (low(|p| p.0), high(|p| p.0), low(|p| p.1), high(|p| p.1));
-    let scale = ((WIDE - 300.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
+    let scale = ((WIDE - LIST - 100.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
     let at = |p: (f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
     let dots: Vec<(f64, f64)> = flat.iter().map(|p| at(*p)).collect();
     let whole_arm = d.findings.iter().any(|f| !f.site["links"].is_null() || !f.site["joints"].is_null());
@@ -261,7 +263,7 @@ fn map(d: &Diagnosis) -> Result<String> {
         let short = format!("{}. {}, {}", k + 1, f.effect, site_words(&f.site));
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let y = 30.0 + 22.0 * k as f64;
-        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - 260.0);
+        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - LIST);
     }
     svg += "</svg>";
     Ok(svg)

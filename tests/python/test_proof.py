@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -557,6 +558,18 @@ def test_a_joint_may_be_soft_up_to_a_kink(tmp_path: Path) -> None:
         "findings"
     ][0]
     assert (first["effect"], first["site"]) == ("nonlinear_stiffness", {"joint": 2})
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_what_happens_near_one_angle_is_told_there(tmp_path: Path, seed: int) -> None:
+    """A damaged tooth: no step, no wave, and no seven outliers either."""
+    bump = {"effect": "out_bump", "site": {"joint": 4}, "p": {"centre": 0.3, "size": 0.0006, "width": 0.09}}
+    answer = diagnosed(tmp_path, seed, 300, [bump])
+    told = answer["unexplained"]
+    assert told["site"] == {"joint": 4} and told["variable"] == "q4"
+    left, right = (float(x) for x in re.findall(r"-?[0-9.]+(?= |$)", told["region"].removeprefix("q4 from ")))
+    assert left < 0.3 / DEG < right and right - left < 45.0, told["region"]
+    assert not answer["findings"] and not answer["rejected"]
 
 
 @pytest.mark.parametrize("noise", ["ar1", "wander"])

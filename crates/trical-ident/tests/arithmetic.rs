@@ -25,6 +25,22 @@ fn dataset(rows: Vec<Row>) -> Dataset {
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
 }
 
+#[test]
+fn poses_are_numbered_as_the_recording_says_or_counted() {
+    let row = |seq: Option<u64>, q: f64| Row {
+        state: State::at(&[q; 6]),
+        measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+        seq,
+        line: 0,
+    };
+    let numbers =
+        |rows: &[Row]| dataset(rows.to_vec()).observations.iter().filter_map(|o| o.state.seq).collect::<Vec<f64>>();
+    assert_eq!(numbers(&[row(Some(4), 0.1), row(Some(4), 0.1), row(Some(9), 0.2)]), [4.0, 4.0, 9.0]);
+    assert_eq!(numbers(&[row(None, 0.1), row(None, 0.2)]), [0.0, 1.0]);
+    // rows are in the order of time, so these are not
+    assert_eq!(numbers(&[row(Some(9), 0.1), row(Some(4), 0.2), row(Some(4), 0.2)]), [0.0, 1.0, 1.0]);
+}
+
 /// Touches of the nominal arm anywhere, each reading off by what `off` says.
 fn touches(n: usize, mut off: impl FnMut(usize, &mut Pcg64Mcg) -> [f64; 3]) -> Dataset {
     let mut rng = Pcg64Mcg::seed_from_u64(7);

@@ -4,7 +4,9 @@
 mod rewrite;
 mod starts;
 
-use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Site, State, Term, Workspace};
+use trical_model::{
+    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Shape, Site, State, Term, Variable, Workspace,
+};
 
 pub use rewrite::Done;
 pub use starts::Start;
@@ -37,7 +39,21 @@ pub struct Compensator<'a> {
     branches: Branches,
     slides: Vec<bool>,
     dof: usize,
+    /// When the program runs, s and poses after the recording began.
+    t: Option<f64>,
+    seq: Option<f64>,
     options: &'a Options,
+}
+
+/// Long after any recording, s or poses.
+const LONG_AFTER: f64 = 1e9;
+
+/// When a program runs: as it was said, or long after the recording, where all that the model has of this variable comes to an end (the
+/// arm is warm then, and what changed at once has changed).
+fn when(said: Option<f64>, variable: Variable, model: &Model) -> Option<f64> {
+    let ends = |t: &Term| matches!(t.basis.shape, Shape::WarmUp { .. } | Shape::Step { .. } | Shape::Tent { .. });
+    let all_end = model.terms.iter().filter(|t| t.basis.of == variable).all(ends);
+    said.or(all_end.then_some(LONG_AFTER))
 }
 
 fn site_of_device(site: &Site) -> bool {
@@ -85,6 +101,8 @@ impl<'a> Compensator<'a> {
             branches: Branches::of(&nominal.robot),
             slides: nominal.robot.joints.iter().map(|j| j.kind == JointKind::Prismatic).collect(),
             dof: nominal.robot.dof(),
+            t: when(options.time_s, Variable::Time, &model),
+            seq: when(options.seq, Variable::Seq, &model),
             options,
         };
         let state = this.state(&[0.0; MAX_JOINTS], [0; MAX_JOINTS]);
@@ -131,8 +149,8 @@ impl<'a> Compensator<'a> {
             q: *q,
             q_commanded: None,
             dir: Some(dir),
-            t: self.options.time_s,
-            seq: self.options.seq,
+            t: self.t,
+            seq: self.seq,
             temp_c: self.options.temp_c,
             payload_kg: self.options.payload_kg,
         }

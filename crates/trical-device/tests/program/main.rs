@@ -272,30 +272,25 @@ fn a_model_that_needs_a_temperature_asks_for_it() {
 }
 
 #[test]
-fn a_model_of_an_arm_that_warmed_up_asks_after_how_many_poses() {
+fn a_program_runs_long_after_the_recording_unless_it_is_said_when() {
     let n = nominal(IRB);
-    let warm_up = Basis::new(Variable::Seq, Shape::WarmUp { constant: 100.0 });
-    let mut warming = n.clone();
-    warming.terms.push(Term { value: 2e-4, ..Term::new("expansion", "thermal_growth", Site::Links, warm_up) });
-    let moved = |seq: Option<f64>| {
+    let moved = |shape: Shape, value: f64, seq: Option<f64>| {
+        let mut model = n.clone();
+        let basis = Basis::new(Variable::Seq, shape);
+        model.terms.push(Term { value, ..Term::new("expansion", "thermal_growth", Site::Links, basis) });
         let options = Options { seq, ..Options::default() };
+        let program = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,30,0\n";
         let frames = Frames::default();
-        compensate(
-            b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,30,0\n",
-            "p",
-            Dialect::Csv,
-            &n,
-            &warming,
-            &frames,
-            &options,
-            &mut Vec::new(),
-        )
-        .map(|r| r.largest_move)
-        .map_err(|e| e.to_string())
+        compensate(program, "p", Dialect::Csv, &n, &model, &frames, &options, &mut Vec::new())
+            .map(|report| report.largest_move)
+            .map_err(|e| e.to_string())
     };
-    assert!(moved(None).unwrap_err().contains("--seq"));
-    let (cold, warm) = (moved(Some(0.0)).unwrap(), moved(Some(1e6)).unwrap());
-    assert!(cold < 1e-9 && warm > 5e-5 && warm < 3e-4, "{cold} {warm}");
+    let warm_up = Shape::WarmUp { constant: 100.0 };
+    let [cold, half, warm] = [0.0, 69.3, 1e6].map(|seq| moved(warm_up, 2e-4, Some(seq)).unwrap());
+    assert!(cold < 1e-9 && warm > 5e-5 && (half / warm - 0.5).abs() < 0.01, "{cold} {half} {warm}");
+    assert!((moved(warm_up, 2e-4, None).unwrap() - warm).abs() < 1e-9);
+    assert!(moved(Shape::Linear, 2e-7, None).unwrap_err().contains("--seq"));
+    assert!(moved(Shape::Linear, 2e-7, Some(1000.0)).is_ok());
 }
 
 proptest! {

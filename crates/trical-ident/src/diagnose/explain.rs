@@ -1,13 +1,14 @@
 //! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
-use trical_model::{Forward, Model};
+use trical_model::{Forward, Model, Term, Variable};
 
 use super::answer::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
 use super::catalogue::Candidate;
 use super::design::{Design, Stage};
 use super::locators;
 use super::misfit::{CONSIDERABLE, Judge, Misfit, nats};
+use super::recorded::is_order;
 use super::search::{Ranked, Search};
 use crate::dataset::Dataset;
 use crate::fit::position_errors;
@@ -272,20 +273,22 @@ pub(super) fn beside_unknown(own: f64, site: &serde_json::Value, unknown: &[(ser
 const SLOW_WAVES: f64 = 20.0;
 
 /// Trust in a name that it took several candidates of one kind to uphold: a sum of waves can be anything that depends on an
-/// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name.
+/// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name, and so is what
+/// changes there with time and temperature.
 pub(super) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
     let waves = |c: &Candidate| matches!(c.effect, "joint_harmonic" | "gear_ripple" | "axis_wobble");
     let repeated = |c: &Candidate| waves(c) || c.step().is_some();
     let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
+    let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
+    let changes = |c: &Candidate| place_of(&c.site).is_some() && c.terms.iter().any(in_time);
     let first = &candidates[group.members[0]];
     let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
-    let alike = |c: &&Candidate| slow(c) && c.effect != first.effect && c.site == first.site;
-    let others = if group.members.iter().any(|m| slow(&candidates[*m])) {
-        chosen.iter().map(|c| &candidates[*c]).filter(alike).count()
-    } else {
-        0
+    let others = |kind: &dyn Fn(&Candidate) -> bool| {
+        let alike = |c: &&Candidate| kind(c) && c.effect != first.effect && c.site == first.site;
+        let one = group.members.iter().any(|m| kind(&candidates[*m]));
+        if one { chosen.iter().map(|c| &candidates[*c]).filter(alike).count() } else { 0 }
     };
-    0.5_f64.powi(i32::try_from(own + others).unwrap_or(i32::MAX))
+    0.5_f64.powi(i32::try_from(own + others(&slow) + others(&changes)).unwrap_or(i32::MAX))
 }
 
 /// A mismatch that a probe tells at a stage: where and on what it depends; held-out errors without and with it.

@@ -23,6 +23,13 @@ const THRESHOLDS: usize = 30;
 /// Thresholds tried for growth are the inner ones of so many quantiles.
 const GROWTHS: usize = 9;
 
+/// Places at which something local is looked for, and how far it reaches to either side, as parts of the joint's stroke.
+const PLACES: usize = 32;
+const REACHES: [f64; 3] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0];
+
+/// Values that something local must have.
+const LOCAL_VALUES: usize = 4;
+
 /// Knots of a free curve.
 pub(super) const KNOTS: usize = 8;
 
@@ -84,6 +91,18 @@ fn growths(sorted: &[f64]) -> Vec<Shape> {
         .map(|k| sorted[(k * (sorted.len() - 1)) / GROWTHS])
         .filter(|at| *at > low && *at < high)
         .flat_map(|at| [up(at), down(at), Shape::Growth { from: at, to: high }, Shape::Growth { from: at, to: low }])
+        .collect()
+}
+
+/// Something that happens near one value only, as at a damaged tooth.
+fn locals(sorted: &[f64]) -> Vec<Shape> {
+    let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
+    let within = |left: f64, right: f64| sorted.iter().filter(|v| **v > left && **v < right).count();
+    let centres = (1..PLACES).map(|k| sorted[(k * (sorted.len() - 1)) / PLACES]);
+    centres
+        .flat_map(|centre| REACHES.map(|part| (centre - part * (high - low), centre, centre + part * (high - low))))
+        .filter(|(left, _, right)| within(*left, *right) >= LOCAL_VALUES)
+        .map(|(left, centre, right)| Shape::Tent { left, centre, right })
         .collect()
 }
 
@@ -160,6 +179,10 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
             if *variable == (Variable::Joint { joint }) {
+                for shape in locals(&sorted(&values)) {
+                    let term = Term::new(format!("local_{joint}"), UNEXPLAINED, at, Basis::new(*variable, shape));
+                    out.push(candidate(vec![term], &of));
+                }
                 let distinct = sorted(&values).len();
                 let enough = |k: &usize| *k == FINE_KNOTS[0] || distinct >= k * PER_KNOT;
                 let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
@@ -262,6 +285,9 @@ pub fn describe<'a>(
             }
             Shape::Tent { left, right, .. } if left.is_infinite() => {
                 format!("{n} < {}, growing", shown(right * factor))
+            }
+            Shape::Tent { left, right, .. } => {
+                format!("{n} from {} to {}", bare(left * factor), shown(right * factor))
             }
             Shape::Growth { from, to } => {
                 let side = if to > from { ">" } else { "<" };

@@ -153,8 +153,8 @@ pub fn diagnose(
 
     progress(0.95, "what the data cannot show");
     let mut blind_to = blind(&search, &full, chosen);
-    let shown = |u: &&Untestable| findings.iter().any(|f| f.effect == u.effect);
-    blind_to.extend(untestable.iter().filter(|u| !shown(u)).map(|u| Blind {
+    let found = |u: &&Untestable| findings.iter().any(|f| f.effect == u.effect);
+    blind_to.extend(untestable.iter().filter(|u| !found(u)).map(|u| Blind {
         effect: u.effect.to_owned(),
         site: serde_json::json!({ "all": true }),
         lambda: 0.0,

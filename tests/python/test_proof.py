@@ -560,15 +560,27 @@ def test_a_joint_may_be_soft_up_to_a_kink(tmp_path: Path) -> None:
     assert (first["effect"], first["site"]) == ("nonlinear_stiffness", {"joint": 2})
 
 
-@pytest.mark.parametrize("seed", [3, 6])
-def test_what_happens_near_one_angle_is_told_there(tmp_path: Path, seed: int) -> None:
-    """A damaged tooth: no step, no wave, and no seven outliers either."""
-    bump = {"effect": "out_bump", "site": {"joint": 4}, "p": {"centre": 0.3, "size": 0.0006, "width": 0.09}}
-    answer = diagnosed(tmp_path, seed, 300, [bump])
+@pytest.mark.parametrize(
+    ("seed", "n", "centre", "size", "width"),
+    [
+        # seven rows of it were outliers to a spline, and the rest of it a step
+        (3, 300, 0.3, 0.0006, 0.09),
+        (6, 300, 0.3, 0.0006, 0.09),
+        # so few rows that all of them were
+        (4, 150, -1.37, 0.0012, 0.06),
+        (5, 150, 0.9, 0.0008, 0.08),
+    ],
+)
+def test_what_happens_near_one_angle_is_told_there(
+    tmp_path: Path, seed: int, n: int, centre: float, size: float, width: float
+) -> None:
+    """A damaged tooth: no step, no wave, and no outliers either."""
+    bump = {"effect": "out_bump", "site": {"joint": 4}, "p": {"centre": centre, "size": size, "width": width}}
+    answer = diagnosed(tmp_path, seed, n, [bump])
     told = answer["unexplained"]
     assert told["site"] == {"joint": 4} and told["variable"] == "q4"
     left, right = (float(x) for x in re.findall(r"-?[0-9.]+(?= |$)", told["region"].removeprefix("q4 from ")))
-    assert left < 0.3 / DEG < right and right - left < 45.0, told["region"]
+    assert left < centre / DEG < right and right - left < 45.0, told["region"]
     assert not answer["findings"] and not answer["rejected"]
 
 

@@ -280,7 +280,7 @@ pub(super) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candida
     let repeated = |c: &Candidate| waves(c) || c.step().is_some();
     let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
     let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
-    let changes = |c: &Candidate| place_of(&c.site).is_some() && c.terms.iter().any(in_time);
+    let changes = |c: &Candidate| !c.site["joint"].is_null() && c.terms.iter().any(in_time);
     let first = &candidates[group.members[0]];
     let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
     let others = |kind: &dyn Fn(&Candidate) -> bool| {

@@ -70,7 +70,10 @@ pub fn diagnose(
     progress(0.0, "hygiene");
     let mut work = Work::begin(robot, cell, data, names_only)?;
     let baseline = work.fitted.model.clone();
-    work.settle(&mut |part| progress(0.1 + 0.4 * part, "searching"))?;
+    work.settle(&mut |part| progress(0.1 + 0.35 * part, "searching"))?;
+    if work.believe_more()? {
+        work.settle(&mut |part| progress(0.45 + 0.05 * part, "searching"))?;
+    }
     progress(0.5, "looking again without names");
     if !names_only && work.look_again()? {
         work.settle(&mut |part| progress(0.55 + 0.2 * part, "searching"))?;

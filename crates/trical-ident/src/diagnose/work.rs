@@ -28,6 +28,9 @@ const ROUNDS: usize = 5;
 /// How often effects and the memory of the noise are chosen in turn.
 const TURNS: usize = 4;
 
+/// So many rows that are explained by one number are no outliers.
+const ALIKE: usize = 3;
+
 /// Robust standard deviations beyond which a row is a gross error before anything is known.
 const GROSS: f64 = 30.0;
 
@@ -214,6 +217,41 @@ impl Work {
         let design = Design::weighted(model, self.baseline_terms, &candidates, &[], &self.kept, noise, round.memory)?;
         let temper = temper(&self.kept);
         Ok(design.nats(temper) + Search::new(&design, &candidates, temper).total(&design.stage(), &all))
+    }
+
+    /// Rows that are off alike at one place are no outliers: if one number more explains several of those that were not believed, they are.
+    /// Whether that was so.
+    pub(super) fn believe_more(&mut self) -> Result<bool> {
+        let unbelieved = |work: &Self| work.all.observations.len() - work.kept.observations.len();
+        let before = unbelieved(self);
+        if before < ALIKE {
+            return Ok(false);
+        }
+        let believed = std::mem::replace(&mut self.kept, self.all.clone());
+        let round = Round {
+            chosen: self.chosen.clone(),
+            memory: self.memory,
+            fitted: self.fitted.clone(),
+            known: self.known.clone(),
+        };
+        let design = self.design(&self.candidates, &[], self.memory)?;
+        let search = self.searcher(&design);
+        let stage = search.with(&design.stage(), &self.chosen);
+        let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
+        let best = search.rank(&stage).into_iter().find(|r| lean(r.candidate));
+        if let Some(best) = best.filter(|r| r.evidence > search::THRESHOLD) {
+            self.chosen.push(best.candidate);
+            if self.refit().is_ok() {
+                self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
+                if unbelieved(self) + ALIKE <= before {
+                    self.refit()?;
+                    return Ok(true);
+                }
+            }
+        }
+        self.kept = believed;
+        (self.chosen, self.memory, self.fitted, self.known) = (round.chosen, round.memory, round.fitted, round.known);
+        Ok(false)
     }
 
     /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where

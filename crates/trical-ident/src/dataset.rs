@@ -142,9 +142,8 @@ impl Dataset {
                     this.poses += 1;
                     key = Some(now);
                 }
-                #[expect(clippy::cast_precision_loss, reason = "no recording has 2^53 poses")]
-                let order = if numbered { r.seq.map(|s| s as f64) } else { Some((this.poses - 1 - first_pose) as f64) };
-                state.seq = order;
+                let counted = (this.poses - 1 - first_pose) as u64;
+                state = state.numbered(if numbered { r.seq } else { Some(counted) });
                 if let Measured::Reference { reference, position } = r.measured {
                     references.push((this.poses - 1, reference, Vector3::from(position), row, r.line));
                 } else {

@@ -44,8 +44,8 @@ pub fn clean(
     Ok(if left(&commanded)? < left(&read)? { commanded } else { read })
 }
 
-/// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out. Also says which
-/// joints that were.
+/// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out.
+/// Also says which joints that were.
 ///
 /// # Errors
 /// As [`Dataset::build`] and [`diagnose`].

@@ -136,21 +136,22 @@ impl Forward {
     /// What a basis changes with a joint's value itself, beside what it does through moments.
     #[inline]
     fn slope_by_joint(basis: &Basis, joint: usize, moment: Option<&Moment>, state: &State) -> f64 {
-        let u = Self::variable(basis, moment, state, &NOTHING);
-        let (value, slope) = basis.shape.at(u);
-        let own = match basis.of {
-            Variable::Joint { joint: own } if own == joint => slope,
+        let sign = match basis.of {
+            Variable::Joint { joint: own } if own == joint => 1.0,
             // what was not commanded does not lag
-            Variable::Lag { joint: own } if own == joint && state.q_commanded.is_some() => -slope,
+            Variable::Lag { joint: own } if own == joint && state.q_commanded.is_some() => -1.0,
             _ => 0.0,
         };
         let beside = basis.beside.filter(|b| b.joint == joint);
+        if sign == 0.0 && beside.is_none() {
+            return 0.0;
+        }
+        let (value, slope) = basis.shape.at(Self::variable(basis, moment, state, &NOTHING));
         let by_factor = beside.map_or(0.0, |b| {
             let alone = Basis { beside: None, ..*basis };
             value * Self::factor(&alone, state) * b.shape.at(state.q[joint - 1]).1
         });
-        let own = if own == 0.0 { 0.0 } else { own * Self::factor(basis, state) };
-        own + by_factor
+        sign * slope * Self::factor(basis, state) + by_factor
     }
 
     /// Columns of all degrees of freedom, and the derivatives to the gravity moments, at the present pose.

@@ -38,6 +38,13 @@ impl State {
         }
         Self { q: joints, q_commanded: None, dir: None, t: None, seq: None, temp_c: None, payload_kg: None }
     }
+
+    /// The same at the pose of this number.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "no recording has 2^53 poses")]
+    pub fn numbered(self, seq: Option<u64>) -> Self {
+        Self { seq: seq.map(|number| number as f64), ..self }
+    }
 }
 
 /// What was measured at a pose.

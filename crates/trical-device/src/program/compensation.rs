@@ -109,9 +109,9 @@ impl<'a> Compensator<'a> {
         let anything = Measured::Touch { ball: 0, reading: [0.0; 3] };
         for term in &model.terms {
             if let Some(needs) = term.basis.missing(&state, &anything) {
-                let how = match needs {
-                    n if n.starts_with("temperature") => "--temp-c says at what temperature the program runs",
-                    n if n.contains("seq") => "--seq says after how many poses of the recording the program runs",
+                let how = match term.basis.of {
+                    Variable::Temperature { .. } => "--temp-c says at what temperature the program runs",
+                    Variable::Seq => "--seq says after how many poses of the recording the program runs",
                     _ => "--time-s says when the program runs, in seconds since the recording began",
                 };
                 return Err(ProgramError::Input(format!("the model's term '{}' needs {needs}: {how}", term.name)));

@@ -160,8 +160,8 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             let values = read(*variable);
             let Some(curve) = knots(&values, KNOTS) else { continue };
             let of = name(*variable);
+            let sorted = sorted(&values);
             if !is_order(*variable) {
-                let sorted = sorted(&values);
                 for k in 1..THRESHOLDS {
                     // nobody was between two values: the step is as likely there as anywhere else between them
                     let above = ((k * (sorted.len() - 1)) / THRESHOLDS).max(1);
@@ -179,11 +179,11 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             }
             out.push(candidate(tents(at, *variable, None, &curve), &of));
             if *variable == (Variable::Joint { joint }) {
-                for shape in locals(&sorted(&values)) {
+                for shape in locals(&sorted) {
                     let term = Term::new(format!("local_{joint}"), UNEXPLAINED, at, Basis::new(*variable, shape));
                     out.push(candidate(vec![term], &of));
                 }
-                let distinct = sorted(&values).len();
+                let distinct = sorted.len();
                 let enough = |k: &usize| *k == FINE_KNOTS[0] || distinct >= k * PER_KNOT;
                 let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
                 out.extend(fine.map(|fine| candidate(tents(at, *variable, None, &fine), &of)));
@@ -255,8 +255,9 @@ pub fn describe<'a>(
         _ => "s",
     };
     // "-32.0 deg"; a number of a pose needs no unit
-    let shown = |v: f64| if variable == Variable::Seq { format!("{:.0}", v.ceil()) } else { format!("{v:.1} {units}") };
-    let bare = |v: f64| if variable == Variable::Seq { format!("{:.0}", v.ceil()) } else { format!("{v:.1}") };
+    let counted = variable == Variable::Seq;
+    let bare = |v: f64| if counted { format!("{:.0}", v.ceil()) } else { format!("{v:.1}") };
+    let shown = |v: f64| if counted { bare(v) } else { format!("{} {units}", bare(v)) };
     let values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
     let (low, high) =
         (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));

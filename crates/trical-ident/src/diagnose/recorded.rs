@@ -199,7 +199,7 @@ fn clocks(data: &Dataset, order: Option<Variable>) -> Vec<Clock> {
     WARM_UPS.into_iter().chain(longer).map(warm_up).collect()
 }
 
-/// How long the data goes on.
+/// How long the data goes on; times are since the recording began, numbers may begin anywhere.
 fn span(data: &Dataset, order: Variable) -> f64 {
     let of = || data.observations.iter().map(|o| value(order, &o.state));
     let first = if order == Variable::Time { 0.0 } else { of().fold(f64::INFINITY, f64::min) };

@@ -173,12 +173,7 @@ impl Work {
                 rounds.clear();
                 continue;
             }
-            let new = Round {
-                chosen: self.chosen.clone(),
-                memory: self.memory,
-                fitted: self.fitted.clone(),
-                known: self.known.clone(),
-            };
+            let new = self.round();
             let been_there = rounds.iter().any(|r| r.is_as(&new));
             rounds.push(new);
             if been_there {
@@ -198,25 +193,41 @@ impl Work {
         rounds.insert(0, last);
         let mut best = (f64::NEG_INFINITY, 0);
         for (k, round) in rounds.iter().enumerate() {
-            let nats = self.nats(round)?;
+            // all with the present noise, or they could not be compared
+            let nats = self.nats(&round.fitted.model, &self.members(&round.chosen), round.memory)?;
             if nats > best.0 {
                 best = (nats, k);
             }
         }
-        let Round { chosen, memory, fitted, known } = rounds.swap_remove(best.1);
-        (self.chosen, self.memory, self.fitted, self.known) = (chosen, memory, fitted, known);
+        self.go_back(rounds.swap_remove(best.1));
         Ok(())
     }
 
-    /// How likely the residuals are with what a round chose, where it was fitted. The noise is the present one's for all, or they could
-    /// not be compared.
-    fn nats(&self, round: &Round) -> Result<f64> {
-        let candidates: Vec<Candidate> = round.chosen.iter().map(|c| self.candidates[*c].clone()).collect();
-        let all: Vec<usize> = (0..candidates.len()).collect();
-        let (model, noise) = (&round.fitted.model, &self.fitted.noise);
-        let design = Design::weighted(model, self.baseline_terms, &candidates, &[], &self.kept, noise, round.memory)?;
+    /// What the search has come to.
+    fn round(&self) -> Round {
+        Round {
+            chosen: self.chosen.clone(),
+            memory: self.memory,
+            fitted: self.fitted.clone(),
+            known: self.known.clone(),
+        }
+    }
+
+    fn go_back(&mut self, to: Round) {
+        (self.chosen, self.memory, self.fitted, self.known) = (to.chosen, to.memory, to.fitted, to.known);
+    }
+
+    /// How likely the residuals are if `candidates` are all that happens, in the linear picture at a model that was fitted with effects.
+    fn nats(&self, model: &Model, candidates: &[Candidate], memory: Memory) -> Result<f64> {
+        let design = self.design_at(model, candidates, &[], memory)?;
         let temper = temper(&self.kept);
-        Ok(design.nats(temper) + Search::new(&design, &candidates, temper).total(&design.stage(), &all))
+        let all: Vec<usize> = (0..candidates.len()).collect();
+        Ok(design.nats(temper) + Search::new(&design, candidates, temper).total(&design.stage(), &all))
+    }
+
+    /// Some of the candidates.
+    fn members(&self, set: &[usize]) -> Vec<Candidate> {
+        set.iter().map(|c| self.candidates[*c].clone()).collect()
     }
 
     /// Rows that are off alike at one place are no outliers: if one number more explains several of those that were not believed, they are.
@@ -227,30 +238,25 @@ impl Work {
         if before < ALIKE {
             return Ok(false);
         }
-        let believed = std::mem::replace(&mut self.kept, self.all.clone());
-        let round = Round {
-            chosen: self.chosen.clone(),
-            memory: self.memory,
-            fitted: self.fitted.clone(),
-            known: self.known.clone(),
+        let (round, believed) = (self.round(), std::mem::replace(&mut self.kept, self.all.clone()));
+        let best = {
+            let design = self.design(&self.candidates, &[], self.memory)?;
+            let search = self.searcher(&design);
+            let stage = search.with(&design.stage(), &self.chosen);
+            let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
+            search.rank(&stage).into_iter().find(|r| lean(r.candidate) && r.evidence > search::THRESHOLD)
         };
-        let design = self.design(&self.candidates, &[], self.memory)?;
-        let search = self.searcher(&design);
-        let stage = search.with(&design.stage(), &self.chosen);
-        let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
-        let best = search.rank(&stage).into_iter().find(|r| lean(r.candidate));
-        if let Some(best) = best.filter(|r| r.evidence > search::THRESHOLD) {
+        if let Some(best) = best {
             self.chosen.push(best.candidate);
             if self.refit().is_ok() {
                 self.kept = hygiene::without_outliers(&self.fitted, &self.all)?;
-                if unbelieved(self) + ALIKE <= before {
-                    self.refit()?;
+                if unbelieved(self) + ALIKE <= before && self.refit().is_ok() {
                     return Ok(true);
                 }
             }
         }
         self.kept = believed;
-        (self.chosen, self.memory, self.fitted, self.known) = (round.chosen, round.memory, round.fitted, round.known);
+        self.go_back(round);
         Ok(false)
     }
 
@@ -336,14 +342,10 @@ impl Work {
 
     /// How the noise most likely remembers itself if `set` is all that happens, and how likely both are, nats.
     fn memory_beside(&self, set: &[usize]) -> Result<(Memory, f64)> {
-        let candidates: Vec<Candidate> = set.iter().map(|c| self.candidates[*c].clone()).collect();
-        let all: Vec<usize> = (0..set.len()).collect();
-        let temper = temper(&self.kept);
+        let candidates = self.members(set);
         Memory::likeliest(longest_recording(&self.kept), |memory| {
             checkpoint()?;
-            let design = self.design(&candidates, &[], memory)?;
-            let search = Search::new(&design, &candidates, temper);
-            Ok(design.nats(temper) + search.total(&design.stage(), &all))
+            self.nats(&self.fitted.model, &candidates, memory)
         })
     }
 
@@ -370,15 +372,18 @@ impl Work {
 
     /// The linear picture of the baseline with candidates.
     fn design(&self, candidates: &[Candidate], weights: &[Vec<Vec<f64>>], memory: Memory) -> Result<Design> {
-        Design::weighted(
-            &self.fitted.model,
-            self.baseline_terms,
-            candidates,
-            weights,
-            &self.kept,
-            &self.fitted.noise,
-            memory,
-        )
+        self.design_at(&self.fitted.model, candidates, weights, memory)
+    }
+
+    /// The same where another fit of baseline and effects is.
+    fn design_at(
+        &self,
+        model: &Model,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        memory: Memory,
+    ) -> Result<Design> {
+        Design::weighted(model, self.baseline_terms, candidates, weights, &self.kept, &self.fitted.noise, memory)
     }
 
     /// With all candidates, and probes behind them.

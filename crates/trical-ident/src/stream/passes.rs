@@ -341,10 +341,7 @@ fn add_up(pass: &Pass<'_>, index: usize, parser: &Parser<'_>, block: &Block) -> 
         if marks.is_some_and(|m| m.has(number - 1)) {
             return Ok(());
         }
-        let mut state = row.state;
-        #[expect(clippy::cast_precision_loss, reason = "no recording has 2^53 poses")]
-        let seq = row.seq.map(|s| s as f64);
-        state.seq = seq;
+        let mut state = row.state.numbered(row.seq);
         if data.joints == JointSource::Commanded {
             state.q = state.q_commanded.ok_or_else(|| IdentError::Recording {
                 file: name.clone(),

@@ -43,6 +43,7 @@ def identify(
     folds: int | None = None,
     hold_out_last: int | None = None,
     keep_outliers: bool = False,
+    tool: str = "auto",
     stream: bool = False,
     known: PathLike | None = None,
     progress: Progress = False,
@@ -57,9 +58,11 @@ def identify(
         joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.
         model: "nominal" (measuring frame or base, and tool points only), "geometry", "compliance" or "complete".
         compliant: joints (from 1) whose compliance is identified; all that carry gravity where empty.
-        folds: also score every pose by a fit without it, in so many folds.
+        folds: also score every pose by a fit without it, in so many folds that cut no block of neighbouring poses.
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
+        tool: which recordings share a tool on the flange: "auto", those whose measurements do not say otherwise;
+            "same", all; "own", none.
         stream: read files in passes, in memory that does not grow with their rows; by itself above 32 MB of CSV or
             512 MB of MCAP.
         known: a TOML file of what is known beforehand: tables `[[parameter]]` with name, value and sd (a prior), min
@@ -81,6 +84,7 @@ def identify(
         folds,
         hold_out_last,
         keep_outliers,
+        tool,
         stream,
         None if known is None else os.fspath(known),
         listener(progress, "identifying"),
@@ -96,10 +100,12 @@ def identify(
         before=s["before"],
         covariance=covariance,
         errors_mm=errors,
-        cross_validation=s["cross_validation"],
-        forward_in_time=s["forward_in_time"],
+        cross_validation=s.get("cross_validation"),
+        forward_in_time=s.get("forward_in_time"),
+        held_out={how: errors for how, errors in s["held_out"].items() if errors is not None},
+        sessions=s["sessions"],
         cautions=s["cautions"],
-        not_identifiable=[(name, others) for name, others in s["not_identifiable"]],
+        not_identifiable=[(name, others) for name, *others in s["not_identifiable"]],
         correlated=s["correlated"],
         joints=s["joints"],
         _made=Made.of(
@@ -114,6 +120,7 @@ def identify(
             folds=folds,
             hold_out_last=hold_out_last,
             keep_outliers=keep_outliers,
+            tool=tool,
             stream=stream,
             known=known,
             files=("robot", "cell", "known"),
@@ -179,8 +186,11 @@ def validate(
     refit: str | Sequence[str] = (),
     progress: Progress = False,
 ) -> Validation:
-    """Score a model on recordings that it was not fitted to.
+    """Score a model on recordings of its arm.
 
+    A recording that the model was fitted to is predicted with all that was learnt of it; to any other only what belongs
+    to the arm goes. Where the model cannot know a recording's measuring frame, frame and tool points are identified from
+    every fourth of its poses.
     `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
     "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
     anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError
@@ -199,7 +209,8 @@ def validate(
     s = json.loads(text)
     said = {"robot": robot, "cell": cell, "joints": joints, "refit": refit}
     made = Made.of(told, validate, model, recordings, **said, files=("robot", "cell"))
-    return Validation(s["before"], s["after"], s["n"], s["regions"], s["rejected"], errors, _made=made)
+    keys = ("before", "after", "n", "sessions", "regions", "left_out", "rejected")
+    return Validation(*(s[k] for k in keys), errors, _made=made)
 
 
 def repeatability(

@@ -354,6 +354,7 @@ def _identify(
     folds: int | None,
     hold_out_last: int | None,
     keep_outliers: bool,
+    tool: str,
     in_stream: bool,
     known: _Path | None,
     progress: _Listener,

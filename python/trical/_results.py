@@ -52,7 +52,9 @@ class Identified(Reported):
     `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
     (mean_mm, max_mm, sd_mm, median_mm, rms_mm), `before` those of the nominal arm with only measuring frame (or base)
     and tool identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the
-    last poses by a fit to the ones before. `errors_mm` (observations, 2) has them one by one, before and after (None
+    last poses by a fit to the ones before, where they were asked for. `held_out` has the errors at poses that the fit
+    did not see: by_pose, by_block (of neighbouring poses), forward (in time), by_session; `sessions` what each of
+    several recordings has of its own. `errors_mm` (observations, 2) has them one by one, before and after (None
     for files that were read in passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm.
     """
 
@@ -67,6 +69,8 @@ class Identified(Reported):
     errors_mm: Floats | None = None
     cross_validation: Errors | None = None
     forward_in_time: Errors | None = None
+    held_out: dict[str, Errors] = field(default_factory=dict)
+    sessions: list[dict[str, Any]] = field(default_factory=list)
     cautions: list[str] = field(default_factory=list)
     not_identifiable: list[tuple[str, list[str]]] = field(default_factory=list)
     correlated: list[Any] = field(default_factory=list)
@@ -78,6 +82,7 @@ class Identified(Reported):
             ("identified", self.errors),
             ("poses not in the fit", self.cross_validation),
             ("later, by a fit to those before", self.forward_in_time),
+            *((f"held out {how.replace('_', ' ')}", e) for how, e in self.held_out.items()),
         ]
 
     def __repr__(self) -> str:
@@ -109,20 +114,23 @@ class Identified(Reported):
 class Validation(Reported):
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
-    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `regions` the same by region; `errors_mm` (n,
+    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
+    with what was identified there, and by region; `left_out` terms of the model that say nothing here; `errors_mm` (n,
     2) one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
     after: Errors
     n: int
+    sessions: list[dict[str, Any]]
     regions: list[dict[str, Any]]
+    left_out: list[dict[str, Any]]
     rejected: list[dict[str, Any]]
     errors_mm: Floats
 
     def __getitem__(self, key: str) -> Any:
-        """Return before, after, n, regions or rejected."""
-        if key not in ("before", "after", "n", "regions", "rejected"):
+        """Return before, after, n, sessions, regions, left_out or rejected."""
+        if key not in ("before", "after", "n", "sessions", "regions", "left_out", "rejected"):
             raise KeyError(key)
         return getattr(self, key)
 

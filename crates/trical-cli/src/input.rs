@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use trical_device::read_recording;
 use trical_device::record::{RecordError, hand_over};
 use trical_ident::passes::{self, Other, Passes, PassesError};
-use trical_ident::{Dataset, JointSource, References, load_csv};
+use trical_ident::{JointSource, ToolSharing, load_csv};
 use trical_model::{Cell, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
 use trical_report::Made;
@@ -83,6 +83,28 @@ impl Joints {
     }
 }
 
+/// Which sessions share a tool; left to the data without either.
+#[derive(clap::Args)]
+pub struct Tool {
+    /// All recordings were taken with one tool on the flange, mounted once
+    #[arg(long, conflicts_with = "own_tool")]
+    same_tool: bool,
+    /// Each recording has a tool of its own
+    #[arg(long)]
+    own_tool: bool,
+}
+
+impl Tool {
+    /// What was asked for.
+    pub fn sharing(&self) -> ToolSharing {
+        match (self.same_tool, self.own_tool) {
+            (true, _) => ToolSharing::Same,
+            (_, true) => ToolSharing::Own,
+            _ => ToolSharing::FromData,
+        }
+    }
+}
+
 /// Reads recordings of one arm, CSV or MCAP.
 pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
     paths.iter().map(|p| recording(p, joints)).collect()
@@ -150,11 +172,6 @@ pub fn recovered(path: &Path) -> Result<(Recording, Option<String>)> {
         return Err(CliError::Input(format!("{why}; there is no complete measurement in it")));
     }
     Ok((read.recording, read.lost))
-}
-
-/// Recordings as observations, with the joints that were asked for.
-pub fn dataset(recordings: &[Recording], source: JointSource, known: Option<&[References]>) -> Result<Dataset> {
-    Ok(Dataset::build(recordings, source, known)?)
 }
 
 /// Refuses an output that lies in a folder that does not exist, before any work is done.

@@ -62,6 +62,8 @@ pub struct References {
 pub struct Dataset {
     /// Names of the recordings.
     pub names: Vec<String>,
+    /// What tells each recording from others, whatever its name: see [`fingerprint`].
+    pub fingerprints: Vec<String>,
     /// The observations, in the order of the recordings.
     pub observations: Vec<Observation>,
     /// Rows left out.
@@ -76,6 +78,26 @@ pub struct Dataset {
     pub joints: JointSource,
     /// Number of the arm's joints.
     pub dof: usize,
+}
+
+/// What tells a recording from others, whatever its name or format: a hash of its joints and measurements, 16 hexadecimal digits.
+#[must_use]
+pub fn fingerprint(recording: &Recording) -> String {
+    use sha2::{Digest, Sha256};
+    let mut hash = Sha256::new();
+    for row in &recording.rows {
+        let measured: &[f64] = match &row.measured {
+            Measured::Touch { reading, .. } => reading,
+            Measured::Point { position, .. }
+            | Measured::Reference { position, .. }
+            | Measured::Pose { position, .. } => position,
+            Measured::Distance { length, .. } => std::slice::from_ref(length),
+        };
+        for value in row.state.q[..recording.joints].iter().chain(measured) {
+            hash.update(value.to_le_bytes());
+        }
+    }
+    hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Which reference, and where.
@@ -93,6 +115,7 @@ impl Dataset {
         };
         let mut this = Self {
             names: recordings.iter().map(|r| r.name.clone()).collect(),
+            fingerprints: recordings.iter().map(fingerprint).collect(),
             observations: Vec::new(),
             rejected: Vec::new(),
             poses: 0,
@@ -119,7 +142,7 @@ impl Dataset {
             this.frame_of_recording.push(framed.then_some(this.references.len()));
             let first_observation = this.observations.len();
             let mut references: Vec<(usize, usize, Vector3<f64>, usize, usize)> = Vec::new();
-            let mut key: Option<(Option<u64>, Joints)> = None;
+            let mut last: Option<Joints> = None;
             // rows are in the order of time: numbers that fall are not
             let numbered = recording.rows.iter().all(|r| r.seq.is_some()) && recording.rows.is_sorted_by_key(|r| r.seq);
             let first_pose = this.poses;
@@ -133,17 +156,14 @@ impl Dataset {
                         problem: "has no commanded joints (qc1_deg ...), but --joints commanded was asked for".into(),
                     })?;
                 }
-                let now = (r.seq, r.state.q);
-                let same = match (&key, r.seq) {
-                    (Some((Some(a), q)), Some(b)) => *a == b && *q == r.state.q,
-                    _ => false,
-                };
-                if !same {
+                // rows at the same joints are one pose, whether or not `seq` says so
+                if last != Some(r.state.q) {
                     this.poses += 1;
-                    key = Some(now);
+                    last = Some(r.state.q);
                 }
                 let counted = (this.poses - 1 - first_pose) as u64;
                 state = state.numbered(if numbered { r.seq } else { Some(counted) });
+                state.session = u32::try_from(index + 1).ok();
                 if let Measured::Reference { reference, position } = r.measured {
                     references.push((this.poses - 1, reference, Vector3::from(position), row, r.line));
                 } else {
@@ -293,6 +313,7 @@ impl Dataset {
     pub(crate) fn shell(&self) -> Self {
         Self {
             names: self.names.clone(),
+            fingerprints: self.fingerprints.clone(),
             observations: Vec::new(),
             rejected: Vec::new(),
             poses: self.poses,
@@ -300,6 +321,33 @@ impl Dataset {
             references: self.references.clone(),
             joints: self.joints,
             dof: self.dof,
+        }
+    }
+
+    /// The same with the sessions of a model: session `sessions[k]` for recording k, `None` for one that the model does not know.
+    #[must_use]
+    pub fn in_sessions(mut self, sessions: &[Option<u32>]) -> Self {
+        for o in &mut self.observations {
+            o.state.session = sessions.get(o.recording).copied().flatten();
+        }
+        self
+    }
+
+    /// Renumbers the measuring frames: recording k was seen in frame `frames[k]` of a model that has `count`.
+    pub(crate) fn in_frames(&mut self, frames: &[Option<usize>], count: usize) {
+        let mut references = vec![References::default(); count];
+        for (own, frame) in self.frame_of_recording.iter_mut().zip(frames) {
+            if let (Some(own), Some(frame)) = (own.as_mut(), frame) {
+                if references.len() <= *frame {
+                    references.resize(*frame + 1, References::default());
+                }
+                references[*frame] = std::mem::take(&mut self.references[*own]);
+                *own = *frame;
+            }
+        }
+        self.references = references;
+        for o in &mut self.observations {
+            o.frame = self.frame_of_recording[o.recording].unwrap_or(0);
         }
     }
 

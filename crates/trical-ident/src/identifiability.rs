@@ -136,12 +136,31 @@ pub enum ParameterSet {
     Complete,
 }
 
+/// What sessions do not share with the first one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct OwnSetup {
+    /// Sessions (from 1) with a tool, or targets on it, of their own.
+    pub tool: Vec<u32>,
+    /// Sessions (from 1) in which the set of balls stood elsewhere.
+    pub balls: Vec<u32>,
+}
+
+impl OwnSetup {
+    /// Everything of every session but the first.
+    #[must_use]
+    pub fn all(sessions: usize) -> Self {
+        let later: Vec<u32> = (2..=u32::try_from(sessions).unwrap_or(u32::MAX)).collect();
+        Self { tool: later.clone(), balls: later }
+    }
+}
+
 /// A parameter set, with the compliance of some joints only if wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
     set: ParameterSet,
     compliant: Option<Vec<usize>>,
     known: KnownParameters,
+    own: OwnSetup,
 }
 
 /// A joint that the arm does not have.
@@ -173,6 +192,18 @@ impl Choice {
         Self { known, ..self }
     }
 
+    /// The same with tools, targets and places of balls of their own for some sessions.
+    #[must_use]
+    pub fn with_own(self, own: OwnSetup) -> Self {
+        Self { own, ..self }
+    }
+
+    /// What sessions do not share with the first one.
+    #[must_use]
+    pub fn own(&self) -> &OwnSetup {
+        &self.own
+    }
+
     /// What is known of them beforehand.
     pub(crate) fn known(&self) -> &KnownParameters {
         &self.known
@@ -191,7 +222,7 @@ impl Choice {
 
 impl From<ParameterSet> for Choice {
     fn from(set: ParameterSet) -> Self {
-        Self { set, compliant: None, known: KnownParameters::default() }
+        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default() }
     }
 }
 
@@ -242,6 +273,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
             }
         }
     }
+    terms.extend(own_terms(&terms, data, &choice.own));
     if set >= ParameterSet::Geometry {
         let link = |parameter, link, name: &str| {
             constant(format!("{name}_{link}"), "geometry", Site::Link { link, parameter })
@@ -272,6 +304,37 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
     terms
 }
 
+/// What the tool and the place of the balls add in those sessions that have their own.
+fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
+    let has = |session: u32, f: &dyn Fn(&Measured) -> bool| {
+        data.observations.iter().any(|o| o.state.session == Some(session) && f(&o.measured))
+    };
+    let of = |name: &str, effect: &str, site: Site, session: u32| {
+        Term::new(format!("{name}_s{session}"), effect, site, trical_model::Basis::CONSTANT.in_session(session))
+    };
+    let mut out = Vec::new();
+    for session in &own.tool {
+        for t in shared {
+            let seen = match t.site {
+                Site::Tool(_) => has(*session, &|m| !matches!(m, Measured::Point { .. })),
+                Site::Target { target, .. } => {
+                    has(*session, &|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target))
+                }
+                _ => false,
+            };
+            if seen {
+                out.push(of(&t.name, &t.effect, t.site, *session));
+            }
+        }
+    }
+    for session in &own.balls {
+        if has(*session, &|m| matches!(m, Measured::Touch { .. })) {
+            out.extend(Motion::ALL.map(|m| of(&format!("balls_{}", m.name()), "balls", Site::Fixture(m), *session)));
+        }
+    }
+    out
+}
+
 /// Poses at which structure is judged, whatever the data: joint values at random within (one turn of) the limits.
 fn random_states(model: &Model, count: usize) -> Vec<State> {
     let mut rng = Pcg64Mcg::seed_from_u64(20_260_101);
@@ -297,10 +360,10 @@ fn random_states(model: &Model, count: usize) -> Vec<State> {
         .collect()
 }
 
-/// One measurement of each sort that the data has: target, anchor, frame. Touches are one sort, since no candidate moves a
+/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since no candidate moves a
 /// single ball: which ball it is changes no derivative.
-fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
-    let mut seen: Vec<(Measured, usize)> = Vec::new();
+fn sorts(data: &Dataset) -> Vec<(Measured, usize, Option<u32>)> {
+    let mut seen: Vec<(Measured, usize, Option<u32>)> = Vec::new();
     for o in &data.observations {
         let blank = match o.measured {
             Measured::Touch { .. } => Measured::Touch { ball: 0, reading: [0.0; 3] },
@@ -309,8 +372,9 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize)> {
             Measured::Pose { .. } => Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] },
             Measured::Reference { .. } => continue,
         };
-        if !seen.contains(&(blank, o.frame)) {
-            seen.push((blank, o.frame));
+        let sort = (blank, o.frame, o.state.session);
+        if !seen.contains(&sort) {
+            seen.push(sort);
         }
     }
     seen
@@ -337,13 +401,14 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
     let mut jacobian = vec![0.0; 6 * p];
     let sorts = sorts(data);
     // twice as many rows as columns
-    let rows_of_a_state: usize = sorts.iter().map(|(m, _)| residual_rows(m)).sum();
+    let rows_of_a_state: usize = sorts.iter().map(|(m, ..)| residual_rows(m)).sum();
     let states = (2 * p).div_ceil(rows_of_a_state.max(1)).max(24);
     let height = states * rows_of_a_state;
     let mut columns = vec![0.0; p * height];
     let mut row = 0;
     for state in random_states(nominal, states) {
-        for (measured, frame) in &sorts {
+        for (measured, frame, session) in &sorts {
+            let state = State { session: *session, ..state };
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
             let measured = match measured {
                 Measured::Pose { position, .. } => {

@@ -122,6 +122,21 @@ impl Identified {
         Ok(out)
     }
 
+    /// Wald's statistic of some of the free coefficients (indices into `free`): how far they are from zero, squared, in the metric of
+    /// their covariance. 0 where that is singular.
+    #[must_use]
+    pub fn wald(&self, some: &[usize]) -> f64 {
+        use faer::linalg::solvers::Solve;
+        let p = self.free.len();
+        let value = |k: usize| self.model.terms[self.free[k]].value;
+        let block = Mat::from_fn(some.len(), some.len(), |i, j| self.covariance[some[i] * p + some[j]]);
+        let x = Mat::from_fn(some.len(), 1, |i, _| value(some[i]));
+        block.llt(faer::Side::Lower).map_or(0.0, |l| {
+            let y = l.solve(&x);
+            (0..some.len()).map(|i| x[(i, 0)] * y[(i, 0)]).sum()
+        })
+    }
+
     /// Names of the parameters that a limit stopped.
     #[must_use]
     pub fn stopped(&self) -> Vec<&str> {
@@ -380,74 +395,4 @@ pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Ch
     let (model, dependent) = prepared(robot, cell, data, &choice)?;
     let known = choice.known().of(&model)?;
     fit_model_knowing(model, data, &Noise::usual(data.names.len()), &known, dependent)
-}
-
-/// Errors (m) of every observation when its pose was left out of the fit: `folds` fits, pose k scored by the fit without the
-/// poses of fold `k mod folds`. Everything is fitted on the rest, the measuring frame too.
-///
-/// # Errors
-/// As [`fit_model`], and fewer poses than folds.
-pub fn cross_validate(
-    robot: &Robot,
-    cell: &Cell,
-    data: &Dataset,
-    choice: impl Into<Choice>,
-    folds: usize,
-) -> Result<Vec<f64>> {
-    let choice = choice.into();
-    let poses = data.used_poses();
-    if folds < 2 || poses.len() < 2 * folds {
-        return Err(IdentError::NotEnough(format!(
-            "{folds}-fold cross-validation needs at least 2 folds and twice as many poses as folds; there are {} poses",
-            poses.len()
-        )));
-    }
-    let fold_of = |pose: usize| poses.binary_search(&pose).map_or(0, |i| i % folds);
-    let mut errors = vec![0.0; data.observations.len()];
-    for fold in 0..folds {
-        let train = data.filtered(|o| fold_of(o.pose) != fold);
-        let fitted = identify(robot, cell, &train, choice.clone())?;
-        let forward = Forward::new(fitted.model, Vec::new())?;
-        let all = position_errors(&forward, data);
-        for ((to, from), o) in errors.iter_mut().zip(all).zip(&data.observations) {
-            if fold_of(o.pose) == fold {
-                *to = from;
-            }
-        }
-    }
-    Ok(errors)
-}
-
-/// Errors (m) of the last `percent` of each recording's poses, by a fit to the poses before them: what a calibration is worth
-/// later. Order is that of the recordings, which is time's.
-///
-/// # Errors
-/// As [`fit_model`], and a share that leaves nothing on either side.
-pub fn forward_in_time(
-    robot: &Robot,
-    cell: &Cell,
-    data: &Dataset,
-    choice: impl Into<Choice>,
-    percent: usize,
-) -> Result<Vec<f64>> {
-    let mut first_held = vec![usize::MAX; data.names.len()];
-    for (recording, first) in first_held.iter_mut().enumerate() {
-        let mut poses: Vec<usize> =
-            data.observations.iter().filter(|o| o.recording == recording).map(|o| o.pose).collect();
-        poses.dedup();
-        let held = poses.len() * percent.min(100) / 100;
-        if held == 0 || held == poses.len() {
-            return Err(IdentError::NotEnough(format!(
-                "{}: the last {percent} % of {} poses are {held}; expected a share that leaves poses to fit and to score",
-                data.names[recording],
-                poses.len()
-            )));
-        }
-        if let Some(pose) = poses.get(poses.len() - held) {
-            *first = *pose;
-        }
-    }
-    let later = |o: &crate::dataset::Observation| o.pose >= first_held[o.recording];
-    let fitted = identify(robot, cell, &data.filtered(|o| !later(o)), choice)?;
-    Ok(position_errors(&Forward::new(fitted.model, Vec::new())?, &data.filtered(later)))
 }

@@ -9,7 +9,8 @@
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`known`] | priors and limits of parameters |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
-//! | [`identify`] | the whole of it, cross-validation |
+//! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
+//! | [`folds`] | which poses a fit must not see when it is scored |
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], [`passes`], `sample` | identification from files of any size, in bounded memory; which files need it; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
@@ -19,6 +20,7 @@
 //! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
+pub mod calibration;
 pub mod caution;
 pub mod csv_layout;
 pub mod dataset;
@@ -26,6 +28,7 @@ pub mod degenerate;
 pub mod diagnose;
 pub mod error;
 pub mod fit;
+pub mod folds;
 pub mod gross;
 pub mod identifiability;
 pub mod identify;
@@ -49,17 +52,20 @@ pub mod truth;
 pub mod units;
 pub mod validate;
 
+pub use calibration::{
+    Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
+};
 pub use caution::cautions;
 pub use csv_layout::{Layout, write_csv};
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
-pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
-pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify};
+pub use identifiability::{Choice, ChoiceError, Dependent, Observability, OwnSetup, ParameterSet};
+pub use identify::{ErrorSummary, Identified, fit_model, identify};
 pub use joint_choice::{clean, diagnose_recordings};
 pub use known::KnownParameters;
-pub use model_file::{ModelFile, write_whole};
+pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
 pub use recording_csv::{load_csv, parse_csv};
 pub use repeatability::{Repeatability, repeatability};
@@ -67,4 +73,4 @@ pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{CsvStream, Sample, Streamed, identify_stream};
 pub use touches::{model_of_touches, usual_set};
 pub use units::{Shown, shown, site_json, site_words, unit};
-pub use validate::{Refit, Region, Validation, validate};
+pub use validate::{LeftOut, Refit, Region, SessionErrors, Validation, validate};

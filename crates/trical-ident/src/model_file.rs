@@ -8,7 +8,7 @@ use trical_model::error::{parse_toml, read_text};
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
 use trical_model::{Basis, Cell, Model, Pose, Robot, Site, Term};
 
-use crate::dataset::{JointSource, References};
+use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
 use crate::units::unit;
 
@@ -21,9 +21,26 @@ pub struct ModelFile {
     pub joints: JointSource,
     /// References of each measuring frame.
     pub references: Vec<References>,
-    /// Names of the recordings that it came from.
-    pub recordings: Vec<String>,
+    /// The recordings that it came from, one session each: terms of [`Basis::session`] k belong to the k-th.
+    pub sessions: Vec<Session>,
 }
+
+/// A recording that a model was learnt on.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Session {
+    /// Its name.
+    pub recording: String,
+    /// What tells it from others: see [`crate::dataset::fingerprint`].
+    #[serde(default)]
+    pub fingerprint: String,
+    /// Its measuring frame, counted from 1, if it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<usize>,
+}
+
+/// The newest version of model files: sessions came with 2.
+const FORMAT_VERSION: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,10 +48,13 @@ struct File {
     format_version: u32,
     program: String,
     joints: JointSource,
-    #[serde(default)]
+    /// Version 1 had names only.
+    #[serde(default, skip_serializing)]
     recordings: Vec<String>,
     robot: toml::Table,
     cell: toml::Table,
+    #[serde(default, rename = "session", skip_serializing_if = "Vec::is_empty")]
+    sessions: Vec<Session>,
     #[serde(default, rename = "frame", skip_serializing_if = "Vec::is_empty")]
     frames: Vec<FrameFile>,
     #[serde(default, rename = "term")]
@@ -75,6 +95,37 @@ fn table(text: &str) -> toml::Table {
 }
 
 impl ModelFile {
+    /// A model that was fitted to `data`.
+    #[must_use]
+    pub fn of(model: Model, data: &Dataset) -> Self {
+        let each = data.names.iter().zip(&data.fingerprints).zip(&data.frame_of_recording);
+        let sessions = each.map(|((name, fingerprint), frame)| Session {
+            recording: name.clone(),
+            fingerprint: fingerprint.clone(),
+            frame: frame.map(|f| f + 1),
+        });
+        Self { model, joints: data.joints, references: data.references.clone(), sessions: sessions.collect() }
+    }
+
+    /// A model that no recording says anything about: drawn by chance, or nominal.
+    #[must_use]
+    pub fn unmeasured(model: Model) -> Self {
+        Self { model, joints: JointSource::Read, references: Vec::new(), sessions: Vec::new() }
+    }
+
+    /// Names of the recordings that it came from.
+    #[must_use]
+    pub fn recordings(&self) -> Vec<&str> {
+        self.sessions.iter().map(|s| s.recording.as_str()).collect()
+    }
+
+    /// Session (from 1) that a recording with this fingerprint is.
+    #[must_use]
+    pub fn session_of(&self, fingerprint: &str) -> Option<u32> {
+        let k = self.sessions.iter().position(|s| !fingerprint.is_empty() && s.fingerprint == fingerprint)?;
+        u32::try_from(k + 1).ok()
+    }
+
     /// The text of the file.
     ///
     /// # Errors
@@ -112,10 +163,11 @@ impl ModelFile {
             })
             .collect();
         let file = File {
-            format_version: trical_model::robot::FORMAT_VERSION,
+            format_version: FORMAT_VERSION,
             program: format!("trical {}", env!("CARGO_PKG_VERSION")),
             joints: self.joints,
-            recordings: self.recordings.clone(),
+            recordings: Vec::new(),
+            sessions: self.sessions.clone(),
             robot: table(&m.robot.to_toml()),
             cell: table(&m.cell.to_toml()),
             frames,
@@ -173,7 +225,7 @@ impl ModelFile {
         }
         if let Ok(t) = text.parse::<toml::Table>()
             && let Some(v) = t.get("format_version").and_then(toml::Value::as_integer)
-            && v > i64::from(trical_model::robot::FORMAT_VERSION)
+            && v > i64::from(FORMAT_VERSION)
         {
             return Err(bad(format!("format_version is {v}: written by a newer TriCal than this one")));
         }
@@ -226,11 +278,22 @@ impl ModelFile {
             term.sd = t.sd.map(|s| s / u.per_si);
             terms.push(term);
         }
+        if let Some((k, s)) =
+            file.sessions.iter().enumerate().find(|(_, s)| s.frame.is_some_and(|f| !(1..=frames.len()).contains(&f)))
+        {
+            return Err(bad(format!(
+                "[[session]] {} has frame {}, expected one of the {} frames",
+                k + 1,
+                s.frame.unwrap_or(0),
+                frames.len()
+            )));
+        }
+        let named = file.recordings.into_iter().map(|recording| Session { recording, ..Session::default() }).collect();
         Ok(Self {
             model: Model { robot, cell, frames, terms },
             joints: file.joints,
             references,
-            recordings: file.recordings,
+            sessions: if file.sessions.is_empty() { named } else { file.sessions },
         })
     }
 

@@ -80,6 +80,7 @@ mod tests {
         };
         Dataset {
             names: vec!["a".into()],
+            fingerprints: vec![String::new()],
             observations: (1..=count).map(observation).collect(),
             rejected: Vec::new(),
             poses: count,

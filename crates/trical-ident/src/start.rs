@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use trical_model::pose::{angles_zyx, rotation_from_quaternion};
-use trical_model::{Forward, Measured, Model, Motion, Pose, Site};
+use trical_model::{Cell, Forward, Measured, Model, Motion, Pose, Scope, Site, Term};
 
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
@@ -14,6 +14,8 @@ struct Sight {
     base_from_flange: Pose,
     /// Measured point, in the measuring frame (points, poses) or in {w} (touches).
     point: Vector3<f64>,
+    /// Which tool: 0 the shared one, k + 1 that of the k-th session with its own.
+    tool: usize,
     /// Which of the tool's points: 0 the TCP, 1.. the targets.
     tool_point: usize,
     /// In flange axes, from the tool's point to what was measured (a touch's reading).
@@ -26,21 +28,59 @@ struct Sight {
 /// Frames and tool points are found in turn until no point moves further, m: the fit does the rest.
 const SETTLED: f64 = 1e-4;
 
-/// Sets `model.frames`, the base (a term at [`Site::Base`], if there is one) and tool points from the data.
+/// Sets `model.frames`, the base (a term at [`Site::Base`], if there is one) and tool points from the data, by the nominal arm.
 ///
 /// # Errors
 /// Too few measurements, or all of them at one place or on one line.
 pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
+    start_of(model, data, Vec::new())
+}
+
+/// The same for sessions that a fitted model does not know: by its own arm, and only what belongs to these sessions.
+///
+/// # Errors
+/// As [`start`].
+pub(crate) fn start_sessions(model: &mut Model, data: &Dataset) -> Result<()> {
+    let mut new = model.clone();
+    let arm = model.terms.iter().filter(|t| t.scope() == Scope::Arm).cloned().collect();
+    start_of(&mut new, data, arm)?;
+    let seen = |frame: usize| data.observations.iter().any(|o| o.frame == frame && o.measured.is_framed());
+    for (f, (to, from)) in model.frames.iter_mut().zip(&new.frames).enumerate() {
+        if seen(f) {
+            *to = *from;
+        }
+    }
+    let here = |session: Option<u32>| session.is_some() && data.observations.iter().any(|o| o.state.session == session);
+    for (to, from) in model.terms.iter_mut().zip(&new.terms) {
+        let of_frame = matches!(to.site, Site::Frame { frame, .. } if seen(frame - 1)) && to.basis.is_constant();
+        if of_frame {
+            to.value = 0.0;
+        } else if here(to.basis.session) && to.scope() == Scope::Setup {
+            to.value = from.value;
+        }
+    }
+    Ok(())
+}
+
+fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     let mut plain = Model::nominal(model.robot.clone(), model.cell.without_geometry());
     plain.cell.world_from_base = Pose::identity();
-    let forward = Forward::new(plain, Vec::new())?;
+    plain.terms = arm;
+    let forward = Forward::new(plain.clone(), Vec::new())?;
     let mut ws = forward.workspace();
+    let own_tools = own_tools(model);
+    let own_balls = own_balls(model);
+    let tool_of = |session: Option<u32>| own_tools.iter().position(|own| session == Some(*own)).map_or(0, |k| k + 1);
     let sights: Vec<Sight> = data
         .observations
         .iter()
         .filter_map(|o| {
             let base_from_flange = forward.world_from_flange(&o.state, &mut ws);
             let zero = Vector3::zeros();
+            if matches!(o.measured, Measured::Touch { .. }) && own_balls.iter().any(|own| o.state.session == Some(*own))
+            {
+                return None; // where these balls stand is found from the base, once that is known
+            }
             let (point, tool_point, offset, orientation, frame) = match o.measured {
                 Measured::Touch { ball, reading } => {
                     (*model.cell.balls.get(ball)?, 0, model.cell.tool.rotation * Vector3::from(reading), None, None)
@@ -53,7 +93,8 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
                 }
                 Measured::Distance { .. } | Measured::Reference { .. } => return None,
             };
-            Some(Sight { base_from_flange, point, tool_point, offset, orientation, frame })
+            let tool = tool_of(o.state.session);
+            Some(Sight { base_from_flange, point, tool, tool_point, offset, orientation, frame })
         })
         .collect();
     let lengths: Vec<Length> = data
@@ -66,9 +107,10 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
             _ => None,
         })
         .collect();
-    let mut points: Vec<Vector3<f64>> =
-        std::iter::once(model.cell.tool.tcp).chain(model.cell.tool.targets.clone()).collect();
-    let mut tool_rotation = model.cell.tool.rotation;
+    let still = model.rigid()?.cell;
+    let shared: Vec<Vector3<f64>> = std::iter::once(still.tool.tcp).chain(still.tool.targets.clone()).collect();
+    // of every tool
+    let mut points = vec![shared; own_tools.len() + 1];
     let touches = sights.iter().any(|s| s.frame.is_none());
     // the measuring frame, or {w}, from the base
     let mut frames: Vec<Option<Pose>> = vec![None; data.frames() + 1];
@@ -78,7 +120,7 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
             let pairs: Vec<_> = sights
                 .iter()
                 .filter(|s| slot(s) == f)
-                .map(|s| (s.point, s.base_from_flange.apply(&(points[s.tool_point] + s.offset))))
+                .map(|s| (s.point, s.base_from_flange.apply(&(points[s.tool][s.tool_point] + s.offset))))
                 .collect();
             if pairs.is_empty() {
                 continue;
@@ -92,10 +134,12 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
             })?);
         }
         let mut moved = 0.0_f64;
-        for (k, point) in points.iter_mut().enumerate() {
+        let all =
+            points.iter_mut().enumerate().flat_map(|(t, of)| of.iter_mut().enumerate().map(move |(k, p)| (t, k, p)));
+        for (t, k, point) in all {
             let in_flange: Vec<Vector3<f64>> = sights
                 .iter()
-                .filter(|s| s.tool_point == k)
+                .filter(|s| s.tool == t && s.tool_point == k)
                 .filter_map(|s| {
                     let frame = frames[slot(s)]?;
                     let in_base = frame.inverse().apply(&s.point);
@@ -112,28 +156,32 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
             break;
         }
     }
-    let orientations: Vec<Matrix3<f64>> = sights
-        .iter()
-        .filter_map(|s| {
-            let frame = frames[slot(s)]?;
-            Some(s.base_from_flange.rotation.transpose() * frame.rotation.transpose() * s.orientation?)
-        })
-        .collect();
-    if !orientations.is_empty() {
-        let m = Matrix3::from_fn(|i, j| median(&orientations.iter().map(|r| r[(i, j)]).collect::<Vec<_>>()));
-        tool_rotation = nearest_rotation(&m);
-    }
+    let rotation_of = |tool: usize| {
+        let orientations: Vec<Matrix3<f64>> = sights
+            .iter()
+            .filter(|s| s.tool == tool)
+            .filter_map(|s| {
+                let frame = frames[slot(s)]?;
+                Some(s.base_from_flange.rotation.transpose() * frame.rotation.transpose() * s.orientation?)
+            })
+            .collect();
+        if orientations.is_empty() {
+            return still.tool.rotation;
+        }
+        nearest_rotation(&Matrix3::from_fn(|i, j| median(&orientations.iter().map(|r| r[(i, j)]).collect::<Vec<_>>())))
+    };
+    let rotations: Vec<Matrix3<f64>> = (0..points.len()).map(rotation_of).collect();
     let mut world_from_base =
-        if touches { frames[data.frames()].unwrap_or(model.cell.world_from_base) } else { model.cell.world_from_base };
+        if touches { frames[data.frames()].unwrap_or(still.world_from_base) } else { still.world_from_base };
     if !touches && !lengths.is_empty() {
-        let found = trilaterate(&lengths, &points[0]).ok_or_else(|| {
+        let found = trilaterate(&lengths, &points[0][0]).ok_or_else(|| {
             IdentError::NotEnough(format!(
                 "{}: {} lengths do not fix their anchors: at least four from each are needed, not all from places in one plane",
                 data.names.join(", "),
                 lengths.len()
             ))
         })?;
-        points[0] = found.tcp_in_flange;
+        points[0][0] = found.tcp_in_flange;
         let pairs: Vec<_> = model
             .cell
             .anchors
@@ -150,21 +198,91 @@ pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
         .collect();
     let base_turn = angles_zyx(&(world_from_base.rotation * model.cell.world_from_base.rotation.transpose()));
     let base_shift = world_from_base.translation - model.cell.world_from_base.translation;
-    let tool_turn = angles_zyx(&(tool_rotation * model.cell.tool.rotation.transpose()));
+    let turns: Vec<[f64; 3]> =
+        rotations.iter().map(|r| angles_zyx(&(r * model.cell.tool.rotation.transpose()))).collect();
+    let tcp_of = |session: u32| points[tool_of(Some(session))][0];
+    let balls =
+        balls_elsewhere(model, data, Model { cell: Cell { world_from_base, ..plain.cell.clone() }, ..plain }, &tcp_of)?;
     for term in &mut model.terms {
+        if let Some(session) = term.basis.session {
+            // beside what is shared
+            let tool = tool_of(Some(session));
+            match term.site {
+                Site::Tool(Motion::Along(a)) => term.value = (points[tool][0] - points[0][0])[a.index()],
+                Site::Tool(Motion::About(a)) => term.value = turns[tool][2 - a.index()] - turns[0][2 - a.index()],
+                Site::Target { target, axis } => term.value = (points[tool][target] - points[0][target])[axis.index()],
+                Site::Fixture(m) => {
+                    let pose = balls.iter().find(|(own, _)| *own == session).map(|(_, pose)| pose);
+                    term.value = pose.map_or(0.0, |pose| match m {
+                        Motion::Along(a) => pose.translation[a.index()],
+                        Motion::About(a) => angles_zyx(&pose.rotation)[2 - a.index()],
+                    });
+                }
+                _ => {}
+            }
+            continue;
+        }
         if !term.basis.is_constant() {
             continue;
         }
         match term.site {
             Site::Base(Motion::Along(a)) => term.value = base_shift[a.index()],
             Site::Base(Motion::About(a)) => term.value = base_turn[2 - a.index()],
-            Site::Tool(Motion::Along(a)) => term.value = (points[0] - model.cell.tool.tcp)[a.index()],
-            Site::Tool(Motion::About(a)) => term.value = tool_turn[2 - a.index()],
+            Site::Tool(Motion::Along(a)) => term.value = (points[0][0] - model.cell.tool.tcp)[a.index()],
+            Site::Tool(Motion::About(a)) => term.value = turns[0][2 - a.index()],
             Site::Target { target, axis } => {
-                term.value = (points[target] - model.cell.tool.targets[target - 1])[axis.index()];
+                term.value = (points[0][target] - model.cell.tool.targets[target - 1])[axis.index()];
             }
             _ => {}
         }
     }
     Ok(())
+}
+
+/// Sessions for which the model has terms at sites for which `at` holds.
+fn sessions_with(model: &Model, at: impl Fn(&Site) -> bool) -> Vec<u32> {
+    let mut own: Vec<u32> = model.terms.iter().filter(|t| at(&t.site)).filter_map(|t| t.basis.session).collect();
+    own.sort_unstable();
+    own.dedup();
+    own
+}
+
+/// Sessions with a tool of their own.
+fn own_tools(model: &Model) -> Vec<u32> {
+    sessions_with(model, |site| matches!(site, Site::Tool(_) | Site::Target { .. }))
+}
+
+/// Sessions whose balls stand elsewhere.
+fn own_balls(model: &Model) -> Vec<u32> {
+    sessions_with(model, |site| matches!(site, Site::Fixture(_)))
+}
+
+/// Where the set of balls stood in those sessions that have a place of their own: the motion of the set in {w} from where it stood first.
+/// `plain` is the arm that stands where the base was found, `tcp_of` a session's TCP in the flange.
+fn balls_elsewhere(
+    model: &Model,
+    data: &Dataset,
+    plain: Model,
+    tcp_of: &dyn Fn(u32) -> Vector3<f64>,
+) -> Result<Vec<(u32, Pose)>> {
+    let own = own_balls(model);
+    if own.is_empty() {
+        return Ok(Vec::new());
+    }
+    let forward = Forward::new(plain, Vec::new())?;
+    let mut ws = forward.workspace();
+    Ok(own
+        .into_iter()
+        .map(|session| {
+            let mut pairs: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::new();
+            for o in data.observations.iter().filter(|o| o.state.session == Some(session)) {
+                let Measured::Touch { ball, reading } = o.measured else { continue };
+                let Some(place) = model.cell.balls.get(ball) else { continue };
+                let flange = forward.world_from_flange(&o.state, &mut ws);
+                let in_flange = tcp_of(session) + model.cell.tool.rotation * Vector3::from(reading);
+                pairs.push((flange.apply(&in_flange), *place));
+            }
+            (session, robust_rigid_from_points(&pairs).unwrap_or_else(Pose::identity))
+        })
+        .collect())
 }

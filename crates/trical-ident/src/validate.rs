@@ -1,21 +1,44 @@
-//! Validation: a model as it is, on data that it was not fitted to.
+//! Validation: what a model learnt of an arm, on any recording of that arm.
+//!
+//! A recording that the model was learnt on is predicted with all that was learnt of it. To any other only what belongs to the arm goes;
+//! what belongs to that session (measuring frame, place of the balls, tool points) is identified there from some of its poses and the
+//! others are scored, or it is taken as the model has it.
 
-use trical_model::{Cell, Forward, Measured, Model, Motion, Robot, Site};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Term};
 
-use crate::dataset::Dataset;
-use crate::error::{IdentError, Result};
+use crate::dataset::{Dataset, JointSource, References, Rejected};
+use crate::error::Result;
 use crate::fit::position_errors;
-use crate::identifiability::ParameterSet;
+use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, fit_model, prepared};
+use crate::model_file::ModelFile;
 use crate::noise::Noise;
+use crate::start::start_sessions;
+
+/// One pose in so many identifies what belongs to a session; the others are scored.
+const EVERY: usize = 4;
 
 /// What is identified again for an instrument that was set up anew.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Refit {
-    /// The measuring frames (the base, where there is none).
+    /// The measuring frames (for touches the place of the balls).
     pub frame: bool,
     /// The targets (the TCP).
     pub targets: bool,
+}
+
+impl Refit {
+    /// Both.
+    pub const ALL: Self = Self { frame: true, targets: true };
+
+    fn any(self) -> bool {
+        self.frame || self.targets
+    }
+
+    /// "frame", "targets".
+    fn names(self) -> Vec<&'static str> {
+        [(self.frame, "frame"), (self.targets, "targets")].into_iter().filter(|p| p.0).map(|p| p.1).collect()
+    }
 }
 
 /// Errors of one part of the data.
@@ -31,6 +54,56 @@ pub struct Region {
     pub after: ErrorSummary,
 }
 
+/// Errors of one recording, and what was identified there.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct SessionErrors {
+    /// Name of the recording.
+    pub recording: String,
+    /// Session (from 1) of the model that it is; `null` where the model was not learnt on it.
+    pub learnt: Option<u32>,
+    /// What was identified again: "frame", "targets".
+    pub refitted: Vec<&'static str>,
+    /// From so many poses, which are not scored.
+    pub from_poses: usize,
+    /// Poses that were scored.
+    pub poses: usize,
+    /// Number of measurements that were scored.
+    pub n: usize,
+    /// Before.
+    pub before: ErrorSummary,
+    /// After.
+    pub after: ErrorSummary,
+}
+
+impl SessionErrors {
+    /// "a.csv: learnt as session 2", "b.csv: frame, targets identified from 25 poses, the other 75 scored".
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let known = match (self.learnt, self.refitted.is_empty()) {
+            (Some(_), true) => "the model was learnt on it".to_owned(),
+            (None, true) => "in the measuring frame and with the tool of the model".to_owned(),
+            (_, false) => format!(
+                "{} identified from {} of its poses, the other {} scored",
+                self.refitted.join(" and "),
+                self.from_poses,
+                self.poses
+            ),
+        };
+        format!("{}: {known}", self.recording)
+    }
+}
+
+/// A term that says nothing here, and why.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct LeftOut {
+    /// Its name.
+    pub term: String,
+    /// Its effect.
+    pub effect: String,
+    /// In words.
+    pub reason: String,
+}
+
 /// Position errors of the nominal arm and of the model.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Validation {
@@ -40,8 +113,14 @@ pub struct Validation {
     pub after: ErrorSummary,
     /// Number of measurements that were scored.
     pub n: usize,
+    /// The same by recording.
+    pub sessions: Vec<SessionErrors>,
     /// The same by region.
     pub regions: Vec<Region>,
+    /// Terms of the model that say nothing of these recordings.
+    pub left_out: Vec<LeftOut>,
+    /// Rows that were not used.
+    pub rejected: Vec<Rejected>,
     /// Errors one by one, m: before, after.
     #[serde(skip)]
     pub errors: Vec<(f64, f64)>,
@@ -53,105 +132,273 @@ pub struct Validation {
     pub model: Model,
 }
 
-/// Frame and tool points only, everything else of the model kept.
-fn refitted(model: &Model, data: &Dataset, refit: Refit) -> Result<Model> {
-    let mut start = model.clone();
-    let wanted = |s: &Site| match s {
-        Site::Frame { .. } | Site::Base(_) => refit.frame,
-        Site::Target { .. } | Site::Tool(Motion::Along(_)) => refit.targets,
-        _ => false,
-    };
-    if start.frames.len() < data.frames() {
-        start.frames.resize(data.frames(), trical_model::Pose::identity());
-    }
-    if refit.frame {
-        // frames in closed form from the model's own kinematics
-        let mut ws_model = start.clone();
-        ws_model.terms.retain(|t| !matches!(t.site, Site::Frame { .. }));
-        let forward = Forward::new(ws_model, Vec::new())?;
-        let mut ws = forward.workspace();
-        for f in 0..data.frames() {
-            let pairs: Vec<_> = data
-                .observations
-                .iter()
-                .filter(|o| o.frame == f)
-                .filter_map(|o| match o.measured {
-                    Measured::Point { position, .. } | Measured::Pose { position, .. } => {
-                        let identity = trical_model::Pose::identity();
-                        let seen = nalgebra::Vector3::from(position);
-                        // residual against a frame at the origin gives the predicted point itself
-                        let in_frame = forward.frame_from_world(f).unwrap_or(identity);
-                        forward.residual(&o.state, &o.measured, o.frame, &mut ws);
-                        let r = ws.residual();
-                        let predicted = seen + nalgebra::Vector3::new(r[0], r[1], r[2]);
-                        Some((seen, in_frame.inverse().apply(&predicted)))
-                    }
-                    _ => None,
-                })
-                .collect();
-            if let Some(pose) = crate::rigid::robust_rigid_from_points(&pairs) {
-                start.frames[f] = pose;
-                for t in &mut start.terms {
-                    if matches!(t.site, Site::Frame { frame, .. } if frame == f + 1) && t.basis.is_constant() {
-                        t.value = 0.0;
-                    }
-                }
+impl Validation {
+    /// One sentence for each reason for which terms say nothing here.
+    #[must_use]
+    pub fn left_out_in_words(&self) -> Vec<String> {
+        let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+        for l in &self.left_out {
+            let i = reasons.iter().position(|r| r.0 == l.reason).unwrap_or_else(|| {
+                reasons.push((&l.reason, Vec::new()));
+                reasons.len() - 1
+            });
+            if !reasons[i].1.contains(&l.effect.as_str()) {
+                reasons[i].1.push(&l.effect);
             }
         }
+        reasons.into_iter().map(|(reason, effects)| format!("Left out: {} ({reason}).", effects.join(", "))).collect()
     }
-    let free: Vec<usize> = start
-        .terms
-        .iter()
-        .enumerate()
-        .filter(|(_, t)| t.basis.is_constant() && wanted(&t.site))
-        .map(|(k, _)| k)
-        .collect();
-    let mut forward = Forward::new(start, free)?;
-    let noise = Noise::usual(data.names.len());
-    crate::fit::minimize(&mut forward, data, &noise, &crate::solver::LmParams::default())?;
-    Ok(forward.into_model())
 }
 
-/// Scores `model` on `data`. With `refit`, frame and targets are identified again from every fourth pose, and the other
-/// poses are scored.
+/// A recording beside the model: the session that it is there, its measuring frame, what is to be identified.
+struct Place {
+    learnt: Option<u32>,
+    session: u32,
+    /// Measuring frame of the model (from 0), and whether that is new.
+    frame: Option<(usize, bool)>,
+    refit: Refit,
+}
+
+/// Scores a model on recordings. With `refit`, frame and targets of each recording are identified again from every fourth of its poses, and
+/// the other poses are scored; without it only where the model does not know them.
 ///
 /// # Errors
-/// Data that the model cannot predict: another kind of measurement, a frame that it does not know.
-pub fn validate(robot: &Robot, cell: &Cell, model: &Model, data: &Dataset, refit: Option<Refit>) -> Result<Validation> {
-    if refit.is_none() && model.frames.len() < data.frames() {
-        return Err(IdentError::WrongModel(format!(
-            "the model knows {} measuring frames and the recordings have {}: add --refit frame (or frame,targets) for an \
-             instrument that was set up anew",
-            model.frames.len(),
-            data.frames()
-        )));
+/// Recordings of another arm, or data that the model cannot predict.
+pub fn validate(
+    robot: &Robot,
+    cell: &Cell,
+    file: &ModelFile,
+    recordings: &[Recording],
+    joints: Option<JointSource>,
+    refit: Option<Refit>,
+) -> Result<Validation> {
+    let joints = joints.unwrap_or(file.joints);
+    let fingerprints: Vec<String> = recordings.iter().map(crate::dataset::fingerprint).collect();
+    let places = places(file, recordings, &fingerprints, refit);
+    let framed = places.iter().filter_map(|p| p.frame);
+    let known: Vec<References> = framed
+        .map(
+            |(frame, new)| {
+                if new { References::default() } else { file.references.get(frame).cloned().unwrap_or_default() }
+            },
+        )
+        .collect();
+    let mut data = Dataset::build(recordings, joints, Some(&known))?;
+    let rejected = data.rejected.clone();
+    data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
+
+    let mut model = file.model.clone();
+    let left_out = leave_out(&mut model, &data, &places);
+    data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
+    for place in &places {
+        add_own(&mut model, cell, &data, place);
     }
-    let (used, scored) = match refit {
-        None => (model.clone(), data.clone()),
-        Some(refit) => {
-            let poses = data.used_poses();
-            let fourth = |pose: usize| poses.binary_search(&pose).is_ok_and(|i| i % 4 == 0);
-            let train = data.filtered(|o| fourth(o.pose));
-            (refitted(model, &train, refit)?, data.filtered(|o| !fourth(o.pose)))
-        }
+    data.references.resize(model.frames.len(), References::default());
+
+    let poses: Vec<Vec<usize>> =
+        (0..recordings.len()).map(|r| data.filtered(|o| o.recording == r).used_poses()).collect();
+    let trains = |o: &crate::dataset::Observation| {
+        places[o.recording].refit.any() && poses[o.recording].binary_search(&o.pose).is_ok_and(|i| i % EVERY == 0)
     };
-    let forward = Forward::new(used, Vec::new())?;
+    let train = data.filtered(trains);
+    let scored = data.filtered(|o| !trains(o));
+    if !train.observations.is_empty() {
+        model = refitted(model, &train, &places)?;
+    }
+    let forward = Forward::new(model, Vec::new())?;
     crate::fit::check_observations(&forward, &scored)?;
     let after = position_errors(&forward, &scored);
-    let (nominal, dependent) = prepared(robot, cell, &scored, &ParameterSet::Nominal.into())?;
-    let nominal = fit_model(nominal, &scored, &Noise::usual(data.names.len()), dependent)?;
-    let before = position_errors(&Forward::new(nominal.model, Vec::new())?, &scored);
+    // the nominal arm of these recordings alone
+    let plain = Dataset::build(recordings, joints, Some(&known))?
+        .filtered(|o| scored.observations.binary_search_by_key(&o.row, |s| s.row).is_ok());
+    let choice = Choice::from(ParameterSet::Nominal).with_own(OwnSetup::all(recordings.len()));
+    let (nominal, dependent) = prepared(robot, cell, &plain, &choice)?;
+    let nominal = fit_model(nominal, &plain, &Noise::usual(plain.names.len()), dependent)?;
+    let before = position_errors(&Forward::new(nominal.model, Vec::new())?, &plain);
     let pairs: Vec<(f64, f64)> = before.iter().copied().zip(after.iter().copied()).collect();
-    let regions = regions(&scored, &pairs);
+    let sessions = places.iter().enumerate().map(|(r, place)| {
+        let of: Vec<&(f64, f64)> =
+            scored.observations.iter().zip(&pairs).filter(|(o, _)| o.recording == r).map(|(_, p)| p).collect();
+        let from_poses = if place.refit.any() { poses[r].len().div_ceil(EVERY) } else { 0 };
+        SessionErrors {
+            recording: data.names[r].clone(),
+            learnt: place.learnt,
+            refitted: place.refit.names(),
+            from_poses,
+            poses: poses[r].len() - from_poses,
+            n: of.len(),
+            before: ErrorSummary::of(&of.iter().map(|p| p.0).collect::<Vec<_>>()),
+            after: ErrorSummary::of(&of.iter().map(|p| p.1).collect::<Vec<_>>()),
+        }
+    });
     Ok(Validation {
         before: ErrorSummary::of(&before),
         after: ErrorSummary::of(&after),
         n: pairs.len(),
-        regions,
+        sessions: sessions.collect(),
+        regions: regions(&scored, &pairs),
+        left_out,
+        rejected,
         errors: pairs,
         data: scored,
         model: forward.into_model(),
     })
+}
+
+/// Position errors (m) of one session that the model does not know: what is its own is identified from every fourth of its poses, and
+/// the others are scored. All observations of `data` are of that session.
+pub(crate) fn score_session(model: &Model, data: &Dataset) -> Result<Vec<f64>> {
+    let Some(first) = data.observations.first() else { return Ok(Vec::new()) };
+    let session = first.state.session.unwrap_or(1);
+    let framed = first.measured.is_framed();
+    let place = Place { learnt: None, session, frame: framed.then_some((first.frame, true)), refit: Refit::ALL };
+    let mut model = model.clone();
+    model.terms.retain(|t| t.basis.session.is_none_or(|own| own == session));
+    leave_out(&mut model, data, std::slice::from_ref(&place));
+    model.terms.retain(|t| !matches!(t.site, Site::Frame { frame, .. } if framed && frame == first.frame + 1));
+    let cell = model.cell.clone();
+    add_own(&mut model, &cell, data, &place);
+    let poses = data.used_poses();
+    let trains = |pose: usize| poses.binary_search(&pose).is_ok_and(|i| i % EVERY == 0);
+    let model = refitted(model, &data.filtered(|o| trains(o.pose)), std::slice::from_ref(&place))?;
+    Ok(position_errors(&Forward::new(model, Vec::new())?, &data.filtered(|o| !trains(o.pose))))
+}
+
+/// Where each recording belongs. One that the model was learnt on has its frame there; of the others, those whose frame cannot be one of
+/// the model's get one of their own.
+fn places(file: &ModelFile, recordings: &[Recording], fingerprints: &[String], refit: Option<Refit>) -> Vec<Place> {
+    let frames = file.model.frames.len();
+    let framed = |r: &Recording| r.rows.iter().any(|row| row.measured.is_framed());
+    let learnt: Vec<Option<u32>> = fingerprints.iter().map(|f| file.session_of(f)).collect();
+    let strangers = recordings.iter().zip(&learnt).filter(|(r, l)| framed(r) && l.is_none()).count();
+    // as the contract has it: in that frame, where there is no doubt which one
+    let as_they_are = frames == 1 || (strangers == recordings.len() && strangers <= frames);
+    let (mut next_frame, mut next_session, mut by_order) = (frames, file.sessions.len(), 0);
+    recordings
+        .iter()
+        .zip(learnt)
+        .map(|(recording, learnt)| {
+            let own = |learnt: u32| file.sessions.get(learnt as usize - 1).and_then(|s| s.frame).map(|f| f - 1);
+            let mut asked = refit.unwrap_or_default();
+            let known_frame = match learnt {
+                Some(k) => own(k),
+                None if frames == 1 => Some(0),
+                None if as_they_are && framed(recording) => {
+                    by_order += 1;
+                    Some(by_order - 1)
+                }
+                None => None,
+            };
+            if framed(recording) && known_frame.is_none() {
+                asked = Refit::ALL;
+            }
+            let new_frame = framed(recording) && (asked.frame || known_frame.is_none());
+            let frame = if new_frame {
+                next_frame += 1;
+                Some((next_frame - 1, true))
+            } else {
+                known_frame.filter(|_| framed(recording)).map(|f| (f, false))
+            };
+            let session = learnt.unwrap_or_else(|| {
+                next_session += 1;
+                u32::try_from(next_session).unwrap_or(u32::MAX)
+            });
+            Place { learnt, session, frame, refit: asked }
+        })
+        .collect()
+}
+
+/// Takes out of the model what says nothing of these recordings: what happened in the course of another session, and what needs something
+/// that they do not have.
+fn leave_out(model: &mut Model, data: &Dataset, places: &[Place]) -> Vec<LeftOut> {
+    let mut out = Vec::new();
+    model.terms.retain(|t| {
+        let elsewhere = match t.basis.session {
+            Some(own) => places.iter().all(|p| p.session != own),
+            // a model file of before there were sessions
+            None => t.scope() == Scope::Course && places.iter().all(|p| p.learnt.is_none()),
+        };
+        let needs = || data.observations.iter().find_map(|o| t.basis.missing(&o.state, &o.measured));
+        let reason = if elsewhere {
+            match t.scope() {
+                Scope::Course => Some("happened in the course of another session".to_owned()),
+                _ => Some("belongs to another session".to_owned()),
+            }
+        } else if matches!(t.basis.of, trical_model::Variable::Reading { .. }) {
+            None
+        } else {
+            needs().map(|what| format!("needs {what}, which these recordings do not have"))
+        };
+        if let Some(reason) = reason {
+            out.push(LeftOut { term: t.name.clone(), effect: t.effect.clone(), reason });
+            return false;
+        }
+        true
+    });
+    out
+}
+
+/// Adds to the model what belongs to the session of one recording and is to be identified there.
+fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
+    let any = |f: &dyn Fn(&Measured) -> bool| {
+        data.observations.iter().any(|o| o.state.session == Some(place.session) && f(&o.measured))
+    };
+    let own = Basis::CONSTANT.in_session(place.session);
+    let mut add = |name: String, effect: &str, site: Site| {
+        let new = Term::new(name, effect, site, own);
+        if !model.terms.iter().any(|t| t.site == new.site && t.basis == new.basis) {
+            model.terms.push(new);
+        }
+    };
+    if place.refit.frame && any(&|m| matches!(m, Measured::Touch { .. })) {
+        for m in Motion::ALL {
+            add(format!("balls_{}_s{}", m.name(), place.session), "balls", Site::Fixture(m));
+        }
+    }
+    if place.refit.targets {
+        let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+        if pose || any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. })) {
+            for m in &Motion::ALL[..if pose { 6 } else { 3 }] {
+                add(format!("tool_{}_s{}", m.name(), place.session), "tool", Site::Tool(*m));
+            }
+        }
+        for target in 1..=cell.tool.targets.len() {
+            if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+                for axis in trical_model::Axis::ALL {
+                    let name = format!("target{target}_{}_s{}", axis.name(), place.session);
+                    add(name, "target", Site::Target { target, axis });
+                }
+            }
+        }
+    }
+    if let Some((frame, true)) = place.frame {
+        model.frames.resize(frame + 1, Pose::identity());
+        let name = |m: Motion| format!("frame{}_{}", frame + 1, m.name());
+        let site = |motion| Site::Frame { frame: frame + 1, motion };
+        model.terms.extend(Motion::ALL.map(|m| Term::new(name(m), "frame", site(m), Basis::CONSTANT)));
+    }
+}
+
+/// Identifies what belongs to the sessions that are refitted (of lengths the base), everything else of the model kept.
+fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model> {
+    start_sessions(&mut model, train)?;
+    let lengths = train.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
+    let base = lengths && places.iter().any(|p| p.refit.frame);
+    let own = |t: &Term| {
+        t.basis.session.is_some_and(|s| places.iter().any(|p| p.session == s && p.refit.any()))
+            || matches!(t.site, Site::Frame { frame, .. } if places.iter().any(|p| p.frame == Some((frame - 1, true))))
+    };
+    let free = (0..model.terms.len())
+        .filter(|k| {
+            let t = &model.terms[*k];
+            (own(t) && !matches!(t.site, Site::Payload(_)) && t.scope() == Scope::Setup)
+                || (base && t.basis.is_constant() && matches!(t.site, Site::Base(_)))
+        })
+        .collect();
+    let mut forward = Forward::new(model, free)?;
+    let noise = Noise::usual(train.names.len());
+    crate::fit::minimize(&mut forward, train, &noise, &crate::solver::LmParams::default())?;
+    Ok(forward.into_model())
 }
 
 fn regions(data: &Dataset, errors: &[(f64, f64)]) -> Vec<Region> {

@@ -10,7 +10,7 @@ use trical_ident::fit::{check_count, minimize, position_errors, weighted_residua
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::observability;
 use trical_ident::solver::LmParams;
-use trical_ident::{Dataset, JointSource, Noise, Refit, validate};
+use trical_ident::{Dataset, JointSource, ModelFile, Noise, Refit, validate};
 use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Site, State, Term};
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
@@ -42,12 +42,16 @@ fn poses_are_numbered_as_the_recording_says_or_counted() {
 }
 
 /// Touches of the nominal arm anywhere, each reading off by what `off` says.
-fn touches(n: usize, mut off: impl FnMut(usize, &mut Pcg64Mcg) -> [f64; 3]) -> Dataset {
+fn touches(n: usize, off: impl FnMut(usize, &mut Pcg64Mcg) -> [f64; 3]) -> Dataset {
+    dataset(touch_rows(n, off))
+}
+
+fn touch_rows(n: usize, mut off: impl FnMut(usize, &mut Pcg64Mcg) -> [f64; 3]) -> Vec<Row> {
     let mut rng = Pcg64Mcg::seed_from_u64(7);
     let model = nominal();
     let forward = Forward::new(model.clone(), Vec::new()).unwrap();
     let mut ws = forward.workspace();
-    let rows = (0..n)
+    (0..n)
         .map(|k| {
             let q: [f64; 6] = std::array::from_fn(|_| rng.random_range(-1.2..1.2));
             let state = State::at(&q);
@@ -57,8 +61,7 @@ fn touches(n: usize, mut off: impl FnMut(usize, &mut Pcg64Mcg) -> [f64; 3]) -> D
             let reading = std::array::from_fn(|a| i[a] + off[a]);
             Row { state, measured: Measured::Touch { ball: k % 3, reading }, seq: None, line: k + 2 }
         })
-        .collect();
-    dataset(rows)
+        .collect()
 }
 
 /// Noise of 10 um and standard normal distribution, nearly: a sum of twelve.
@@ -207,9 +210,11 @@ fn a_touch_beyond_the_limit_is_rejected_and_its_ball_is_not_blamed() {
 
 #[test]
 fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
-    let data = touches(40, |_, rng| noise(rng));
+    let recording = Recording { name: "made".into(), joints: 6, rows: touch_rows(40, |_, rng| noise(rng)) };
     let model = nominal();
-    let scored = |refit| validate(&model.robot, &model.cell, &model, &data, refit).unwrap();
+    let file = ModelFile::unmeasured(model.clone());
+    let recordings = std::slice::from_ref(&recording);
+    let scored = |refit| validate(&model.robot, &model.cell, &file, recordings, None, refit).unwrap();
     let whole = scored(None);
     assert_eq!((whole.n, whole.errors.len()), (40, 40));
     for joint in 1..=6 {

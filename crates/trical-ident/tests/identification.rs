@@ -180,13 +180,10 @@ fn a_model_file_predicts_what_the_model_did() {
     let truth = truth(ParameterSet::Complete, 10);
     let data = build(touch(&truth, 60, 1e-5, 11));
     let found = identify(&truth.robot, &truth.cell, &data, ParameterSet::Complete).unwrap();
-    let file = ModelFile {
-        model: found.model.clone(),
-        joints: JointSource::Read,
-        references: Vec::new(),
-        recordings: vec!["touches".into()],
-    };
+    let file = ModelFile::of(found.model.clone(), &data);
     let again = ModelFile::parse(&file.to_toml().unwrap(), "m.toml").unwrap();
+    assert_eq!(again.sessions, file.sessions);
+    assert_eq!(again.session_of(&data.fingerprints[0]), Some(1));
     let errors = |m: &Model| trical_ident::fit::position_errors(&Forward::new(m.clone(), Vec::new()).unwrap(), &data);
     for (a, b) in errors(&found.model).iter().zip(errors(&again.model)) {
         assert!((a - b).abs() < 1e-12);

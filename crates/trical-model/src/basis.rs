@@ -225,7 +225,7 @@ impl Shape {
 }
 
 /// A scalar function of what is known about a pose: `shape(of)`, times the sense of a joint's last motion if `sense` is given, times
-/// a function of a joint's value if `beside` is.
+/// a function of a joint's value if `beside` is, and 0 outside of one session if `session` is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Basis {
     /// What it looks at.
@@ -238,6 +238,9 @@ pub struct Basis {
     /// What else multiplies it: a function of a joint's value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside: Option<Beside>,
+    /// The only session (1-based, see [`State::session`]) in which it is not 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session: Option<u32>,
 }
 
 /// A function of a joint's value (rad or m), as a factor.
@@ -251,7 +254,8 @@ pub struct Beside {
 
 impl Basis {
     /// 1 everywhere.
-    pub const CONSTANT: Self = Self { of: Variable::Nothing, shape: Shape::One, sense: None, beside: None };
+    pub const CONSTANT: Self =
+        Self { of: Variable::Nothing, shape: Shape::One, sense: None, beside: None, session: None };
 
     /// `shape(of)`.
     #[must_use]
@@ -274,7 +278,7 @@ impl Basis {
     /// Whether it is 1 everywhere.
     #[must_use]
     pub fn is_constant(&self) -> bool {
-        self.shape == Shape::One && self.sense.is_none() && self.beside.is_none()
+        self.shape == Shape::One && self.sense.is_none() && self.beside.is_none() && self.session.is_none()
     }
 
     /// Whether its shapes' parameters give finite values.
@@ -286,9 +290,24 @@ impl Basis {
         self.beside.map_or(Ok(()), |b| b.shape.check())
     }
 
+    /// The same in one session only.
+    #[must_use]
+    pub fn in_session(self, session: u32) -> Self {
+        Self { session: Some(session), ..self }
+    }
+
+    /// Whether it is 0 at a pose of `state`'s session whatever the pose.
+    #[must_use]
+    pub fn is_elsewhere(&self, state: &State) -> bool {
+        self.session.is_some() && self.session != state.session
+    }
+
     /// What a recording must contain for this basis to have a value, `None` if it has all.
     #[must_use]
     pub fn missing(&self, state: &State, measured: &Measured) -> Option<&'static str> {
+        if self.is_elsewhere(state) {
+            return None;
+        }
         if self.sense.is_some() && state.dir.is_none() {
             return Some("the sense of each joint's last motion (dir1 ...)");
         }

@@ -71,6 +71,8 @@ pub struct Forward {
     pub(crate) free: Vec<usize>,
     /// Actions whose basis is not constant.
     pub(crate) varying: Vec<(usize, usize)>,
+    /// Those of them that are the payload of one session.
+    pub(crate) payloads: Vec<(usize, usize)>,
     pub(crate) moves_base: bool,
     /// Where inverse kinematics have a short way: a usual arm without terms.
     pub(crate) usual: Option<Usual>,
@@ -109,6 +111,8 @@ pub struct Workspace {
     pub(crate) tool: [f64; 6],
     pub(crate) fixture: [f64; 6],
     pub(crate) frame: [f64; 6],
+    /// How far the target that is seen is from its constant place on the tool, in flange axes.
+    pub(crate) target: [f64; 3],
     pub(crate) residual: [f64; 6],
 }
 
@@ -144,6 +148,7 @@ impl Forward {
             moments: Vec::new(),
             free,
             varying: Vec::new(),
+            payloads: Vec::new(),
             moves_base: false,
             usual: None,
             chain: Chain::new(
@@ -170,12 +175,19 @@ impl Forward {
             let start = this.bound.len();
             for action in actions(term, &this.model.robot, &this.model.cell, this.model.frames.len())? {
                 let constant = action.basis.is_constant();
-                if !constant
-                    && !matches!(
-                        action.dof,
-                        Dof::Chain(..) | Dof::Base(_) | Dof::Tool(_) | Dof::Fixture(_) | Dof::Frame(..)
-                    )
-                {
+                // the payload comes before the moments that a basis may look at
+                let of_a_session = action.basis == Basis { session: action.basis.session, ..Basis::CONSTANT };
+                let can_vary = match action.dof {
+                    Dof::Chain(..)
+                    | Dof::Base(_)
+                    | Dof::Tool(_)
+                    | Dof::Fixture(_)
+                    | Dof::Frame(..)
+                    | Dof::Target(..) => true,
+                    Dof::PayloadMass | Dof::PayloadMoment(_) => of_a_session,
+                    _ => false,
+                };
+                if !constant && !can_vary {
                     return Err(ModelError::NoSuchSite {
                         term: term.name.clone(),
                         site: format!("{:?} as something that varies", term.site),
@@ -198,6 +210,9 @@ impl Forward {
                 });
                 if !constant {
                     this.varying.push((k, this.bound.len()));
+                    if matches!(action.dof, Dof::PayloadMass | Dof::PayloadMoment(_)) {
+                        this.payloads.push((k, this.bound.len()));
+                    }
                     this.moves_base |= matches!(action.dof, Dof::Base(_));
                 }
                 this.bound.push(Bound { dof, basis: action.basis, weight: action.weight, constant, moment });
@@ -264,6 +279,7 @@ impl Forward {
             tool: [0.0; 6],
             fixture: [0.0; 6],
             frame: [0.0; 6],
+            target: [0.0; 3],
             residual: [0.0; 6],
         }
     }
@@ -355,6 +371,9 @@ impl Forward {
     /// What multiplies a basis's shape.
     #[inline]
     pub(crate) fn factor(basis: &Basis, state: &State) -> f64 {
+        if basis.is_elsewhere(state) {
+            return 0.0;
+        }
         let sense = match basis.sense {
             None => 1.0,
             Some(joint) => state.dir.map_or(0.0, |d| f64::from(d[joint - 1])),
@@ -364,12 +383,26 @@ impl Forward {
 
     pub(crate) fn payload_at(&self, state: &State) -> (f64, V3) {
         let extra = state.payload_kg.unwrap_or(0.0);
-        (self.payload.0 + extra, self.payload.1 + self.model.cell.tool.cog * extra)
+        let mut payload = (self.payload.0 + extra, self.payload.1 + self.model.cell.tool.cog * extra);
+        for (k, index) in &self.payloads {
+            let b = &self.bound[*index];
+            let v = self.model.terms[*k].value * b.weight * Self::factor(&b.basis, state);
+            match self.dofs[b.dof] {
+                Dof::PayloadMass => {
+                    payload.0 += v;
+                    payload.1 += self.model.cell.tool.cog * v;
+                }
+                Dof::PayloadMoment(axis) => payload.1[axis] += v,
+                _ => {}
+            }
+        }
+        payload
     }
 
     /// Both passes over the chain: `ws.moved` then holds the true frames.
     #[inline]
     pub(crate) fn frames_at(&self, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) {
+        ws.target = [0.0; 3];
         if self.varying.is_empty() {
             self.chain.run(&state.q, None, &mut ws.moved);
             ws.tool = self.tool;
@@ -400,6 +433,9 @@ impl Forward {
                 Dof::Tool(m) => ws.tool[m] += v,
                 Dof::Fixture(m) => ws.fixture[m] += v,
                 Dof::Frame(f, m) if f == frame => ws.frame[m] += v,
+                Dof::Target(t, m) if matches!(measured, Measured::Point { target, .. } if *target == t) => {
+                    ws.target[m] += v
+                }
                 _ => {}
             }
         }
@@ -579,7 +615,8 @@ impl Forward {
                 Target { point, map: Map::World }
             }
             Measured::Point { target, position } => {
-                let point = flange.origin + flange.axes.times(&(self.targets[*target] + self.slip(ws)));
+                let point =
+                    flange.origin + flange.axes.times(&(self.targets[*target] + V3::from(ws.target) + self.slip(ws)));
                 let (pose, _) = self.frame_at(frame, ws);
                 let r = pose.apply(&point) - V3::from(*position);
                 ws.residual = [r.x, r.y, r.z, 0.0, 0.0, 0.0];

@@ -219,7 +219,11 @@ impl Forward {
             self.add_through_moments(self.dofs[b.dof], ws, b.weight, sum);
         } else {
             let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            add(sum, &ws.columns[b.dof], b.weight * Self::factor(&b.basis, state) * b.basis.shape.at(u).0);
+            let factor = b.weight * Self::factor(&b.basis, state) * b.basis.shape.at(u).0;
+            add(sum, &ws.columns[b.dof], factor);
+            if factor != 0.0 && matches!(self.dofs[b.dof], Dof::PayloadMass | Dof::PayloadMoment(_)) {
+                self.add_through_moments(self.dofs[b.dof], ws, factor, sum);
+            }
         }
     }
 

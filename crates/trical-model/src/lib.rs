@@ -10,7 +10,7 @@
 //! | [`robot`], [`cell`] | the nominal arm and cell, read from TOML |
 //! | [`urdf`] | arms from URDF |
 //! | [`recording`] | what is known about a pose and what was measured there |
-//! | [`term`] | sites, bases, terms |
+//! | [`term`], [`scope`] | sites, bases, terms; to which sessions a term applies |
 //! | [`forward`] | prediction and Jacobians |
 //! | [`touch`] | what the device reads at a ball |
 //! | [`rigid`] | the rigid part of a calibrated model, for others |
@@ -30,6 +30,7 @@ pub mod pose;
 pub mod recording;
 pub mod rigid;
 pub mod robot;
+pub mod scope;
 pub mod term;
 pub mod touch;
 mod trig;
@@ -44,4 +45,5 @@ pub use pose::Pose;
 pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
 pub use rigid::Rigid;
 pub use robot::{Joint, JointKind, Robot};
+pub use scope::Scope;
 pub use term::{Axis, Motion, Parameter, Payload, Site, Term};

@@ -26,6 +26,9 @@ pub struct State {
     pub temp_c: Option<f64>,
     /// Mass added on the flange beyond the cell's tool, in kg.
     pub payload_kg: Option<f64>,
+    /// Session of the model that it belongs to, from 1: what was identified for that session alone holds here. `None` for a session that
+    /// the model does not know.
+    pub session: Option<u32>,
 }
 
 impl State {
@@ -36,7 +39,16 @@ impl State {
         for (to, from) in joints.iter_mut().zip(q) {
             *to = *from;
         }
-        Self { q: joints, q_commanded: None, dir: None, t: None, seq: None, temp_c: None, payload_kg: None }
+        Self {
+            q: joints,
+            q_commanded: None,
+            dir: None,
+            t: None,
+            seq: None,
+            temp_c: None,
+            payload_kg: None,
+            session: None,
+        }
     }
 
     /// The same at the pose of this number.
@@ -85,6 +97,14 @@ pub enum Measured {
         /// Unit quaternion w, x, y, z: measuring frame from tool.
         quaternion: [f64; 4],
     },
+}
+
+impl Measured {
+    /// Whether it was seen in a measuring frame.
+    #[must_use]
+    pub fn is_framed(&self) -> bool {
+        matches!(self, Self::Point { .. } | Self::Pose { .. } | Self::Reference { .. })
+    }
 }
 
 /// One row of a recording.

@@ -222,6 +222,9 @@ impl Naive<'_> {
                     _ => c(0.0),
                 },
             };
+            if basis.session.is_some_and(|own| state.session != Some(own)) {
+                continue;
+            }
             let s = basis.sense.map_or(1.0, |j| f64::from(state.dir.unwrap()[j - 1]));
             let beside = basis.beside.map_or(c(1.0), |b| shape(b.shape, self.q[b.joint - 1]));
             total += *v * weight * s * beside * shape(basis.shape, u);
@@ -296,9 +299,13 @@ impl Naive<'_> {
         let (flange_o, flange_r) = self.flange(&frames);
         let tool = &self.model.cell.tool;
         let extra = state.payload_kg.unwrap_or(0.0);
-        let mass = self.sum(Site::Payload(Payload::Mass), None) + (tool.mass + extra);
+        // of what varies only a session's own payload comes before the moments
+        let nothing = Measured::Point { target: 0, position: [0.0; 3] };
+        let no_moment = |_: usize, _: Axis, _: bool| c(0.0);
+        let here: Option<At<'_>> = Some((state, &nothing, &no_moment));
+        let mass = self.sum(Site::Payload(Payload::Mass), here) + (tool.mass + extra);
         bodies.push((mass, plus(flange_o, times(&flange_r, vec(&tool.cog)))));
-        let mu: V = std::array::from_fn(|k| self.sum(Site::Payload(Payload::Moment(Axis::ALL[k])), None));
+        let mu: V = std::array::from_fn(|k| self.sum(Site::Payload(Payload::Moment(Axis::ALL[k])), here));
         let prismatic = self.model.robot.joints[joint - 1].kind == JointKind::Prismatic && axis == Axis::Z;
         let e = if axis == Axis::Z && !prismatic && !foot { *z } else { col(bearing, axis.index()) };
         let mut total = c(0.0);
@@ -453,7 +460,8 @@ impl Draw {
         let sense = (self.below(3) == 0).then(|| 1 + self.below(n));
         let beside =
             (self.below(4) == 0).then(|| Beside { joint: 1 + self.below(n), shape: Shape::Cosine { cycles: 2.0 } });
-        Basis { of, shape, sense, beside }
+        let session = (self.below(4) == 0).then(|| 1 + u32::from(self.below(2) == 0));
+        Basis { of, shape, sense, beside, session }
     }
 
     fn terms(&mut self, n: usize) -> Vec<Term> {
@@ -506,6 +514,14 @@ impl Draw {
             let site = if k == 3 { Site::Joint { joint: 1 + self.below(n) } } else { site };
             terms.push(Term::new(format!("vary{k}"), "test", site, basis));
         }
+        for axis in Axis::ALL {
+            let own = Basis::CONSTANT.in_session(2);
+            for site in [Site::Target { target: 1, axis }, Site::Payload(Payload::Moment(axis))] {
+                terms.push(Term::new(format!("{site:?} of session 2"), "setup", site, own));
+            }
+        }
+        let own_mass = Basis::CONSTANT.in_session(2);
+        terms.push(Term::new("mass of session 2", "setup", Site::Payload(Payload::Mass), own_mass));
         for t in &mut terms {
             let torque = matches!(
                 t.basis.of,
@@ -536,6 +552,7 @@ impl Draw {
         s.seq = Some(5.0 + self.n(4.0));
         s.temp_c = Some(24.0 + self.n(3.0));
         s.payload_kg = Some(0.3);
+        s.session = Some(1 + u32::from(self.below(2) == 0));
         s
     }
 

@@ -11,14 +11,12 @@ use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::fit::position_errors;
 use trical_ident::passes::{Other, Passes, passes};
 use trical_ident::{
-    Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile,
-    ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
-    identify_stream, repeatability, shown, validate,
+    Calibration, Choice, Diagnosis, JointSource, KnownParameters, ModelFile, Options, ParameterSet, Refit, ToolSharing,
+    calibrate, calibrate_stream, diagnose_recordings, repeatability, validate,
 };
 use trical_model::{Cell, Forward, Robot};
 use trical_plan::Next;
 use trical_report::deciding::plan_next;
-use trical_report::identify_report::{of_folds, of_last};
 
 use crate::designs::{Touches, touches};
 use crate::errors::{Result, bad};
@@ -26,7 +24,7 @@ use crate::long::{Say, long};
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, is_mcap, read_all};
-use crate::told::{Fitted, Kept, PyTold};
+use crate::told::{Kept, PyTold};
 
 /// Which joint angles to believe; `None` for those that the data is to choose.
 pub fn source(joints: &str) -> PyResult<Option<JointSource>> {
@@ -49,34 +47,6 @@ pub fn parameter_set(model: &str) -> PyResult<ParameterSet> {
     }
 }
 
-/// What identification is asked for.
-struct Asked {
-    joints: Option<JointSource>,
-    set: ParameterSet,
-    choice: Choice,
-    folds: Option<usize>,
-    hold_out_last: Option<usize>,
-    keep_outliers: bool,
-}
-
-/// What it gives.
-struct Found {
-    file: ModelFile,
-    summary: Value,
-    errors_mm: Option<Array2<f64>>,
-    covariance: Array2<f64>,
-    fitted: Fitted,
-}
-
-fn model_file(fitted: &Identified) -> ModelFile {
-    ModelFile {
-        model: fitted.model.clone(),
-        joints: fitted.data.joints,
-        references: fitted.data.references.clone(),
-        recordings: fitted.data.names.clone(),
-    }
-}
-
 /// Pairs of errors in m as an array (n, 2) in mm.
 fn pairs_mm(before: &[f64], after: &[f64]) -> Array2<f64> {
     Array2::from_shape_fn((before.len(), 2), |(k, j)| 1e3 * if j == 0 { before[k] } else { after[k] })
@@ -86,93 +56,8 @@ fn square(values: &[f64], p: usize) -> Array2<f64> {
     Array2::from_shape_fn((p, p), |(i, j)| values.get(i * p + j).copied().unwrap_or(f64::NAN))
 }
 
-fn of_fit(fitted: &Identified) -> Value {
-    json!({
-        "cautions": cautions(&fitted.model, fitted.observability.rows, fitted.free.len()),
-        "recordings": fitted.data.names,
-        "joints": fitted.data.joints,
-        "parameters": fitted.free.iter().map(|k| shown(&fitted.model, &fitted.model.terms[*k])).collect::<Vec<_>>(),
-        "not_identifiable": fitted.dependent.iter().map(|d| (&d.name, &d.with)).collect::<Vec<_>>(),
-        "correlated": fitted.correlated(0.9),
-        "observability": fitted.observability,
-        "fit": fitted.report,
-        "cross_validation": null,
-        "forward_in_time": null,
-    })
-}
-
-fn in_memory(robot: &Robot, cell: &Cell, data: &Dataset, asked: &Asked, say: Say<'_>) -> Result<Found> {
-    say(0.2, "fitting");
-    let fitted = identify(robot, cell, data, asked.choice.clone())?;
-    let nominal = identify(robot, cell, data, ParameterSet::Nominal)?;
-    let (before, after) = (nominal.errors()?, fitted.errors()?);
-    let mut summary = of_fit(&fitted);
-    summary["observations"] = json!(data.observations.len());
-    summary["rejected"] = json!(data.rejected);
-    summary["before"] = json!(ErrorSummary::of(&before));
-    summary["errors"] = json!(ErrorSummary::of(&after));
-    let mut unseen = Vec::new();
-    if let Some(percent) = asked.hold_out_last {
-        say(0.4, "forward in time");
-        let errors = ErrorSummary::of(&forward_in_time(robot, cell, data, asked.choice.clone(), percent)?);
-        summary["forward_in_time"] = json!(errors);
-        unseen.push((of_last(percent), errors));
-    }
-    if let Some(folds) = asked.folds {
-        say(0.5, "cross-validating");
-        let errors = ErrorSummary::of(&cross_validate(robot, cell, data, asked.choice.clone(), folds)?);
-        summary["cross_validation"] = json!(errors);
-        // the verdict of a report names the first
-        unseen.insert(0, (of_folds(folds), errors));
-    }
-    Ok(Found {
-        file: model_file(&fitted),
-        summary,
-        errors_mm: Some(pairs_mm(&before, &after)),
-        covariance: square(&fitted.covariance, fitted.free.len()),
-        fitted: Fitted {
-            fitted,
-            errors: [&before, &after].map(|e| ErrorSummary::of(e)),
-            each_before: Some(before),
-            unseen,
-            observations: data.observations.len(),
-            named: data.rejected.clone(),
-            rejected: data.rejected.len(),
-            cleaned: !asked.keep_outliers,
-        },
-    })
-}
-
-fn in_passes(robot: &Robot, cell: &Cell, stream: &CsvStream, asked: &Asked, say: Say<'_>) -> Result<Found> {
-    let sample = stream.sample()?;
-    let data = clean(robot, cell, &sample.recordings, asked.joints, asked.set, asked.keep_outliers)?;
-    say(0.2, "fitting in passes");
-    let s = identify_stream(robot, cell, stream, &data, asked.choice.clone(), asked.keep_outliers)?;
-    let mut summary = of_fit(&s.identified);
-    summary["observations"] = json!(s.observations);
-    summary["rejected"] = json!(s.named);
-    summary["before"] = json!(s.before);
-    summary["errors"] = json!(s.errors);
-    Ok(Found {
-        file: model_file(&s.identified),
-        summary,
-        errors_mm: None,
-        covariance: square(&s.identified.covariance, s.identified.free.len()),
-        fitted: Fitted {
-            fitted: s.identified,
-            each_before: None,
-            errors: [s.before, s.errors],
-            unseen: Vec::new(),
-            observations: s.observations,
-            named: s.named,
-            rejected: s.rejected,
-            cleaned: !asked.keep_outliers,
-        },
-    })
-}
-
 /// The recordings to be read in passes, where they are large files that can be, or this is asked for.
-fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted: bool) -> Result<Option<Passes>> {
+fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Options, wanted: bool) -> Result<Option<Passes>> {
     let scored = asked.folds.is_some() || asked.hold_out_last.is_some();
     if wanted && scored {
         return Err(bad("stream goes without folds and hold_out_last: these need all rows at once").into());
@@ -214,41 +99,50 @@ pub fn _identify<'py>(
     folds: Option<usize>,
     hold_out_last: Option<usize>,
     keep_outliers: bool,
+    tool: &str,
     in_stream: bool,
     known: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Fit<'py>> {
-    let (joints, set) = (source(joints)?, parameter_set(model)?);
+    let (joints, set, tool) = (source(joints)?, parameter_set(model)?, sharing(tool)?);
     if in_stream && known.is_some() {
         return Err(
             bad("known with stream=True; expected one of them, since files are read in passes without priors").into()
         );
     }
-    let found = long(py, progress, |say| -> Result<Found> {
+    let found = long(py, progress, |say| -> Result<Calibration> {
         let (robot, cell) = read(&robot, &cell)?;
-        if set >= ParameterSet::Compliance {
-            robot.require_masses()?;
-        }
         let choice = Choice::new(set, &compliant, robot.dof())
             .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?
             .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
-        let asked = Asked { joints, set, choice, folds, hold_out_last, keep_outliers };
+        let options = Options { choice, joints, folds, hold_out_last, keep_outliers, tool };
         say(0.0, "reading");
         if known.is_none()
-            && let Some(stream) = stream(&recordings, robot.dof(), &asked, in_stream)?
+            && let Some(passes) = stream(&recordings, robot.dof(), &options, in_stream)?
         {
-            return in_passes(&robot, &cell, &stream.stream, &asked, say);
+            return Ok(calibrate_stream(&robot, &cell, &passes.stream, &options, say)?);
         }
         let recordings = read_all(&recordings, robot.dof())?;
-        say(0.05, "looking for gross errors");
-        let data = clean(&robot, &cell, &recordings, joints, set, keep_outliers)?;
-        let found = in_memory(&robot, &cell, &data, &asked, say)?;
-        say(1.0, "done");
-        Ok(found)
+        Ok(calibrate(&robot, &cell, &recordings, &options, say)?)
     })?;
-    let errors = found.errors_mm.map(|e| e.into_pyarray(py));
-    let told = PyTold(Kept::Fitted(Box::new(found.fitted)));
-    Ok((PyModel::new(found.file)?, found.summary.to_string(), errors, found.covariance.into_pyarray(py), told))
+    let text = serde_json::to_string(&found)?;
+    let file = ModelFile::of(found.fitted.model.clone(), &found.fitted.data);
+    let errors = match found.passes {
+        Some(_) => None,
+        None => Some(pairs_mm(&found.each_before, &found.fitted.errors()?).into_pyarray(py)),
+    };
+    let covariance = square(&found.fitted.covariance, found.fitted.free.len()).into_pyarray(py);
+    Ok((PyModel::new(file)?, text, errors, covariance, PyTold(Kept::Fitted(Box::new(found)))))
+}
+
+/// Which sessions share a tool, by its name in Python.
+fn sharing(name: &str) -> Result<ToolSharing> {
+    match name {
+        "auto" => Ok(ToolSharing::FromData),
+        "same" => Ok(ToolSharing::Same),
+        "own" => Ok(ToolSharing::Own),
+        other => Err(bad(format!("tool is '{other}', expected 'auto', 'same' or 'own'")).into()),
+    }
 }
 
 /// Touches that would decide between the least sure finding and its rivals, and what is to be said of them.
@@ -309,12 +203,7 @@ pub fn _diagnose<'py>(
             Some(count) => next_touches(&robot, &cell, &found, count, say)?,
             None => None,
         };
-        let file = ModelFile {
-            model: found.model.clone(),
-            joints: source,
-            references: found.data.references.clone(),
-            recordings: found.data.names.clone(),
-        };
+        let file = ModelFile::of(found.model.clone(), &found.data);
         Ok((file, value.to_string(), pairs, planned, Kept::Diagnosed(Box::new((found, source)))))
     })?;
     let planned = planned.map(|(next, said)| (touches(py, &robot, &next.entries), said.to_string()));
@@ -335,41 +224,25 @@ pub fn _validate<'py>(
     progress: Option<Py<PyAny>>,
 ) -> Result<(String, Bound<'py, PyArray2<f64>>, PyTold)> {
     let file = model.get().file.clone();
-    let joints = joints.map(source).transpose()?.flatten().unwrap_or(file.joints);
+    let joints = joints.map(source).transpose()?.flatten();
     if let Some(other) = refit.iter().find(|w| !["frame", "targets"].contains(&w.as_str())) {
         return Err(bad(format!("refit holds '{other}', expected 'frame' and perhaps 'targets'")).into());
     }
     let has = |what: &str| refit.iter().any(|w| w == what);
-    let again = refit.clone();
     let refit = (!refit.is_empty()).then(|| Refit { frame: has("frame"), targets: has("targets") });
     let (text, errors, told) = long(py, progress, |say| -> Result<_> {
         let (robot, cell) = read(&robot, &cell)?;
         file.require_robot(&robot, "the model")?;
         say(0.0, "reading");
         let recordings = read_all(&recordings, robot.dof())?;
-        let known = refit.is_none().then_some(file.references.as_slice());
-        let data = Dataset::build(&recordings, joints, known)?;
         say(0.3, "scoring");
-        let v = validate(&robot, &cell, &file.model, &data, refit)?;
-        let mut value = serde_json::to_value(&v)?;
-        value["rejected"] = json!(data.rejected);
+        let v = validate(&robot, &cell, &file, &recordings, joints, refit)?;
+        let text = serde_json::to_string(&v)?;
         let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
         say(1.0, "done");
-        let told = Kept::Scored(Box::new((v, file, again, data.rejected)));
-        Ok((value.to_string(), pairs_mm(&before, &after), told))
-    })
-    .map_err(|e| in_python_words(py, e))?;
+        Ok((text, pairs_mm(&before, &after), Kept::Scored(Box::new((v, file)))))
+    })?;
     Ok((text, errors.into_pyarray(py), PyTold(told)))
-}
-
-/// Options of the command line by their names in Python.
-fn in_python_words(py: Python<'_>, e: PyErr) -> PyErr {
-    let text = e.value(py).to_string();
-    if text.contains("--refit frame") {
-        let said = text.replace("--refit frame (or frame,targets)", "refit=\"frame\" (or \"frame,targets\")");
-        return PyErr::from_type(e.get_type(py), said);
-    }
-    e
 }
 
 /// How far repeat visits scatter, as JSON text.

@@ -84,12 +84,7 @@ impl PyModel {
     #[pyo3(signature = (robot, cell=None))]
     fn nominal(robot: RobotArgument, cell: Option<CellArgument>) -> Result<Self> {
         let cell = cell.map_or_else(|| Ok(Cell::bare()), |c| c.read())?;
-        Self::new(ModelFile {
-            model: Model::nominal(robot.read()?, cell),
-            joints: JointSource::Read,
-            references: Vec::new(),
-            recordings: Vec::new(),
-        })
+        Self::new(ModelFile::unmeasured(Model::nominal(robot.read()?, cell)))
     }
 
     /// Reads a model file (calibrated.toml, improved.toml).

@@ -3,10 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
-use trical_ident::{
-    Diagnosis, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Validation, identify,
-    write_whole,
-};
+use trical_ident::{Calibration, Diagnosis, JointSource, ModelFile, Validation, write_whole};
 use trical_model::{Cell, Robot};
 use trical_report::study::Study;
 use trical_report::{Made, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
@@ -14,32 +11,12 @@ use trical_report::{Made, diagnosis_report, identify_report, plan_report, plan_t
 use crate::errors::Result;
 use crate::long::long;
 
-/// An identification, as its report has it.
-pub struct Fitted {
-    /// The fit.
-    pub fitted: Identified,
-    /// Errors of the nominal arm one by one, m; `None` where the rows were read in passes.
-    pub each_before: Option<Vec<f64>>,
-    /// Errors of all rows before and after.
-    pub errors: [ErrorSummary; 2],
-    /// Errors at poses that the fit did not use, each with what they are.
-    pub unseen: Vec<(String, ErrorSummary)>,
-    /// Measurements used.
-    pub observations: usize,
-    /// Rejected rows that are named.
-    pub named: Vec<Rejected>,
-    /// All of them.
-    pub rejected: usize,
-    /// Whether gross errors were looked for.
-    pub cleaned: bool,
-}
-
 /// What was worked out, of whichever kind.
 pub enum Kept {
     /// By `identify`.
-    Fitted(Box<Fitted>),
-    /// By `validate`: what was scored, the model's file, what was identified again, rejected rows.
-    Scored(Box<(Validation, ModelFile, Vec<String>, Vec<Rejected>)>),
+    Fitted(Box<Calibration>),
+    /// By `validate`: what was scored, the model's file.
+    Scored(Box<(Validation, ModelFile)>),
     /// By `diagnose`.
     Diagnosed(Box<(Diagnosis, JointSource)>),
     /// By `plan`.
@@ -51,30 +28,8 @@ pub enum Kept {
 impl Kept {
     fn html(&self, made: Made) -> trical_report::Result<String> {
         match self {
-            Self::Fitted(f) => {
-                let fitted = &f.fitted;
-                let each_before = match &f.each_before {
-                    Some(errors) => errors.clone(),
-                    // of the sample that is drawn
-                    None => {
-                        let (robot, cell) = (&fitted.model.robot, &fitted.model.cell);
-                        identify(robot, cell, &fitted.data, ParameterSet::Nominal)?.errors()?
-                    }
-                };
-                let told = identify_report::Told {
-                    fitted,
-                    each_before: &each_before,
-                    before: &f.errors[0],
-                    after: &f.errors[1],
-                    unseen: f.unseen.iter().map(|(what, e)| (what.clone(), e)).collect(),
-                    observations: f.observations,
-                    named: &f.named,
-                    rejected: f.rejected,
-                    cleaned: f.cleaned,
-                };
-                identify_report::render(&told, made)
-            }
-            Self::Scored(s) => validate_report::render(&s.0, &s.1, &s.2, &s.3, made),
+            Self::Fitted(f) => identify_report::render(f, made),
+            Self::Scored(s) => validate_report::render(&s.0, &s.1, made),
             Self::Diagnosed(d) => diagnosis_report::render(&d.0, d.1, made),
             Self::Planned(p) => plan_report::render(&p.0, &p.1, &p.2, &made),
             Self::Studied(s) => s.html(&made),

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use trical_device::virtual_cell::{Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
 use trical_ident::truth::{draw_truth, hide};
-use trical_ident::{JointSource, ModelFile, model_of_touches, usual_set};
+use trical_ident::{ModelFile, model_of_touches, usual_set};
 use trical_model::MAX_JOINTS;
 
 use crate::arrays::{Beside, Known};
@@ -179,8 +179,7 @@ pub fn _virtual_cell(
         };
         let running = VirtualCell::start(Box::new(ArmPlant::new(&truth)?), options)?;
         let (gauge, controller) = (running.gauge_url(), running.controller_url());
-        let truth =
-            ModelFile { model: truth, joints: JointSource::Read, references: Vec::new(), recordings: Vec::new() };
+        let truth = ModelFile::unmeasured(truth);
         Ok(PyVirtualCell { running: Mutex::new(Some(running)), truth, gauge, controller })
     })
 }

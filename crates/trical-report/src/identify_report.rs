@@ -1,6 +1,6 @@
 //! The report of an identification, for the person who signs it off.
 
-use trical_ident::{ErrorSummary, Identified, Rejected, cautions};
+use trical_ident::{Calibration, ErrorSummary};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row};
@@ -12,31 +12,9 @@ const CORRELATED: f64 = 0.9;
 /// An error at poses not used that is larger by this is worth a word.
 const LARGER: f64 = 1.5;
 
-/// What is told.
-pub struct Told<'a> {
-    /// The fit.
-    pub fitted: &'a Identified,
-    /// Errors of the nominal arm, its frame and tool fitted, m.
-    pub each_before: &'a [f64],
-    /// And summed up, of all rows.
-    pub before: &'a ErrorSummary,
-    /// Of the model.
-    pub after: &'a ErrorSummary,
-    /// At poses not used: what they are, and the errors.
-    pub unseen: Vec<(String, &'a ErrorSummary)>,
-    /// Measurements used.
-    pub observations: usize,
-    /// Rows that are named.
-    pub named: &'a [Rejected],
-    /// All rows that were rejected.
-    pub rejected: usize,
-    /// Whether gross errors were looked for.
-    pub cleaned: bool,
-}
-
 /// Poses that a fit in so many folds did not use.
 pub fn of_folds(folds: usize) -> String {
-    format!("poses not used in the fit, {folds} folds")
+    format!("poses not in the fit, {folds} folds of blocks")
 }
 
 /// The last poses, where those before were fitted.
@@ -44,24 +22,33 @@ pub fn of_last(percent: usize) -> String {
     format!("last {percent} % of the poses, by a fit to those before")
 }
 
+/// Errors at poses that the fit did not use, each with what they are.
+fn unseen(t: &Calibration) -> Vec<(String, ErrorSummary)> {
+    let folds = t.cross_validation.iter().map(|(k, e)| (of_folds(*k), *e));
+    let later = t.forward_in_time.iter().map(|(percent, e)| (of_last(*percent), *e));
+    let always = t.held_out.named().into_iter().map(|(how, e)| (format!("poses not in the fit, {how}"), e));
+    folds.chain(later).chain(always).collect()
+}
+
 /// What speaks against signing, in one sentence each.
-fn concerns(t: &Told<'_>) -> Result<Vec<String>> {
-    let f = t.fitted;
+fn concerns(t: &Calibration) -> Result<Vec<String>> {
+    let f = &t.fitted;
     let mut out = Vec::new();
-    if t.after.mean_mm >= t.before.mean_mm {
+    if t.errors.mean_mm >= t.before.mean_mm {
         out.push("The model is no better than the nominal arm: do not use it.".into());
     }
-    out.extend(cautions(&f.model, f.observability.rows, f.free.len()).into_iter().map(|c| sentence(&c)));
-    for (name, e) in &t.unseen {
-        if e.mean_mm > LARGER * t.after.mean_mm {
+    out.extend(t.cautions().into_iter().map(|c| sentence(&c)));
+    let unseen = unseen(t);
+    for (name, e) in &unseen {
+        if e.mean_mm > LARGER * t.errors.mean_mm {
             out.push(format!(
                 "The error at poses not used ({name}) is {:.1} times that of the fit: the model bends to these measurements more \
                  than to the arm.",
-                e.mean_mm / t.after.mean_mm
+                e.mean_mm / t.errors.mean_mm
             ));
         }
     }
-    if t.unseen.is_empty() {
+    if unseen.is_empty() {
         out.push(
             "Nothing was scored at poses that the fit did not use: --cross-validate 5 does, and trical validate on another \
              recording does better."
@@ -69,7 +56,7 @@ fn concerns(t: &Told<'_>) -> Result<Vec<String>> {
         );
     }
     out.extend(evidence::beyond_noise(&f.model, &f.data)?);
-    out.extend(evidence::long_tail(t.after, &f.data));
+    out.extend(evidence::long_tail(&t.errors, &f.data));
     if t.rejected > 0 {
         out.push(format!(
             "{} of {} rows were rejected; each is named below with its reason.",
@@ -94,17 +81,17 @@ fn sentence(text: &str) -> String {
     format!("{first}{}{end}", chars.as_str())
 }
 
-fn verdict(t: &Told<'_>, concerns: usize) -> String {
+fn verdict(t: &Calibration, concerns: usize) -> String {
     let mut out = format!(
         "{} parameters take the mean position error at {} measurements from {:.3} mm (largest {:.3}) to {:.3} mm (largest {:.3}).",
         t.fitted.free.len(),
         t.observations,
         t.before.mean_mm,
         t.before.max_mm,
-        t.after.mean_mm,
-        t.after.max_mm
+        t.errors.mean_mm,
+        t.errors.max_mm
     );
-    if let Some((_, e)) = t.unseen.first() {
+    if let Some((_, e)) = unseen(t).first() {
         out += &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
     out += &match concerns {
@@ -115,8 +102,8 @@ fn verdict(t: &Told<'_>, concerns: usize) -> String {
     out
 }
 
-fn parameters(t: &Told<'_>) -> Section {
-    let f = t.fitted;
+fn parameters(t: &Calibration) -> Section {
+    let f = &t.fitted;
     let spare = f.observability.rows.saturating_sub(f.free.len());
     let sds = half_width((spare > 0).then_some(spare));
     let pairs = f.correlated(CORRELATED);
@@ -146,15 +133,16 @@ fn parameters(t: &Told<'_>) -> Section {
 }
 
 /// The whole report.
-pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
-    let f = t.fitted;
+pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
+    let f = &t.fitted;
     let after = f.errors()?;
     let errors =
-        Errors { model: &f.model, data: &f.data, was: "the nominal arm", before: t.each_before, after: &after };
+        Errors { model: &f.model, data: &f.data, was: "the nominal arm", before: &t.each_before, after: &after };
     let list = concerns(t)?;
     let verdict = verdict(t, list.len());
-    let mut rows = vec![("before: nominal arm", t.before), ("after: identified", t.after)];
-    rows.extend(t.unseen.iter().map(|(name, e)| (name.as_str(), *e)));
+    let unseen = unseen(t);
+    let mut rows = vec![("before: nominal arm", &t.before), ("after: identified", &t.errors)];
+    rows.extend(unseen.iter().map(|(name, e)| (name.as_str(), e)));
     let mut sections = Vec::new();
     sections
         .push(evidence::to_be_looked_at(list, "numbers measured for each parameter, where the base came out, limits"));
@@ -174,7 +162,7 @@ pub fn render(t: &Told<'_>, mut made: Made) -> Result<String> {
         one_by_one,
     ]);
     sections.extend(errors.pictures()?);
-    sections.extend([parameters(t), evidence::rejected(t.named, t.rejected)]);
+    sections.extend([parameters(t), evidence::rejected(&t.named, t.rejected)]);
     made.notes
         .push(format!("Joint angles that were believed: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
     page::render("TriCal: identification", &verdict, &sections, &made)

@@ -1,6 +1,6 @@
 //! The report of a validation: a model on recordings, for the person who signs it off.
 
-use trical_ident::{ModelFile, Rejected, Validation};
+use trical_ident::{ModelFile, Validation};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row};
@@ -9,17 +9,16 @@ use crate::page::{self, Made, Section, error_table};
 /// A region with a mean error larger than that of all by this is worth a word.
 const WORSE: f64 = 2.0;
 
-fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Result<Vec<String>> {
+fn concerns(v: &Validation) -> Result<Vec<String>> {
+    let rejected = v.rejected.len();
     let mut out = Vec::new();
     if v.after.mean_mm >= v.before.mean_mm {
         out.push("The model is no better than the nominal arm on these recordings: do not use it here.".to_owned());
     }
-    let same: Vec<&str> = v.data.names.iter().filter(|n| file.recordings.contains(n)).map(String::as_str).collect();
+    let learnt = |s: &&trical_ident::SessionErrors| s.learnt.is_some();
+    let same: Vec<&str> = v.sessions.iter().filter(learnt).map(|s| s.recording.as_str()).collect();
     if !same.is_empty() {
-        out.push(format!(
-            "The model file names {} as what it was fitted to: these errors say nothing about other poses.",
-            same.join(", ")
-        ));
+        out.push(format!("The model was fitted to {}: these errors say nothing about other poses.", same.join(", ")));
     }
     let worst = v.regions.iter().filter(|r| r.n > 4).max_by(|a, b| a.after.mean_mm.total_cmp(&b.after.mean_mm));
     if let Some(r) = worst.filter(|r| r.after.mean_mm > WORSE * v.after.mean_mm) {
@@ -37,17 +36,11 @@ fn concerns(v: &Validation, file: &ModelFile, rejected: usize) -> Result<Vec<Str
     Ok(out)
 }
 
-/// The whole report; `refit`: what was identified again.
-pub fn render(
-    v: &Validation,
-    file: &ModelFile,
-    refit: &[String],
-    rejected: &[Rejected],
-    mut made: Made,
-) -> Result<String> {
+/// The whole report.
+pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String> {
     let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
     let errors = Errors { model: &v.model, data: &v.data, was: "the nominal arm", before: &before, after: &after };
-    let list = concerns(v, file, rejected.len())?;
+    let list = concerns(v)?;
     let mut verdict = format!(
         "At {} measurements the model errs by {:.3} mm on average and {:.3} mm at most; the nominal arm by {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
@@ -62,12 +55,8 @@ pub fn render(
          these recordings. After is the model as it is in its file."
             .to_owned(),
     ];
-    if !refit.is_empty() {
-        text.push(format!(
-            "Identified again for an instrument set up anew: {}, from every fourth pose. The other poses are scored.",
-            refit.join(" and ")
-        ));
-    }
+    text.extend(v.sessions.iter().map(|s| format!("{}.", s.in_words())));
+    text.extend(v.left_out_in_words());
     let mut regions =
         vec![row(["region", "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];
     for r in &v.regions {
@@ -104,10 +93,10 @@ pub fn render(
             tables: vec![evidence::parameters(&v.model, terms, half_width(None), |_| String::new())],
             ..Section::default()
         },
-        evidence::rejected(rejected, rejected.len()),
+        evidence::rejected(&v.rejected, v.rejected.len()),
     ]);
-    if !file.recordings.is_empty() {
-        made.notes.push(format!("The model was fitted to {}.", file.recordings.join(", ")));
+    if !file.sessions.is_empty() {
+        made.notes.push(format!("The model was fitted to {}.", file.recordings().join(", ")));
     }
     page::render("TriCal: validation", &verdict, &sections, &made)
 }

@@ -190,13 +190,7 @@ pub fn run(args: &Args) -> Result<()> {
     let fitted = identify(&robot, &cell, &data, ParameterSet::Compliance)?;
     let milliseconds = clock.elapsed().as_secs_f64() * 1e3;
     let before = identify(&robot, &cell, &data, ParameterSet::Nominal)?;
-    ModelFile {
-        model: fitted.model.clone(),
-        joints: data.joints,
-        references: data.references.clone(),
-        recordings: vec!["run.mcap".into()],
-    }
-    .save(&file("calibrated.toml"))?;
+    ModelFile::of(fitted.model.clone(), &data).save(&file("calibrated.toml"))?;
     let residual = ErrorSummary::of(&fitted.errors()?);
     tell(format!(
         "4. {} parameters are identified in {milliseconds:.1} ms; {:.3} mm rms are left. A few beside nominal:",

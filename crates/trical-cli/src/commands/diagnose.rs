@@ -78,13 +78,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     bar.finish_and_clear();
     if let Some(out) = &args.out {
-        ModelFile {
-            model: diagnosis.model.clone(),
-            joints: source,
-            references: diagnosis.data.references.clone(),
-            recordings: diagnosis.data.names.clone(),
-        }
-        .save(out)?;
+        ModelFile::of(diagnosis.model.clone(), &diagnosis.data).save(out)?;
     }
     if let Some(report) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, None));

@@ -43,24 +43,25 @@ pub fn run(args: &Args) -> Result<()> {
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;
     let refit = refit(&args.refit)?;
-    let source = args.joints.and_then(Joints::source).unwrap_or(file.joints);
+    let joints = args.joints.and_then(Joints::source);
     let recordings = input::recordings(&args.recordings, robot.dof())?;
-    let known = refit.is_none().then_some(file.references.as_slice());
-    let data = input::dataset(&recordings, source, known)?;
-    let v = validate(&robot, &cell, &file.model, &data, refit)?;
+    let v = validate(&robot, &cell, &file, &recordings, joints, refit)?;
     if let Some(path) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, Some(&args.model)));
-        let html = validate_report::render(&v, &file, &args.refit, &data.rejected, made)?;
-        write_whole(path, html.as_bytes())?;
+        write_whole(path, validate_report::render(&v, &file, made)?.as_bytes())?;
     }
     if args.json {
-        let mut value = serde_json::to_value(&v)?;
-        if let Some(map) = value.as_object_mut() {
-            map.insert("rejected".into(), serde_json::to_value(&data.rejected)?);
-        }
-        return say(serde_json::to_string_pretty(&value)?);
+        return say(serde_json::to_string_pretty(&v)?);
     }
-    say(format!("{} measurements scored, {} rows rejected", v.n, data.rejected.len()))?;
+    say(format!("{} measurements scored, {} rows rejected", v.n, v.rejected.len()))?;
+    for session in &v.sessions {
+        say(format!("  {}", session.in_words()))?;
+    }
+    for line in v.left_out_in_words() {
+        for part in table::wrapped(&line, 108, "  ") {
+            say(part)?;
+        }
+    }
     let mut rows = vec![["position error, mm", "n", "mean", "max", "sd", "median", "rms"].map(String::from).to_vec()];
     let mut add = |name: String, n: usize, e: &ErrorSummary| {
         let mut row = vec![name, n.to_string()];
@@ -69,6 +70,9 @@ pub fn run(args: &Args) -> Result<()> {
     };
     add("before: nominal arm".into(), v.n, &v.before);
     add("after: the model".into(), v.n, &v.after);
+    for s in v.sessions.iter().filter(|_| v.sessions.len() > 1) {
+        add(format!("  after, {}", s.recording), s.n, &s.after);
+    }
     for r in &v.regions {
         add(format!("  after, {}", r.region), r.n, &r.after);
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trical_device::virtual_cell::{Scheduled, Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
 use trical_ident::truth::{TruthError, draw_truth, hide};
-use trical_ident::{JointSource, ModelFile, write_whole};
+use trical_ident::{ModelFile, write_whole};
 use trical_model::{MAX_JOINTS, Model};
 
 use crate::error::{CliError, Result};
@@ -111,9 +111,7 @@ impl Args {
 
 /// The true model as a file.
 pub fn seal(truth: &Model, path: &std::path::Path) -> Result<()> {
-    let file =
-        ModelFile { model: truth.clone(), joints: JointSource::Read, references: Vec::new(), recordings: Vec::new() };
-    let text = file.to_toml()?;
+    let text = ModelFile::unmeasured(truth.clone()).to_toml()?;
     Ok(write_whole(path, format!("# the true arm of a virtual cell\n{text}").as_bytes())?)
 }
 

@@ -298,6 +298,7 @@ impl Runner<'_, '_> {
             seq: None,
             temp_c,
             payload_kg: self.options.payload_kg,
+            session: None,
         };
         let measured = Measured::Touch { ball: entry.ball, reading };
         let row = Row { state, measured, seq: Some(entry.index), line: 0 };

@@ -5,7 +5,7 @@ mod rewrite;
 mod starts;
 
 use trical_model::{
-    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Shape, Site, State, Term, Variable, Workspace,
+    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Scope, Shape, Site, State, Term, Variable, Workspace,
 };
 
 pub use rewrite::Done;
@@ -42,6 +42,7 @@ pub struct Compensator<'a> {
     /// When the program runs, s and poses after the recording began.
     t: Option<f64>,
     seq: Option<f64>,
+    session: Option<u32>,
     options: &'a Options,
 }
 
@@ -103,6 +104,11 @@ impl<'a> Compensator<'a> {
             dof: nominal.robot.dof(),
             t: when(options.time_s, Variable::Time, &model),
             seq: when(options.seq, Variable::Seq, &model),
+            // what happened in the course of a session is the arm's at a stated moment of that session only
+            session: options
+                .time_s
+                .or(options.seq)
+                .and_then(|_| model.terms.iter().filter(|t| t.scope() == Scope::Course).find_map(|t| t.basis.session)),
             options,
         };
         let state = this.state(&[0.0; MAX_JOINTS], [0; MAX_JOINTS]);
@@ -153,6 +159,7 @@ impl<'a> Compensator<'a> {
             seq: self.seq,
             temp_c: self.options.temp_c,
             payload_kg: self.options.payload_kg,
+            session: self.session,
         }
     }
 

@@ -100,6 +100,7 @@ pub fn row_from_json(text: &[u8]) -> Result<(Row, usize), String> {
         seq: None,
         temp_c: fields.number("temp_c")?,
         payload_kg: fields.number("payload_kg")?,
+        session: None,
     };
     let seq = fields.integer("seq")?;
     let measured = fields.measured()?;

@@ -166,6 +166,7 @@ impl World {
             seq: None,
             temp_c: self.plant.temperature(self.clock),
             payload_kg: self.options.payload_kg,
+            session: None,
         }
     }
 

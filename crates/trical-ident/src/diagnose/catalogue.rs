@@ -34,7 +34,7 @@ impl Candidate {
     #[must_use]
     pub fn step(&self) -> Option<(Variable, f64)> {
         match self.terms.first()?.basis {
-            Basis { of, shape: Shape::Step { at }, sense: None, beside: None } => Some((of, at)),
+            Basis { of, shape: Shape::Step { at }, sense: None, beside: None, .. } => Some((of, at)),
             _ => None,
         }
     }

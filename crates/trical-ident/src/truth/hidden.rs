@@ -103,6 +103,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
                 seq: Some(turn),
                 temp_c: Some(20.0 + 0.1 * turn),
                 payload_kg: Some(0.0),
+                session: None,
             };
             let reading = [turn.sin() * 2e-3, (1.7 * turn).sin() * 2e-3, (2.3 * turn).cos() * 2e-3];
             let measured = Measured::Touch { ball: k as usize % model.cell.balls.len().max(1), reading };

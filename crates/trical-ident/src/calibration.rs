@@ -1,0 +1,493 @@
+//! The one way from recordings to a calibration: which joints to believe, gross errors, what sessions share, the fit, and what it is worth
+//! at poses, blocks and sessions that it did not see. Command line, Python and reports show what this returns.
+
+use serde::Serialize;
+use trical_model::{Cell, Motion, Recording, Robot, Site};
+
+use crate::caution::cautions;
+use crate::dataset::{Dataset, JointSource, Rejected};
+use crate::error::{IdentError, Result};
+use crate::fit::position_errors;
+use crate::folds::{FOLDS, Folds};
+use crate::identifiability::{Choice, OwnSetup, ParameterSet};
+use crate::identify::{ErrorSummary, Identified, identify};
+use crate::joint_choice::clean;
+use crate::stream::{CsvStream, identify_stream};
+use crate::units::shown;
+
+/// Beyond so many measurements errors at unseen poses are worked out only where they are asked for.
+const SCORED: usize = 40_000;
+
+/// Share of each session's poses that is predicted by a fit to those before, percent.
+const LAST: usize = 25;
+
+/// Which sessions share a tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ToolSharing {
+    /// Those whose measurements do not say otherwise.
+    #[default]
+    FromData,
+    /// All.
+    Same,
+    /// None: each has its own.
+    Own,
+}
+
+/// What is asked of a calibration.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Which parameters.
+    pub choice: Choice,
+    /// Which joint angles to believe; `None`: whichever the model explains better.
+    pub joints: Option<JointSource>,
+    /// Keep gross errors.
+    pub keep_outliers: bool,
+    /// Score every pose by a fit without it, in so many folds, beside what is always scored.
+    pub folds: Option<usize>,
+    /// Score the last so many percent of each recording's poses by a fit to those before.
+    pub hold_out_last: Option<usize>,
+    /// Which sessions share a tool.
+    pub tool: ToolSharing,
+}
+
+impl Options {
+    /// These parameters, and nothing else.
+    #[must_use]
+    pub fn new(choice: impl Into<Choice>) -> Self {
+        Self {
+            choice: choice.into(),
+            joints: Some(JointSource::Read),
+            keep_outliers: false,
+            folds: None,
+            hold_out_last: None,
+            tool: ToolSharing::FromData,
+        }
+    }
+}
+
+/// Errors at poses that the fit did not see.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct HeldOut {
+    /// Each pose by a fit without it (rows at the same joints are one pose).
+    pub by_pose: Option<ErrorSummary>,
+    /// Each block of neighbouring poses by a fit without it.
+    pub by_block: Option<ErrorSummary>,
+    /// The last quarter of each session's poses by a fit to those before.
+    pub forward: Option<ErrorSummary>,
+    /// Each session by the arm that the others say, its own setup identified on every fourth of its poses.
+    pub by_session: Option<ErrorSummary>,
+}
+
+impl HeldOut {
+    /// Each that there is, with what it is.
+    #[must_use]
+    pub fn named(&self) -> Vec<(&'static str, ErrorSummary)> {
+        [
+            ("by pose", self.by_pose),
+            ("by block of poses", self.by_block),
+            ("forward in time", self.forward),
+            ("by session", self.by_session),
+        ]
+        .into_iter()
+        .filter_map(|(name, e)| e.map(|e| (name, e)))
+        .collect()
+    }
+
+    /// The one with the largest mean error.
+    #[must_use]
+    pub fn worst(&self) -> Option<(&'static str, ErrorSummary)> {
+        self.named().into_iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm))
+    }
+}
+
+/// What a session does not share with the first one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SessionSetup {
+    /// Name of its recording.
+    pub recording: String,
+    /// "tool", "balls": what was identified for this session alone.
+    pub own: Vec<&'static str>,
+    /// How far that is from the first session's, mm.
+    pub differs_mm: f64,
+}
+
+/// A fitted model, what it was fitted to and what it is worth.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// The fit.
+    pub fitted: Identified,
+    /// Errors of the nominal arm, its frame and tool identified, m, one for each observation of `fitted.data`.
+    pub each_before: Vec<f64>,
+    /// And summed up, of all rows.
+    pub before: ErrorSummary,
+    /// Errors of the fit at all rows.
+    pub errors: ErrorSummary,
+    /// Errors at poses that the fit did not see.
+    pub held_out: HeldOut,
+    /// As asked: folds, and errors.
+    pub cross_validation: Option<(usize, ErrorSummary)>,
+    /// As asked: percent, and errors.
+    pub forward_in_time: Option<(usize, ErrorSummary)>,
+    /// Measurements used.
+    pub observations: usize,
+    /// Poses, and blocks of neighbouring ones, of `fitted.data`.
+    pub poses: usize,
+    /// See [`Folds::blocks`].
+    pub blocks: usize,
+    /// Rows that were rejected.
+    pub rejected: usize,
+    /// Those of them that are named.
+    pub named: Vec<Rejected>,
+    /// Whether gross errors were looked for.
+    pub cleaned: bool,
+    /// Passes over the files, where they were not read at once.
+    pub passes: Option<usize>,
+    /// What each session has of its own; empty for one session.
+    pub sessions: Vec<SessionSetup>,
+}
+
+impl Calibration {
+    /// What should make one look twice.
+    #[must_use]
+    pub fn cautions(&self) -> Vec<String> {
+        let f = &self.fitted;
+        let mut out = cautions(&f.model, f.observability.rows, f.free.len());
+        if 3 * f.free.len() > self.blocks && self.passes.is_none() {
+            out.push(format!(
+                "{} parameters were fitted to {} independent places of the arm ({} poses): more than a third",
+                f.free.len(),
+                self.blocks,
+                self.poses
+            ));
+        }
+        out
+    }
+}
+
+impl Serialize for Calibration {
+    /// In the shape of the contract (`docs/formats.md`).
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        use serde_json::json;
+        let f = &self.fitted;
+        let parameters: Vec<_> = f.free.iter().map(|k| shown(&f.model, &f.model.terms[*k])).collect();
+        let not_identifiable: Vec<Vec<&str>> =
+            f.dependent.iter().map(|d| std::iter::once(&d.name).chain(&d.with).map(String::as_str).collect()).collect();
+        let with = |what: &str, count: usize, errors: &ErrorSummary| {
+            let mut entry = json!(errors);
+            entry[what] = json!(count);
+            entry
+        };
+        let mut out = json!({
+            "cautions": self.cautions(),
+            "recordings": f.data.names,
+            "joints": f.data.joints,
+            "observations": self.observations,
+            "outliers": self.named.iter().map(|r| r.row).collect::<Vec<_>>(),
+            "rejected": self.named,
+            "rejected_rows": self.rejected,
+            "poses": self.poses,
+            "blocks": self.blocks,
+            "parameters": parameters,
+            "not_identifiable": not_identifiable,
+            "correlated": f.correlated(0.9),
+            "at_limit": f.stopped(),
+            "observability": f.observability,
+            "fit": f.report,
+            "before": self.before,
+            "errors": self.errors,
+            "rms_mm": self.errors.rms_mm,
+            "max_mm": self.errors.max_mm,
+            "mean_mm": self.errors.mean_mm,
+            "rms_nominal_mm": self.before.rms_mm,
+            "max_nominal_mm": self.before.max_mm,
+            "mean_nominal_mm": self.before.mean_mm,
+            "held_out": self.held_out,
+            "worst_held_out": self.held_out.worst().map(|(how, e)| json!({ "how": how, "mean_mm": e.mean_mm, "rms_mm": e.rms_mm })),
+            "sessions": self.sessions,
+        });
+        if let Some(passes) = self.passes {
+            out["passes"] = json!(passes);
+        }
+        if let Some((percent, errors)) = &self.forward_in_time {
+            out["forward_in_time"] = with("last_percent", *percent, errors);
+        }
+        if let Some((folds, errors)) = &self.cross_validation {
+            out["cross_validation"] = with("folds", *folds, errors);
+        }
+        out.serialize(serializer)
+    }
+}
+
+/// How far the work is (0 to 1), and what is being done.
+pub type Progress<'a> = &'a mut dyn FnMut(f64, &str);
+
+/// Calibrates an arm from recordings of it, one session each.
+///
+/// # Errors
+/// Recordings that cannot be used or fitted, in one sentence; see [`identify`].
+pub fn calibrate(
+    robot: &Robot,
+    cell: &Cell,
+    recordings: &[Recording],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Calibration> {
+    let set = options.choice.set();
+    if set >= ParameterSet::Compliance {
+        robot.require_masses()?;
+    }
+    progress(0.05, "looking for gross errors");
+    let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
+    progress(0.2, "fitting");
+    let own = own_setup(robot, cell, &data, &options.choice, options.tool)?;
+    let choice = options.choice.clone().with_own(own);
+    let fitted = identify(robot, cell, &data, choice.clone())?;
+    let nominal = identify(robot, cell, &data, Choice::from(ParameterSet::Nominal).with_own(choice.own().clone()))?;
+    let (each_before, after) = (nominal.errors()?, fitted.errors()?);
+    let folds = Folds::of(&data);
+    let forward_in_time = options
+        .hold_out_last
+        .map(|percent| -> Result<_> {
+            progress(0.4, "forward in time");
+            let errors = forward_in_time(robot, cell, &data, choice.clone(), percent)?;
+            Ok((percent, ErrorSummary::of(&errors)))
+        })
+        .transpose()?;
+    progress(0.5, "scoring poses that the fit did not see");
+    let cross_validation = options
+        .folds
+        .map(|k| cross_validate(robot, cell, &data, choice.clone(), k).map(|e| (k, ErrorSummary::of(&e))))
+        .transpose()?;
+    let held_out = if data.observations.len() <= SCORED {
+        held_out(robot, cell, &data, &folds, &choice, progress)
+    } else {
+        HeldOut::default()
+    };
+    progress(1.0, "done");
+    Ok(Calibration {
+        before: ErrorSummary::of(&each_before),
+        errors: ErrorSummary::of(&after),
+        each_before,
+        held_out,
+        cross_validation,
+        forward_in_time,
+        observations: data.observations.len(),
+        poses: folds.poses().len(),
+        blocks: folds.blocks(),
+        rejected: data.rejected.len(),
+        named: data.rejected.clone(),
+        cleaned: !options.keep_outliers,
+        passes: None,
+        sessions: session_setups(&fitted),
+        fitted,
+    })
+}
+
+/// The same from CSV files that are read in passes: what is scored at unseen poses is left out, and sessions share their tool.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn calibrate_stream(
+    robot: &Robot,
+    cell: &Cell,
+    stream: &CsvStream,
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Calibration> {
+    let set = options.choice.set();
+    if set >= ParameterSet::Compliance {
+        robot.require_masses()?;
+    }
+    let sample = stream.sample()?;
+    let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
+    progress(0.2, "fitting in passes");
+    let streamed = identify_stream(robot, cell, stream, &data, options.choice.clone(), options.keep_outliers)?;
+    // of what is drawn: the sample
+    let each_before = identify(robot, cell, &streamed.identified.data, ParameterSet::Nominal)?.errors()?;
+    progress(1.0, "done");
+    Ok(Calibration {
+        each_before,
+        before: streamed.before,
+        errors: streamed.errors,
+        held_out: HeldOut::default(),
+        cross_validation: None,
+        forward_in_time: None,
+        observations: streamed.observations,
+        poses: streamed.identified.data.used_poses().len(),
+        blocks: 0,
+        rejected: streamed.rejected,
+        named: streamed.named,
+        cleaned: !options.keep_outliers,
+        passes: Some(streamed.passes + 1),
+        sessions: Vec::new(),
+        fitted: streamed.identified,
+    })
+}
+
+/// Which sessions have a tool, or balls, of their own: those whose own coefficients, fitted beside those of the first session, are so far
+/// from zero that the Bayesian information criterion (Schwarz 1978) keeps them. Data that cannot say share.
+///
+/// # Errors
+/// None that a fit without own setups would not have.
+pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, tool: ToolSharing) -> Result<OwnSetup> {
+    let sessions = data.names.len();
+    if sessions < 2 {
+        return Ok(OwnSetup::default());
+    }
+    let mut all = OwnSetup::all(sessions);
+    if tool == ToolSharing::Same {
+        all.tool.clear();
+    }
+    let Ok(fitted) = identify(robot, cell, data, choice.clone().with_own(all.clone())) else {
+        let kept = if tool == ToolSharing::Own { all.tool } else { Vec::new() };
+        return Ok(OwnSetup { tool: kept, balls: Vec::new() });
+    };
+    let needed = |session: u32, of_balls: bool| {
+        let own: Vec<usize> = (0..fitted.free.len())
+            .filter(|k| {
+                let t = &fitted.model.terms[fitted.free[*k]];
+                t.basis.session == Some(session) && matches!(t.site, Site::Fixture(_)) == of_balls
+            })
+            .collect();
+        let rows: usize = data
+            .observations
+            .iter()
+            .filter(|o| o.state.session == Some(session))
+            .map(|o| trical_model::residual_rows(&o.measured))
+            .sum();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let price = own.len() as f64 * (rows.max(2) as f64).ln();
+        !own.is_empty() && fitted.wald(&own) > price
+    };
+    if tool == ToolSharing::FromData {
+        all.tool.retain(|s| needed(*s, false));
+    }
+    all.balls.retain(|s| needed(*s, true));
+    Ok(all)
+}
+
+fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {
+    let data = &fitted.data;
+    if data.names.len() < 2 {
+        return Vec::new();
+    }
+    let setup = |(k, name): (usize, &String)| {
+        let own = |t: &&trical_model::Term| t.basis.session.is_some_and(|s| s as usize == k + 1);
+        let terms: Vec<_> = fitted.model.terms.iter().filter(own).collect();
+        let has = |balls: bool| terms.iter().any(|t| matches!(t.site, Site::Fixture(_)) == balls);
+        let along = |t: &&&trical_model::Term| {
+            matches!(t.site, Site::Tool(Motion::Along(_)) | Site::Target { .. } | Site::Fixture(Motion::Along(_)))
+        };
+        SessionSetup {
+            recording: name.clone(),
+            own: [("tool", has(false)), ("balls", has(true))].into_iter().filter(|o| o.1).map(|o| o.0).collect(),
+            differs_mm: terms.iter().filter(along).map(|t| t.value * t.value).sum::<f64>().sqrt() * 1e3,
+        }
+    };
+    data.names.iter().enumerate().map(setup).collect()
+}
+
+type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
+
+/// Errors (m) of the observations whose pose is in `scored`, by a fit to the others.
+fn unseen(data: &Dataset, scored: &dyn Fn(usize) -> bool, fit: Fit<'_>) -> Result<Vec<f64>> {
+    let fitted = fit(&data.filtered(|o| !scored(o.pose)))?;
+    let forward = trical_model::Forward::new(fitted.model, Vec::new())?;
+    Ok(position_errors(&forward, &data.filtered(|o| scored(o.pose))))
+}
+
+/// Errors (m) of every observation, fold by fold: each by a fit to the poses of the other folds. No fold cuts a block of neighbouring poses.
+/// Everything is fitted on the rest, the measuring frame too.
+///
+/// # Errors
+/// As [`identify`], and fewer blocks than folds.
+pub fn cross_validate(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    choice: impl Into<Choice>,
+    count: usize,
+) -> Result<Vec<f64>> {
+    let choice = choice.into();
+    let folds = Folds::of(data);
+    let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
+    if count < 2 || folds.blocks() < 2 * count {
+        return Err(IdentError::NotEnough(format!(
+            "{count}-fold cross-validation needs at least 2 folds and twice as many blocks of neighbouring poses as folds; there \
+             are {} blocks of {} poses",
+            folds.blocks(),
+            folds.poses().len()
+        )));
+    }
+    let mut errors = Vec::with_capacity(data.observations.len());
+    for split in folds.by_block(count) {
+        errors.extend(unseen(data, &split, &fit)?);
+    }
+    Ok(errors)
+}
+
+/// Errors (m) of the last `percent` of each session's poses, by a fit to those before them: what a calibration is worth later.
+///
+/// # Errors
+/// As [`identify`], and a share that leaves nothing on either side.
+pub fn forward_in_time(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    choice: impl Into<Choice>,
+    percent: usize,
+) -> Result<Vec<f64>> {
+    let choice = choice.into();
+    let folds = Folds::of(data);
+    let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
+    let split = folds.forward(percent).ok_or_else(|| {
+        IdentError::NotEnough(format!(
+            "{}: the last {percent} % of {} poses leave no poses to fit or none to score",
+            data.names.join(", "),
+            folds.poses().len()
+        ))
+    })?;
+    unseen(data, &split, &fit)
+}
+
+/// Errors at unseen poses, each way that the data allow; a fit that fails has none.
+fn held_out(
+    robot: &Robot,
+    cell: &Cell,
+    data: &Dataset,
+    folds: &Folds,
+    choice: &Choice,
+    progress: Progress<'_>,
+) -> HeldOut {
+    let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
+    let summary = |errors: Result<Vec<f64>>| errors.ok().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e));
+    let by_pose = || -> Result<Vec<f64>> {
+        let mut errors = Vec::with_capacity(data.observations.len());
+        for split in folds.by_pose(FOLDS) {
+            errors.extend(unseen(data, &split, &fit)?);
+        }
+        Ok(errors)
+    };
+    let pose = summary(by_pose());
+    progress(0.65, "scoring blocks of poses");
+    let block = summary(cross_validate(robot, cell, data, choice.clone(), FOLDS));
+    progress(0.8, "scoring later poses");
+    let later = summary(forward_in_time(robot, cell, data, choice.clone(), LAST));
+    progress(0.9, "scoring sessions");
+    let by_session = || -> Result<Vec<f64>> {
+        let mut errors = Vec::new();
+        for session in 0..data.names.len() {
+            errors.extend(by_other_sessions(data, session, &fit)?);
+        }
+        Ok(errors)
+    };
+    let by_session = (data.names.len() > 1).then(|| summary(by_session())).flatten();
+    HeldOut { by_pose: pose, by_block: block, forward: later, by_session }
+}
+
+/// Errors (m) of one session by the arm that the others say; what is its own is identified from every fourth of its poses, the others are
+/// scored.
+fn by_other_sessions(data: &Dataset, session: usize, fit: Fit<'_>) -> Result<Vec<f64>> {
+    let fitted = fit(&data.filtered(|o| o.recording != session))?;
+    crate::validate::score_session(&fitted.model, &data.filtered(|o| o.recording == session))
+}

@@ -1,10 +1,10 @@
 //! What a plan could not show: the length of each effect's signature over the planned touches, known before any is measured.
 
 use serde_json::{Value, json};
-use trical_ident::diagnose::catalogue::catalogue;
-use trical_ident::diagnose::design::Design;
-use trical_ident::diagnose::effects::gear_ripple::ripple;
-use trical_ident::diagnose::recorded::Recorded;
+use trical_diagnose::catalogue::catalogue;
+use trical_diagnose::covariates::Recorded;
+use trical_diagnose::effects::gear_ripple::ripple;
+use trical_diagnose::linear::Design;
 use trical_ident::{Dataset, JointSource, Noise, site_words};
 use trical_model::{Forward, Measured, Model, Recording, Row, State};
 use trical_plan::PlanEntry;

@@ -4,7 +4,8 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_ident::{Diagnosis, ErrorSummary, Finding, JointSource, Rival, site_words};
+use trical_diagnose::{Diagnosis, Finding, Rival};
+use trical_ident::{ErrorSummary, JointSource, site_words};
 use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
 
 use crate::error::Result;

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_ident::{
-    Diagnosis, Finding, JointSource, ModelFile, Rival, Undecided, diagnose_recordings, site_words, write_whole,
-};
+use trical_diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose_recordings};
+use trical_ident::{JointSource, ModelFile, site_words, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
 use trical_report::{diagnosis_report, table};

@@ -1,6 +1,6 @@
 //! `trical effects`: the catalogue.
 
-use trical_ident::diagnose::effects::EFFECTS;
+use trical_diagnose::effects::EFFECTS;
 use trical_report::table;
 
 use crate::error::Result;

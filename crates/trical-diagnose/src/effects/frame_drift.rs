@@ -1,0 +1,31 @@
+//! The measuring instrument's own frame moves.
+
+use trical_model::{Basis, Motion, Shape, Site};
+
+use super::{Asked, Effect, NO_TIME, Size};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "frame_drift",
+    site: "frame",
+    form: "the measuring frame moves with t, six coordinates",
+    needs: "time or order, an optical instrument",
+    typical: "0.01 to 0.2 mm",
+    rivals: "fixture_drift, thermal_growth",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
+    let drift = Basis::new(order, Shape::Linear);
+    let of = |frame| {
+        let part = |m: &Motion| (format!("frame_drift_{}", m.name()), Site::Frame { frame, motion: *m }, drift, 0);
+        EFFECT.candidate(
+            serde_json::json!({ "frame": true }),
+            "the measuring frame moves with time".into(),
+            Size { typical: 1e-4 / r.span, large: 2e-4 / r.span },
+            Motion::ALL.iter().map(part).collect(),
+        )
+    };
+    r.frames().map(of).collect::<Vec<_>>().into()
+}

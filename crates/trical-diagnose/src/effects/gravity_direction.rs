@@ -1,0 +1,35 @@
+//! The base is not level: gravity does not point along -z of the cell, and every joint gives way accordingly.
+
+use trical_model::{Axis, Basis, Site};
+
+use super::{Asked, Effect, NO_MASSES, Size, deg};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "gravity_direction",
+    site: "base",
+    form: "a base that is not level: D_i = c_i dtau_i/dg for all joints",
+    needs: "masses",
+    typical: "0.5 to 2 deg",
+    rivals: "mostly absorbed by the base",
+    ask,
+};
+
+/// m/s2.
+const G: f64 = 9.8;
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.masses {
+        return Asked::lacking(NO_MASSES);
+    }
+    vec![EFFECT.candidate(
+        serde_json::json!({ "base": true }),
+        "gravity is not along the cell's -z".into(),
+        Size { typical: G * deg(1.0), large: G * deg(2.0) },
+        vec![
+            ("gravity_x".into(), Site::Gravity(Axis::X), Basis::CONSTANT, 0),
+            ("gravity_y".into(), Site::Gravity(Axis::Y), Basis::CONSTANT, 0),
+        ],
+    )]
+    .into()
+}

@@ -1,0 +1,42 @@
+//! An indicator reads too much or too little. Where every touch was nulled its gain cannot be asked for: the noise of a reading
+//! stands in the residual and in the regressor.
+
+use trical_model::{Axis, Basis, Motion, Shape, Site, Variable};
+
+use super::{Asked, Effect, Size};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "indicator_gain",
+    site: "axis",
+    form: "y counts as (1 + g) y",
+    needs: "readings with a spread",
+    typical: "0.5 to 8 %",
+    rivals: "invisible if every reading is nulled",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.touches {
+        return Asked::default();
+    }
+    let of = |axis: &Axis| {
+        let a = axis.name();
+        EFFECT.candidate(
+            serde_json::json!({ "axis": a }),
+            format!("in proportion to indicator {a}'s own reading"),
+            Size { typical: 0.02, large: 0.08 },
+            vec![(
+                format!("gain_{a}"),
+                Site::Tool(Motion::Along(*axis)),
+                Basis::new(Variable::Reading { axis: *axis }, Shape::Linear),
+                0,
+            )],
+        )
+    };
+    let spread = |axis: &&Axis| r.spread[axis.index()];
+    Asked {
+        candidates: Axis::ALL.iter().filter(spread).map(of).collect(),
+        lacks: (r.spread != [true; 3]).then_some("readings with a spread: each touch was nulled to within the noise"),
+    }
+}

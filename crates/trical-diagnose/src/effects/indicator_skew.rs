@@ -1,0 +1,35 @@
+//! An indicator is not square to the others, and sees some of what they read.
+
+use trical_model::{Axis, Basis, Motion, Shape, Site, Variable};
+
+use super::{Asked, Effect, Part, Size, deg};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "indicator_skew",
+    site: "axis",
+    form: "y_a gets e y_b of the other two",
+    needs: "readings with a spread",
+    typical: "0.5 to 1.5 deg",
+    rivals: "invisible if every reading is nulled",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.touches {
+        return Asked::default();
+    }
+    let of = |axis: &Axis| {
+        let part = |other: &Axis| -> Part {
+            let basis = Basis::new(Variable::Reading { axis: *other }, Shape::Linear);
+            (format!("skew_{}_by_{}", axis.name(), other.name()), Site::Tool(Motion::Along(*axis)), basis, 0)
+        };
+        EFFECT.candidate(
+            serde_json::json!({ "axis": axis.name() }),
+            format!("indicator {} sees what the others read", axis.name()),
+            Size { typical: deg(1.0), large: deg(1.5) },
+            Axis::ALL.iter().filter(|a| *a != axis).map(part).collect(),
+        )
+    };
+    Axis::ALL.iter().map(of).collect::<Vec<_>>().into()
+}

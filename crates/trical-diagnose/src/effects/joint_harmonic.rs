@@ -1,0 +1,37 @@
+//! An eccentric gear or encoder: the joint runs ahead and behind a few times a turn.
+
+use trical_model::{Basis, Shape, Site, Variable};
+
+use super::{Asked, Effect, Size, deg, joint_site};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "joint_harmonic",
+    site: "joint",
+    form: "eccentric gear or encoder: D = a sin(n q_j) + b cos(n q_j), n = 1 to 6",
+    needs: "-",
+    typical: "0.005 to 0.03 deg",
+    rivals: "gear_ratio on short strokes",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    let mut out = Vec::new();
+    for joint in r.joints() {
+        let at = Site::Joint { joint };
+        let q = Variable::Joint { joint };
+        for k in 1..=6_u8 {
+            let cycles = f64::from(k);
+            out.push(EFFECT.candidate(
+                joint_site(joint),
+                format!("{k} cycle{} per turn of joint {joint}", if k == 1 { "" } else { "s" }),
+                Size { typical: deg(0.015), large: deg(0.03) },
+                vec![
+                    (format!("sine_{k}_{joint}"), at, Basis::new(q, Shape::Sine { cycles }), 0),
+                    (format!("cosine_{k}_{joint}"), at, Basis::new(q, Shape::Cosine { cycles }), 0),
+                ],
+            ));
+        }
+    }
+    out.into()
+}

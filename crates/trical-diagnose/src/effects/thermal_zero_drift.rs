@@ -1,0 +1,34 @@
+//! A joint's zero moves with temperature, or with a warm-up clock where there is no thermometer.
+
+use trical_model::Site;
+
+use super::{Asked, Effect, Size, deg, joint_site};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "thermal_zero_drift",
+    site: "joint",
+    form: "D = k dT",
+    needs: "temperature, time or order",
+    typical: "0.005 to 0.06 deg",
+    rivals: "fixture_drift, thermal_growth",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if r.clocks.is_empty() {
+        return Asked::lacking("temperature (temp_c) or time (t_s)");
+    }
+    let mut out = Vec::new();
+    for clock in &r.clocks {
+        for joint in r.joints() {
+            out.push(EFFECT.candidate(
+                joint_site(joint),
+                format!("joint {joint}'s zero moves {}", clock.how),
+                Size { typical: deg(0.02) / clock.rise, large: deg(0.06) / clock.rise },
+                vec![(format!("thermal_zero_{joint}"), Site::Joint { joint }, clock.basis, 0)],
+            ));
+        }
+    }
+    out.into()
+}

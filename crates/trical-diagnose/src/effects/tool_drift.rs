@@ -1,0 +1,27 @@
+//! The device creeps on the flange.
+
+use trical_model::{Basis, Shape, Site};
+
+use super::{Asked, Effect, NO_TIME, Size, along};
+use crate::covariates::Recorded;
+
+pub const EFFECT: Effect = Effect {
+    name: "tool_drift",
+    site: "tool",
+    form: "the device creeps on the flange with t, three coordinates",
+    needs: "time or order",
+    typical: "0.03 to 0.25 mm",
+    rivals: "indicator_drift",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
+    vec![EFFECT.candidate(
+        serde_json::json!({ "tool": true }),
+        "the tool creeps on the flange with time".into(),
+        Size { typical: 1e-4 / r.span, large: 2.5e-4 / r.span },
+        along(Site::Tool, "tool_drift", Basis::new(order, Shape::Linear)),
+    )]
+    .into()
+}

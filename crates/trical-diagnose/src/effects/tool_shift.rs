@@ -1,0 +1,29 @@
+//! The device slips on the flange at one moment, which is scanned.
+
+use trical_model::{Basis, Shape, Site};
+
+use super::{Asked, Effect, NO_TIME, Size, along};
+use crate::covariates::{Recorded, moment};
+
+pub const EFFECT: Effect = Effect {
+    name: "tool_shift",
+    site: "tool",
+    form: "the device steps on the flange at ts, three coordinates",
+    needs: "time or order",
+    typical: "0.03 to 0.25 mm",
+    rivals: "joint_zero_shift of joint 6 (exactly)",
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
+    let of = |at: &f64| {
+        EFFECT.candidate(
+            serde_json::json!({ "tool": true }),
+            format!("the tool on the flange changes at once {}", moment(order, *at)),
+            Size { typical: 1e-4, large: 2.5e-4 },
+            along(Site::Tool, "tool_shift", Basis::new(order, Shape::Step { at: *at })),
+        )
+    };
+    r.changes().iter().map(of).collect::<Vec<_>>().into()
+}

@@ -1,6 +1,6 @@
 //! What can be tried on a data set: candidates of all effects with their priors, and terms about the readings' own noise.
 
-use trical_model::{Axis, Basis, Motion, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Term, Variable};
 
 use crate::covariates::{Recorded, is_order, moment};
 use crate::effects::EFFECTS;
@@ -10,8 +10,8 @@ use crate::effects::EFFECTS;
 pub struct Candidate {
     /// Name in the catalogue.
     pub effect: &'static str,
-    /// Where, as the contract writes sites.
-    pub site: serde_json::Value,
+    /// Where.
+    pub site: Place,
     /// In words: what the residuals would do.
     pub located: String,
     /// Terms with coefficient 0.
@@ -161,11 +161,11 @@ pub fn catalogue(recorded: &Recorded<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
         let lacks = asked.lacks.or(by_order.then_some(ORDER_ONLY));
         untestable.extend(lacks.map(|lacks| Untestable { effect: effect.name, lacks }));
         let mut list = asked.candidates;
-        let mut sites: Vec<(serde_json::Value, usize)> = Vec::new();
+        let mut sites: Vec<(Place, usize)> = Vec::new();
         for c in &list {
             match sites.iter_mut().find(|s| s.0 == c.site) {
                 Some((_, scan)) => *scan += 1,
-                None => sites.push((c.site.clone(), 1)),
+                None => sites.push((c.site, 1)),
             }
         }
         for c in &mut list {
@@ -202,12 +202,12 @@ pub fn reading_noise(recorded: &Recorded<'_>) -> Vec<Candidate> {
             (format!("disbelief_{}", axis.name()), Site::Tool(Motion::Along(*axis)), basis)
         };
         let parts = Axis::ALL.iter().map(part).collect();
-        let site = serde_json::json!({ "tool": true });
+        let site = Place::Tool;
         out.push(of("reading_noise", site, "nulled readings are mostly noise", -1, parts));
     }
     if recorded.commanded && !recorded.lags {
         let basis = Basis::new(Variable::Lag { joint: 1 }, Shape::Linear);
-        let site = serde_json::json!({ "joints": true });
+        let site = Place::Joints;
         let parts = vec![("belief_in_commanded".into(), Site::AllJoints, basis)];
         out.push(of("joint_reading_noise", site, "read joints are noisier than commanded ones", 1, parts));
     }

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 use trical_ident::dataset::{Dataset, Rejected};
-use trical_ident::units::site_words;
-use trical_model::Model;
+use trical_model::{Model, Place};
 
 use crate::alternatives::Grounds;
 
@@ -43,7 +42,7 @@ pub struct Rival {
     /// Effect.
     pub effect: String,
     /// Where.
-    pub site: serde_json::Value,
+    pub site: Place,
     /// By how much its BIC is worse.
     pub delta_bic: f64,
 }
@@ -54,7 +53,7 @@ pub struct Finding {
     /// Name in the catalogue.
     pub effect: String,
     /// Where.
-    pub site: serde_json::Value,
+    pub site: Place,
     /// In words.
     pub located: String,
     /// Probability that effect and site are right.
@@ -72,15 +71,15 @@ pub struct Finding {
 }
 
 /// "lost_motion_direction at joint 1".
-fn in_words(effect: &str, site: &serde_json::Value) -> String {
-    format!("{effect} at {}", site_words(site))
+fn in_words(effect: &str, place: Place) -> String {
+    format!("{effect} at {place}")
 }
 
 impl Rival {
     /// Effect and site.
     #[must_use]
     pub fn in_words(&self) -> String {
-        in_words(&self.effect, &self.site)
+        in_words(&self.effect, self.site)
     }
 }
 
@@ -88,7 +87,7 @@ impl Finding {
     /// Effect and site.
     #[must_use]
     pub fn in_words(&self) -> String {
-        in_words(&self.effect, &self.site)
+        in_words(&self.effect, self.site)
     }
 }
 
@@ -98,7 +97,7 @@ pub struct Blind {
     /// Effect.
     pub effect: String,
     /// Where.
-    pub site: serde_json::Value,
+    pub site: Place,
     /// lambda of a typical size; 0 where the recordings lack what the effect depends on.
     pub lambda: f64,
     /// Why, where it cannot be tested at all.
@@ -110,7 +109,7 @@ pub struct Blind {
 #[derive(Clone, Debug, Serialize)]
 pub struct Unexplained {
     /// Where.
-    pub site: serde_json::Value,
+    pub site: Place,
     /// On what it depends.
     pub variable: String,
     /// For which values.

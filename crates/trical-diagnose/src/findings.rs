@@ -5,7 +5,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
-use trical_model::{Forward, Model, Term, Variable};
+use trical_model::{Forward, Model, Place, Term, Variable};
 
 use crate::catalogue::Candidate;
 use crate::covariates::is_order;
@@ -36,20 +36,6 @@ const SUREST: f64 = 0.99;
 /// One group of chosen candidates: same effect, same site.
 pub(crate) struct Group {
     pub(crate) members: Vec<usize>,
-}
-
-/// The place of an effect as probes have it: a coupling acts at its first joint. None where nothing is probed.
-pub(crate) fn place_of(effect: &serde_json::Value) -> Option<serde_json::Value> {
-    let key = PLACES.into_iter().find(|key| !effect[key].is_null())?;
-    Some(serde_json::json!({ key: effect[key] }))
-}
-
-/// Kinds of places that are probed.
-const PLACES: [&str; 4] = ["joint", "tool", "fixture", "links"];
-
-/// Whether a probe's place is that of an effect (a coupling acts at its first joint).
-pub(crate) fn at_same_place(probe: &serde_json::Value, effect: &serde_json::Value) -> bool {
-    PLACES.iter().any(|key| !probe[key].is_null() && probe[key] == effect[key])
 }
 
 pub(crate) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
@@ -177,7 +163,7 @@ pub(crate) fn finding(
             best.push(c.clone());
             rivals.push(Rival {
                 effect: c.effect.to_owned(),
-                site: c.site.clone(),
+                site: c.site,
                 delta_bic: (2.0 * (own - r.evidence)).max(0.0),
             });
         }
@@ -194,7 +180,7 @@ pub(crate) fn finding(
     let variance = with.ss / search.freedom(&with);
     let finding = Finding {
         effect: local[first].effect.to_owned(),
-        site: local[first].site.clone(),
+        site: local[first].site,
         located: group.members.iter().map(|m| local[*m].located.as_str()).collect::<Vec<_>>().join("; "),
         confidence: (confidence * 1e4).round() / 1e4,
         lambda: (dss * search.temper / variance).max(0.0).sqrt(),
@@ -234,7 +220,7 @@ pub(crate) fn unexplained_from(
     };
     let located = locators::describe(first, group.members.iter().map(|m| &search.candidates[*m]), model, data);
     Unexplained {
-        site: first.site.clone(),
+        site: first.site,
         variable: located.variable,
         region: located.region,
         rms_mm,
@@ -246,26 +232,21 @@ pub(crate) fn unexplained_from(
 }
 
 /// Sum of squares that each chosen candidate without a name removes, and its site.
-pub(crate) fn unknowns(
-    search: &Search<'_>,
-    start: &Stage,
-    full: &Stage,
-    chosen: &[usize],
-) -> Vec<(serde_json::Value, f64)> {
+pub(crate) fn unknowns(search: &Search<'_>, start: &Stage, full: &Stage, chosen: &[usize]) -> Vec<(Place, f64)> {
     let unnamed = chosen.iter().filter(|c| search.candidates[**c].effect == locators::UNEXPLAINED);
     unnamed
         .map(|u| {
             let others: Vec<usize> = chosen.iter().copied().filter(|c| c != u).collect();
-            (search.candidates[*u].site.clone(), search.with(start, &others).ss - full.ss)
+            (search.candidates[*u].site, search.with(start, &others).ss - full.ss)
         })
         .collect()
 }
 
 /// Trust in a name that explains `own` while something unknown goes on. A curve only approximates the unknown: what it leaves
 /// can look like a small effect anywhere, and at its own place all the more.
-pub(crate) fn beside_unknown(own: f64, site: &serde_json::Value, unknown: &[(serde_json::Value, f64)]) -> f64 {
+pub(crate) fn beside_unknown(own: f64, place: Place, unknown: &[(Place, f64)]) -> f64 {
     let leaked: f64 =
-        unknown.iter().map(|(at, dss)| if at_same_place(at, site) { *dss } else { LEAK * dss }).sum::<f64>();
+        unknown.iter().map(|(at, dss)| if at.is_same_part(place) { *dss } else { LEAK * dss }).sum::<f64>();
     own / (own + leaked).max(1e-300)
 }
 
@@ -280,7 +261,7 @@ pub(crate) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candida
     let repeated = |c: &Candidate| waves(c) || c.step().is_some();
     let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
     let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
-    let changes = |c: &Candidate| !c.site["joint"].is_null() && c.terms.iter().any(in_time);
+    let changes = |c: &Candidate| c.site.joint().is_some() && c.terms.iter().any(in_time);
     let first = &candidates[group.members[0]];
     let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
     let others = |kind: &dyn Fn(&Candidate) -> bool| {
@@ -314,26 +295,26 @@ pub(crate) fn told_better(
     judge: &Judge<'_>,
     full: &Stage,
     unexplained: &mut Vec<Unexplained>,
-    doubted: &[serde_json::Value],
-    without: &dyn Fn(&serde_json::Value, bool) -> Stage,
-    held_out_rms_mm: &dyn Fn(&serde_json::Value, bool, Option<usize>) -> f64,
+    doubted: &[Place],
+    without: &dyn Fn(Place, bool) -> Stage,
+    held_out_rms_mm: &dyn Fn(&Place, bool, Option<usize>) -> f64,
 ) {
-    let mut sites: Vec<serde_json::Value> = Vec::new();
-    for site in unexplained.iter().map(|u| &u.site).chain(doubted) {
-        if !sites.contains(site) {
-            sites.push(site.clone());
+    let mut sites: Vec<Place> = Vec::new();
+    for site in unexplained.iter().map(|u| u.site).chain(doubted.iter().copied()) {
+        if !sites.contains(&site) {
+            sites.push(site);
         }
     }
     for site in sites {
         let here = |u: &Unexplained| u.site == site;
         let curves = unexplained.iter().any(here);
-        let stage = without(&site, curves);
+        let stage = without(site, curves);
         let own = nats(judge.freedom(&stage), stage.ss, full.ss, full.parameters - stage.parameters);
-        let Some((m, said)) = judge.teller(&stage, &site) else { continue };
+        let Some((m, said)) = judge.teller(&stage, site) else { continue };
         let known = unexplained.iter().any(|u| here(u) && u.variable == m.variable);
         let better = if curves { said > own + TELLS } else { m.dss > 0.5 * (stage.ss - full.ss) };
         if better && !known {
-            let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(&site, curves, probe));
+            let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(site, curves, probe));
             unexplained.push(told(judge, &stage, m, errors));
         }
     }
@@ -343,10 +324,10 @@ pub(crate) fn told_better(
 pub(crate) fn left_over(
     judge: &Judge<'_>,
     stage: &Stage,
-    explained: &dyn Fn(&serde_json::Value) -> f64,
+    explained: &dyn Fn(Place) -> f64,
     held_out_rms_mm: &dyn Fn(Option<usize>) -> f64,
 ) -> Vec<Unexplained> {
-    let considerable = |m: &Misfit| m.p_value < SURE_LEFT && m.dss > CONSIDERABLE * explained(&m.site);
+    let considerable = |m: &Misfit| m.p_value < SURE_LEFT && m.dss > CONSIDERABLE * explained(m.site);
     let mut places: Vec<Misfit> = judge.places(stage).into_iter().filter(considerable).collect();
     places.sort_by(|a, b| b.dss.total_cmp(&a.dss));
     if places.is_empty() {
@@ -380,7 +361,7 @@ pub(crate) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Bl
         .filter(|(_, lambda)| *lambda < VISIBLE)
         .map(|(k, lambda)| Blind {
             effect: search.candidates[k].effect.to_owned(),
-            site: search.candidates[k].site.clone(),
+            site: search.candidates[k].site,
             lambda,
             lacks: None,
         })

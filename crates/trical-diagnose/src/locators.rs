@@ -3,7 +3,7 @@
 //! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`PRICE`] nats.
 
 use trical_ident::dataset::Dataset;
-use trical_model::{Basis, Beside, Model, Shape, Site, State, Term, Variable};
+use trical_model::{Basis, Beside, Model, Place, Shape, Site, State, Term, Variable};
 
 use crate::catalogue::{Candidate, anything};
 use crate::covariates::{is_order, order_of};
@@ -133,7 +133,7 @@ const PER_KNOT: usize = 20;
 fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
     Candidate {
         effect: UNEXPLAINED,
-        site: serde_json::json!({ "joint": joint }),
+        site: Place::Joint(joint),
         located: format!("joint {joint} is off in a way that {what} tells"),
         signs: vec![0; terms.len()],
         physical: anything,

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::identify::Identified;
-use trical_model::{Basis, Shape, Site, Term, Variable};
+use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
 use crate::catalogue::{Candidate, anything};
 use crate::correlated_noise::Memory;
@@ -71,7 +71,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
             Candidate {
                 physical: anything,
                 effect: UNEXPLAINED,
-                site: serde_json::json!({ "joint": joint }),
+                site: Place::Joint(joint),
                 located: format!(
                     "joint {joint} is off in a way that repeats every {:.4} deg of {}",
                     360.0 / cycles,
@@ -92,7 +92,7 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
         .map(|joint| Candidate {
             physical: anything,
             effect: UNEXPLAINED,
-            site: serde_json::Value::Null,
+            site: Place::Joint(joint),
             located: String::new(),
             terms: vec![Term::new("constant", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT)],
             signs: vec![0],

@@ -5,13 +5,13 @@ use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::ErrorSummary;
-use trical_model::{Cell, Forward, Model, Robot, Site};
+use trical_model::{Cell, Forward, Model, Place, Robot, Site};
 
 use alternatives::Grounds;
 use catalogue::{Candidate, Untestable};
 use explain::{
-    at_same_place, beside_unknown, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, left_over,
-    noise_of, of_one_kind, ordered, place_of, prove, told_better, unexplained_from, unknowns,
+    beside_unknown, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, left_over, noise_of, of_one_kind,
+    ordered, prove, told_better, unexplained_from, unknowns,
 };
 use work::Work;
 
@@ -80,11 +80,11 @@ pub fn diagnose(
         } else {
             let (mut f, rivals) = finding(&search, &stage, group, &others, &fitted.model, [before, after]);
             let own = stage.ss - full.ss;
-            let doubt = judge.doubt(&full, &stage, own, &|site| at_same_place(site, &f.site));
-            let trust = (1.0 - doubt) * beside_unknown(own, &f.site, &unknown) * of_one_kind(group, chosen, candidates);
+            let doubt = judge.doubt(&full, &stage, own, &|place| place.is_same_part(f.site));
+            let trust = (1.0 - doubt) * beside_unknown(own, f.site, &unknown) * of_one_kind(group, chosen, candidates);
             f.confidence = (f.confidence * trust * 1e4).round() / 1e4;
             if trust <= DOUBTED {
-                doubted.extend(place_of(&f.site).filter(|place| !doubted.contains(place)));
+                doubted.extend(f.site.part().filter(|place| !doubted.contains(place)));
             }
             findings.push(f);
             let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
@@ -93,10 +93,10 @@ pub fn diagnose(
         before = after;
     }
 
-    let elsewhere = |place: &serde_json::Value, curves: bool| {
+    let elsewhere = |place: Place, curves: bool| {
         let goes = |c: &Candidate| {
             let of_these = !curves || c.effect == locators::UNEXPLAINED;
-            of_these && at_same_place(place, &c.site)
+            of_these && place.is_same_part(c.site)
         };
         chosen.iter().copied().filter(|c| !goes(&candidates[*c])).collect::<Vec<usize>>()
     };
@@ -125,7 +125,7 @@ pub fn diagnose(
     let found = |u: &&Untestable| findings.iter().any(|f| f.effect == u.effect);
     blind_to.extend(untestable.iter().filter(|u| !found(u)).map(|u| Blind {
         effect: u.effect.to_owned(),
-        site: serde_json::json!({ "all": true }),
+        site: Place::All,
         lambda: 0.0,
         lacks: Some(u.lacks.to_owned()),
     }));

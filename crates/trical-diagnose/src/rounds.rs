@@ -8,13 +8,12 @@ use trical_ident::identify::{Identified, fit_model, fit_model_knowing, prepared}
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Cell, Measured, Model, Robot, Term};
+use trical_model::{Cell, Measured, Model, Place, Robot, Term};
 
 use crate::catalogue::{Candidate, Untestable, catalogue, device_orientation, reading_noise};
 use crate::correlated_noise::Memory;
 use crate::covariates::{Recorded, gives_way};
 use crate::effects::nonlinear_stiffness;
-use crate::findings::at_same_place;
 use crate::linear::Design;
 use crate::locators::{self, locators};
 use crate::refine::finer;
@@ -272,20 +271,20 @@ impl Work {
         let search = self.searcher(&design);
         let start = design.stage();
         let stage = search.with(&start, &self.chosen);
-        let mut places: Vec<serde_json::Value> = Vec::new();
+        let mut places: Vec<Place> = Vec::new();
         for m in judge.places(&stage).into_iter().filter(|m| m.p_value < LEFT) {
             let rest: Vec<usize> =
-                self.chosen.iter().copied().filter(|c| !at_same_place(&m.site, &self.candidates[*c].site)).collect();
+                self.chosen.iter().copied().filter(|c| !m.site.is_same_part(self.candidates[*c].site)).collect();
             if m.dss > CONSIDERABLE * (search.with(&start, &rest).ss - stage.ss) {
                 places.push(m.site);
             }
         }
-        let mut named: Vec<&serde_json::Value> = Vec::new();
+        let mut named: Vec<Place> = Vec::new();
         for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
-            if named.contains(&&c.site) {
-                places.push(c.site.clone());
+            if named.contains(&c.site) {
+                places.push(c.site);
             }
-            named.push(&c.site);
+            named.push(c.site);
         }
         for place in places {
             let here = |c: &Candidate| c.effect == locators::UNEXPLAINED && c.site == place && c.scanned();

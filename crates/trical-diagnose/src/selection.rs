@@ -4,6 +4,7 @@
 use crate::catalogue::Candidate;
 use crate::linear::{Company, Design, Stage, Without};
 use rayon::prelude::*;
+use trical_model::Place;
 use trical_model::interrupt::stop_wanted;
 
 /// A candidate must better the criterion by this many nats. With the prior spread over all candidates, of 300 effect-free data sets of the
@@ -416,14 +417,14 @@ impl<'a> Search<'a> {
 
     /// Replaces all that was chosen at one place by a single candidate there, if that says as much.
     fn merge_places(&self, start: &Stage, chosen: &mut Vec<usize>) {
-        let mut sites: Vec<&serde_json::Value> = Vec::new();
+        let mut sites: Vec<Place> = Vec::new();
         for c in chosen.iter() {
-            let site = &self.candidates[*c].site;
+            let site = self.candidates[*c].site;
             if !sites.contains(&site) {
                 sites.push(site);
             }
         }
-        sites.retain(|site| chosen.iter().filter(|c| self.candidates[**c].site == **site).count() > 1);
+        sites.retain(|site| chosen.iter().filter(|c| self.candidates[**c].site == *site).count() > 1);
         let mut asked = 0;
         while asked < sites.len() && !stop_wanted() {
             let set = chosen.clone();
@@ -431,13 +432,13 @@ impl<'a> Search<'a> {
             for site in &sites[asked..] {
                 asked += 1;
                 let (here, rest): (Vec<usize>, Vec<usize>) =
-                    set.iter().partition(|c| self.candidates[**c].site == **site);
+                    set.iter().partition(|c| self.candidates[**c].site == *site);
                 if here.len() < 2 {
                     continue;
                 }
                 let stage = self.without(&company, start, &here).stage;
                 let now = self.total(&stage, &here);
-                let one = self.best(&stage).find(|r| self.candidates[r.candidate].site == **site);
+                let one = self.best(&stage).find(|r| self.candidates[r.candidate].site == *site);
                 if let Some(one) = one
                     && one.evidence > now + SAME
                 {

@@ -4,7 +4,7 @@
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use trical_ident::dataset::Dataset;
-use trical_model::{Axis, Basis, Model, Motion, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable};
 
 use crate::catalogue::{Candidate, anything};
 use crate::covariates::{is_order, order_of};
@@ -26,8 +26,8 @@ pub const CONSIDERABLE: f64 = 0.1;
 /// What the most telling probe of a place says.
 #[derive(Clone, Debug)]
 pub struct Misfit {
-    /// Place, as the contract writes sites.
-    pub site: serde_json::Value,
+    /// Place.
+    pub site: Place,
     /// On what the rest depends.
     pub variable: String,
     /// For which values of it.
@@ -91,7 +91,7 @@ impl Judge<'_> {
     fn misfit(&self, stage: &Stage, probe: usize, gain: (f64, usize)) -> Misfit {
         let Candidate { site, located, .. } = &self.probes.candidates[probe];
         Misfit {
-            site: site.clone(),
+            site: *site,
             variable: located.clone(),
             region: self.probes.regions[probe].clone(),
             p_value: self.p_value(stage, gain),
@@ -133,10 +133,10 @@ impl Judge<'_> {
 
     /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
     #[must_use]
-    pub fn teller(&self, stage: &Stage, site: &serde_json::Value) -> Option<(Misfit, f64)> {
+    pub fn teller(&self, stage: &Stage, site: Place) -> Option<(Misfit, f64)> {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
         let says = |(dss, rank): (f64, usize)| nats(self.freedom(stage), stage.ss, stage.ss - dss, rank as f64);
-        let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == *site);
+        let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == site);
         let gains = here.map(|k| (k, self.gain(stage, k)));
         let (probe, gain, nats) = gains.map(|(k, g)| (k, g, says(g))).max_by(|a, b| a.2.total_cmp(&b.2))?;
         Some((self.misfit(stage, probe, gain), nats))
@@ -158,9 +158,9 @@ impl Judge<'_> {
     /// the rest is considerable beside what the name explains (`own`), and without the name (`without`) the probe would explain
     /// much of the same.
     #[must_use]
-    pub fn doubt(&self, stage: &Stage, without: &Stage, own: f64, is_here: &dyn Fn(&serde_json::Value) -> bool) -> f64 {
+    pub fn doubt(&self, stage: &Stage, without: &Stage, own: f64, is_here: &dyn Fn(Place) -> bool) -> f64 {
         let here: Vec<usize> =
-            (0..self.probes.candidates.len()).filter(|k| is_here(&self.probes.candidates[*k].site)).collect();
+            (0..self.probes.candidates.len()).filter(|k| is_here(self.probes.candidates[*k].site)).collect();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let asked = here.len() as f64;
         let mut most = 0.0_f64;
@@ -223,23 +223,23 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
     let has_masses = model.robot.require_masses().is_ok();
     let n = model.robot.dof();
     for joint in 1..=n {
-        let site = serde_json::json!({ "joint": joint });
+        let site = Place::Joint(joint);
         let at = Site::Joint { joint };
         let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
         variables.extend(order);
         for variable in variables {
             let Some(knots) = knots(&value_of(data, variable), KNOTS) else { continue };
-            probes.push(probe(&site, name(variable), tents(at, variable, None, &knots)));
+            probes.push(probe(site, name(variable), tents(at, variable, None, &knots)));
             if has_direction && (is_order(variable) || variable == (Variable::Joint { joint })) {
                 let named = if is_order(variable) { name(variable) } else { format!("dir{joint}") };
-                probes.push(probe(&site, named, tents(at, variable, Some(joint), &knots)));
+                probes.push(probe(site, named, tents(at, variable, Some(joint), &knots)));
             }
         }
         if has_masses {
             let bases = [Shape::SignedSquare, Shape::Cube, Shape::SoftSign { scale: 0.3 }]
                 .map(|shape| Basis::torque(joint, shape))
                 .map(|basis| Term::new("probe", UNEXPLAINED, at, basis));
-            probes.push(probe(&site, format!("tau{joint}"), bases.to_vec()));
+            probes.push(probe(site, format!("tau{joint}"), bases.to_vec()));
         }
     }
     if let Some(order) = order
@@ -248,12 +248,12 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
         let along = |of: fn(Motion) -> Site| {
             Axis::ALL.iter().flat_map(|a| tents(of(Motion::Along(*a)), order, None, &knots)).collect::<Vec<_>>()
         };
-        probes.push(probe(&serde_json::json!({ "tool": true }), name(order), along(Site::Tool)));
+        probes.push(probe(Place::Tool, name(order), along(Site::Tool)));
         if data.observations.iter().any(|o| matches!(o.measured, trical_model::Measured::Touch { .. })) {
-            probes.push(probe(&serde_json::json!({ "fixture": true }), name(order), along(Site::Fixture)));
+            probes.push(probe(Place::Fixture, name(order), along(Site::Fixture)));
         }
         let growth = tents(Site::Links, order, None, &knots);
-        probes.push(probe(&serde_json::json!({ "links": true }), name(order), growth));
+        probes.push(probe(Place::Links, name(order), growth));
     }
     // what came before, and two angles at once, are no basis: such probes borrow a joint's constant column and weigh it row
     // by row
@@ -261,9 +261,9 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
     let mut regions: Vec<String> = probes.iter().map(|p| format!("all of {}", p.located)).collect();
     for joint in 1..=n {
         let constant = Term::new("probe", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT);
-        let site = serde_json::json!({ "joint": joint });
+        let site = Place::Joint(joint);
         for memory in &MEMORIES {
-            probes.push(probe(&site, format!("{}{joint}", memory.name), vec![constant.clone()]));
+            probes.push(probe(site, format!("{}{joint}", memory.name), vec![constant.clone()]));
             weights.push(vec![before(data, joint, memory)]);
             regions.push(format!("all moves, in proportion to {}", memory.to));
         }
@@ -271,7 +271,7 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
             let product = |of: fn(f64, f64) -> f64| {
                 data.observations.iter().map(|o| of(o.state.q[joint - 1], o.state.q[other - 1])).collect::<Vec<f64>>()
             };
-            probes.push(probe(&site, format!("q{other}"), vec![constant.clone(); 4]));
+            probes.push(probe(site, format!("q{other}"), vec![constant.clone(); 4]));
             regions.push(format!("all of q{other}, with q{joint}"));
             weights.push(vec![
                 product(|a, b| a.sin() * b.sin()),
@@ -288,10 +288,10 @@ fn value_of(data: &Dataset, variable: Variable) -> Vec<f64> {
     data.observations.iter().map(|o| value(variable, &o.state)).collect()
 }
 
-fn probe(site: &serde_json::Value, variable: String, terms: Vec<Term>) -> Candidate {
+fn probe(site: Place, variable: String, terms: Vec<Term>) -> Candidate {
     Candidate {
         effect: UNEXPLAINED,
-        site: site.clone(),
+        site,
         located: variable,
         signs: vec![0; terms.len()],
         physical: anything,

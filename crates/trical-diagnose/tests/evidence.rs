@@ -11,7 +11,8 @@ use trical_diagnose::locators::{describe, locators};
 use trical_diagnose::selection::Search;
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
-    Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Shape, Site, State, Term, Variable,
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
+    Variable,
 };
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
@@ -49,7 +50,7 @@ fn candidate(shape: Shape, scale: f64) -> Candidate {
     let basis = Basis::new(Variable::Joint { joint: 2 }, shape);
     Candidate {
         effect: "made",
-        site: serde_json::json!({ "joint": 2 }),
+        site: Place::Joint(2),
         located: String::new(),
         terms: vec![Term::new("made", "made", Site::Joint { joint: 2 }, basis)],
         signs: vec![0],
@@ -104,7 +105,7 @@ fn an_arm_that_carries_more_gives_way_less() {
     let of = |model: &Model| {
         let recorded = Recorded::new(model, &data, 1e-5);
         let all = catalogue(&recorded).0;
-        let is_it = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site["joint"] == 2;
+        let is_it = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site == Place::Joint(2);
         (recorded.strength(), all.iter().find(is_it).unwrap().scales[0])
     };
     let (weak, soft) = of(&model);
@@ -132,7 +133,7 @@ fn the_softest_gap_is_the_curve_of_a_soft_joint() {
     let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
     for joint in 2..=3 {
         let of = |effect: &str| -> Vec<Basis> {
-            let here = |c: &&Candidate| c.effect == effect && c.site["joint"] == joint;
+            let here = |c: &&Candidate| c.effect == effect && c.site == Place::Joint(joint);
             all.iter().filter(here).map(|c| c.terms[0].basis).collect()
         };
         let soft = of("nonlinear_stiffness");
@@ -145,7 +146,7 @@ fn a_joint_gives_way_about_any_point_of_its_axis() {
     let (model, data) = made();
     let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
     let points = |joint| {
-        let here = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site["joint"] == joint;
+        let here = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site == Place::Joint(joint);
         all.iter().filter(here).map(|c| (c.share(), c.located.clone())).collect::<Vec<_>>()
     };
     // base and table at their foot only, a joint without an offset at its origin only
@@ -165,7 +166,7 @@ fn what_two_angles_tell_together_is_one_curve() {
     let (mut model, data) = made();
     let cable = locators(&model, &data)
         .into_iter()
-        .find(|c| c.site["joint"] == 5 && c.terms.iter().any(|t| t.basis.beside.is_some_and(|b| b.joint == 4)));
+        .find(|c| c.site == Place::Joint(5) && c.terms.iter().any(|t| t.basis.beside.is_some_and(|b| b.joint == 4)));
     let cable = cable.unwrap();
     assert_eq!(cable.terms.len(), 6);
     let sizes = [1e-4, 2e-4, -1e-4, 5e-5, 3e-4, -2e-4];

@@ -13,7 +13,8 @@ use trical_diagnose::locators::locators;
 use trical_diagnose::selection::Search;
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
-    Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Shape, Site, State, Term, residual_rows,
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
+    residual_rows,
 };
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
@@ -203,7 +204,7 @@ fn a_set_without_some_of_its_members_is_the_others_added_anew() {
 #[test]
 fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
     let (model, data, candidates) = made();
-    let gap = |c: &&Candidate| c.effect == "lost_motion_gravity" && c.site["joint"] == 3;
+    let gap = |c: &&Candidate| c.effect == "lost_motion_gravity" && c.site == Place::Joint(3);
     let set = [candidates.iter().find(|c| c.effect == "payload"), candidates.iter().find(gap)].map(Option::unwrap);
     let both: Vec<Candidate> = set.iter().map(|c| (*c).clone()).collect();
     let values = [2.0, 0.05, -0.02, 0.03, 3e-4];
@@ -234,7 +235,7 @@ fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
 #[test]
 fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
     let (model, data, candidates) = made();
-    let wave = candidates.iter().find(|c| c.effect == "joint_harmonic" && c.site["joint"] == 1).unwrap();
+    let wave = candidates.iter().find(|c| c.effect == "joint_harmonic" && c.site == Place::Joint(1)).unwrap();
     let constant = |t: &Term| Term { basis: Basis::CONSTANT, ..t.clone() };
     let weighed = Candidate { terms: wave.terms.iter().map(constant).collect(), ..wave.clone() };
     let weights: Vec<Vec<f64>> = wave

@@ -62,5 +62,5 @@ pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{CsvStream, Sample, Streamed, identify_stream};
 pub use touches::{model_of_touches, usual_set};
-pub use units::{Shown, shown, site_json, site_words, unit};
+pub use units::{Shown, shown, unit};
 pub use validate::{Refit, Region, Validation, validate};

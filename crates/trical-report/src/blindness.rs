@@ -5,8 +5,8 @@ use trical_diagnose::catalogue::catalogue;
 use trical_diagnose::covariates::Recorded;
 use trical_diagnose::effects::gear_ripple::ripple;
 use trical_diagnose::linear::Design;
-use trical_ident::{Dataset, JointSource, Noise, site_words};
-use trical_model::{Forward, Measured, Model, Recording, Row, State};
+use trical_ident::{Dataset, JointSource, Noise};
+use trical_model::{Forward, Measured, Model, Place, Recording, Row, State};
 use trical_plan::PlanEntry;
 
 use crate::error::Result;
@@ -23,7 +23,7 @@ pub struct Seen {
     /// Name in the catalogue.
     pub effect: &'static str,
     /// Where.
-    pub site: Value,
+    pub site: Place,
     /// Length of the signature of a typical size after the parameters have taken up what they can, in standard deviations of
     /// the noise; the most visible form of the effect.
     pub lambda: f64,
@@ -66,14 +66,13 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
         match all.iter_mut().find(|s| s.effect == c.effect && s.site == c.site) {
             Some(s) => s.lambda = s.lambda.max(lambda),
             None => {
-                let joint = c.site.get("joint").and_then(Value::as_u64).and_then(|j| usize::try_from(j).ok());
-                let upright = joint.is_some_and(|j| no_torque.get(j.wrapping_sub(1)) == Some(&true));
+                let upright = c.site.joint().is_some_and(|j| no_torque.get(j.wrapping_sub(1)) == Some(&true));
                 let remedy = if upright && ["lost_motion_gravity", "nonlinear_stiffness"].contains(&c.effect) {
                     UPRIGHT
                 } else {
                     remedy(c.effect)
                 };
-                all.push(Seen { effect: c.effect, site: c.site.clone(), lambda, remedy });
+                all.push(Seen { effect: c.effect, site: c.site, lambda, remedy });
             }
         }
     }
@@ -133,7 +132,7 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
             effects.push((s.effect, Vec::new()));
             effects.len() - 1
         });
-        effects[k].1.push(format!("{} {:.1}", site_words(&s.site), s.lambda));
+        effects[k].1.push(format!("{} {:.1}", s.site, s.lambda));
     }
     list.into_iter()
         .map(|(remedy, effects)| {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 use trical_diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose_recordings};
-use trical_ident::{JointSource, ModelFile, site_words, write_whole};
+use trical_ident::{JointSource, ModelFile, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
 use trical_report::{diagnosis_report, table};
@@ -215,11 +215,7 @@ fn lines(d: &Diagnosis) -> Vec<String> {
     for u in d.unexplained.iter().chain(&d.more_unexplained) {
         out.push(format!(
             "  no name: {} is off for {} ({:.4} mm; held out {:.4} -> {:.4} mm)",
-            site_words(&u.site),
-            u.region,
-            u.rms_mm,
-            u.holdout_rms_before_mm,
-            u.holdout_rms_after_mm
+            u.site, u.region, u.rms_mm, u.holdout_rms_before_mm, u.holdout_rms_after_mm
         ));
     }
     if !(d.findings.is_empty() && d.unexplained.is_none()) {

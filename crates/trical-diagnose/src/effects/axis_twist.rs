@@ -1,9 +1,9 @@
 //! Near-parallel axes are twisted against each other about y: Hayati's beta, which the four parameters of Denavit and Hartenberg lack
 //! (Hayati and Mirmirani 1985).
 
-use trical_model::{Basis, Parameter, Site};
+use trical_model::{Basis, Parameter, Place, Site};
 
-use super::{Asked, Effect, Size, deg, joint_site};
+use super::{Asked, Effect, Size, deg};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -20,7 +20,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let near_parallel = |link: &usize| r.model.robot.joints[*link].alpha.sin().abs() < 0.1;
     let of = |link| {
         EFFECT.candidate(
-            joint_site(link + 1),
+            Place::Joint(link + 1),
             format!("axis {} is twisted against axis {link} about y", link + 1),
             Size { typical: deg(0.03), large: deg(0.1) },
             vec![(format!("beta_{link}"), Site::Link { link, parameter: Parameter::Beta }, Basis::CONSTANT, 0)],

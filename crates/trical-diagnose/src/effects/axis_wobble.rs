@@ -1,8 +1,8 @@
 //! Bearing run-out: the axis tilts as the joint turns, once or twice a turn.
 
-use trical_model::{Axis, Basis, Parameter, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Parameter, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Pivot, Size, deg, joint_site};
+use super::{Asked, Effect, Pivot, Size, deg};
 use crate::catalogue::Candidate;
 use crate::covariates::Recorded;
 
@@ -41,7 +41,7 @@ fn wobble(joint: usize, k: u8, pivot: Pivot) -> Candidate {
         parts.push((name("cosine"), at, Basis::new(q, Shape::Cosine { cycles }), 0));
     }
     let mut candidate = EFFECT.candidate(
-        joint_site(joint),
+        Place::Joint(joint),
         format!("axis {joint} tilts{} {k} time{} a turn", pivot.words(), if k == 1 { "" } else { "s" }),
         Size { typical: deg(0.01), large: deg(0.03) },
         parts,

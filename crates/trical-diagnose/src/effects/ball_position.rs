@@ -1,7 +1,7 @@
 //! A ball is not where the ballbar says. Of three balls, each could be the wrong one: two of their three distances change the same
 //! way for all, and the third is the arm's own scale.
 
-use trical_model::{Axis, Basis, Site};
+use trical_model::{Axis, Basis, Place, Site};
 
 use super::{Asked, Effect, Part, Size};
 use crate::covariates::Recorded;
@@ -25,7 +25,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
             (format!("ball_{ball}_{}", a.name()), Site::Ball { ball, axis: *a }, Basis::CONSTANT, 0)
         };
         EFFECT.candidate(
-            serde_json::json!({ "ball": ball }),
+            Place::Ball(ball),
             format!("ball {ball} is not where the ballbar says"),
             Size { typical: 5e-5, large: 2e-4 },
             Axis::ALL.iter().map(part).collect(),

@@ -1,9 +1,9 @@
 //! Bearing and link give way across the axis: a rotation about a point of it, in proportion to the moment there. The point may be the
 //! joint's origin, its foot or between them; at joint 1 it is the foot, since base and table are what gives way.
 
-use trical_model::{Axis, Basis, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, NO_MASSES, Pivot, Size, joint_site};
+use super::{Asked, Effect, NO_MASSES, Pivot, Size};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -26,7 +26,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |joint, name: &str, place: &str, moment| {
         let basis = Basis::new(moment, Shape::Linear);
         EFFECT.candidate(
-            joint_site(joint),
+            Place::Joint(joint),
             format!("the gravity moment across axis {joint} tilts it{place}"),
             Size { typical: 5e-5 / r.strength(), large: 4e-4 / r.strength() },
             vec![(format!("cross_{name}{joint}"), Site::Across { joint }, basis, 1)],

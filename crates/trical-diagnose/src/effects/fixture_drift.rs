@@ -1,6 +1,6 @@
 //! The platform of the balls (or the base) creeps.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size, along};
 use crate::covariates::Recorded;
@@ -21,7 +21,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         return Asked::default();
     }
     vec![EFFECT.candidate(
-        serde_json::json!({ "fixture": true }),
+        Place::Fixture,
         "the balls creep with time".into(),
         Size { typical: 1e-4 / r.span, large: 2.5e-4 / r.span },
         along(Site::Fixture, "fixture_drift", Basis::new(order, Shape::Linear)),

@@ -1,6 +1,6 @@
 //! The platform of the balls (or the base) slips at one moment, which is scanned.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size, along};
 use crate::covariates::{Recorded, moment};
@@ -22,7 +22,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     }
     let of = |at: &f64| {
         EFFECT.candidate(
-            serde_json::json!({ "fixture": true }),
+            Place::Fixture,
             format!("the place of the balls changes at once {}", moment(order, *at)),
             Size { typical: 1e-4, large: 2.5e-4 },
             along(Site::Fixture, "fixture_shift", Basis::new(order, Shape::Step { at: *at })),

@@ -1,6 +1,6 @@
 //! The measuring instrument's own frame moves.
 
-use trical_model::{Basis, Motion, Shape, Site};
+use trical_model::{Basis, Motion, Place, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size};
 use crate::covariates::Recorded;
@@ -21,7 +21,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |frame| {
         let part = |m: &Motion| (format!("frame_drift_{}", m.name()), Site::Frame { frame, motion: *m }, drift, 0);
         EFFECT.candidate(
-            serde_json::json!({ "frame": true }),
+            Place::Frame(None),
             "the measuring frame moves with time".into(),
             Size { typical: 1e-4 / r.span, large: 2e-4 / r.span },
             Motion::ALL.iter().map(part).collect(),

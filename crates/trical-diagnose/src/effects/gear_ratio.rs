@@ -1,8 +1,8 @@
 //! The gear ratio is not what the controller believes.
 
-use trical_model::{Basis, Shape, Site, Variable};
+use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size, joint_site};
+use super::{Asked, Effect, Size};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -19,7 +19,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |joint| {
         let basis = Basis::new(Variable::Joint { joint }, Shape::Linear);
         EFFECT.candidate(
-            joint_site(joint),
+            Place::Joint(joint),
             format!("in proportion to joint {joint}'s angle"),
             Size { typical: 5e-4, large: 1e-3 },
             vec![(format!("ratio_{joint}"), Site::Joint { joint }, basis, 0)],

@@ -1,9 +1,9 @@
 //! A strain-wave or cycloidal drive, or the motor's encoder: many cycles a turn. Three hundred frequencies at six joints are too
 //! many candidates: a periodogram says which are worth a try (see [`crate::periodogram`]), the prior counts all.
 
-use trical_model::{Basis, Shape, Site, Variable};
+use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, EFFECTS, Effect, Size, arcsec, joint_site};
+use super::{Asked, EFFECTS, Effect, Size, arcsec};
 use crate::catalogue::Candidate;
 use crate::covariates::Recorded;
 use crate::periodogram::GEARS;
@@ -30,7 +30,7 @@ pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
     let q = Variable::Joint { joint };
     let part = |part: &str, shape| (format!("ripple_{part}_{joint}"), Site::Joint { joint }, Basis::new(q, shape), 0);
     let candidate = EFFECT.candidate(
-        joint_site(joint),
+        Place::Joint(joint),
         format!("{cycles:.0} cycles per turn of joint {joint}"),
         Size { typical: arcsec(15.0), large: arcsec(30.0) },
         vec![part("sine", Shape::Sine { cycles }), part("cosine", Shape::Cosine { cycles })],

@@ -1,6 +1,6 @@
 //! The base is not level: gravity does not point along -z of the cell, and every joint gives way accordingly.
 
-use trical_model::{Axis, Basis, Site};
+use trical_model::{Axis, Basis, Place, Site};
 
 use super::{Asked, Effect, NO_MASSES, Size, deg};
 use crate::covariates::Recorded;
@@ -23,7 +23,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         return Asked::lacking(NO_MASSES);
     }
     vec![EFFECT.candidate(
-        serde_json::json!({ "base": true }),
+        Place::Base,
         "gravity is not along the cell's -z".into(),
         Size { typical: G * deg(1.0), large: G * deg(2.0) },
         vec![

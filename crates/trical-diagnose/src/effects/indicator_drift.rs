@@ -1,6 +1,6 @@
 //! An indicator drifts with time.
 
-use trical_model::{Axis, Basis, Motion, Shape, Site};
+use trical_model::{Axis, Basis, Motion, Place, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size};
 use crate::covariates::{Recorded, seconds_per};
@@ -24,7 +24,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |axis: &Axis| {
         let a = axis.name();
         EFFECT.candidate(
-            serde_json::json!({ "axis": a }),
+            Place::Axis(*axis),
             format!("indicator {a} drifts with time"),
             Size { typical: 2e-5 / 3600.0 * seconds, large: 6e-5 / 3600.0 * seconds },
             vec![(

@@ -1,7 +1,7 @@
 //! An indicator reads too much or too little. Where every touch was nulled its gain cannot be asked for: the noise of a reading
 //! stands in the residual and in the regressor.
 
-use trical_model::{Axis, Basis, Motion, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
 
 use super::{Asked, Effect, Size};
 use crate::covariates::Recorded;
@@ -23,7 +23,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |axis: &Axis| {
         let a = axis.name();
         EFFECT.candidate(
-            serde_json::json!({ "axis": a }),
+            Place::Axis(*axis),
             format!("in proportion to indicator {a}'s own reading"),
             Size { typical: 0.02, large: 0.08 },
             vec![(

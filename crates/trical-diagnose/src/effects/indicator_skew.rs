@@ -1,6 +1,6 @@
 //! An indicator is not square to the others, and sees some of what they read.
 
-use trical_model::{Axis, Basis, Motion, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
 
 use super::{Asked, Effect, Part, Size, deg};
 use crate::covariates::Recorded;
@@ -25,7 +25,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
             (format!("skew_{}_by_{}", axis.name(), other.name()), Site::Tool(Motion::Along(*axis)), basis, 0)
         };
         EFFECT.candidate(
-            serde_json::json!({ "axis": axis.name() }),
+            Place::Axis(*axis),
             format!("indicator {} sees what the others read", axis.name()),
             Size { typical: deg(1.0), large: deg(1.5) },
             Axis::ALL.iter().filter(|a| *a != axis).map(part).collect(),

@@ -1,6 +1,6 @@
 //! One joint moves another: bevel gears of a wrist (5 by 4, 6 by 5, 6 by 4), a parallelogram (3 by 2).
 
-use trical_model::{Basis, Shape, Site, Variable};
+use trical_model::{Basis, Place, Shape, Site, Variable};
 
 use super::{Asked, Effect, Size};
 use crate::covariates::Recorded;
@@ -21,7 +21,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |(joint, from)| {
         let basis = Basis::new(Variable::Joint { joint: from }, Shape::Linear);
         EFFECT.candidate(
-            serde_json::json!({ "joint": joint, "from": from }),
+            Place::Coupling { joint, from },
             format!("joint {joint} moves in proportion to joint {from}'s angle"),
             Size { typical: 8e-4, large: 2e-3 },
             vec![(format!("coupling_{joint}_from_{from}"), Site::Joint { joint }, basis, 0)],

@@ -1,8 +1,8 @@
 //! An eccentric gear or encoder: the joint runs ahead and behind a few times a turn.
 
-use trical_model::{Basis, Shape, Site, Variable};
+use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size, deg, joint_site};
+use super::{Asked, Effect, Size, deg};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         for k in 1..=6_u8 {
             let cycles = f64::from(k);
             out.push(EFFECT.candidate(
-                joint_site(joint),
+                Place::Joint(joint),
                 format!("{k} cycle{} per turn of joint {joint}", if k == 1 { "" } else { "s" }),
                 Size { typical: deg(0.015), large: deg(0.03) },
                 vec![

@@ -1,8 +1,8 @@
 //! An encoder loses its zero, or a belt jumps: from one moment on the joint is off. The moment is scanned.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size, deg, joint_site};
+use super::{Asked, Effect, NO_TIME, Size, deg};
 use crate::covariates::{Recorded, moment};
 
 pub const EFFECT: Effect = Effect {
@@ -22,7 +22,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         let step = Basis::new(order, Shape::Step { at: *at });
         for joint in r.joints() {
             out.push(EFFECT.candidate(
-                joint_site(joint),
+                Place::Joint(joint),
                 format!("joint {joint}'s zero changes at once {}", moment(order, *at)),
                 Size { typical: deg(0.02), large: deg(0.06) },
                 vec![(format!("zero_shift_{joint}"), Site::Joint { joint }, step, 0)],

@@ -1,9 +1,9 @@
 //! Joints were read before the arm had settled: read angles lag behind commanded ones in the sense of motion. All joints together, or
 //! one.
 
-use trical_model::{Basis, Shape, Site, Variable};
+use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Part, Size, joint_site};
+use super::{Asked, Effect, Part, Size};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -28,11 +28,11 @@ fn ask(r: &Recorded<'_>) -> Asked {
         let located = format!("{what} read before the arm had settled: the error follows commanded minus read");
         EFFECT.candidate(site, located, Size { typical: 0.7, large: 1.0 }, vec![part])
     };
-    let all = serde_json::json!({ "joints": true });
+    let all = Place::Joints;
     let mut out = vec![candidate(all, "joints were", ("lag".into(), Site::AllJoints, lag(1), 1))];
     out.extend(r.joints().map(|joint| {
         let part = (format!("lag_{joint}"), Site::Joint { joint }, lag(joint), 1);
-        candidate(joint_site(joint), &format!("joint {joint} was"), part)
+        candidate(Place::Joint(joint), &format!("joint {joint} was"), part)
     }));
     out.into()
 }

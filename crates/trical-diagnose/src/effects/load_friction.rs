@@ -1,8 +1,8 @@
 //! Friction that grows with the load: the joint stops short, more so the more it bears.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_MASSES, NO_SENSE, arcsec, joint_site};
+use super::{Asked, Effect, NO_MASSES, NO_SENSE, arcsec};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -35,7 +35,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
             (vec![size, size / r.load(joint)], vec![always, by_load])
         };
         let located = format!("changes sign with the sense of joint {joint}'s last motion, and grows with its load");
-        EFFECT.candidate_of_scales(joint_site(joint), located, arcsec(15.0), scales, parts)
+        EFFECT.candidate_of_scales(Place::Joint(joint), located, arcsec(15.0), scales, parts)
     };
     r.joints().map(of).collect::<Vec<_>>().into()
 }

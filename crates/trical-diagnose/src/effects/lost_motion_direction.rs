@@ -1,8 +1,8 @@
 //! Friction winds the drive up, or teeth change flank with the sense of motion: the joint stops short by half a gap.
 
-use trical_model::{Basis, Site};
+use trical_model::{Basis, Place, Site};
 
-use super::{Asked, Effect, NO_SENSE, Size, arcsec, joint_site};
+use super::{Asked, Effect, NO_SENSE, Size, arcsec};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -21,7 +21,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     }
     let of = |joint| {
         EFFECT.candidate(
-            joint_site(joint),
+            Place::Joint(joint),
             format!("changes sign with the sense of joint {joint}'s last motion"),
             Size { typical: arcsec(15.0), large: arcsec(60.0) },
             vec![(format!("half_gap_{joint}"), Site::Joint { joint }, Basis::direction(joint), -1)],

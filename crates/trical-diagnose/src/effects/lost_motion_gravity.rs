@@ -1,9 +1,9 @@
 //! Teeth rest on the flank that gravity presses: half a gap this way or that, changing where the torque changes sign. How softly it
 //! changes is scanned: friction and preload, a small part of what the joint bears, do that.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_MASSES, Size, deg, joint_site};
+use super::{Asked, Effect, NO_MASSES, Size, deg};
 use crate::catalogue::Candidate;
 use crate::covariates::{Recorded, SMALL_ARM};
 
@@ -38,7 +38,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         for scale in softnesses.into_iter().filter(|s| *s <= firm).chain(soft) {
             let basis = Basis::torque(joint, Shape::SoftSign { scale });
             let candidate = EFFECT.candidate(
-                joint_site(joint),
+                Place::Joint(joint),
                 format!("follows the sign of joint {joint}'s gravity torque"),
                 Size { typical: deg(0.01), large: deg(0.02) },
                 vec![(format!("half_gap_gravity_{joint}"), Site::Joint { joint }, basis, 1)],

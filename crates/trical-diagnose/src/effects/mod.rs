@@ -33,7 +33,7 @@ mod tool_drift;
 mod tool_shift;
 
 use serde::Serialize;
-use trical_model::{Axis, Basis, JointKind, Motion, Site, Term};
+use trical_model::{Axis, Basis, JointKind, Motion, Place, Site, Term};
 
 use crate::catalogue::{Candidate, anything};
 use crate::covariates::Recorded;
@@ -118,7 +118,7 @@ struct Size {
 
 impl Effect {
     /// A candidate whose coefficients are all of one size.
-    fn candidate(&self, site: serde_json::Value, located: String, size: Size, parts: Vec<Part>) -> Candidate {
+    fn candidate(&self, site: Place, located: String, size: Size, parts: Vec<Part>) -> Candidate {
         let scales = vec![0.5 * size.large; parts.len()];
         self.candidate_of_scales(site, located, size.typical, scales, parts)
     }
@@ -126,7 +126,7 @@ impl Effect {
     /// A candidate with a prior standard deviation for each coefficient.
     fn candidate_of_scales(
         &self,
-        site: serde_json::Value,
+        site: Place,
         located: String,
         typical: f64,
         scales: Vec<f64>,
@@ -193,10 +193,6 @@ impl Pivot {
 
 /// Offsets below this (m) part no origin from its foot.
 const SAME_PLACE: f64 = 1e-3;
-
-fn joint_site(joint: usize) -> serde_json::Value {
-    serde_json::json!({ "joint": joint })
-}
 
 /// The same basis along x, y and z of a place.
 fn along(site: impl Fn(Motion) -> Site, name: &str, basis: Basis) -> Vec<Part> {

@@ -2,9 +2,9 @@
 //! strain-wave gears have it), or the other way round. Shapes are scanned;
 //! a size is half of what the joint gives way in proportion to its torque, at the torque that it usually bears.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_MASSES, Size, joint_site};
+use super::{Asked, Effect, NO_MASSES, Size};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -43,7 +43,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         for (name, shape) in shapes {
             let at_load = shape.at(load).0.abs();
             out.push(EFFECT.candidate(
-                joint_site(joint),
+                Place::Joint(joint),
                 format!("joint {joint} does not give way in proportion to its torque"),
                 Size { typical: 0.25 * usual / at_load, large: 0.5 * usual / at_load },
                 vec![(format!("stiffness_{name}_{joint}"), Site::Joint { joint }, Basis::torque(joint, shape), 0)],

@@ -1,6 +1,6 @@
 //! Mass or centre of gravity of the tool are not what the cell file says: every joint gives way accordingly.
 
-use trical_model::{Axis, Basis, Payload, Site};
+use trical_model::{Axis, Basis, Payload, Place, Site};
 
 use super::{Asked, Effect, NO_MASSES, Part};
 use crate::covariates::Recorded;
@@ -26,7 +26,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
             .map(|a| (format!("payload_moment_{}", a.name()), Site::Payload(Payload::Moment(*a)), Basis::CONSTANT, 0)),
     );
     vec![EFFECT.candidate_of_scales(
-        serde_json::json!({ "tool": true }),
+        Place::Tool,
         "the load on the flange is not what cell.toml says".into(),
         0.03,
         // kg; kg m

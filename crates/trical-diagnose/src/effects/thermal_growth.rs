@@ -1,6 +1,6 @@
 //! All lengths grow with temperature, or with a warm-up clock where there is no thermometer.
 
-use trical_model::{Site, Variable};
+use trical_model::{Place, Site, Variable};
 
 use super::{Asked, Effect, Size};
 use crate::covariates::Recorded;
@@ -29,7 +29,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
             Size { typical: 18e-6 * WARM[0], large: 26e-6 * WARM[1] }
         };
         EFFECT.candidate(
-            serde_json::json!({ "links": true }),
+            Place::Links,
             format!("all lengths grow {}", clock.how),
             size,
             vec![("expansion".into(), Site::Links, clock.basis, 1)],

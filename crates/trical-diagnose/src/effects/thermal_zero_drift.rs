@@ -1,8 +1,8 @@
 //! A joint's zero moves with temperature, or with a warm-up clock where there is no thermometer.
 
-use trical_model::Site;
+use trical_model::{Place, Site};
 
-use super::{Asked, Effect, Size, deg, joint_site};
+use super::{Asked, Effect, Size, deg};
 use crate::covariates::Recorded;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     for clock in &r.clocks {
         for joint in r.joints() {
             out.push(EFFECT.candidate(
-                joint_site(joint),
+                Place::Joint(joint),
                 format!("joint {joint}'s zero moves {}", clock.how),
                 Size { typical: deg(0.02) / clock.rise, large: deg(0.06) / clock.rise },
                 vec![(format!("thermal_zero_{joint}"), Site::Joint { joint }, clock.basis, 0)],

@@ -1,6 +1,6 @@
 //! The device creeps on the flange.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size, along};
 use crate::covariates::Recorded;
@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
 fn ask(r: &Recorded<'_>) -> Asked {
     let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
     vec![EFFECT.candidate(
-        serde_json::json!({ "tool": true }),
+        Place::Tool,
         "the tool creeps on the flange with time".into(),
         Size { typical: 1e-4 / r.span, large: 2.5e-4 / r.span },
         along(Site::Tool, "tool_drift", Basis::new(order, Shape::Linear)),

@@ -1,6 +1,6 @@
 //! The device slips on the flange at one moment, which is scanned.
 
-use trical_model::{Basis, Shape, Site};
+use trical_model::{Basis, Place, Shape, Site};
 
 use super::{Asked, Effect, NO_TIME, Size, along};
 use crate::covariates::{Recorded, moment};
@@ -19,7 +19,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
     let of = |at: &f64| {
         EFFECT.candidate(
-            serde_json::json!({ "tool": true }),
+            Place::Tool,
             format!("the tool on the flange changes at once {}", moment(order, *at)),
             Size { typical: 1e-4, large: 2.5e-4 },
             along(Site::Tool, "tool_shift", Basis::new(order, Shape::Step { at: *at })),

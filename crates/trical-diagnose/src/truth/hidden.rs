@@ -33,7 +33,7 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
             let joint = joint.ok_or_else(|| wrong(wish, "gear_ripple@JOINT/CYCLES", &candidates))?;
             ripple(joint, detail.unwrap_or(100.0), model.robot.dof())
         } else {
-            let found = candidates.iter().find(|c| c.effect == effect && site.is_none_or(|s| is_at(c, s)));
+            let found = candidates.iter().find(|c| c.effect == effect && site.is_none_or(|s| c.site.is_called(s)));
             let found = found.ok_or_else(|| wrong(wish, "EFFECT@SITE", &candidates))?;
             match (found.step(), detail) {
                 (Some(_), Some(at)) => found.with_step(at),
@@ -54,19 +54,14 @@ fn terms(c: &Candidate, size: f64) -> impl Iterator<Item = Term> {
     })
 }
 
-/// Whether a candidate is at a site as people write it: a number, a letter, or nothing for sites without one.
-fn is_at(c: &Candidate, site: &str) -> bool {
-    c.site.as_object().is_some_and(|map| {
-        map.values().any(|v| {
-            v.as_str().map_or_else(|| site.parse().is_ok_and(|n: u64| v.as_u64() == Some(n)), |text| text == site)
-        }) || map.contains_key(site)
-    })
-}
-
 fn wrong(wish: &str, expected: &str, candidates: &[Candidate]) -> TruthError {
     let says = |problem: String| TruthError::Wish { wish: wish.to_owned(), problem };
     let effect = wish.split(['@', '*']).next().unwrap_or_default();
-    let mut sites: Vec<String> = candidates.iter().filter(|c| c.effect == effect).map(|c| c.site.to_string()).collect();
+    let mut sites: Vec<String> = candidates
+        .iter()
+        .filter(|c| c.effect == effect)
+        .map(|c| serde_json::to_string(&c.site).unwrap_or_default())
+        .collect();
     sites.dedup();
     if !sites.is_empty() {
         sites.sort();

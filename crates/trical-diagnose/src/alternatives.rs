@@ -7,7 +7,7 @@ use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_model::{Forward, MAX_JOINTS, Model, State, Term};
 
-use crate::catalogue::Candidate;
+use crate::candidate::Candidate;
 use crate::diagnosis::{Diagnosis, Finding};
 
 /// Rivals of one finding that are set against it.

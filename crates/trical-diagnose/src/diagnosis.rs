@@ -5,6 +5,7 @@ use trical_ident::dataset::{Dataset, Rejected};
 use trical_model::{Model, Place};
 
 use crate::alternatives::Grounds;
+use crate::effect_id::EffectId;
 
 /// A coefficient in its unit.
 #[derive(Clone, Debug, Serialize)]
@@ -40,7 +41,7 @@ pub struct Evidence {
 #[derive(Clone, Debug, Serialize)]
 pub struct Rival {
     /// Effect.
-    pub effect: String,
+    pub effect: EffectId,
     /// Where.
     pub site: Place,
     /// By how much its BIC is worse.
@@ -51,7 +52,7 @@ pub struct Rival {
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
     /// Name in the catalogue.
-    pub effect: String,
+    pub effect: EffectId,
     /// Where.
     pub site: Place,
     /// In words.
@@ -71,7 +72,7 @@ pub struct Finding {
 }
 
 /// "lost_motion_direction at joint 1".
-fn in_words(effect: &str, place: Place) -> String {
+fn in_words(effect: EffectId, place: Place) -> String {
     format!("{effect} at {place}")
 }
 
@@ -79,7 +80,7 @@ impl Rival {
     /// Effect and site.
     #[must_use]
     pub fn in_words(&self) -> String {
-        in_words(&self.effect, self.site)
+        in_words(self.effect, self.site)
     }
 }
 
@@ -87,7 +88,7 @@ impl Finding {
     /// Effect and site.
     #[must_use]
     pub fn in_words(&self) -> String {
-        in_words(&self.effect, self.site)
+        in_words(self.effect, self.site)
     }
 }
 
@@ -95,7 +96,7 @@ impl Finding {
 #[derive(Clone, Debug, Serialize)]
 pub struct Blind {
     /// Effect.
-    pub effect: String,
+    pub effect: EffectId,
     /// Where.
     pub site: Place,
     /// lambda of a typical size; 0 where the recordings lack what the effect depends on.

@@ -7,9 +7,10 @@ use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
 use trical_model::{Forward, Model, Place, Term, Variable};
 
-use crate::catalogue::Candidate;
+use crate::candidate::Candidate;
 use crate::covariates::is_order;
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
+use crate::effect_id::{Cause, EffectId};
 use crate::linear::{Design, Stage};
 use crate::locators;
 use crate::selection::{Ranked, Search};
@@ -43,7 +44,7 @@ pub(crate) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
     for c in set {
         let same = |g: &&mut Group| {
             let o = &local[g.members[0]];
-            o.effect == local[*c].effect && o.site == local[*c].site
+            o.cause == local[*c].cause && o.site == local[*c].site
         };
         match groups.iter_mut().find(same) {
             Some(g) => g.members.push(*c),
@@ -120,8 +121,9 @@ pub(crate) fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: f64) ->
     FisherSnedecor::new(k, n.max(1.0)).map_or(1.0, |d| d.sf(f * search.temper))
 }
 
-/// A finding, and the best candidate of each of its rivals.
+/// A finding of an effect, and the best candidate of each of its rivals.
 pub(crate) fn finding(
+    effect: EffectId,
     search: &Search<'_>,
     stage: &Stage,
     group: &Group,
@@ -156,16 +158,12 @@ pub(crate) fn finding(
         rival_weight += weight;
         let c = &local[r.candidate];
         if r.evidence > own - RIVAL
-            && c.effect != locators::UNEXPLAINED
-            && !rivals.iter().any(|v| v.effect == c.effect && v.site == c.site)
+            && let Some(effect) = c.cause.effect()
+            && !rivals.iter().any(|v| v.effect == effect && v.site == c.site)
             && rivals.len() < 8
         {
             best.push(c.clone());
-            rivals.push(Rival {
-                effect: c.effect.to_owned(),
-                site: c.site,
-                delta_bic: (2.0 * (own - r.evidence)).max(0.0),
-            });
+            rivals.push(Rival { effect, site: c.site, delta_bic: (2.0 * (own - r.evidence)).max(0.0) });
         }
     }
     let nothing = (0.7 * -own).exp();
@@ -173,15 +171,15 @@ pub(crate) fn finding(
     let next_measurements = (!rivals.is_empty()).then(|| {
         format!(
             "touches that tell {} from {}: trical diagnose --next 8 plans them",
-            local[first].effect,
-            rivals.iter().map(|r| r.effect.as_str()).collect::<Vec<_>>().join(", ")
+            effect,
+            rivals.iter().map(|r| r.effect.name()).collect::<Vec<_>>().join(", ")
         )
     });
     let variance = with.ss / search.freedom(&with);
     let finding = Finding {
-        effect: local[first].effect.to_owned(),
+        effect,
         site: local[first].site,
-        located: group.members.iter().map(|m| local[*m].located.as_str()).collect::<Vec<_>>().join("; "),
+        located: group.members.iter().map(|m| local[*m].located()).collect::<Vec<_>>().join("; "),
         confidence: (confidence * 1e4).round() / 1e4,
         lambda: (dss * search.temper / variance).max(0.0).sqrt(),
         coefficients: group.members.iter().flat_map(|m| coefficients(model, &local[*m])).collect(),
@@ -233,7 +231,7 @@ pub(crate) fn unexplained_from(
 
 /// Sum of squares that each chosen candidate without a name removes, and its site.
 pub(crate) fn unknowns(search: &Search<'_>, start: &Stage, full: &Stage, chosen: &[usize]) -> Vec<(Place, f64)> {
-    let unnamed = chosen.iter().filter(|c| search.candidates[**c].effect == locators::UNEXPLAINED);
+    let unnamed = chosen.iter().filter(|c| search.candidates[**c].cause == Cause::Unexplained);
     unnamed
         .map(|u| {
             let others: Vec<usize> = chosen.iter().copied().filter(|c| c != u).collect();
@@ -257,7 +255,7 @@ const SLOW_WAVES: f64 = 20.0;
 /// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name, and so is what
 /// changes there with time and temperature.
 pub(crate) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
-    let waves = |c: &Candidate| matches!(c.effect, "joint_harmonic" | "gear_ripple" | "axis_wobble");
+    let waves = |c: &Candidate| c.cause.effect().is_some_and(|id| id.effect().periodic);
     let repeated = |c: &Candidate| waves(c) || c.step().is_some();
     let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
     let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
@@ -265,7 +263,7 @@ pub(crate) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candida
     let first = &candidates[group.members[0]];
     let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
     let others = |kind: &dyn Fn(&Candidate) -> bool| {
-        let alike = |c: &&Candidate| kind(c) && c.effect != first.effect && c.site == first.site;
+        let alike = |c: &&Candidate| kind(c) && c.cause != first.cause && c.site == first.site;
         let one = group.members.iter().any(|m| kind(&candidates[*m]));
         if one { chosen.iter().map(|c| &candidates[*c]).filter(alike).count() } else { 0 }
     };
@@ -297,7 +295,7 @@ pub(crate) fn told_better(
     unexplained: &mut Vec<Unexplained>,
     doubted: &[Place],
     without: &dyn Fn(Place, bool) -> Stage,
-    held_out_rms_mm: &dyn Fn(&Place, bool, Option<usize>) -> f64,
+    held_out_rms_mm: &dyn Fn(Place, bool, Option<usize>) -> f64,
 ) {
     let mut sites: Vec<Place> = Vec::new();
     for site in unexplained.iter().map(|u| u.site).chain(doubted.iter().copied()) {
@@ -348,7 +346,7 @@ pub(crate) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Bl
     let variance = (stage.ss / search.freedom(stage)).max(1e-300);
     let mut seen: Vec<(usize, f64)> = Vec::new();
     for (k, c) in search.candidates.iter().enumerate() {
-        if c.effect == locators::UNEXPLAINED || set.iter().any(|s| search.same_place(*s, k)) {
+        if c.cause == Cause::Unexplained || set.iter().any(|s| search.same_place(*s, k)) {
             continue;
         }
         let lambda = search.design.lambda_of_size(stage, k, c.typical) * search.temper.sqrt() / variance.sqrt();
@@ -359,11 +357,9 @@ pub(crate) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Bl
     }
     seen.into_iter()
         .filter(|(_, lambda)| *lambda < VISIBLE)
-        .map(|(k, lambda)| Blind {
-            effect: search.candidates[k].effect.to_owned(),
-            site: search.candidates[k].site,
-            lambda,
-            lacks: None,
+        .filter_map(|(k, lambda)| {
+            let Candidate { cause, site, .. } = &search.candidates[k];
+            Some(Blind { effect: cause.effect()?, site: *site, lambda, lacks: None })
         })
         .collect()
 }

@@ -7,7 +7,9 @@
 //! |---|---|
 //! | [`covariates`] | what the recordings have: time, temperature, loads, senses of motion |
 //! | [`correlated_noise`] | noise that is correlated from one measurement to the next |
-//! | [`catalogue`], [`effects`] | what can be tried on the data; the effects, one file each |
+//! | [`effect_id`] | the list of effects |
+//! | [`candidate`] | one explanation that can be tried |
+//! | [`effects`], [`catalogue`] | the effects, one file each; what of them can be tried on the data |
 //! | [`locators`] | what finds a mismatch without a name |
 //! | [`linear`] | the linearized fit: signatures after projection, evidence, held-out errors |
 //! | [`periodogram`], `refine` | which frequencies a joint's error has; finer shapes between those of a scan |
@@ -21,10 +23,12 @@
 //! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 
 pub mod alternatives;
+pub mod candidate;
 pub mod catalogue;
 pub mod correlated_noise;
 pub mod covariates;
 pub mod diagnosis;
+pub mod effect_id;
 pub mod effects;
 mod findings;
 pub mod joint_choice;
@@ -41,5 +45,6 @@ pub mod truth;
 
 pub use alternatives::Undecided;
 pub use diagnosis::{Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Rival, Unexplained};
+pub use effect_id::{Cause, EffectId};
 pub use joint_choice::diagnose_recordings;
 pub use procedure::{Progress, diagnose};

@@ -5,11 +5,9 @@
 use trical_ident::dataset::Dataset;
 use trical_model::{Basis, Beside, Model, Place, Shape, Site, State, Term, Variable};
 
-use crate::catalogue::{Candidate, anything};
+use crate::candidate::{Candidate, anything};
 use crate::covariates::{is_order, order_of};
-
-/// The "effect" of what has no name.
-pub const UNEXPLAINED: &str = "unexplained";
+use crate::effect_id::{Cause, UNEXPLAINED};
 
 /// A locator must beat every name by this many nats.
 pub const PRICE: f64 = 5.0;
@@ -132,9 +130,9 @@ const PER_KNOT: usize = 20;
 /// Something at a joint that `what` tells.
 fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
     Candidate {
-        effect: UNEXPLAINED,
+        cause: Cause::Unexplained,
         site: Place::Joint(joint),
-        located: format!("joint {joint} is off in a way that {what} tells"),
+        behaviour: format!("joint {joint} is off in a way that {what} tells"),
         signs: vec![0; terms.len()],
         physical: anything,
         scales: vec![LARGE; terms.len()],

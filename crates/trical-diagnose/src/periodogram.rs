@@ -8,11 +8,12 @@ use trical_ident::error::Result;
 use trical_ident::identify::Identified;
 use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
-use crate::catalogue::{Candidate, anything};
+use crate::candidate::{Candidate, anything};
 use crate::correlated_noise::Memory;
-use crate::effects::gear_ripple::ripple;
+use crate::effect_id::{Cause, UNEXPLAINED};
+use crate::effects::ripple;
 use crate::linear::Linear;
-use crate::locators::{LARGE, PRICE, UNEXPLAINED, name};
+use crate::locators::{LARGE, PRICE, name};
 
 /// Cycles per turn that gears have.
 pub const GEARS: (u32, u32) = (10, 300);
@@ -70,9 +71,9 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
             };
             Candidate {
                 physical: anything,
-                effect: UNEXPLAINED,
+                cause: Cause::Unexplained,
                 site: Place::Joint(joint),
-                located: format!(
+                behaviour: format!(
                     "joint {joint} is off in a way that repeats every {:.4} deg of {}",
                     360.0 / cycles,
                     name(variable)
@@ -91,9 +92,9 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
     let columns: Vec<Candidate> = (1..=joints_of(fitted))
         .map(|joint| Candidate {
             physical: anything,
-            effect: UNEXPLAINED,
+            cause: Cause::Unexplained,
             site: Place::Joint(joint),
-            located: String::new(),
+            behaviour: String::new(),
             terms: vec![Term::new("constant", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT)],
             signs: vec![0],
             typical: 0.0,

@@ -7,13 +7,17 @@ use trical_ident::fit::position_errors;
 use trical_ident::identify::ErrorSummary;
 use trical_model::{Cell, Forward, Model, Place, Robot, Site};
 
-use alternatives::Grounds;
-use catalogue::{Candidate, Untestable};
-use explain::{
+use crate::alternatives::Grounds;
+use crate::candidate::Candidate;
+use crate::catalogue::Untestable;
+use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Unexplained};
+use crate::effect_id::Cause;
+use crate::findings::{
     beside_unknown, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, left_over, noise_of, of_one_kind,
     ordered, prove, told_better, unexplained_from, unknowns,
 };
-use work::Work;
+use crate::linear::Company;
+use crate::rounds::Work;
 
 /// Names that are trusted no more than this by their place's probes (rivals apart) are doubted: what happens there is told without
 /// a name too.
@@ -51,7 +55,7 @@ pub fn diagnose(
     let judge = work.judge(&design, &probes);
     let search = work.searcher(&design);
     let start = design.stage();
-    let company = design::Company::new(&design, &start, chosen);
+    let company = Company::new(&design, &start, chosen);
     let full = company.full().clone();
     let groups = search.among(&start, chosen, |few, start| ordered(few, start, grouped(candidates, chosen)));
     let poses = kept.used_poses();
@@ -75,10 +79,8 @@ pub fn diagnose(
         let after = prove(&design, &so_far, &poses);
         let others: Vec<usize> = chosen.iter().filter(|c| !group.members.contains(c)).copied().collect();
         let stage = search.without(&company, &start, &group.members).stage;
-        if candidates[group.members[0]].effect == locators::UNEXPLAINED {
-            unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, [before, after], kept));
-        } else {
-            let (mut f, rivals) = finding(&search, &stage, group, &others, &fitted.model, [before, after]);
+        if let Some(effect) = candidates[group.members[0]].cause.effect() {
+            let (mut f, rivals) = finding(effect, &search, &stage, group, &others, &fitted.model, [before, after]);
             let own = stage.ss - full.ss;
             let doubt = judge.doubt(&full, &stage, own, &|place| place.is_same_part(f.site));
             let trust = (1.0 - doubt) * beside_unknown(own, f.site, &unknown) * of_one_kind(group, chosen, candidates);
@@ -89,13 +91,15 @@ pub fn diagnose(
             findings.push(f);
             let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
             grounds.push((members, rivals));
+        } else {
+            unexplained.push(unexplained_from(&search, &stage, group, &fitted.model, [before, after], kept));
         }
         before = after;
     }
 
     let elsewhere = |place: Place, curves: bool| {
         let goes = |c: &Candidate| {
-            let of_these = !curves || c.effect == locators::UNEXPLAINED;
+            let of_these = !curves || c.cause == Cause::Unexplained;
             of_these && place.is_same_part(c.site)
         };
         chosen.iter().copied().filter(|c| !goes(&candidates[*c])).collect::<Vec<usize>>()
@@ -124,7 +128,7 @@ pub fn diagnose(
     let mut blind_to = blind(&search, &full, chosen);
     let found = |u: &&Untestable| findings.iter().any(|f| f.effect == u.effect);
     blind_to.extend(untestable.iter().filter(|u| !found(u)).map(|u| Blind {
-        effect: u.effect.to_owned(),
+        effect: u.effect,
         site: Place::All,
         lambda: 0.0,
         lacks: Some(u.lacks.to_owned()),
@@ -138,12 +142,7 @@ pub fn diagnose(
             noise_mm: noise_of(fitted, &errors),
             lack_of_fit_p: lack_of_fit(&search, &start, chosen),
             holdout_rms_mm: none.blocks,
-            reading_noise: nuisances
-                .iter()
-                .zip(believed)
-                .filter(|(_, b)| **b)
-                .map(|(n, _)| n.located.clone())
-                .collect(),
+            reading_noise: nuisances.iter().zip(believed).filter(|(_, b)| **b).map(|(n, _)| n.located()).collect(),
         },
         findings,
         blind_to,
@@ -176,10 +175,13 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
+/// What terms about the readings' own noise have for the name of their effect.
+const READING_NOISE: [&str; 2] = [Cause::ReadingNoise.name(), Cause::JointReadingNoise.name()];
+
 /// Parameters of the arm, without those of measuring frames, targets and the readings' own noise.
 fn arm_parameters(model: &Model) -> usize {
     let of_arm = |t: &&trical_model::Term| {
-        !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && !t.effect.ends_with("reading_noise")
+        !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && !READING_NOISE.contains(&t.effect.as_str())
     };
     model.terms.iter().filter(of_arm).count()
 }

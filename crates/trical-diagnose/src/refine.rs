@@ -5,7 +5,7 @@ use std::mem::discriminant;
 use trical_ident::dataset::Dataset;
 use trical_model::Term;
 
-use crate::catalogue::Candidate;
+use crate::candidate::Candidate;
 use crate::locators::{KNOTS, value};
 
 /// Steps all along a variable are so many.
@@ -32,7 +32,7 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
         _ => return Vec::new(),
     };
     let is_step =
-        |o: &&Candidate| (o.effect, o.site) == (c.effect, c.site) && o.step().is_some_and(|(of, _)| of == variable);
+        |o: &&Candidate| (o.cause, o.site) == (c.cause, c.site) && o.step().is_some_and(|(of, _)| of == variable);
     let Some(step) = all.iter().find(is_step) else { return Vec::new() };
     let scan: Vec<f64> = all.iter().filter(is_step).filter_map(|o| Some(o.step()?.1)).collect();
     let [below, above] = at.map_or([f64::NEG_INFINITY, f64::INFINITY], |at| neighbours(at, &scan));
@@ -47,7 +47,7 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
 
 /// A softness, a kink or a time constant, or a point of an axis, halfway to its neighbours on either side, unless they are near.
 fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
-    let alike = || all.iter().filter(|o| (o.effect, o.site) == (c.effect, c.site));
+    let alike = || all.iter().filter(|o| (o.cause, o.site) == (c.cause, c.site));
     if let Some(scale) = c.scale() {
         let scan: Vec<f64> = alike().filter(|o| same_curve(c, o)).filter_map(|o| Some(o.scale()?.ln())).collect();
         let finer: Vec<f64> = halfway(scale.ln(), &scan, NEAR.ln()).map(f64::exp).collect();
@@ -74,8 +74,8 @@ fn same_curve(a: &Candidate, b: &Candidate) -> bool {
 /// the other, or it would win by that alone.
 fn of_rivals(c: &Candidate, all: &[Candidate], scales: &[f64]) -> Vec<Candidate> {
     let mut rivals: Vec<Vec<&Candidate>> = Vec::new();
-    for o in all.iter().filter(|o| o.effect != c.effect && same_curve(c, o)) {
-        match rivals.iter_mut().find(|r| r[0].effect == o.effect) {
+    for o in all.iter().filter(|o| o.cause != c.cause && same_curve(c, o)) {
+        match rivals.iter_mut().find(|r| r[0].cause == o.cause) {
             Some(rival) => rival.push(o),
             None => rivals.push(vec![o]),
         }

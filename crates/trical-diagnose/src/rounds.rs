@@ -10,12 +10,13 @@ use trical_ident::noise::Noise;
 use trical_model::interrupt::checkpoint;
 use trical_model::{Cell, Measured, Model, Place, Robot, Term};
 
-use crate::catalogue::{Candidate, Untestable, catalogue, device_orientation, reading_noise};
+use crate::candidate::Candidate;
+use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
 use crate::correlated_noise::Memory;
 use crate::covariates::{Recorded, gives_way};
-use crate::effects::nonlinear_stiffness;
+use crate::effect_id::{Cause, EffectId};
 use crate::linear::Design;
-use crate::locators::{self, locators};
+use crate::locators::locators;
 use crate::refine::finer;
 use crate::selection::{self, Search};
 use crate::specification_test::{CONSIDERABLE, Judge, LEFT, Probes, probes};
@@ -134,9 +135,9 @@ impl Work {
         for t in model.terms.iter_mut().filter(|t| gives_way(t).is_some()) {
             t.value = t.value.abs() + t.sd.unwrap_or(0.0);
         }
-        let soft = &nonlinear_stiffness::EFFECT;
+        let soft = EffectId::NonlinearStiffness.effect();
         let now = (soft.ask)(&Recorded::new(&model, &self.all, touch_sigma(&self.fitted))).candidates;
-        for c in self.candidates.iter_mut().filter(|c| c.effect == soft.name) {
+        for c in self.candidates.iter_mut().filter(|c| c.cause == soft.id.into()) {
             if let Some(now) = now.iter().find(|n| n.terms[0].name == c.terms[0].name) {
                 c.scales.clone_from(&now.scales);
                 c.typical = now.typical;
@@ -243,7 +244,7 @@ impl Work {
             let search = self.searcher(&design);
             let stage = search.with(&design.stage(), &self.chosen);
             let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
-            search.rank(&stage).into_iter().find(|r| lean(r.candidate) && r.evidence > search::THRESHOLD)
+            search.rank(&stage).into_iter().find(|r| lean(r.candidate) && r.evidence > selection::THRESHOLD)
         };
         if let Some(best) = best {
             self.chosen.push(best.candidate);
@@ -287,7 +288,7 @@ impl Work {
             named.push(c.site);
         }
         for place in places {
-            let here = |c: &Candidate| c.effect == locators::UNEXPLAINED && c.site == place && c.scanned();
+            let here = |c: &Candidate| c.cause == Cause::Unexplained && c.site == place && c.scanned();
             let count = self.candidates.iter().filter(|c| here(c)).count();
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             let log_prior = -(count.max(1) as f64).ln();
@@ -351,7 +352,7 @@ impl Work {
     fn add(&mut self, more: Vec<Candidate>) {
         for c in more {
             let known = |o: &Candidate| {
-                o.effect == c.effect && o.terms.len() == c.terms.len() && {
+                o.cause == c.cause && o.terms.len() == c.terms.len() && {
                     let mut pairs = o.terms.iter().zip(&c.terms);
                     pairs.all(|(a, b)| a.site == b.site && a.basis == b.basis)
                 }
@@ -438,7 +439,7 @@ impl Work {
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
             let temper = temper(&self.fitted.data);
             let search = Search::new(&design, one, temper);
-            if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > search::THRESHOLD) {
+            if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > selection::THRESHOLD) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;
                 self.baseline_terms += new.len();

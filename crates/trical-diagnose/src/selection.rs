@@ -1,7 +1,7 @@
 //! Which candidates the residual asks for: ranking by an extended Bayesian criterion (Chen & Chen 2008), forward selection,
 //! pair and swap check, backward elimination.
 
-use crate::catalogue::Candidate;
+use crate::candidate::Candidate;
 use crate::linear::{Company, Design, Stage, Without};
 use rayon::prelude::*;
 use trical_model::Place;
@@ -159,7 +159,7 @@ impl<'a> Search<'a> {
     /// Whether two candidates are one effect at one site, differing in a scan point only.
     #[must_use]
     pub fn same_place(&self, a: usize, b: usize) -> bool {
-        self.candidates[a].effect == self.candidates[b].effect && self.candidates[a].site == self.candidates[b].site
+        self.candidates[a].cause == self.candidates[b].cause && self.candidates[a].site == self.candidates[b].site
     }
 
     /// Evidence of a whole set over the start, nats.
@@ -406,8 +406,8 @@ impl<'a> Search<'a> {
         let mut sets: Vec<Vec<usize>> = Vec::new();
         for (i, a) in chosen.iter().enumerate() {
             sets.extend(chosen[..i].iter().map(|b| vec![*b, *a]));
-            let effect = self.candidates[*a].effect;
-            let alike: Vec<usize> = chosen.iter().copied().filter(|c| self.candidates[*c].effect == effect).collect();
+            let cause = self.candidates[*a].cause;
+            let alike: Vec<usize> = chosen.iter().copied().filter(|c| self.candidates[*c].cause == cause).collect();
             if alike.len() > 2 && alike[0] == *a {
                 sets.push(alike);
             }

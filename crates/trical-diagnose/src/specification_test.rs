@@ -6,10 +6,11 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use trical_ident::dataset::Dataset;
 use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable};
 
-use crate::catalogue::{Candidate, anything};
+use crate::candidate::{Candidate, anything};
 use crate::covariates::{is_order, order_of};
+use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::linear::{Design, Stage};
-use crate::locators::{UNEXPLAINED, knots, name, tents, value};
+use crate::locators::{knots, name, tents, value};
 
 /// Prior odds that what happens at a place is not in the catalogue.
 const OUTSIDE: f64 = 0.03;
@@ -89,10 +90,10 @@ impl Judge<'_> {
     }
 
     fn misfit(&self, stage: &Stage, probe: usize, gain: (f64, usize)) -> Misfit {
-        let Candidate { site, located, .. } = &self.probes.candidates[probe];
+        let Candidate { site, behaviour, .. } = &self.probes.candidates[probe];
         Misfit {
             site: *site,
-            variable: located.clone(),
+            variable: behaviour.clone(),
             region: self.probes.regions[probe].clone(),
             p_value: self.p_value(stage, gain),
             dss: gain.0,
@@ -258,7 +259,7 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
     // what came before, and two angles at once, are no basis: such probes borrow a joint's constant column and weigh it row
     // by row
     let mut weights: Vec<Vec<Vec<f64>>> = vec![Vec::new(); probes.len()];
-    let mut regions: Vec<String> = probes.iter().map(|p| format!("all of {}", p.located)).collect();
+    let mut regions: Vec<String> = probes.iter().map(|p| format!("all of {}", p.behaviour)).collect();
     for joint in 1..=n {
         let constant = Term::new("probe", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT);
         let site = Place::Joint(joint);
@@ -290,9 +291,9 @@ fn value_of(data: &Dataset, variable: Variable) -> Vec<f64> {
 
 fn probe(site: Place, variable: String, terms: Vec<Term>) -> Candidate {
     Candidate {
-        effect: UNEXPLAINED,
+        cause: Cause::Unexplained,
         site,
-        located: variable,
+        behaviour: variable,
         signs: vec![0; terms.len()],
         physical: anything,
         scales: vec![1.0; terms.len()],

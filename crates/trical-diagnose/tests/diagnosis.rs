@@ -7,7 +7,7 @@ mod arm;
 use arm::{build, touch, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use trical_diagnose::diagnose;
+use trical_diagnose::{EffectId, diagnose};
 use trical_ident::ParameterSet;
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Site, Term};
 
@@ -31,7 +31,7 @@ fn hidden_backlash_is_found_at_its_joint() {
     let d = diagnosed(&with_effect(Site::Joint { joint: 4 }, Basis::direction(4), -half_gap), 21);
     assert_eq!(d.findings.len(), 1, "{:?}", d.findings);
     let f = &d.findings[0];
-    assert_eq!((f.effect.as_str(), f.site), ("lost_motion_direction", Place::Joint(4)));
+    assert_eq!((f.effect, f.site), (EffectId::LostMotionDirection, Place::Joint(4)));
     assert!((f.coefficients[0].value - 0.01).abs() < 5.0 * f.coefficients[0].sd.unwrap());
     assert!(f.evidence.holdout_rms_after_mm < 0.7 * f.evidence.holdout_rms_before_mm);
     assert!(f.evidence.forward_rms_after_mm < 0.7 * f.evidence.forward_rms_before_mm);
@@ -79,5 +79,5 @@ fn the_noise_of_nulled_readings_is_no_gain_error() {
     let d = diagnose(&model.robot, &model.cell, &build(recording), false, &mut |_, _| ()).unwrap();
     assert!(d.findings.is_empty(), "{:?}", d.findings);
     assert_eq!(d.baseline.reading_noise.len(), 1);
-    assert!(d.blind_to.iter().any(|b| b.effect == "indicator_gain" && b.lacks.is_some()));
+    assert!(d.blind_to.iter().any(|b| b.effect == EffectId::IndicatorGain && b.lacks.is_some()));
 }

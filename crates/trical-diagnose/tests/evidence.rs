@@ -4,7 +4,9 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_diagnose::catalogue::{Candidate, anything, catalogue};
+use trical_diagnose::candidate::{Candidate, anything};
+use trical_diagnose::catalogue::catalogue;
+use trical_diagnose::{Cause, EffectId};
 use trical_diagnose::covariates::Recorded;
 use trical_diagnose::linear::Design;
 use trical_diagnose::locators::{describe, locators};
@@ -49,9 +51,9 @@ fn made_of(touches: usize) -> (Model, Dataset) {
 fn candidate(shape: Shape, scale: f64) -> Candidate {
     let basis = Basis::new(Variable::Joint { joint: 2 }, shape);
     Candidate {
-        effect: "made",
+        cause: Cause::Unexplained,
         site: Place::Joint(2),
-        located: String::new(),
+        behaviour: String::new(),
         terms: vec![Term::new("made", "made", Site::Joint { joint: 2 }, basis)],
         signs: vec![0],
         physical: anything,
@@ -105,7 +107,7 @@ fn an_arm_that_carries_more_gives_way_less() {
     let of = |model: &Model| {
         let recorded = Recorded::new(model, &data, 1e-5);
         let all = catalogue(&recorded).0;
-        let is_it = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site == Place::Joint(2);
+        let is_it = |c: &&Candidate| c.cause == EffectId::CrossAxisCompliance.into() && c.site == Place::Joint(2);
         (recorded.strength(), all.iter().find(is_it).unwrap().scales[0])
     };
     let (weak, soft) = of(&model);
@@ -132,12 +134,12 @@ fn the_softest_gap_is_the_curve_of_a_soft_joint() {
     let (model, data) = made();
     let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
     for joint in 2..=3 {
-        let of = |effect: &str| -> Vec<Basis> {
-            let here = |c: &&Candidate| c.effect == effect && c.site == Place::Joint(joint);
+        let of = |effect: EffectId| -> Vec<Basis> {
+            let here = |c: &&Candidate| c.cause == effect.into() && c.site == Place::Joint(joint);
             all.iter().filter(here).map(|c| c.terms[0].basis).collect()
         };
-        let soft = of("nonlinear_stiffness");
-        assert!(of("lost_motion_gravity").iter().any(|gap| soft.contains(gap)), "joint {joint} shares no curve");
+        let soft = of(EffectId::NonlinearStiffness);
+        assert!(of(EffectId::LostMotionGravity).iter().any(|gap| soft.contains(gap)), "joint {joint} shares no curve");
     }
 }
 
@@ -146,8 +148,8 @@ fn a_joint_gives_way_about_any_point_of_its_axis() {
     let (model, data) = made();
     let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
     let points = |joint| {
-        let here = |c: &&Candidate| c.effect == "cross_axis_compliance" && c.site == Place::Joint(joint);
-        all.iter().filter(here).map(|c| (c.share(), c.located.clone())).collect::<Vec<_>>()
+        let here = |c: &&Candidate| c.cause == EffectId::CrossAxisCompliance.into() && c.site == Place::Joint(joint);
+        all.iter().filter(here).map(|c| (c.share(), c.located())).collect::<Vec<_>>()
     };
     // base and table at their foot only, a joint without an offset at its origin only
     assert_eq!((points(1).len(), points(2).len()), (1, 1));

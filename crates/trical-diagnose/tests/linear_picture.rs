@@ -5,7 +5,9 @@
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_diagnose::catalogue::{Candidate, catalogue};
+use trical_diagnose::candidate::Candidate;
+use trical_diagnose::catalogue::catalogue;
+use trical_diagnose::{Cause, EffectId};
 use trical_diagnose::correlated_noise::Memory;
 use trical_diagnose::covariates::Recorded;
 use trical_diagnose::linear::{Company, Design, Stage};
@@ -113,12 +115,12 @@ fn least((j, r): (DMatrix<f64>, DVector<f64>), set: &[&Candidate]) -> (f64, DVec
 
 /// One candidate of every effect, with a second one of those that have many.
 fn some(candidates: &[Candidate]) -> Vec<usize> {
-    let mut effects: Vec<&str> = candidates.iter().map(|c| c.effect).collect();
-    effects.dedup();
-    effects
+    let mut causes: Vec<Cause> = candidates.iter().map(|c| c.cause).collect();
+    causes.dedup();
+    causes
         .iter()
         .flat_map(|e| {
-            let own: Vec<usize> = (0..candidates.len()).filter(|k| candidates[*k].effect == *e).collect();
+            let own: Vec<usize> = (0..candidates.len()).filter(|k| candidates[*k].cause == *e).collect();
             [own[own.len() / 3], own[own.len() - 1]]
         })
         .collect()
@@ -138,7 +140,7 @@ fn a_candidate_removes_what_a_fit_of_all_rows_with_it_removes() {
     for k in some(&candidates) {
         let (after, x) = fitted(&model, &[&candidates[k]], &data);
         let told = design.gain(&start, k).dss;
-        let name = &candidates[k].located;
+        let name = candidates[k].located();
         // what is all but absorbed by the fit counts as nothing
         assert!((before - after - told).abs() < 1e-6 * before, "{name}: {} {told}", before - after);
         let own = x.rows(model.terms.len(), candidates[k].terms.len());
@@ -204,8 +206,8 @@ fn a_set_without_some_of_its_members_is_the_others_added_anew() {
 #[test]
 fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
     let (model, data, candidates) = made();
-    let gap = |c: &&Candidate| c.effect == "lost_motion_gravity" && c.site == Place::Joint(3);
-    let set = [candidates.iter().find(|c| c.effect == "payload"), candidates.iter().find(gap)].map(Option::unwrap);
+    let gap = |c: &&Candidate| c.cause == EffectId::LostMotionGravity.into() && c.site == Place::Joint(3);
+    let set = [candidates.iter().find(|c| c.cause == EffectId::Payload.into()), candidates.iter().find(gap)].map(Option::unwrap);
     let both: Vec<Candidate> = set.iter().map(|c| (*c).clone()).collect();
     let values = [2.0, 0.05, -0.02, 0.03, 3e-4];
     let mut with = model.clone();
@@ -235,7 +237,7 @@ fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
 #[test]
 fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
     let (model, data, candidates) = made();
-    let wave = candidates.iter().find(|c| c.effect == "joint_harmonic" && c.site == Place::Joint(1)).unwrap();
+    let wave = candidates.iter().find(|c| c.cause == EffectId::JointHarmonic.into() && c.site == Place::Joint(1)).unwrap();
     let constant = |t: &Term| Term { basis: Basis::CONSTANT, ..t.clone() };
     let weighed = Candidate { terms: wave.terms.iter().map(constant).collect(), ..wave.clone() };
     let weights: Vec<Vec<f64>> = wave
@@ -332,7 +334,7 @@ fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
         let set = [&candidates[k]];
         let (after, _) = least(whitened(&set), &set);
         let told = design.gain(&start, k).dss;
-        assert!((before - after - told).abs() < 1e-6 * before, "{}: {} {told}", set[0].located, before - after);
+        assert!((before - after - told).abs() < 1e-6 * before, "{}: {} {told}", set[0].located(), before - after);
     }
 }
 

@@ -7,12 +7,12 @@ mod common {
 
 use std::path::{Path, PathBuf};
 
-use common::arm::{build, paper_terms, touch, truth};
+use common::arm::{build, nominal, paper_terms, touch, truth};
 use trical_ident::{
     Dataset, ErrorSummary, JointSource, ModelFile, ParameterSet, cross_validate, identify, load_csv,
     reject_gross_errors, write_csv,
 };
-use trical_model::{Cell, Measured, Model, Recording, Robot, Row};
+use trical_model::{Cell, Forward, Measured, Model, Robot};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);

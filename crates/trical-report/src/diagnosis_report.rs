@@ -93,7 +93,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         (Variable::Joint { joint }, _) => {
             Some((format!("angle of joint {joint}, deg"), of(&|s| s.q[joint - 1].to_degrees())))
         }
-        (Variable::Moment { joint, .. }, _) if f.effect != "cross_axis_compliance" => {
+        (Variable::Moment { joint, .. }, _) if !matches!(term.site, Site::Across { .. }) => {
             let forward = Forward::new(d.model.clone(), Vec::new()).ok()?;
             let mut ws = forward.workspace();
             let torque =
@@ -420,7 +420,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
-        blind.push(vec![b.effect.clone(), b.site.to_string(), format!("{:.2}", b.lambda), lacks]);
+        blind.push(vec![b.effect.to_string(), b.site.to_string(), format!("{:.2}", b.lambda), lacks]);
     }
     sections.push(Section {
         heading: "What this data could not show".into(),

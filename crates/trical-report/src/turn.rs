@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use serde_json::{Value, json};
-use trical_model::{Place, Pose, State};
+use trical_model::{Pose, State};
 use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 

@@ -229,10 +229,10 @@ fn lines(d: &Diagnosis) -> Vec<String> {
         ));
     }
     out.extend(d.cautions.iter().flat_map(|c| table::wrapped(&format!("Caution: {c}"), 108, "")));
-    let mut blind: Vec<&str> = Vec::new();
+    let mut blind: Vec<&'static str> = Vec::new();
     for b in &d.blind_to {
-        if !blind.contains(&b.effect.as_str()) {
-            blind.push(&b.effect);
+        if !blind.contains(&b.effect.name()) {
+            blind.push(b.effect.name());
         }
     }
     if !blind.is_empty() {

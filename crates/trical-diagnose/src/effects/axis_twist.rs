@@ -3,16 +3,24 @@
 
 use trical_model::{Basis, Parameter, Place, Site};
 
-use super::{Asked, Effect, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "axis_twist",
+    id: EffectId::AxisTwist,
+    title: "twist between near-parallel axes",
+    family: Family::Geometry,
+    scope: Scope::Arm,
     site: "joint",
     form: "near-parallel axes: Hayati's beta",
     needs: "-",
     typical: "0.01 to 0.1 deg",
     rivals: "axis_wobble of the joint before",
+    action: "Let the calibrated model correct it: it belongs to the geometry of this arm.",
+    remedy: Remedy::WiderRange,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

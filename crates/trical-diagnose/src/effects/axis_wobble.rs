@@ -2,17 +2,25 @@
 
 use trical_model::{Axis, Basis, Parameter, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Pivot, Size, deg};
-use crate::catalogue::Candidate;
+use super::effect::{Asked, Effect, Family, Pivot, Remedy, Scope, Size, deg};
+use crate::candidate::Candidate;
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "axis_wobble",
+    id: EffectId::AxisWobble,
+    title: "bearing run-out",
+    family: Family::Geometry,
+    scope: Scope::Arm,
     site: "joint",
     form: "bearing run-out: the axis tilts about x and y, at the joint's origin or its foot, with sin(n q_j), cos(n q_j), n = 1, 2",
     needs: "-",
     typical: "0.003 to 0.03 deg",
     rivals: "joint_harmonic, axis_twist, geometry",
+    action: "Let the calibrated model correct it; where it grows, have the bearing looked at.",
+    remedy: Remedy::WiderRange,
+    periodic: true,
+    follows_torque: false,
     ask,
 };
 

@@ -3,16 +3,24 @@
 
 use trical_model::{Axis, Basis, Place, Site};
 
-use super::{Asked, Effect, Part, Size};
+use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "ball_position",
+    id: EffectId::BallPosition,
+    title: "wrong distance between balls",
+    family: Family::Gauge,
+    scope: Scope::Setup,
     site: "ball",
     form: "a wrong distance of the ballbar: the ball is elsewhere, three coordinates",
     needs: "touches",
     typical: "0.01 to 0.2 mm",
     rivals: "the base (mostly absorbed); the other balls, where there are three",
+    action: "Measure the distances of the balls again.",
+    remedy: Remedy::SecondInstrument,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -3,16 +3,24 @@
 
 use trical_model::{Axis, Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, NO_MASSES, Pivot, Size};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Pivot, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "cross_axis_compliance",
+    id: EffectId::CrossAxisCompliance,
+    title: "bearing or link that gives way across the axis",
+    family: Family::Elasticity,
+    scope: Scope::Arm,
     site: "joint",
     form: "bearing and link give way across the axis: rotation k M_perp about the joint's origin, its foot or between (joint 1: base and table, its foot)",
     needs: "masses",
     typical: "1e-5 to 4e-4 rad/Nm on a small arm, less on one that carries more",
     rivals: "payload, axis_wobble; mostly absorbed by the geometry",
+    action: "Tighten the bolts of base and bearing and have the bearing looked at, or let the calibrated model correct it.",
+    remedy: Remedy::SignOfTorque,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size, along};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, along};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "fixture_drift",
+    id: EffectId::FixtureDrift,
+    title: "balls that creep",
+    family: Family::SomethingMoved,
+    scope: Scope::Course,
     site: "fixture",
     form: "the balls creep with t, three coordinates",
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "thermal_zero_drift",
+    action: "Fasten the platform of the balls and the base, and keep its temperature steady.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

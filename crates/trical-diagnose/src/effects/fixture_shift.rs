@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size, along};
-use crate::covariates::{Recorded, moment};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, along};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "fixture_shift",
+    id: EffectId::FixtureShift,
+    title: "balls that slipped",
+    family: Family::SomethingMoved,
+    scope: Scope::Course,
     site: "fixture",
     form: "the balls step at ts, three coordinates",
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "joint_zero_shift",
+    action: "Fasten the platform of the balls and the base, and measure again.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 
@@ -23,7 +31,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |at: &f64| {
         EFFECT.candidate(
             Place::Fixture,
-            format!("the place of the balls changes at once {}", moment(order, *at)),
+            "the place of the balls changes at once".into(),
             Size { typical: 1e-4, large: 2.5e-4 },
             along(Site::Fixture, "fixture_shift", Basis::new(order, Shape::Step { at: *at })),
         )

@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Motion, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "frame_drift",
+    id: EffectId::FrameDrift,
+    title: "measuring instrument that moves",
+    family: Family::SomethingMoved,
+    scope: Scope::Course,
     site: "frame",
     form: "the measuring frame moves with t, six coordinates",
     needs: "time or order, an optical instrument",
     typical: "0.01 to 0.2 mm",
     rivals: "fixture_drift, thermal_growth",
+    action: "Fasten the instrument, let it warm up, and measure reference points in between.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "gear_ratio",
+    id: EffectId::GearRatio,
+    title: "wrong gear ratio",
+    family: Family::Transmission,
+    scope: Scope::Arm,
     site: "joint",
     form: "a wrong ratio: D = k q_j",
     needs: "-",
     typical: "1e-4 to 1e-3",
     rivals: "joint_harmonic with n = 1",
+    action: "Correct the ratio in the controller, or let the calibrated model do so.",
+    remedy: Remedy::WiderRange,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -3,19 +3,27 @@
 
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, EFFECTS, Effect, Size, arcsec};
-use crate::catalogue::Candidate;
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, arcsec};
+use crate::candidate::Candidate;
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 use crate::periodogram::GEARS;
 
 /// The effect.
 pub const EFFECT: Effect = Effect {
-    name: "gear_ripple",
+    id: EffectId::GearRipple,
+    title: "gear ripple",
+    family: Family::Transmission,
+    scope: Scope::Arm,
     site: "joint",
     form: "strain-wave or cycloidal drive, motor encoder: D = a sin(N q_j) + b cos(N q_j), N = 10 to 300",
     needs: "joints to 0.01 deg",
     typical: "5 to 30 arcsec",
     rivals: "its own aliases",
+    action: "Let the calibrated model correct it; where it grows, have the gear looked at for wear.",
+    remedy: Remedy::WiderRange,
+    periodic: true,
+    follows_torque: false,
     ask,
 };
 
@@ -36,6 +44,6 @@ pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
         vec![part("sine", Shape::Sine { cycles }), part("cosine", Shape::Cosine { cycles })],
     );
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let ways = (EFFECTS.len() * joints) as f64 * f64::from(to - from + 1);
+    let ways = (EffectId::ALL.len() * joints) as f64 * f64::from(to - from + 1);
     Candidate { log_prior: -ways.ln(), ..candidate }
 }

@@ -2,16 +2,24 @@
 
 use trical_model::{Axis, Basis, Place, Site};
 
-use super::{Asked, Effect, NO_MASSES, Size, deg};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size, deg};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "gravity_direction",
+    id: EffectId::GravityDirection,
+    title: "base that is not level",
+    family: Family::Load,
+    scope: Scope::Arm,
     site: "base",
     form: "a base that is not level: D_i = c_i dtau_i/dg for all joints",
     needs: "masses",
     typical: "0.5 to 2 deg",
     rivals: "mostly absorbed by the base",
+    action: "Level the base, or tell the controller how it stands.",
+    remedy: Remedy::SignOfTorque,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Axis, Basis, Motion, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size};
 use crate::covariates::{Recorded, seconds_per};
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "indicator_drift",
+    id: EffectId::IndicatorDrift,
+    title: "indicator that drifts",
+    family: Family::Gauge,
+    scope: Scope::Course,
     site: "axis",
     form: "y gets k t",
     needs: "time or order",
     typical: "0.02 mm/h",
     rivals: "tool_drift",
+    action: "Let the gauge warm up, and measure its zero in between.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -3,16 +3,24 @@
 
 use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "indicator_gain",
+    id: EffectId::IndicatorGain,
+    title: "indicator that reads too much or too little",
+    family: Family::Gauge,
+    scope: Scope::Setup,
     site: "axis",
     form: "y counts as (1 + g) y",
     needs: "readings with a spread",
     typical: "0.5 to 8 %",
     rivals: "invisible if every reading is nulled",
+    action: "Have the indicator calibrated.",
+    remedy: Remedy::DeflectedReadings,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Part, Size, deg};
+use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size, deg};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "indicator_skew",
+    id: EffectId::IndicatorSkew,
+    title: "indicators that are not square",
+    family: Family::Gauge,
+    scope: Scope::Setup,
     site: "axis",
     form: "y_a gets e y_b of the other two",
     needs: "readings with a spread",
     typical: "0.5 to 1.5 deg",
     rivals: "invisible if every reading is nulled",
+    action: "Have the device aligned, or its indicators calibrated together.",
+    remedy: Remedy::DeflectedReadings,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "joint_coupling",
+    id: EffectId::JointCoupling,
+    title: "one joint moves another",
+    family: Family::Transmission,
+    scope: Scope::Arm,
     site: "joint, from",
     form: "wrist gears, parallelogram: D = k q_i for joints 5 by 4, 6 by 5, 6 by 4, 3 by 2",
     needs: "-",
     typical: "2e-4 to 2e-3",
     rivals: "gear_ratio",
+    action: "Correct the coupling factor in the controller, or let the calibrated model do so.",
+    remedy: Remedy::WiderRange,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "joint_harmonic",
+    id: EffectId::JointHarmonic,
+    title: "eccentric gear or encoder",
+    family: Family::Transmission,
+    scope: Scope::Arm,
     site: "joint",
     form: "eccentric gear or encoder: D = a sin(n q_j) + b cos(n q_j), n = 1 to 6",
     needs: "-",
     typical: "0.005 to 0.03 deg",
     rivals: "gear_ratio on short strokes",
+    action: "Let the calibrated model correct it, or have the encoder and the gear centred.",
+    remedy: Remedy::WiderRange,
+    periodic: true,
+    follows_torque: false,
     ask,
 };
 

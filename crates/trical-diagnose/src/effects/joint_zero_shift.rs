@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size, deg};
-use crate::covariates::{Recorded, moment};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, deg};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "joint_zero_shift",
+    id: EffectId::JointZeroShift,
+    title: "joint zero that jumped",
+    family: Family::SomethingMoved,
+    scope: Scope::Course,
     site: "joint",
     form: "encoder zero lost at ts: D = d step(t - ts)",
     needs: "time or order",
     typical: "0.01 to 0.06 deg",
     rivals: "fixture_shift, tool_shift",
+    action: "Have the encoder, its battery and the belt looked at, and measure again.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 
@@ -23,7 +31,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
         for joint in r.joints() {
             out.push(EFFECT.candidate(
                 Place::Joint(joint),
-                format!("joint {joint}'s zero changes at once {}", moment(order, *at)),
+                format!("joint {joint}'s zero changes at once"),
                 Size { typical: deg(0.02), large: deg(0.06) },
                 vec![(format!("zero_shift_{joint}"), Site::Joint { joint }, step, 0)],
             ));

@@ -3,16 +3,24 @@
 
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
-use super::{Asked, Effect, Part, Size};
+use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "late_joint_reading",
+    id: EffectId::LateJointReading,
+    title: "joints read before the arm had settled",
+    family: Family::Reading,
+    scope: Scope::Reading,
     site: "all joints, or one",
     form: "D = lambda (q_commanded - q_read)",
     needs: "commanded and read joints, sense of motion",
     typical: "0.005 to 0.1 deg",
     rivals: "lost_motion_direction",
+    action: "Wait until the arm stands before its joints are read, or use the commanded joints.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

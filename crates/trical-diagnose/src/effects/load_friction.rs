@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_MASSES, NO_SENSE, arcsec};
+use super::effect::{Asked, Effect, Family, NO_MASSES, NO_SENSE, Remedy, Scope, arcsec};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "load_friction",
+    id: EffectId::LoadFriction,
+    title: "friction that grows with the load",
+    family: Family::LostMotion,
+    scope: Scope::Arm,
     site: "joint",
     form: "stops short, more under load: D = -d_j (b + k |tau_j|)",
     needs: "sense of motion, masses",
     typical: "2 to 120 arcsec",
     rivals: "lost_motion_direction",
+    action: "Have the lubrication and the preload of the drive looked at, or let programs approach with one sense of motion.",
+    remedy: Remedy::BothSenses,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

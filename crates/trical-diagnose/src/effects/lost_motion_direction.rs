@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Site};
 
-use super::{Asked, Effect, NO_SENSE, Size, arcsec};
+use super::effect::{Asked, Effect, Family, NO_SENSE, Remedy, Scope, Size, arcsec};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "lost_motion_direction",
+    id: EffectId::LostMotionDirection,
+    title: "backlash or friction wind-up",
+    family: Family::LostMotion,
+    scope: Scope::Arm,
     site: "joint",
     form: "friction wind-up, backlash: D = -(b/2) d_j",
     needs: "sense of motion",
     typical: "b 2 to 120 arcsec",
     rivals: "load_friction; invisible if every approach has one sense",
+    action: "Have the gear and its preload looked at, or let programs approach with one sense of motion.",
+    remedy: Remedy::BothSenses,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

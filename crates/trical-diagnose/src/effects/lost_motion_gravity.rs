@@ -3,17 +3,25 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_MASSES, Size, deg};
-use crate::catalogue::Candidate;
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size, deg};
+use crate::candidate::Candidate;
 use crate::covariates::{Recorded, SMALL_ARM};
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "lost_motion_gravity",
+    id: EffectId::LostMotionGravity,
+    title: "backlash that gravity closes",
+    family: Family::LostMotion,
+    scope: Scope::Arm,
     site: "joint",
     form: "teeth rest on one flank: D = (b/2) tanh(tau_j / T)",
     needs: "masses",
     typical: "0.01 to 0.04 deg",
     rivals: "nonlinear_stiffness; the zero offset where tau_j never changes sign",
+    action: "Have the gear and its preload looked at, or keep the joint loaded in one direction.",
+    remedy: Remedy::SignOfTorque,
+    periodic: false,
+    follows_torque: true,
     ask,
 };
 

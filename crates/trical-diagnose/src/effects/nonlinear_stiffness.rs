@@ -4,16 +4,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_MASSES, Size};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "nonlinear_stiffness",
+    id: EffectId::NonlinearStiffness,
+    title: "joint stiffness that changes with the load",
+    family: Family::Elasticity,
+    scope: Scope::Arm,
     site: "joint",
     form: "D = k tanh(tau_j / T), k clip(tau_j / T), k tau_j |tau_j|, k tau_j^3",
     needs: "masses",
     typical: "15 to 50 % of c tau",
     rivals: "lost_motion_gravity",
+    action: "Let the calibrated model correct it.",
+    remedy: Remedy::SignOfTorque,
+    periodic: false,
+    follows_torque: true,
     ask,
 };
 

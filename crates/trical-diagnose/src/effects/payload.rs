@@ -2,16 +2,24 @@
 
 use trical_model::{Axis, Basis, Payload, Place, Site};
 
-use super::{Asked, Effect, NO_MASSES, Part};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Part, Remedy, Scope};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "payload",
+    id: EffectId::Payload,
+    title: "wrong load on the flange",
+    family: Family::Load,
+    scope: Scope::Setup,
     site: "tool",
     form: "wrong mass or centre of gravity: D_i = c_i (dtau_i/dm, dtau_i/d(m r))",
     needs: "masses",
     typical: "0.2 to 1 kg, 10 to 50 mm",
     rivals: "compliance, cross_axis_compliance",
+    action: "Weigh the tool and correct mass and centre of gravity in cell.toml and in the controller.",
+    remedy: Remedy::KnownPayload,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

@@ -2,16 +2,24 @@
 
 use trical_model::{Place, Site, Variable};
 
-use super::{Asked, Effect, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "thermal_growth",
+    id: EffectId::ThermalGrowth,
+    title: "growth with temperature",
+    family: Family::Heat,
+    scope: Scope::Course,
     site: "links",
     form: "a, d times (1 + alpha dT), or with 1 - exp(-t/T) where there is no thermometer",
     needs: "temperature, time or order",
     typical: "12e-6 to 26e-6 / K",
     rivals: "frame_drift, thermal_zero_drift",
+    action: "Let the arm warm up before it is measured or works, or record its temperature.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

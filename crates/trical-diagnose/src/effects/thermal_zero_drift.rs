@@ -2,16 +2,24 @@
 
 use trical_model::{Place, Site};
 
-use super::{Asked, Effect, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "thermal_zero_drift",
+    id: EffectId::ThermalZeroDrift,
+    title: "joint zero that moves with temperature",
+    family: Family::Heat,
+    scope: Scope::Course,
     site: "joint",
     form: "D = k dT",
     needs: "temperature, time or order",
     typical: "0.005 to 0.06 deg",
     rivals: "fixture_drift, thermal_growth",
+    action: "Let the arm warm up before it is measured or works, or record its temperature.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

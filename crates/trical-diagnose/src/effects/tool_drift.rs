@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size, along};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, along};
 use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "tool_drift",
+    id: EffectId::ToolDrift,
+    title: "tool that creeps",
+    family: Family::SomethingMoved,
+    scope: Scope::Course,
     site: "tool",
     form: "the device creeps on the flange with t, three coordinates",
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "indicator_drift",
+    action: "Fasten the device on the flange, and keep its temperature steady.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 

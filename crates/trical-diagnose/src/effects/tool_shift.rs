@@ -2,16 +2,24 @@
 
 use trical_model::{Basis, Place, Shape, Site};
 
-use super::{Asked, Effect, NO_TIME, Size, along};
-use crate::covariates::{Recorded, moment};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, along};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
-    name: "tool_shift",
+    id: EffectId::ToolShift,
+    title: "tool that slipped",
+    family: Family::SomethingMoved,
+    scope: Scope::Course,
     site: "tool",
     form: "the device steps on the flange at ts, three coordinates",
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "joint_zero_shift of joint 6 (exactly)",
+    action: "Fasten the device on the flange, and measure again.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
     ask,
 };
 
@@ -20,7 +28,7 @@ fn ask(r: &Recorded<'_>) -> Asked {
     let of = |at: &f64| {
         EFFECT.candidate(
             Place::Tool,
-            format!("the tool on the flange changes at once {}", moment(order, *at)),
+            "the tool on the flange changes at once".into(),
             Size { typical: 1e-4, large: 2.5e-4 },
             along(Site::Tool, "tool_shift", Basis::new(order, Shape::Step { at: *at })),
         )

@@ -14,7 +14,7 @@ use trical_ident::error::Result;
 use trical_ident::noise::Noise;
 use trical_model::{Basis, Forward, Measured, Model, Site, residual_rows};
 
-use crate::catalogue::Candidate;
+use crate::candidate::Candidate;
 use crate::correlated_noise::{Filter, Memory, in_device_axes};
 
 /// Columns of one piece of a product.

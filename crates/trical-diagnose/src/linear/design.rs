@@ -13,7 +13,7 @@ use trical_model::Model;
 use super::columns::Linear;
 use super::holdout::HeldOut;
 use super::state::Stage;
-use crate::catalogue::Candidate;
+use crate::candidate::Candidate;
 use crate::correlated_noise::Memory;
 
 /// A linearized fit with candidates.
@@ -23,29 +23,29 @@ pub struct Design {
     /// Fitted parameters.
     pub parameters: usize,
     /// The rows; a narrowed design has none.
-    linear: Option<Linear>,
-    width: usize,
+    pub(super) linear: Option<Linear>,
+    pub(super) width: usize,
     /// First column of each candidate, and one past the last.
-    spans: Vec<(usize, usize)>,
+    pub(super) spans: Vec<(usize, usize)>,
     /// Squared lengths of the columns before projection.
-    squares: Vec<f64>,
+    pub(super) squares: Vec<f64>,
     /// 1 / (prior standard deviation)^2 of every coefficient.
-    precision: Vec<f64>,
+    pub(super) precision: Vec<f64>,
     /// `Q'X` of all columns, `parameters x width`.
-    projected: Mat<f64>,
+    pub(super) projected: Mat<f64>,
     /// `X'X - (Q'X)'(Q'X)` of all columns with those of a candidate, `width x k`, from when it is first asked for.
-    grams: Vec<OnceLock<Mat<f64>>>,
+    pub(super) grams: Vec<OnceLock<Mat<f64>>>,
     /// Of each column with itself, and of the columns of each candidate with each other (see [`Stage`]).
-    left: Vec<f64>,
-    beside: Vec<f64>,
+    pub(super) left: Vec<f64>,
+    pub(super) beside: Vec<f64>,
     /// Where those of each candidate begin.
-    beside_at: Vec<usize>,
+    pub(super) beside_at: Vec<usize>,
     /// `X'r` of all columns, and `r'r`, after projection.
-    b: Vec<f64>,
-    ss: f64,
+    pub(super) b: Vec<f64>,
+    pub(super) ss: f64,
     /// Half of `ln det (J'J)`.
-    of_parameters: f64,
-    held_out: Mutex<HeldOut>,
+    pub(super) of_parameters: f64,
+    pub(super) held_out: Mutex<HeldOut>,
 }
 
 impl Design {
@@ -162,7 +162,7 @@ impl Design {
     }
 
     /// Inner products of all columns with those of a candidate, `width x k`.
-    fn gram(&self, candidate: usize) -> &Mat<f64> {
+    pub(super) fn gram(&self, candidate: usize) -> &Mat<f64> {
         if self.grams[candidate].get().is_none() {
             self.prepare(&[candidate]);
         }

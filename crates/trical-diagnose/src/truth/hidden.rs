@@ -4,9 +4,11 @@ use trical_ident::dataset::{Dataset, JointSource};
 use trical_model::{Joints, MAX_JOINTS, Measured, Model, Recording, Row, State, Term};
 
 use super::{Result, TruthError};
-use crate::catalogue::{Candidate, catalogue};
+use crate::candidate::Candidate;
+use crate::catalogue::catalogue;
 use crate::covariates::Recorded;
-use crate::effects::gear_ripple::ripple;
+use crate::effect_id::{Cause, EffectId};
+use crate::effects::ripple;
 
 /// Adds to a model what is asked for: `effect`, `effect@site`, `effect@site*size`, where size is in typical sizes
 /// and may be negative. For ripples the site is `joint/cycles`, for steps `site/seconds`.
@@ -28,12 +30,13 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
             site.map_or((None, None), |s| s.split_once('/').map_or((Some(s), None), |(a, b)| (Some(a), Some(b))));
         let detail: Option<f64> =
             detail.map(|d| d.parse().map_err(|_| wrong(wish, "a number behind /", &candidates))).transpose()?;
-        let found = if effect == "gear_ripple" {
+        let found = if EffectId::named(effect) == Some(EffectId::GearRipple) {
             let joint = site.and_then(|s| s.parse().ok()).filter(|j| (1..=model.robot.dof()).contains(j));
             let joint = joint.ok_or_else(|| wrong(wish, "gear_ripple@JOINT/CYCLES", &candidates))?;
             ripple(joint, detail.unwrap_or(100.0), model.robot.dof())
         } else {
-            let found = candidates.iter().find(|c| c.effect == effect && site.is_none_or(|s| c.site.is_called(s)));
+            let id = EffectId::named(effect).map(Cause::Effect);
+            let found = candidates.iter().find(|c| Some(c.cause) == id && site.is_none_or(|s| c.site.is_called(s)));
             let found = found.ok_or_else(|| wrong(wish, "EFFECT@SITE", &candidates))?;
             match (found.step(), detail) {
                 (Some(_), Some(at)) => found.with_step(at),
@@ -59,7 +62,7 @@ fn wrong(wish: &str, expected: &str, candidates: &[Candidate]) -> TruthError {
     let effect = wish.split(['@', '*']).next().unwrap_or_default();
     let mut sites: Vec<String> = candidates
         .iter()
-        .filter(|c| c.effect == effect)
+        .filter(|c| c.cause.name() == effect)
         .map(|c| serde_json::to_string(&c.site).unwrap_or_default())
         .collect();
     sites.dedup();
@@ -68,8 +71,8 @@ fn wrong(wish: &str, expected: &str, candidates: &[Candidate]) -> TruthError {
         sites.dedup();
         return says(format!("expected {expected}; sites of {effect} are {}", sites.join(" ")));
     }
-    let mut names: Vec<&str> = candidates.iter().map(|c| c.effect).collect();
-    names.push("gear_ripple");
+    let mut names: Vec<&str> = candidates.iter().map(|c| c.cause.name()).collect();
+    names.push(EffectId::GearRipple.name());
     names.sort_unstable();
     names.dedup();
     says(format!("no such effect; known are {}", names.join(", ")))

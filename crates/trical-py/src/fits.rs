@@ -7,12 +7,13 @@ use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 use trical_device::record::{RecordError, hand_over};
-use trical_ident::diagnose::effects::EFFECTS;
+use trical_diagnose::effects::EFFECTS;
+use trical_diagnose::{Diagnosis, diagnose_recordings};
 use trical_ident::fit::position_errors;
 use trical_ident::passes::{Other, Passes, passes};
 use trical_ident::{
-    Calibration, Choice, Diagnosis, JointSource, KnownParameters, ModelFile, Options, ParameterSet, Refit, ToolSharing,
-    calibrate, calibrate_stream, diagnose_recordings, repeatability, validate,
+    Calibration, Choice, JointSource, KnownParameters, ModelFile, Options, ParameterSet, Refit, ToolSharing, calibrate,
+    calibrate_stream, repeatability, validate,
 };
 use trical_model::{Cell, Forward, Robot};
 use trical_plan::Next;

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
-use trical_ident::{Calibration, Diagnosis, JointSource, ModelFile, Validation, write_whole};
+use trical_diagnose::Diagnosis;
+use trical_ident::{Calibration, JointSource, ModelFile, Validation, write_whole};
 use trical_model::{Cell, Robot};
 use trical_report::study::Study;
 use trical_report::{Made, diagnosis_report, identify_report, plan_report, plan_told, validate_report};

@@ -1,0 +1,483 @@
+//! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
+
+use trical_ident::dataset::{Dataset, Observation};
+use trical_ident::error::Result;
+use trical_ident::gross::reject_gross_errors_beyond;
+use trical_ident::identifiability::{Choice, ParameterSet};
+use trical_ident::identify::{Identified, fit_model, fit_model_knowing, prepared};
+use trical_ident::known::Known;
+use trical_ident::noise::Noise;
+use trical_model::interrupt::checkpoint;
+use trical_model::{Cell, Measured, Model, Place, Robot, Term};
+
+use crate::candidate::Candidate;
+use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
+use crate::correlated_noise::CorrelatedNoise;
+use crate::covariates::{Covariates, gives_way};
+use crate::effect_id::{Cause, EffectId};
+use crate::linear::Design;
+use crate::locators::locators;
+use crate::refine::finer;
+use crate::selection::Search;
+use crate::settings::{
+    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE,
+};
+use crate::specification_test::{Probes, SpecificationTest, probes};
+use crate::{periodogram, rejection};
+
+pub(crate) struct Rounds {
+    /// All rows, outliers included.
+    pub(crate) all: Dataset,
+    /// Without outliers.
+    pub(crate) kept: Dataset,
+    /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
+    pub(crate) fitted: Identified,
+    /// Of its terms.
+    pub(crate) known: Vec<Known>,
+    /// How many of its terms are the baseline's.
+    baseline_terms: usize,
+    /// What can be tried; grows as frequencies are found.
+    pub(crate) candidates: Vec<Candidate>,
+    /// Indices into the candidates.
+    pub(crate) chosen: Vec<usize>,
+    /// How the noise is correlated, beside what was chosen.
+    pub(crate) correlation: CorrelatedNoise,
+    pub(crate) untestable: Vec<Untestable>,
+    /// Terms about the readings' own noise, and which of them are in the baseline.
+    nuisances: Vec<Candidate>,
+    fitted_nuisances: Vec<bool>,
+}
+
+/// What may explain the residuals.
+struct Explanation {
+    chosen: Vec<usize>,
+    correlation: CorrelatedNoise,
+    /// How likely the residuals are with it.
+    nats: f64,
+    /// Memories beside which effects were chosen.
+    tried: Vec<CorrelatedNoise>,
+}
+
+/// What a round of the search came to.
+struct Round {
+    chosen: Vec<usize>,
+    correlation: CorrelatedNoise,
+    fitted: Identified,
+    known: Vec<Known>,
+}
+
+impl Round {
+    /// How many rows it kept.
+    fn rows_kept(&self) -> usize {
+        self.fitted.data.observations.len()
+    }
+
+    fn is_as(&self, other: &Self) -> bool {
+        let sorted = |r: &Self| {
+            let mut chosen = r.chosen.clone();
+            chosen.sort_unstable();
+            chosen
+        };
+        self.rows_kept() == other.rows_kept() && sorted(self) == sorted(other)
+    }
+}
+
+impl Rounds {
+    /// Hygiene, the baseline fit, and everything that this data can be asked.
+    pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool) -> Result<Self> {
+        let all = rejection::without_stale(data);
+        let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
+        let all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
+        let (start, _) = prepared(robot, cell, &all, &Choice::from(set))?;
+        let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
+        let sigma = touch_sigma(&fitted);
+        let nuisances = reading_noise(&Covariates::new(&fitted.model, &all, sigma));
+        let mut rounds = Self {
+            kept: all.clone(),
+            all,
+            baseline_terms: fitted.model.terms.len(),
+            known: vec![Known::NOTHING; fitted.model.terms.len()],
+            candidates: Vec::new(),
+            chosen: Vec::new(),
+            correlation: CorrelatedNoise::WHITE,
+            untestable: Vec::new(),
+            fitted_nuisances: vec![false; nuisances.len()],
+            nuisances,
+            fitted,
+        };
+        if let Some(term) = device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma)) {
+            rounds.fitted.model.terms.push(term);
+            rounds.baseline_terms += 1;
+            rounds.refit()?;
+        }
+        rounds.fit_reading_noise()?;
+        (rounds.candidates, rounds.untestable) = catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma));
+        if !names_only {
+            rounds.candidates.extend(locators(&rounds.fitted.model, &rounds.all));
+        }
+        rounds.resize();
+        Ok(rounds)
+    }
+
+    /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now, with a standard deviation
+    /// added: a baseline without the effect has taken up some of it.
+    fn resize(&mut self) {
+        let mut model = self.fitted.model.clone();
+        for t in model.terms.iter_mut().filter(|t| gives_way(t).is_some()) {
+            t.value = t.value.abs() + t.sd.unwrap_or(0.0);
+        }
+        let soft = EffectId::NonlinearStiffness.effect();
+        let now = (soft.ask)(&Covariates::new(&model, &self.all, touch_sigma(&self.fitted))).candidates;
+        for c in self.candidates.iter_mut().filter(|c| c.cause == soft.id.into()) {
+            if let Some(now) = now.iter().find(|n| n.terms[0].name == c.terms[0].name) {
+                c.scales.clone_from(&now.scales);
+                c.typical = now.typical;
+            }
+        }
+    }
+
+    /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
+    /// two choices may each lead to the other: then the likelier one is taken.
+    pub(crate) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
+        let mut rounds: Vec<Round> = Vec::new();
+        for round in 0..MOST_ROUNDS {
+            checkpoint()?;
+            #[expect(clippy::cast_precision_loss, reason = "counts")]
+            progress(round as f64 / MOST_ROUNDS as f64);
+            self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
+            checkpoint()?;
+            self.add(periodogram::ripples(&self.fitted, &self.kept)?);
+            checkpoint()?;
+            let before = (self.chosen.clone(), self.correlation);
+            self.choose(rounds.is_empty())?;
+            let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
+            self.add(finer(&chosen, &self.candidates, &self.kept));
+            if self.refit().is_err() {
+                // the exact fit does not follow the linear picture: what was there before stays
+                (self.chosen, self.correlation) = before;
+                self.refit()?;
+                break;
+            }
+            self.resize();
+            // with the effects out of the way the readings' noise may show
+            if self.fit_reading_noise()? {
+                rounds.clear();
+                continue;
+            }
+            let new = self.round();
+            let been_there = rounds.iter().any(|r| r.is_as(&new));
+            rounds.push(new);
+            if been_there {
+                break;
+            }
+        }
+        self.take_likeliest(rounds)
+    }
+
+    /// Goes back to the likeliest of some rounds, of those that kept the same rows as the last one.
+    fn take_likeliest(&mut self, mut rounds: Vec<Round>) -> Result<()> {
+        let Some(last) = rounds.pop() else { return Ok(()) };
+        rounds.retain(|r| r.rows_kept() == last.rows_kept() && !r.is_as(&last));
+        if rounds.is_empty() {
+            return Ok(());
+        }
+        rounds.insert(0, last);
+        let mut best = (f64::NEG_INFINITY, 0);
+        for (k, round) in rounds.iter().enumerate() {
+            // all with the present noise, or they could not be compared
+            let nats = self.nats(&round.fitted.model, &self.members(&round.chosen), round.correlation)?;
+            if nats > best.0 {
+                best = (nats, k);
+            }
+        }
+        self.go_back(rounds.swap_remove(best.1));
+        Ok(())
+    }
+
+    /// What the search has come to.
+    fn round(&self) -> Round {
+        Round {
+            chosen: self.chosen.clone(),
+            correlation: self.correlation,
+            fitted: self.fitted.clone(),
+            known: self.known.clone(),
+        }
+    }
+
+    fn go_back(&mut self, to: Round) {
+        (self.chosen, self.correlation, self.fitted, self.known) = (to.chosen, to.correlation, to.fitted, to.known);
+    }
+
+    /// How likely the residuals are if `candidates` are all that happens, in the linear picture at a model that was fitted with effects.
+    fn nats(&self, model: &Model, candidates: &[Candidate], correlation: CorrelatedNoise) -> Result<f64> {
+        let design = self.design_at(model, candidates, &[], correlation)?;
+        let temper = temper(&self.kept);
+        let all: Vec<usize> = (0..candidates.len()).collect();
+        Ok(design.nats(temper) + Search::new(&design, candidates, temper).total(&design.start(), &all))
+    }
+
+    /// Some of the candidates.
+    fn members(&self, set: &[usize]) -> Vec<Candidate> {
+        set.iter().map(|c| self.candidates[*c].clone()).collect()
+    }
+
+    /// Rows that are off alike at one place are no outliers: if one number more explains several of those that were rejected, they are.
+    /// Whether that was so.
+    pub(crate) fn restore_rows(&mut self) -> Result<bool> {
+        let rejected = |rounds: &Self| rounds.all.observations.len() - rounds.kept.observations.len();
+        let before = rejected(self);
+        if before < ROWS_ALIKE {
+            return Ok(false);
+        }
+        let (round, kept) = (self.round(), std::mem::replace(&mut self.kept, self.all.clone()));
+        let best = {
+            let design = self.design(&self.candidates, &[], self.correlation)?;
+            let search = self.searcher(&design);
+            let state = search.with(&design.start(), &self.chosen);
+            let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
+            search.rank(&state).into_iter().find(|r| lean(r.candidate) && r.evidence > EVIDENCE_NATS)
+        };
+        if let Some(best) = best {
+            self.chosen.push(best.candidate);
+            if self.refit().is_ok() {
+                self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
+                if rejected(self) + ROWS_ALIKE <= before && self.refit().is_ok() {
+                    return Ok(true);
+                }
+            }
+        }
+        self.kept = kept;
+        self.go_back(round);
+        Ok(false)
+    }
+
+    /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where
+    /// it took two terms to say it: two effects at one joint are a coincidence. Whether there is anything new to try.
+    pub(crate) fn widen(&mut self) -> Result<bool> {
+        let before = self.candidates.len();
+        let fast = periodogram::fast(&self.fitted, &self.kept)?;
+        self.add(fast);
+        let mut new = self.candidates.len() > before;
+        let (design, probes) = self.design_with_probes()?;
+        let test = self.specification_test(&design, &probes);
+        let search = self.searcher(&design);
+        let start = design.start();
+        let state = search.with(&start, &self.chosen);
+        let mut places: Vec<Place> = Vec::new();
+        for m in test.places(&state).into_iter().filter(|m| m.p_value < LACK_OF_FIT_P) {
+            let rest: Vec<usize> =
+                self.chosen.iter().copied().filter(|c| !m.site.is_same_part(self.candidates[*c].site)).collect();
+            if m.dss > CONSIDERABLE_SHARE * (search.with(&start, &rest).ss - state.ss) {
+                places.push(m.site);
+            }
+        }
+        let mut named: Vec<Place> = Vec::new();
+        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
+            if named.contains(&c.site) {
+                places.push(c.site);
+            }
+            named.push(c.site);
+        }
+        for place in places {
+            let here = |c: &Candidate| c.cause == Cause::Unexplained && c.site == place && c.scanned();
+            let count = self.candidates.iter().filter(|c| here(c)).count();
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            let log_prior = -(count.max(1) as f64).ln();
+            for c in self.candidates.iter_mut().filter(|c| here(c)) {
+                c.log_prior = log_prior;
+                new = true;
+            }
+        }
+        Ok(new)
+    }
+
+    /// Chooses what explains the residuals: effects beside white noise, or fewer beside correlated noise. A slow effect that is not
+    /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are.
+    fn choose(&mut self, first: bool) -> Result<()> {
+        let mut best = self.explanation(self.correlation, &self.chosen)?;
+        if first {
+            let (bare, _) = self.noise_beside(&[])?;
+            for start in [CorrelatedNoise::WHITE, bare] {
+                if best.tried.contains(&start) {
+                    continue;
+                }
+                let other = self.explanation(start, &[])?;
+                best.tried.extend(&other.tried);
+                if other.nats > best.nats {
+                    best = Explanation { tried: best.tried, ..other };
+                }
+            }
+        }
+        (self.chosen, self.correlation) = (best.chosen, best.correlation);
+        Ok(())
+    }
+
+    /// Effects and correlation of the noise, each chosen beside the other in turn from `correlation` on.
+    fn explanation(&self, correlation: CorrelatedNoise, initial: &[usize]) -> Result<Explanation> {
+        let mut best =
+            Explanation { chosen: initial.to_vec(), correlation, nats: f64::NEG_INFINITY, tried: Vec::new() };
+        let mut next = correlation;
+        while !best.tried.contains(&next) && best.tried.len() < NOISE_ALTERNATIONS {
+            checkpoint()?;
+            best.tried.push(next);
+            let design = self.design(&self.candidates, &[], next)?;
+            checkpoint()?;
+            let chosen = self.searcher(&design).choose(&design.start(), &best.chosen);
+            let (correlation, nats) = self.noise_beside(&chosen)?;
+            next = correlation;
+            if nats >= best.nats {
+                (best.chosen, best.correlation, best.nats) = (chosen, correlation, nats);
+            }
+        }
+        Ok(best)
+    }
+
+    /// How the noise is most likely correlated if `set` is all that happens, and how likely both are, nats.
+    fn noise_beside(&self, set: &[usize]) -> Result<(CorrelatedNoise, f64)> {
+        let candidates = self.members(set);
+        CorrelatedNoise::likeliest(longest_recording(&self.kept), |correlation| {
+            checkpoint()?;
+            self.nats(&self.fitted.model, &candidates, correlation)
+        })
+    }
+
+    fn add(&mut self, more: Vec<Candidate>) {
+        for c in more {
+            let known = |o: &Candidate| {
+                o.cause == c.cause && o.terms.len() == c.terms.len() && {
+                    let mut pairs = o.terms.iter().zip(&c.terms);
+                    pairs.all(|(a, b)| a.site == b.site && a.basis == b.basis)
+                }
+            };
+            if !self.candidates.iter().any(known) {
+                self.candidates.push(c);
+            }
+        }
+    }
+
+    /// The baseline at the joint optimum, chosen effects taken out: the search puts them back.
+    fn bare(&self) -> Model {
+        let mut bare = self.fitted.model.clone();
+        bare.terms.truncate(self.baseline_terms);
+        bare
+    }
+
+    /// The linear picture of the baseline with candidates.
+    fn design(
+        &self,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        correlation: CorrelatedNoise,
+    ) -> Result<Design> {
+        self.design_at(&self.fitted.model, candidates, weights, correlation)
+    }
+
+    /// The same where another fit of baseline and effects is.
+    fn design_at(
+        &self,
+        model: &Model,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        correlation: CorrelatedNoise,
+    ) -> Result<Design> {
+        Design::weighted(model, self.baseline_terms, candidates, weights, &self.kept, &self.fitted.noise, correlation)
+    }
+
+    /// With all candidates, and probes behind them.
+    pub(crate) fn design_with_probes(&self) -> Result<(Design, Probes)> {
+        let probes = probes(&self.fitted.model, &self.kept);
+        let mut all = self.candidates.clone();
+        all.extend(probes.candidates.iter().cloned());
+        let mut weights = vec![Vec::new(); self.candidates.len()];
+        weights.extend(probes.weights.iter().cloned());
+        Ok((self.design(&all, &weights, self.correlation)?, probes))
+    }
+
+    pub(crate) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
+        Search::new(design, &self.candidates, temper(&self.kept))
+    }
+
+    pub(crate) fn specification_test<'a>(&self, design: &'a Design, probes: &'a Probes) -> SpecificationTest<'a> {
+        SpecificationTest { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
+    }
+
+    /// Terms about the readings' own noise that were fitted.
+    pub(crate) fn reading_noise(&self) -> impl Iterator<Item = &Candidate> {
+        self.nuisances.iter().zip(&self.fitted_nuisances).filter(|(_, fitted)| **fitted).map(|(n, _)| n)
+    }
+
+    pub(crate) fn touch_sigma(&self) -> f64 {
+        touch_sigma(&self.fitted)
+    }
+
+    /// The exact joint fit of the baseline and what was chosen.
+    fn refit(&mut self) -> Result<()> {
+        let mut model = self.bare();
+        let mut known = vec![Known::NOTHING; model.terms.len()];
+        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
+            for (t, sd) in c.terms.iter().zip(&c.scales) {
+                let mut term: Term = t.clone();
+                if model.terms.iter().any(|o| o.name == term.name) {
+                    let copies = model.terms.iter().filter(|o| o.name.starts_with(&term.name)).count();
+                    term.name = format!("{}_{}", term.name, copies + 1);
+                }
+                model.terms.push(term);
+                known.push(Known::about_zero(*sd));
+            }
+        }
+        self.fitted = fit_model_knowing(model, &self.kept, &self.fitted.noise, &known, Vec::new())?;
+        self.known = known;
+        Ok(())
+    }
+
+    /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
+    fn fit_reading_noise(&mut self) -> Result<bool> {
+        let mut any = false;
+        for k in 0..self.nuisances.len() {
+            if self.fitted_nuisances[k] {
+                continue;
+            }
+            let one = std::slice::from_ref(&self.nuisances[k]);
+            let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
+            let temper = temper(&self.fitted.data);
+            let search = Search::new(&design, one, temper);
+            if search.rank(&design.start()).first().is_some_and(|r| r.evidence > EVIDENCE_NATS) {
+                let new = self.nuisances[k].terms.clone();
+                let at = self.baseline_terms;
+                self.baseline_terms += new.len();
+                self.fitted.model.terms.splice(at..at, new);
+                self.fitted_nuisances[k] = true;
+                any = true;
+                self.refit()?;
+            }
+        }
+        Ok(any)
+    }
+}
+
+/// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.
+fn touch_sigma(fitted: &Identified) -> f64 {
+    let of = |o: &Observation| fitted.noise.sigma(o.recording, &o.measured, 0);
+    let touch = fitted.data.observations.iter().find(|o| matches!(o.measured, Measured::Touch { .. }));
+    touch.or_else(|| fitted.data.observations.first()).map_or(1e-5, of)
+}
+
+/// Poses of the recording that has most.
+fn longest_recording(data: &Dataset) -> usize {
+    let mut poses = vec![0; data.names.len()];
+    let mut last = None;
+    for o in &data.observations {
+        if last != Some((o.recording, o.pose)) {
+            poses[o.recording] += 1;
+        }
+        last = Some((o.recording, o.pose));
+    }
+    poses.into_iter().max().unwrap_or(0)
+}
+
+/// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm, six numbers.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn temper(data: &Dataset) -> f64 {
+    let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
+    (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
+}

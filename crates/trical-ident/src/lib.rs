@@ -2,7 +2,6 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`recording_csv`], [`csv_layout`] | recordings as CSV, read and written |
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`start`], [`trilateration`] | closed-form starting values |
@@ -11,7 +10,7 @@
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`] | the whole of it, cross-validation |
 //! | [`gross`] | measurements that no model of the arm explains |
-//! | [`stream`], [`passes`], `sample` | identification from files of any size, in bounded memory; which files need it; rows that stand for all |
+//! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`repeatability`] | how far repeat visits scatter |
 //! | [`joint_choice`] | which joint angles to believe |
@@ -20,7 +19,6 @@
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod caution;
-pub mod csv_layout;
 pub mod dataset;
 pub mod degenerate;
 pub mod diagnose;
@@ -34,8 +32,6 @@ pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
-pub mod passes;
-pub mod recording_csv;
 pub mod repeatability;
 pub mod rigid;
 mod sample;
@@ -50,7 +46,6 @@ pub mod units;
 pub mod validate;
 
 pub use caution::cautions;
-pub use csv_layout::{Layout, write_csv};
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose};
 pub use error::{IdentError, Result};
@@ -61,10 +56,11 @@ pub use joint_choice::{clean, diagnose_recordings};
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
-pub use recording_csv::{load_csv, parse_csv};
 pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
-pub use stream::{CsvStream, Sample, Streamed, identify_stream};
+pub use stream::{Streamed, identify_stream};
 pub use touches::{model_of_touches, usual_set};
 pub use units::{Shown, shown, site_json, site_words, unit};
 pub use validate::{Refit, Region, Validation, validate};
+// a recording is where identification begins
+pub use trical_recording::{CsvStream, load_csv, parse_csv, write_csv};

@@ -21,7 +21,7 @@ fn nominal() -> Model {
 }
 
 fn dataset(rows: Vec<Row>) -> Dataset {
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
 }
 

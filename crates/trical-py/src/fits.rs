@@ -6,10 +6,8 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use trical_device::record::{RecordError, hand_over};
 use trical_ident::diagnose::effects::EFFECTS;
 use trical_ident::fit::position_errors;
-use trical_ident::passes::{Other, Passes, passes};
 use trical_ident::{
     Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile,
     ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
@@ -17,15 +15,16 @@ use trical_ident::{
 };
 use trical_model::{Cell, Forward, Robot};
 use trical_plan::Next;
+use trical_recording::{RecordError, open_large};
 use trical_report::deciding::plan_next;
 use trical_report::identify_report::{of_folds, of_last};
 
 use crate::designs::{Touches, touches};
-use crate::errors::{Result, bad};
+use crate::errors::{RecordingError, Result, bad};
 use crate::long::{Say, long};
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
-use crate::rows::{PyRows, RecordingArgument, is_mcap, read_all};
+use crate::rows::{PyRows, RecordingArgument, read_all};
 use crate::told::{Fitted, Kept, PyTold};
 
 /// Which joint angles to believe; `None` for those that the data is to choose.
@@ -172,7 +171,7 @@ fn in_passes(robot: &Robot, cell: &Cell, stream: &CsvStream, asked: &Asked, say:
 }
 
 /// The recordings to be read in passes, where they are large files that can be, or this is asked for.
-fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted: bool) -> Result<Option<Passes>> {
+fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted: bool) -> Result<Option<CsvStream>> {
     let scored = asked.folds.is_some() || asked.hold_out_last.is_some();
     if wanted && scored {
         return Err(bad("stream goes without folds and hold_out_last: these need all rows at once").into());
@@ -184,16 +183,12 @@ fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Asked, wanted
     let Some(paths) = recordings.iter().map(path).collect::<Option<Vec<_>>>() else {
         return if wanted { Err(bad("stream reads paths of recordings only").into()) } else { Ok(None) };
     };
-    let other = Other {
-        is: &|path| is_mcap(path).map_err(|e| e.to_string()),
-        each_row: &|path, take| {
-            hand_over(path, take).map_err(|e| match e {
-                RecordError::Unreadable { .. } => format!("{e}; trical.convert saves what is whole in it"),
-                _ => e.to_string(),
-            })
-        },
-    };
-    Ok(passes(&paths, joints, wanted, !scored, &other)?)
+    open_large(&paths, joints, wanted, !scored).map_err(|e| match e {
+        RecordError::Unreadable { .. } => {
+            RecordingError::new_err(format!("{e}; trical.convert saves what is whole in it")).into()
+        }
+        e => e.into(),
+    })
 }
 
 /// The model, a JSON summary, position errors before and after (n, 2) in mm, the covariance of the parameters (SI), what the
@@ -237,7 +232,7 @@ pub fn _identify<'py>(
         if known.is_none()
             && let Some(stream) = stream(&recordings, robot.dof(), &asked, in_stream)?
         {
-            return in_passes(&robot, &cell, &stream.stream, &asked, say);
+            return in_passes(&robot, &cell, &stream, &asked, say);
         }
         let recordings = read_all(&recordings, robot.dof())?;
         say(0.05, "looking for gross errors");

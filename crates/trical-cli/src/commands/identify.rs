@@ -102,11 +102,10 @@ pub fn run(args: &Args) -> Result<()> {
     let options = trical_ident::Choice::new(set, &args.compliant, robot.dof())?.knowing(known);
     let all_at_once = args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some();
     let found = match input::passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
-        Some(passes) => {
-            let stream = &passes.stream;
+        Some(stream) => {
             let sample = stream.sample()?;
             let data = prepare(args, &robot, &cell, &sample.recordings)?;
-            let streamed = identify_stream(&robot, &cell, stream, &data, options, args.keep_outliers)?;
+            let streamed = identify_stream(&robot, &cell, &stream, &data, options, args.keep_outliers)?;
             Found::of_stream(streamed)
         }
         None => {

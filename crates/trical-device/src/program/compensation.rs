@@ -153,6 +153,7 @@ impl<'a> Compensator<'a> {
             seq: self.seq,
             temp_c: self.options.temp_c,
             payload_kg: self.options.payload_kg,
+            ..State::at(&[])
         }
     }
 

@@ -12,13 +12,15 @@ use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{Retreat, RetreatOutcome};
 use trical_device::virtual_cell::{Frame, Scheduled, When};
 use trical_device::{
-    ArmPlant, CellOptions, Fault, Header, PlanEntry, Plant, ProcedureError, ProcedureOptions, RecordingWriter,
-    VirtualCell, open_controller, open_gauge, read_recording, run,
+    ArmPlant, CellOptions, Fault, PlanEntry, Plant, ProcedureError, ProcedureOptions, VirtualCell, open_controller,
+    open_gauge, run,
 };
 use trical_diagnose::truth::draw_truth;
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
 use trical_model::{Cell, Forward, Joints, Measured, Model, Recording, Robot, Row, State};
 use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches};
+use trical_recording::mcap::Header;
+use trical_recording::{RecordingWriter, read_recording};
 
 const RUNS: u64 = 200;
 
@@ -74,7 +76,8 @@ impl Bench {
             seq: None,
             line: 0,
         };
-        let recording = Recording { name: "plan".into(), joints: 6, rows: (0..3).map(touch).collect() };
+        let recording =
+            Recording { name: "plan".into(), joints: 6, rows: (0..3).map(touch).collect(), ..Recording::default() };
         let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
         let mut nominal = Model::nominal(robot.clone(), cell.clone());
         nominal.terms =

@@ -3,10 +3,11 @@
 use trical_device::controller::{rapid_protocol, rtde as exchange, rws_protocol};
 use trical_device::gauge::line_protocol::{LineReply, Pattern, parse_line};
 use trical_device::gauge::uwave_protocol::{Record, parse_record, parse_request};
-use trical_device::record::cdr::JointState;
-use trical_device::record::json::{row_from_json, row_to_json};
-use trical_device::record::read_bytes;
 use trical_device::url::DeviceUrl;
+use trical_recording::json::{RowRead, row_from_json, row_to_json};
+use trical_recording::mcap::cdr::JointState;
+use trical_recording::mcap::read_bytes;
+use trical_recording::{Places, Shared};
 
 /// The form of a data record, as the manual has it: `^DT1(\d\d)(\d\d)([+-][0-9.]{11})([MI0])$`.
 fn is_data_record(line: &[u8]) -> bool {
@@ -114,11 +115,17 @@ pub fn joint_state(data: &[u8]) -> bool {
 
 /// A measurement as JSON: what is taken is finite, and says the same when it is written again.
 pub fn row(data: &[u8]) -> bool {
-    let Ok((row, joints)) = row_from_json(data) else { return false };
-    let text = row_to_json(&row, joints);
+    let mut places = Places::default();
+    let Ok(RowRead { row, joints, prismatic }) = row_from_json(data, &mut places) else { return false };
+    let shared = Shared { joints, prismatic, places: places.into_names() };
+    let text = row_to_json(&row, &shared);
     assert!((1..=9).contains(&joints) && row.state.q.iter().all(|q| q.is_finite()), "{text}");
-    let (again, same) = row_from_json(text.as_bytes()).unwrap_or_else(|e| panic!("{e}\n{text}"));
-    assert_eq!((same, again.seq, again.state.dir), (joints, row.seq, row.state.dir), "{text}");
+    let mut places = Places::default();
+    let again = row_from_json(text.as_bytes(), &mut places).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    let same = Shared { joints: again.joints, prismatic: again.prismatic, places: places.into_names() };
+    let again = again.row;
+    assert_eq!((same, again.seq, again.state.dir), (shared, row.seq, row.state.dir), "{text}");
+    assert_eq!(again.state.place, row.state.place, "{text}");
     assert_eq!(std::mem::discriminant(&again.measured), std::mem::discriminant(&row.measured), "{text}");
     true
 }

@@ -1,13 +1,16 @@
 //! Recordings, model files, what is known beforehand.
 
-use trical_ident::{KnownParameters, ModelFile, parse_csv, write_csv};
+use trical_ident::{KnownParameters, ModelFile};
 use trical_model::{Forward, Measured, Recording, Row, State};
+use trical_recording::{parse_csv, write_csv};
 
 /// All numbers of a row.
 fn numbers(r: &Row) -> Vec<f64> {
-    let State { q, q_commanded, t, temp_c, payload_kg, .. } = r.state;
+    let State { q, q_commanded, t, temp_c, payload_kg, torques, .. } = r.state;
     let mut out: Vec<f64> = q.to_vec();
-    out.extend(q_commanded.iter().flatten().chain(t.iter()).chain(temp_c.iter()).chain(payload_kg.iter()));
+    out.extend(
+        q_commanded.iter().chain(&torques).flatten().chain(t.iter()).chain(temp_c.iter()).chain(payload_kg.iter()),
+    );
     match r.measured {
         Measured::Touch { ball, reading: v } => out.extend([v[0], v[1], v[2], ball as f64]),
         Measured::Point { target: k, position: v } | Measured::Reference { reference: k, position: v } => {
@@ -30,10 +33,10 @@ pub fn recording(data: &[u8]) -> bool {
     let of = |joints: usize| {
         let Ok(r) = parse_csv(data, "a.csv", joints) else { return false };
         let csv = String::from_utf8_lossy(data);
-        assert!(r.rows.iter().flat_map(numbers).all(|x| x.is_finite() && x.abs() < 1e9), "{csv}");
+        assert!(r.rows.iter().flat_map(numbers).all(|x| x.is_finite() && x.abs() <= 1e9), "{csv}");
         let written = text(&r);
         let again = parse_csv(written.as_bytes(), "b.csv", joints).unwrap_or_else(|e| panic!("{e}\n{csv}\n{written}"));
-        assert_eq!(again.rows.len(), r.rows.len());
+        assert_eq!((again.rows.len(), &again.places), (r.rows.len(), &r.places), "{csv}");
         for (a, b) in again.rows.iter().zip(&r.rows) {
             assert_eq!((a.seq, a.state.dir, numbers(a).len()), (b.seq, b.state.dir, numbers(b).len()), "{csv}");
             for (a, b) in numbers(a).iter().zip(numbers(b)) {

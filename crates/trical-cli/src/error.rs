@@ -4,6 +4,7 @@ use trical_diagnose::truth::TruthError;
 use trical_ident::IdentError;
 use trical_model::ModelError;
 use trical_plan::PlanError;
+use trical_recording::RecordError;
 
 /// What ends a command.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +37,19 @@ impl From<IdentError> for CliError {
     fn from(e: IdentError) -> Self {
         match e {
             IdentError::NotConverged(_) => Self::Failed(e.to_string()),
+            IdentError::Record(e) => e.into(),
+            _ => Self::Input(e.to_string()),
+        }
+    }
+}
+
+impl From<RecordError> for CliError {
+    fn from(e: RecordError) -> Self {
+        match e {
+            RecordError::Damaged { lost, complete } => {
+                Self::Input(format!("{lost}; trical convert saves its {complete} complete measurements"))
+            }
+            RecordError::Scratch(_) => Self::Failed(e.to_string()),
             _ => Self::Input(e.to_string()),
         }
     }

@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use trical_device::read_recording;
-use trical_device::record::{RecordError, hand_over};
-use trical_ident::passes::{self, Other, Passes, PassesError};
-use trical_ident::{JointSource, ToolSharing, load_csv};
+use trical_ident::{JointSource, ToolSharing};
 use trical_model::{Cell, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
+use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::Made;
 
 use crate::error::{CliError, Result};
@@ -110,68 +108,17 @@ pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
     paths.iter().map(|p| recording(p, joints)).collect()
 }
 
-/// Whether a file begins as MCAP files do.
-pub fn is_mcap(path: &Path) -> Result<bool> {
-    use std::io::Read;
-    let mut magic = [0; 8];
-    let read = std::fs::File::open(path)
-        .and_then(|mut f| f.read(&mut magic))
-        .map_err(|e| CliError::Input(format!("{}: cannot be read: {e}", path.display())))?;
-    Ok(magic[..read].starts_with(b"\x89MCAP"))
-}
-
-/// Reads one recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it.
+/// Reads one recording, CSV or MCAP. A damaged MCAP is refused.
 pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
-    let named_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-    if !named_mcap && !is_mcap(path)? {
-        return Ok(load_csv(path, joints)?);
-    }
-    let (recording, lost) = recovered(path)?;
-    if let Some(lost) = lost {
-        return Err(CliError::Input(format!(
-            "{lost}; trical convert saves its {} complete measurements",
-            recording.rows.len()
-        )));
-    }
-    if recording.joints != joints {
-        return Err(CliError::Input(format!(
-            "{}: has {} joints, but the robot has {joints}",
-            path.display(),
-            recording.joints
-        )));
-    }
-    Ok(recording)
+    Ok(trical_recording::open(path, Some(joints))?)
 }
 
 /// The recordings to be read in passes, if they are: where that is `wanted`, or where they are large and it is `allowed`.
-pub fn passes(paths: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> Result<Option<Passes>> {
-    let other = Other {
-        is: &|path| {
-            let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-            Ok(named || is_mcap(path).map_err(|e| e.to_string())?)
-        },
-        each_row: &|path, take| {
-            hand_over(path, take).map_err(|e| match e {
-                RecordError::Unreadable { .. } => format!("{e}; trical convert saves what is whole in it"),
-                _ => e.to_string(),
-            })
-        },
-    };
-    passes::passes(paths, joints, wanted, allowed, &other).map_err(|e| match e {
-        PassesError::Ident(e) => e.into(),
-        PassesError::Other(text) => CliError::Input(text),
-        PassesError::Scratch(_) => CliError::Failed(e.to_string()),
+pub fn passes(paths: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> Result<Option<CsvStream>> {
+    open_large(paths, joints, wanted, allowed).map_err(|e| match e {
+        RecordError::Unreadable { .. } => CliError::Input(format!("{e}; trical convert saves what is whole in it")),
+        e => e.into(),
     })
-}
-
-/// What an MCAP recording holds, and one sentence on what was lost where it is damaged.
-pub fn recovered(path: &Path) -> Result<(Recording, Option<String>)> {
-    let read = read_recording(path).map_err(|e| CliError::Input(e.to_string()))?;
-    if read.recording.rows.is_empty() {
-        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
-        return Err(CliError::Input(format!("{why}; there is no complete measurement in it")));
-    }
-    Ok((read.recording, read.lost))
 }
 
 /// Refuses an output that lies in a folder that does not exist, before any work is done.

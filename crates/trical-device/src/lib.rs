@@ -5,9 +5,9 @@
 //!
 //! ```no_run
 //! use std::sync::atomic::AtomicBool;
-//! use trical_device::{
-//!     Header, PlanEntry, ProcedureOptions, RecordingWriter, open_controller, open_gauge, run,
-//! };
+//! use trical_device::{PlanEntry, ProcedureOptions, open_controller, open_gauge, run};
+//! use trical_recording::RecordingWriter;
+//! use trical_recording::mcap::Header;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let mut gauge = open_gauge("uwave:///dev/ttyUSB0?x=00&y=01&z=02")?;
@@ -26,8 +26,6 @@
 //! |---|---|
 //! | [`gauge`] | the [`Gauge`] trait, U-WAVE-R and line gauges, [`open_gauge`] |
 //! | [`controller`] | the [`Controller`] trait, the RAPID dialect, Robot Web Services, [`open_controller`] |
-//! | [`motion`] | joint samples and the sense of each joint's last motion |
-//! | [`record`] | MCAP recordings: writer with resume, reader that recovers what is whole |
 //! | [`procedure`] | the touches: plan entries, limits, the loop, repeat visits, tool centre point from one ball |
 //! | [`session`] | a plan driven over URLs into a recording that can be taken up; touches where the arm stands |
 //! | [`program`] | robot programs (RAPID, KRL, FANUC, UR script, CSV) rewritten by a calibrated model |
@@ -36,20 +34,16 @@
 
 pub mod controller;
 pub mod gauge;
-pub mod motion;
 pub mod procedure;
 pub mod program;
-pub mod record;
 pub mod session;
 pub mod url;
 pub mod virtual_cell;
 
 pub use controller::{Controller, ControllerError, open_controller};
 pub use gauge::{Gauge, GaugeError, open_gauge};
-pub use motion::{JointSample, MotionSense};
 pub use procedure::{
     PlanEntry, ProcedureError, ProcedureLimits, ProcedureOptions, Progress, RunReport, dry_run, run, visits,
 };
-pub use record::{Header, ReadRecording, RecordError, RecordingWriter, RunLog, read_recording};
 pub use session::{Session, SessionError};
 pub use virtual_cell::{ArmPlant, CellError, CellOptions, Fault, Plant, VirtualCell};

@@ -18,7 +18,8 @@ pub use touch_here::{BaseFit, SetUpError, base, tool_point};
 use crate::controller::{ControllerError, open_controller};
 use crate::gauge::{GaugeError, open_gauge};
 use crate::procedure::{PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
-use crate::record::{Attachment, Header, RecordError, RecordingWriter};
+use trical_recording::RecordError;
+use trical_recording::mcap::{Attachment, Header, RecordingWriter};
 
 /// Says whether the arm may move from the first joint values to the second into the touch of a ball (counted from 0), or
 /// into none; one sentence why not.

@@ -9,12 +9,11 @@ use std::sync::atomic::AtomicBool;
 use common::{Bench, Gantry, bench, options, plan};
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{RetreatOutcome, Violation};
-use trical_device::record::RunLog;
-use trical_device::{
-    CellError, CellOptions, Fault, JointSample, ProcedureError, ProcedureOptions, Progress, RecordError, VirtualCell,
-    run,
-};
+use trical_device::{CellError, CellOptions, Fault, ProcedureError, ProcedureOptions, Progress, VirtualCell, run};
 use trical_model::recording::Row;
+use trical_recording::RecordError;
+use trical_recording::mcap::RunLog;
+use trical_recording::motion::JointSample;
 
 #[test]
 fn a_transmitter_that_dies_while_free_is_noticed() {

@@ -13,10 +13,9 @@ use std::time::{Duration, Instant};
 use common::{Gantry, options, plan};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_device::{
-    CellOptions, Header, ProcedureOptions, Progress, RecordingWriter, VirtualCell, open_controller, open_gauge,
-    read_recording, run,
-};
+use trical_device::{CellOptions, ProcedureOptions, Progress, VirtualCell, open_controller, open_gauge, run};
+use trical_recording::mcap::Header;
+use trical_recording::{RecordingWriter, read_recording};
 
 const TOUCHES: u64 = 8;
 

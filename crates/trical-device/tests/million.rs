@@ -11,10 +11,11 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_device::controller::rtde;
 use trical_device::gauge::line_protocol::Pattern;
-use trical_device::record::cdr::JointState;
-use trical_device::record::json::row_from_json;
-use trical_device::record::{read_bytes, write_recording};
-use trical_device::{Header, read_recording};
+use trical_recording::json::row_from_json;
+use trical_recording::mcap::Header;
+use trical_recording::mcap::cdr::JointState;
+use trical_recording::mcap::{read_bytes, write_recording};
+use trical_recording::read_recording;
 
 const CASES: u32 = 1_000_000;
 
@@ -155,10 +156,17 @@ fn joint_states_and_rows() {
 fn recordings() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    let (row, joints) =
-        row_from_json(br#"{"t_s":1,"q1_deg":1,"q2_deg":2,"ball":1,"ix_mm":0.001,"iy_mm":0,"iz_mm":0,"seq":0}"#)
-            .unwrap();
-    let recording = trical_model::recording::Recording { name: "a".to_owned(), joints, rows: vec![row; 3] };
+    let trical_recording::json::RowRead { row, joints, .. } = row_from_json(
+        br#"{"t_s":1,"q1_deg":1,"q2_deg":2,"ball":1,"ix_mm":0.001,"iy_mm":0,"iz_mm":0,"seq":0}"#,
+        &mut Default::default(),
+    )
+    .unwrap();
+    let recording = trical_model::recording::Recording {
+        name: "a".to_owned(),
+        joints,
+        rows: vec![row; 3],
+        ..trical_model::recording::Recording::default()
+    };
     write_recording(&path, &recording, &Header::for_joints(2)).unwrap();
     let whole = std::fs::read(&path).unwrap();
     assert_eq!(read_recording(&path).unwrap().recording.rows.len(), 3);

@@ -8,12 +8,14 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::{Gantry, options, plan};
-use trical_device::record::{Attachment, RunLog, each_row, write_recording};
 use trical_device::{
-    CellOptions, Header, JointSample, PlanEntry, ProcedureOptions, Progress, ReadRecording, RecordError,
-    RecordingWriter, VirtualCell, open_controller, open_gauge, read_recording, run,
+    CellOptions, PlanEntry, ProcedureOptions, Progress, VirtualCell, open_controller, open_gauge, run,
 };
 use trical_model::recording::Row;
+use trical_recording::mcap::Header;
+use trical_recording::mcap::{Attachment, RunLog, each_row, write_recording};
+use trical_recording::motion::JointSample;
+use trical_recording::{ReadRecording, RecordError, RecordingWriter, read_recording};
 
 fn header() -> Header {
     Header {
@@ -158,7 +160,7 @@ fn rows_come_one_by_one_as_they_do_at_once_and_a_cut_file_is_refused() {
         Ok(())
     });
     let whole = read_recording(&path).unwrap().recording;
-    assert_eq!(joints.unwrap(), whole.joints);
+    assert_eq!(joints.unwrap().joints, whole.joints);
     assert_eq!(rows, whole.rows);
 
     let bytes = std::fs::read(&path).unwrap();
@@ -294,7 +296,7 @@ fn joint_states_carry_the_time_of_the_recording() {
         .map(Result::unwrap)
         .find(|m| m.channel.topic == "/joint_states")
         .unwrap();
-    let state = trical_device::record::cdr::JointState::from_cdr(&message.data).unwrap();
+    let state = trical_recording::mcap::cdr::JointState::from_cdr(&message.data).unwrap();
     assert_eq!((state.seconds, state.nanoseconds), (1_700_000_001, 500_000_000));
     assert_eq!(state.names[5], "joint_6");
     let schema = message.channel.schema.clone().unwrap();

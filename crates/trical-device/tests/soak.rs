@@ -10,7 +10,9 @@ mod common;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::{Bench, Gantry, options, plan};
-use trical_device::{CellOptions, Header, Progress, RecordingWriter, read_recording, run};
+use trical_device::{CellOptions, Progress, run};
+use trical_recording::mcap::Header;
+use trical_recording::{RecordingWriter, read_recording};
 
 /// Two hours, s.
 const USUAL: f64 = 7200.0;

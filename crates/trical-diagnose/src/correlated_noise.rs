@@ -225,7 +225,12 @@ mod tests {
             line: 2,
         };
         let rows = (0..u16::try_from(count).unwrap()).map(row).collect();
-        Dataset::build(&[Recording { name: "made".into(), joints: 6, rows }], JointSource::Read, None).unwrap()
+        Dataset::build(
+            &[Recording { name: "made".into(), joints: 6, rows, ..Recording::default() }],
+            JointSource::Read,
+            None,
+        )
+        .unwrap()
     }
 
     fn nats(correlation: CorrelatedNoise, sequence: &[[f64; 3]], data: &Dataset) -> f64 {

@@ -40,7 +40,7 @@ fn made_of(touches: usize) -> (Model, Dataset) {
             Row { state, measured: Measured::Touch { ball: k % 3, reading }, seq: None, line: k + 2 }
         })
         .collect();
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     for (name, axis) in [("tool_x", Axis::X), ("tool_y", Axis::Y), ("tool_z", Axis::Z)] {
         model.terms.push(Term::new(name, "tool", Site::Tool(Motion::Along(axis)), Basis::CONSTANT));
     }

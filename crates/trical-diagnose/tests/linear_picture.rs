@@ -54,7 +54,7 @@ fn made() -> (Model, Dataset, Vec<Candidate>) {
             Row { state, measured: Measured::Touch { ball: k % 3, reading }, seq: None, line: k + 2 }
         })
         .collect();
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     let recorded = Covariates::new(&model, &data, 1e-5);
     let mut candidates = catalogue(&recorded).0;

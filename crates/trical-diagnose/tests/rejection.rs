@@ -14,7 +14,8 @@ fn a_repeated_reading_is_stale_only_where_chance_cannot_repeat_it() {
             seq: None,
             line: k + 2,
         };
-        let recording = Recording { name: "made".into(), joints: 6, rows: (0..200).map(row).collect() };
+        let recording =
+            Recording { name: "made".into(), joints: 6, rows: (0..200).map(row).collect(), ..Recording::default() };
         Dataset::build(&[recording], JointSource::Read, None).unwrap()
     };
     // y and z always show 0; x never shows the same twice but once

@@ -35,7 +35,7 @@ fn touches(count: usize) -> Dataset {
         line: 2,
     };
     let build = |rows| {
-        let recording = Recording { name: "touches".into(), joints: 6, rows };
+        let recording = Recording { name: "touches".into(), joints: 6, rows, ..Recording::default() };
         Dataset::build(&[recording], JointSource::Read, None).unwrap()
     };
     let shape = build((0..3).map(row).collect());

@@ -3,6 +3,7 @@
 
 use serde::Serialize;
 use trical_model::{Cell, Motion, Recording, Robot, Site};
+use trical_recording::CsvStream;
 
 use crate::caution::cautions;
 use crate::dataset::{Dataset, JointSource, Rejected};
@@ -12,7 +13,7 @@ use crate::folds::{FOLDS, Folds};
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
-use crate::stream::{CsvStream, identify_stream};
+use crate::stream::identify_stream;
 use crate::units::shown;
 
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for.

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 use trical_model::ModelError;
+use trical_recording::RecordError;
 
 /// Errors of this crate. Each message is one sentence that can be shown to a user as it is.
 #[derive(Debug, Error)]
@@ -33,6 +34,9 @@ pub enum IdentError {
     /// A model file does not belong to this robot, or cannot be used on these recordings.
     #[error("{0}")]
     WrongModel(String),
+    /// A recording cannot be read.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// The robot, the cell or a term is at fault.
     #[error(transparent)]
     Model(#[from] ModelError),

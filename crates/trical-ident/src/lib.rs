@@ -2,7 +2,6 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`recording_csv`], [`csv_layout`] | recordings as CSV, read and written |
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`start`], [`trilateration`] | closed-form starting values |
@@ -12,7 +11,7 @@
 //! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |
 //! | [`gross`] | measurements that no model of the arm explains |
-//! | [`stream`], [`passes`], `sample` | identification from files of any size, in bounded memory; which files need it; rows that stand for all |
+//! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
 //! | [`repeatability`] | how far repeat visits scatter |
 //! | [`joint_choice`] | which joint angles to believe |
@@ -21,7 +20,6 @@
 
 pub mod calibration;
 pub mod caution;
-pub mod csv_layout;
 pub mod dataset;
 pub mod degenerate;
 pub mod error;
@@ -35,8 +33,6 @@ pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
-pub mod passes;
-pub mod recording_csv;
 pub mod repeatability;
 pub mod rigid;
 mod sample;
@@ -53,7 +49,6 @@ pub use calibration::{
     Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
 };
 pub use caution::cautions;
-pub use csv_layout::{Layout, write_csv};
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
@@ -63,10 +58,11 @@ pub use joint_choice::clean;
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
-pub use recording_csv::{load_csv, parse_csv};
 pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
-pub use stream::{CsvStream, Sample, Streamed, identify_stream};
+pub use stream::{Streamed, identify_stream};
 pub use touches::{model_of_touches, usual_set};
 pub use units::{Shown, shown, unit};
 pub use validate::{LeftOut, Refit, Region, SessionErrors, Validation, validate};
+// a recording is where identification begins
+pub use trical_recording::{CsvStream, load_csv, parse_csv, write_csv};

@@ -92,7 +92,7 @@ pub fn simulate(
         };
         out.push(Row { state, measured, seq: None, line: k + 2 });
     }
-    Ok(Recording { name: "simulated".into(), joints: forward.model().robot.dof(), rows: out })
+    Ok(Recording { name: "simulated".into(), joints: forward.model().robot.dof(), rows: out, ..Recording::default() })
 }
 
 fn nothing_at(aim: Aim) -> Measured {

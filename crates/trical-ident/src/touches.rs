@@ -18,7 +18,7 @@ pub fn model_of_touches(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result
         line: 0,
     };
     let rows = (0..cell.balls.len()).map(touch).collect();
-    let recording = Recording { name: "plan".into(), joints: robot.dof(), rows };
+    let recording = Recording { name: "plan".into(), joints: robot.dof(), rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.terms = independent_terms(&model, &data, &Choice::from(set))?.0;

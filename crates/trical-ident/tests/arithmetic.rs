@@ -20,7 +20,7 @@ fn nominal() -> Model {
 }
 
 fn dataset(rows: Vec<Row>) -> Dataset {
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
 }
 
@@ -209,7 +209,8 @@ fn a_touch_beyond_the_limit_is_rejected_and_its_ball_is_not_blamed() {
 
 #[test]
 fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
-    let recording = Recording { name: "made".into(), joints: 6, rows: touch_rows(40, |_, rng| noise(rng)) };
+    let recording =
+        Recording { name: "made".into(), joints: 6, rows: touch_rows(40, |_, rng| noise(rng)), ..Recording::default() };
     let model = nominal();
     let file = ModelFile::unmeasured(model.clone());
     let recordings = std::slice::from_ref(&recording);

@@ -52,7 +52,7 @@ fn kept(robot: &Robot, cell: &str, measured: Measured, set: ParameterSet) -> usi
         j.mass = j.mass.or(Some(1.0));
     }
     let row = Row { state: State::at(&[]), measured, seq: None, line: 2 };
-    let recording = Recording { name: "made".into(), joints: robot.dof(), rows: vec![row] };
+    let recording = Recording { name: "made".into(), joints: robot.dof(), rows: vec![row], ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     let mut model = Model::nominal(robot, cell);
     model.frames = vec![Pose::identity()];

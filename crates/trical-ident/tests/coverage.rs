@@ -13,7 +13,7 @@ const CELL: &str = include_str!("../../trical-model/tests/data/cell.toml");
 const NOISE: f64 = 1e-5;
 
 fn build(rows: Vec<Row>) -> Dataset {
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
 }
 

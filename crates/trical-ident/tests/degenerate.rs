@@ -30,7 +30,7 @@ fn points(count: usize, mut draw: impl FnMut(&mut Pcg64Mcg, usize) -> Vec<f64>) 
             Row { state, measured: Measured::Point { target: 0, position }, seq: None, line: k + 2 }
         })
         .collect();
-    Recording { name: "r.csv".into(), joints: 6, rows }
+    Recording { name: "r.csv".into(), joints: 6, rows, ..Recording::default() }
 }
 
 fn varied(rng: &mut Pcg64Mcg, _: usize) -> Vec<f64> {
@@ -53,7 +53,7 @@ fn touches(cell: &Cell, balls: &[usize]) -> Recording {
         let reading = std::array::from_fn(|_| rng.random_range(-1e-5..1e-5));
         rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: rows.len() + 2 });
     }
-    Recording { name: "r.csv".into(), joints: 6, rows }
+    Recording { name: "r.csv".into(), joints: 6, rows, ..Recording::default() }
 }
 
 /// As the program does it: gross errors out, then the fit.

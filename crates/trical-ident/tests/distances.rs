@@ -53,7 +53,7 @@ fn lengths(model: &Model, count: usize, noise: f64, seed: u64) -> Recording {
             Row { state, measured: Measured::Distance { anchor, length }, seq: None, line: k + 2 }
         })
         .collect();
-    Recording { name: "wire.csv".into(), joints: model.robot.dof(), rows }
+    Recording { name: "wire.csv".into(), joints: model.robot.dof(), rows, ..Recording::default() }
 }
 
 /// A true arm: every link off by up to a millimetre and 2 mrad.
@@ -200,7 +200,7 @@ fn a_scara_is_identified_from_full_poses_and_predicts_poses_that_it_has_not_seen
                 Row { state, measured, seq: None, line: k + 2 }
             })
             .collect();
-        Recording { name: "poses.csv".into(), joints: 4, rows }
+        Recording { name: "poses.csv".into(), joints: 4, rows, ..Recording::default() }
     };
     let data = Dataset::build(&[record(80, 8)], JointSource::Read, None).unwrap();
     let found = identify(&nominal, &Cell::bare(), &data, ParameterSet::Complete).unwrap();

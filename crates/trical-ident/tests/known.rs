@@ -33,7 +33,7 @@ fn data(n: usize, compliance: f64) -> Dataset {
             Row { state, measured: Measured::Point { target: 0, position }, seq: None, line: k + 2 }
         })
         .collect();
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
 }
 

@@ -35,7 +35,7 @@ fn truth(frame: Pose) -> Model {
             line: 2,
         })
         .collect();
-    let recording = Recording { name: "made".into(), joints: 6, rows };
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     model.terms = independent_terms(&model, &data, &Choice::from(ParameterSet::Compliance)).unwrap().0;
     let mut rng = Pcg64Mcg::seed_from_u64(3);

@@ -1,7 +1,7 @@
 //! What is known about a pose and what was measured there: plain data, no files.
 //!
 //! Everything is SI (m, rad, s, kg) except temperature, which stays in degrees Celsius. Files are read by
-//! `trical-ident` (CSV) and `trical-device` (MCAP).
+//! `trical-recording`.
 
 /// The largest number of joints of an arm.
 pub const MAX_JOINTS: usize = 9;
@@ -26,6 +26,11 @@ pub struct State {
     pub temp_c: Option<f64>,
     /// Mass added on the flange beyond the cell's tool, in kg.
     pub payload_kg: Option<f64>,
+    /// Measured joint torques, joint 1 first, in N m (N for prismatic joints), where the arm has sensors; entries beyond the
+    /// arm's joints are zero.
+    pub torques: Option<Joints>,
+    /// Where the set of balls stood: index into the recording's [`Recording::places`].
+    pub place: Option<usize>,
     /// Session of the model that it belongs to, from 1: what was identified for that session alone holds here. `None` for a session that
     /// the model does not know.
     pub session: Option<u32>,
@@ -47,6 +52,8 @@ impl State {
             seq: None,
             temp_c: None,
             payload_kg: None,
+            torques: None,
+            place: None,
             session: None,
         }
     }
@@ -121,12 +128,16 @@ pub struct Row {
 }
 
 /// A recording of one session with one arm, in the order of time.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Where it came from, for messages.
     pub name: String,
     /// Number of the arm's joints.
     pub joints: usize,
+    /// Which joints slide: files have them in mm. Joint 1 first.
+    pub prismatic: [bool; MAX_JOINTS],
+    /// Names of the places where the set of balls stood, in the order of their first rows; empty where no row says so.
+    pub places: Vec<String>,
     /// The rows.
     pub rows: Vec<Row>,
 }

@@ -6,15 +6,14 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use trical_device::gauge::trial::StemError;
-use trical_device::record::RecordError;
 use trical_device::session::SetUpError;
 use trical_device::virtual_cell::fault_script::ScriptError;
 use trical_device::{CellError, ControllerError, GaugeError};
 use trical_diagnose::truth::TruthError;
-use trical_ident::passes::PassesError;
 use trical_ident::{ChoiceError, IdentError};
 use trical_model::{IkError, ModelError};
 use trical_plan::PlanError;
+use trical_recording::RecordError;
 
 create_exception!(trical, TricalError, PyValueError, "Bad input; the message is one sentence.");
 create_exception!(trical, RecordingError, TricalError, "A recording cannot be read, or holds what makes no sense.");
@@ -72,22 +71,13 @@ impl From<IdentError> for Failed {
     fn from(e: IdentError) -> Self {
         let text = e.to_string();
         Self(match e {
+            IdentError::Record(e) => return e.into(),
             IdentError::Recording { .. } | IdentError::File { .. } => RecordingError::new_err(text),
             IdentError::NotEnough(_) => NotEnoughDataError::new_err(text),
             IdentError::NotConverged(_) => NotConvergedError::new_err(text),
             IdentError::WrongModel(_) => WrongModelError::new_err(text),
             IdentError::Model(_) => TricalError::new_err(text),
         })
-    }
-}
-
-impl From<PassesError> for Failed {
-    fn from(e: PassesError) -> Self {
-        match e {
-            PassesError::Ident(e) => e.into(),
-            PassesError::Other(text) => Self(RecordingError::new_err(text)),
-            PassesError::Scratch(_) => Self(PyRuntimeError::new_err(e.to_string())),
-        }
     }
 }
 
@@ -99,7 +89,13 @@ impl fmt::Display for Failed {
 
 impl From<RecordError> for Failed {
     fn from(e: RecordError) -> Self {
-        Self(RecordingError::new_err(e.to_string()))
+        match e {
+            RecordError::Scratch(_) => Self(PyRuntimeError::new_err(e.to_string())),
+            RecordError::Damaged { lost, complete } => {
+                Self(RecordingError::new_err(format!("{lost}; part=True takes its {complete} complete measurements")))
+            }
+            _ => Self(RecordingError::new_err(e.to_string())),
+        }
     }
 }
 

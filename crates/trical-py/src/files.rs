@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use trical_device::read_recording;
 use trical_ident::write_whole;
 use trical_model::urdf::UrdfPath;
+use trical_recording::{is_mcap, open_damaged, read_recording};
 use trical_report::{ErrorMap, Export};
 
 use crate::errors::{Result, bad};
 use crate::long::long;
 use crate::machine::{PyCell, PyRobot, RobotArgument};
 use crate::model::PyModel;
-use crate::rows::{is_mcap, recovered, save};
+use crate::rows::save;
 
 /// Refuses an output whose folder does not exist, before any work is done.
 fn check_output(path: &Path) -> Result<()> {
@@ -37,7 +37,7 @@ pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<
             write_whole(&output, arm.to_toml(&source.path).as_bytes())?;
             return Ok(json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output }));
         }
-        let (recording, lost) = recovered(&input, joints)?;
+        let (recording, lost) = open_damaged(&input, joints)?;
         save(&recording, &output)?;
         Ok(json!({ "rows": recording.rows.len(), "joints": recording.joints, "lost": lost, "out": output }))
     })?;

@@ -6,25 +6,24 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use trical_device::record::{RecordError, hand_over};
 use trical_diagnose::effects::EFFECTS;
 use trical_diagnose::{Diagnosis, diagnose_recordings};
 use trical_ident::fit::position_errors;
-use trical_ident::passes::{Other, Passes, passes};
 use trical_ident::{
     Calibration, Choice, JointSource, KnownParameters, ModelFile, Options, ParameterSet, Refit, ToolSharing, calibrate,
     calibrate_stream, repeatability, validate,
 };
 use trical_model::{Cell, Forward, Robot};
 use trical_plan::Next;
+use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
 
 use crate::designs::{Touches, touches};
-use crate::errors::{Result, bad};
+use crate::errors::{RecordingError, Result, bad};
 use crate::long::{Say, long};
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
-use crate::rows::{PyRows, RecordingArgument, is_mcap, read_all};
+use crate::rows::{PyRows, RecordingArgument, read_all};
 use crate::told::{Kept, PyTold};
 
 /// Which joint angles to believe; `None` for those that the data is to choose.
@@ -58,7 +57,7 @@ fn square(values: &[f64], p: usize) -> Array2<f64> {
 }
 
 /// The recordings to be read in passes, where they are large files that can be, or this is asked for.
-fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Options, wanted: bool) -> Result<Option<Passes>> {
+fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Options, wanted: bool) -> Result<Option<CsvStream>> {
     let scored = asked.folds.is_some() || asked.hold_out_last.is_some();
     if wanted && scored {
         return Err(bad("stream goes without folds and hold_out_last: these need all rows at once").into());
@@ -70,16 +69,12 @@ fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Options, want
     let Some(paths) = recordings.iter().map(path).collect::<Option<Vec<_>>>() else {
         return if wanted { Err(bad("stream reads paths of recordings only").into()) } else { Ok(None) };
     };
-    let other = Other {
-        is: &|path| is_mcap(path).map_err(|e| e.to_string()),
-        each_row: &|path, take| {
-            hand_over(path, take).map_err(|e| match e {
-                RecordError::Unreadable { .. } => format!("{e}; trical.convert saves what is whole in it"),
-                _ => e.to_string(),
-            })
-        },
-    };
-    Ok(passes(&paths, joints, wanted, !scored, &other)?)
+    open_large(&paths, joints, wanted, !scored).map_err(|e| match e {
+        RecordError::Unreadable { .. } => {
+            RecordingError::new_err(format!("{e}; trical.convert saves what is whole in it")).into()
+        }
+        e => e.into(),
+    })
 }
 
 /// The model, a JSON summary, position errors before and after (n, 2) in mm, the covariance of the parameters (SI), what the
@@ -121,7 +116,7 @@ pub fn _identify<'py>(
         if known.is_none()
             && let Some(passes) = stream(&recordings, robot.dof(), &options, in_stream)?
         {
-            return Ok(calibrate_stream(&robot, &cell, &passes.stream, &options, say)?);
+            return Ok(calibrate_stream(&robot, &cell, &passes, &options, say)?);
         }
         let recordings = read_all(&recordings, robot.dof())?;
         Ok(calibrate(&robot, &cell, &recordings, &options, say)?)

@@ -7,10 +7,11 @@ use std::time::Instant;
 use pyo3::prelude::*;
 use trical_device::procedure::stride;
 use trical_device::session::{SessionError, Settings, Told, base, now_ns, tool_point};
-use trical_device::{PlanEntry, Progress, RecordingWriter, RunReport, Session, visits};
+use trical_device::{PlanEntry, Progress, RunReport, Session, visits};
 use trical_model::error::read_text;
 use trical_model::{Cell, Joints, Measured, Recording, Robot, Row};
 use trical_plan::{MotionGuard, read_plan};
+use trical_recording::RecordingWriter;
 
 use crate::errors::{Failed, MeasuringError, Result, bad};
 use crate::machine::{CellArgument, PyCell, RobotArgument, read};
@@ -214,7 +215,7 @@ pub fn _touch_here(
         let finished = log.finish();
         let row = row.map_err(ended)?;
         finished.map_err(|e| ended(SessionError::Finish(e)))?;
-        Ok(Recording { name: out.display().to_string(), joints: robot.dof(), rows: vec![row] })
+        Ok(Recording { name: out.display().to_string(), joints: robot.dof(), rows: vec![row], ..Recording::default() })
     })?;
     Ok(PyRows(Arc::new(recording)))
 }

@@ -7,10 +7,10 @@ use numpy::ndarray::{Array1, Array2};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use trical_device::record::write_recording;
-use trical_device::{Header, read_recording};
-use trical_ident::{IdentError, load_csv, write_csv, write_whole};
+use trical_ident::write_whole;
 use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
+use trical_recording::mcap::{Header, write_recording};
+use trical_recording::{open, open_damaged, to_csv};
 
 use crate::arrays::floats;
 use crate::errors::{RecordingError, Result, bad};
@@ -27,74 +27,18 @@ fn wrong(text: String) -> PyErr {
     RecordingError::new_err(text)
 }
 
-/// Whether a file is an MCAP recording, by its name or its first bytes.
-pub fn is_mcap(path: &Path) -> Result<bool> {
-    use std::io::Read;
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
-        return Ok(true);
-    }
-    let mut magic = [0; 8];
-    let read = std::fs::File::open(path)
-        .and_then(|mut f| f.read(&mut magic))
-        .map_err(|e| wrong(format!("{}: cannot be read: {e}", path.display())))?;
-    Ok(magic[..read].starts_with(b"\x89MCAP"))
-}
-
-/// Number of joints by a CSV's header.
-fn joints_of(path: &Path) -> Result<usize> {
-    use std::io::{BufRead, BufReader, Read};
-    let mut line = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|f| BufReader::new(f.take(1 << 16)).read_until(b'\n', &mut line))
-        .map_err(|e| wrong(format!("{}: cannot be read: {e}", path.display())))?;
-    let line = String::from_utf8_lossy(&line);
-    let names: Vec<&str> = line.split(',').map(|n| n.trim().trim_matches('"')).collect();
-    let has = |k: &usize| names.iter().any(|n| *n == format!("q{k}_deg") || *n == format!("q{k}_mm"));
-    // without any, the reader says what is missing
-    Ok((1..=MAX_JOINTS).take_while(has).count().max(1))
-}
-
-/// Reads a recording, CSV or MCAP; what is whole in a damaged MCAP, and one sentence on what was lost.
-pub fn recovered(path: &Path, joints: Option<usize>) -> Result<(Recording, Option<String>)> {
-    if !is_mcap(path)? {
-        return Ok((load_csv(path, joints.map_or_else(|| joints_of(path), Ok)?)?, None));
-    }
-    let read = read_recording(path)?;
-    if read.recording.rows.is_empty() {
-        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
-        return Err(wrong(format!("{why}; there is no complete measurement in it")).into());
-    }
-    if let Some(joints) = joints.filter(|j| *j != read.recording.joints) {
-        let found = read.recording.joints;
-        return Err(wrong(format!("{}: has {found} joints, but the robot has {joints}", path.display())).into());
-    }
-    Ok((read.recording, read.lost))
-}
-
 /// Reads a recording, CSV or MCAP. A damaged MCAP is refused unless a part of it will do.
 pub fn load(path: &Path, joints: Option<usize>, part: bool) -> Result<Recording> {
-    let (recording, lost) = recovered(path, joints)?;
-    if let (Some(lost), false) = (lost, part) {
-        let n = recording.rows.len();
-        return Err(wrong(format!("{lost}; part=True takes its {n} complete measurements")).into());
-    }
-    Ok(recording)
+    Ok(if part { open_damaged(path, joints)?.0 } else { open(path, joints)? })
 }
 
 /// Writes a .csv or an .mcap.
 pub fn save(recording: &Recording, path: &Path) -> Result<()> {
     match path.extension().and_then(|e| e.to_str()) {
-        Some("csv") => Ok(write_whole(path, &csv(recording)?)?),
+        Some("csv") => Ok(write_whole(path, &to_csv(recording)?)?),
         Some("mcap") => Ok(write_recording(path, recording, &Header::for_joints(recording.joints))?),
         _ => Err(bad(format!("{}: the name must end in .csv or .mcap", path.display())).into()),
     }
-}
-
-fn csv(recording: &Recording) -> Result<Vec<u8>> {
-    let mut text = Vec::new();
-    let problem = |e: std::io::Error| IdentError::File { file: recording.name.clone(), problem: e.to_string() };
-    write_csv(recording, &mut text).map_err(problem)?;
-    Ok(text)
 }
 
 /// A recording, or the file that it is in.
@@ -310,7 +254,7 @@ impl PyRows {
             let line = count(line.as_ref(), "line", k)?.map_or(k + 2, |l| l + 1);
             rows.push(Row { state, measured, seq, line });
         }
-        Ok(Self(Arc::new(Recording { name, joints, rows })))
+        Ok(Self(Arc::new(Recording { name, joints, rows, ..Recording::default() })))
     }
 
     /// Where it came from.
@@ -334,7 +278,13 @@ impl PyRows {
         let n = self.0.rows.len();
         let one = |k: &usize| self.0.rows.get(*k).copied().ok_or_else(|| bad(format!("there is no row {k} of {n}")));
         let rows = rows.iter().map(one).collect::<PyResult<Vec<_>>>()?;
-        Ok(Self(Arc::new(Recording { name: self.0.name.clone(), joints: self.0.joints, rows })))
+        let shared = &self.0;
+        Ok(Self(Arc::new(Recording {
+            name: shared.name.clone(),
+            places: shared.places.clone(),
+            rows,
+            ..*shared.as_ref()
+        })))
     }
 
     /// A column as an array, or None where no row has it.
@@ -413,7 +363,7 @@ impl PyRows {
 
     /// The bytes of the CSV.
     fn to_csv<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyBytes>> {
-        Ok(PyBytes::new(py, &csv(&self.0)?))
+        Ok(PyBytes::new(py, &to_csv(&self.0)?))
     }
 
     /// Writes a .csv or an .mcap.

@@ -51,7 +51,7 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
             }
         })
         .collect();
-    let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows };
+    let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
     let (mut candidates, untestable) = catalogue(&Covariates::new(model, &data, noise));
     let joints = model.robot.dof();

@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
-use trical_device::Header;
-use trical_device::record::write_recording;
-use trical_ident::{load_csv, write_csv, write_whole};
-
+use trical_ident::write_whole;
 use trical_model::urdf::UrdfPath;
+use trical_recording::mcap::{Header, write_recording};
+use trical_recording::{is_mcap, open_damaged, to_csv};
 
 use crate::error::{CliError, Result};
 use crate::{input, say};
@@ -41,19 +40,14 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(source) = UrdfPath::of(&args.input) {
         return arm(&source, output, args.json);
     }
-    let (recording, lost) = if input::is_mcap(&args.input)? {
-        input::recovered(&args.input)?
-    } else {
-        (load_csv(&args.input, args.joints)?, None)
-    };
+    let joints = if is_mcap(&args.input)? { None } else { Some(args.joints) };
+    let (recording, lost) = open_damaged(&args.input, joints)?;
     if let Some(lost) = &lost {
         eprintln!("trical: note: {lost}");
     }
     match output.extension().and_then(|e| e.to_str()) {
         Some("csv") => {
-            let mut text = Vec::new();
-            write_csv(&recording, &mut text).map_err(|e| CliError::Failed(e.to_string()))?;
-            write_whole(output, &text)?;
+            write_whole(output, &to_csv(&recording)?)?;
         }
         Some("mcap") => write_recording(output, &recording, &Header::for_joints(recording.joints))
             .map_err(|e| CliError::Failed(e.to_string()))?,

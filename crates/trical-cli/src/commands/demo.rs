@@ -7,7 +7,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use trical_device::program::{self, Dialect, Frames, Options, Report};
 use trical_device::session::Settings;
-use trical_device::{ArmPlant, CellOptions, Session, VirtualCell, open_controller, read_recording};
+use trical_device::{ArmPlant, CellOptions, Session, VirtualCell, open_controller};
 use trical_diagnose::truth::draw_truth;
 use trical_ident::{
     Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
@@ -17,6 +17,7 @@ use trical_plan::{
     CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
     write_plan,
 };
+use trical_recording::read_recording;
 use trical_report::page::{Figure, Section, error_table, render};
 use trical_report::plan_told::{self, Told};
 use trical_report::plots::{self, AFTER, BEFORE, Series};

@@ -7,10 +7,11 @@ use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::master;
 use trical_device::procedure::stride;
 use trical_device::session::{Guard, SetUpError, Settings, base, now_ns, tool_point};
-use trical_device::{PlanEntry, Progress, RecordingWriter, Session, open_controller, visits};
+use trical_device::{PlanEntry, Progress, Session, open_controller, visits};
 use trical_ident::write_whole;
 use trical_model::{Cell, JointKind, Joints, Robot, Row};
 use trical_plan::{MotionGuard, PlanOptions, plan_touches, write_plan};
+use trical_recording::RecordingWriter;
 use trical_report::table;
 
 use crate::commands::gauge::{shown, typed};

@@ -102,7 +102,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut at = |fraction: f64, what: &str| progress::at(&bar, fraction, what);
     let all_at_once = args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some();
     let found = match input::passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
-        Some(passes) => calibrate_stream(&robot, &cell, &passes.stream, &options, &mut at)?,
+        Some(stream) => calibrate_stream(&robot, &cell, &stream, &options, &mut at)?,
         None => {
             let recordings = input::recordings(&args.recordings, robot.dof())?;
             calibrate(&robot, &cell, &recordings, &options, &mut at)?

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use trical_device::read_recording;
-use trical_ident::{Repeatability, load_csv, repeatability};
+use trical_ident::{Repeatability, repeatability};
 use trical_model::{Cell, Recording, Robot};
+use trical_recording::{is_mcap, load_csv, open_damaged, read_recording};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{input, say};
+use crate::say;
 
 /// Arguments of `trical repeatability`.
 #[derive(clap::Args)]
@@ -59,16 +59,16 @@ pub fn run(args: &Args) -> Result<()> {
 fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Cell>)> {
     let mut robot = args.robot.as_ref().map(|p| Robot::load(p)).transpose()?;
     let mut cell = args.cell.as_ref().map(|p| Cell::load(p)).transpose()?;
-    if !input::is_mcap(path)? {
+    if !is_mcap(path)? {
         let joints = robot.as_ref().map_or(args.joints, Robot::dof);
         return Ok((load_csv(path, joints)?, robot, cell));
     }
-    let (recording, lost) = input::recovered(path)?;
+    let (recording, lost) = open_damaged(path, None)?;
     if let Some(lost) = lost {
         eprintln!("trical: note: {lost}");
     }
     if robot.is_none() || cell.is_none() {
-        let inside = read_recording(path).map_err(|e| CliError::Input(e.to_string()))?;
+        let inside = read_recording(path)?;
         let (arm, place) = inside.arm_and_cell(path)?;
         robot = robot.or(arm);
         cell = cell.or(place);

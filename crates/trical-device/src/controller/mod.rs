@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 use trical_model::recording::Joints;
 
-use crate::motion::JointSample;
 use crate::url::{DeviceUrl, UrlError};
+use trical_recording::motion::JointSample;
 
 pub use rapid::{RapidClient, RapidSettings};
 pub use rws::{RwsClient, RwsSettings};

@@ -9,7 +9,7 @@ use trical_model::recording::{Joints, MAX_JOINTS};
 use super::rapid_protocol::{self as protocol, Reply, code};
 use super::{Controller, ControllerError, JointSettle};
 use crate::gauge::shorten;
-use crate::motion::JointSample;
+use trical_recording::motion::JointSample;
 
 /// Settings of the connection.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,7 +12,7 @@ use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
 use super::{Controller, ControllerError, JointSettle};
 use crate::gauge::shorten;
-use crate::motion::JointSample;
+use trical_recording::motion::JointSample;
 
 /// Settings of the connection.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::controller::ControllerError;
 use crate::gauge::GaugeError;
-use crate::record::RecordError;
+use trical_recording::RecordError;
 
 /// Why a run ended before its plan did.
 #[derive(Debug, Error)]

@@ -7,7 +7,7 @@ use trical_model::recording::Joints;
 
 use crate::controller::JointSettle;
 use crate::gauge::Settle;
-use crate::motion::MotionSense;
+use trical_recording::motion::MotionSense;
 
 /// Says whether the arm may move from the first joint values to the second, in joint interpolation; one sentence why not.
 pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints) -> Result<(), String> + 'a);

@@ -13,8 +13,8 @@ use super::{
 };
 use crate::controller::{Controller, largest_difference, wait_settled};
 use crate::gauge::{AXES, Gauge, settled_reading};
-use crate::motion::{JointSample, MotionSense};
-use crate::record::RunLog;
+use trical_recording::mcap::RunLog;
+use trical_recording::motion::{JointSample, MotionSense};
 
 /// Drives through a plan; every accepted touch is in the log before the arm leaves it.
 ///
@@ -298,7 +298,7 @@ impl Runner<'_, '_> {
             seq: None,
             temp_c,
             payload_kg: self.options.payload_kg,
-            session: None,
+            ..State::at(&[])
         };
         let measured = Measured::Touch { ball: entry.ball, reading };
         let row = Row { state, measured, seq: Some(entry.index), line: 0 };

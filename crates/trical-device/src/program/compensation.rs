@@ -160,6 +160,7 @@ impl<'a> Compensator<'a> {
             temp_c: self.options.temp_c,
             payload_kg: self.options.payload_kg,
             session: self.session,
+            ..State::at(&[])
         }
     }
 

@@ -11,7 +11,7 @@ use crate::gauge::open_gauge;
 use crate::procedure::{
     FlangeTouch, PlanEntry, ProcedureError, Progress, TcpError, TcpFit, base_from_balls, run, tcp_from_touches,
 };
-use crate::record::RecordingWriter;
+use trical_recording::mcap::RecordingWriter;
 
 /// Two balls cannot be farther from where they should be than an arm is off, m.
 const TOO_FAR: f64 = 5e-3;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::world::World;
 use super::{Fault, lock};
 use crate::controller::rapid_protocol::{self as protocol, code};
-use crate::motion::JointSample;
+use trical_recording::motion::JointSample;
 
 /// Serves clients until `stop`.
 pub(super) fn serve(listener: &TcpListener, world: &Arc<Mutex<World>>, stop: &AtomicBool) {

@@ -9,7 +9,7 @@ use trical_model::recording::{Joints, State};
 
 use super::script::Counters;
 use super::{CellOptions, Fault, Frame, Plant};
-use crate::motion::{JointSample, MotionSense};
+use trical_recording::motion::{JointSample, MotionSense};
 
 /// Never more joint samples in one motion.
 const MOST_SAMPLES: usize = 200;
@@ -166,7 +166,7 @@ impl World {
             seq: None,
             temp_c: self.plant.temperature(self.clock),
             payload_kg: self.options.payload_kg,
-            session: None,
+            ..State::at(&[])
         }
     }
 

@@ -32,7 +32,8 @@ pub fn draw_truth(nominal: &Model, seed: u64) -> Result<Model> {
         seq: None,
         line: 0,
     };
-    let recording = Recording { name: "truth".into(), joints: nominal.robot.dof(), rows: vec![touch] };
+    let recording =
+        Recording { name: "truth".into(), joints: nominal.robot.dof(), rows: vec![touch], ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
     let choice = Choice::from(ParameterSet::Compliance);
     let mut model = nominal.clone();

@@ -101,14 +101,14 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
                 seq: Some(turn),
                 temp_c: Some(20.0 + 0.1 * turn),
                 payload_kg: Some(0.0),
-                session: None,
+                ..State::at(&[])
             };
             let reading = [turn.sin() * 2e-3, (1.7 * turn).sin() * 2e-3, (2.3 * turn).cos() * 2e-3];
             let measured = Measured::Touch { ball: k as usize % model.cell.balls.len().max(1), reading };
             Row { state, measured, seq: None, line: 0 }
         })
         .collect();
-    let recording = Recording { name: "catalogue".into(), joints: dof, rows };
+    let recording = Recording { name: "catalogue".into(), joints: dof, rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
     Ok(catalogue(&Covariates::new(model, &data, 1e-5)).0)
 }

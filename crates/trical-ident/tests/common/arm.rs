@@ -18,7 +18,7 @@ pub fn rows(measured: impl Fn(usize) -> Measured, n: usize) -> Recording {
     let rows = (0..n)
         .map(|k| Row { state: State::at(&[0.0; MAX_JOINTS]), measured: measured(k), seq: None, line: k + 2 })
         .collect();
-    Recording { name: "made".into(), joints: 6, rows }
+    Recording { name: "made".into(), joints: 6, rows, ..Recording::default() }
 }
 
 pub fn touches_of(n: usize) -> Dataset {
@@ -74,7 +74,7 @@ pub fn touch(model: &Model, count: usize, noise: f64, seed: u64) -> Recording {
         let reading = std::array::from_fn(|a| i[a] + noise * rand_distr::Distribution::sample(&normal, &mut rng));
         rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: rows.len() + 2 });
     }
-    Recording { name: "touches".into(), joints: 6, rows }
+    Recording { name: "touches".into(), joints: 6, rows, ..Recording::default() }
 }
 
 pub fn build(r: Recording) -> Dataset {

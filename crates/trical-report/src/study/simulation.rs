@@ -145,7 +145,7 @@ pub fn touch(truth: &Model, touches: &[Candidate], nature: &Nature, seed: u64, t
         let reading = (there.rotation.transpose() * (ball - there.translation) + noise).into();
         rows.push(Row { state, measured: Measured::Touch { ball: t.ball, reading }, seq: None, line: 0 });
     }
-    Ok(Recording { name: "simulated".into(), joints: forward.model().robot.dof(), rows })
+    Ok(Recording { name: "simulated".into(), joints: forward.model().robot.dof(), rows, ..Recording::default() })
 }
 
 /// Poses at which true and identified arm are compared.

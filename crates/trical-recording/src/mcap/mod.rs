@@ -5,23 +5,20 @@
 //! accepted; the reader takes what is whole out of a file that was cut anywhere.
 
 pub mod cdr;
-mod handed;
-pub mod json;
 mod read;
 pub mod schema;
 mod walk;
 mod write;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use thiserror::Error;
 use trical_model::recording::{Recording, Row};
 use trical_model::{Cell, Robot};
 
+use crate::error::RecordError;
 use crate::motion::JointSample;
 
-pub use handed::hand_over;
 pub use read::{each_row, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 
@@ -179,86 +176,5 @@ impl ReadRecording {
         let robot = self.attachment("robot.toml").map(|text| Robot::parse(text, &name("robot.toml"))).transpose()?;
         let cell = self.attachment("cell.toml").map(|text| Cell::parse(text, &name("cell.toml"))).transpose()?;
         Ok((robot, cell))
-    }
-}
-
-/// Why a recording could not be read or written.
-#[derive(Debug, Error)]
-pub enum RecordError {
-    /// The operating system refuses.
-    #[error("{}: cannot {action} ({source})", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What was tried.
-        action: &'static str,
-        /// What the operating system said.
-        source: std::io::Error,
-    },
-    /// The file is something else.
-    #[error("{}: not an MCAP recording (begins with {found}, expected the MCAP magic bytes)", path.display())]
-    NotMcap {
-        /// The file.
-        path: PathBuf,
-        /// Its first bytes.
-        found: String,
-    },
-    /// The file is a recording that this program cannot read.
-    #[error("{}: {problem}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What was found and what was expected.
-        problem: String,
-    },
-    /// The file is there already.
-    #[error("{}: exists already; resume it or choose another name", path.display())]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The MCAP library refuses.
-    #[error("{}: cannot write ({source})", path.display())]
-    Mcap {
-        /// The file.
-        path: PathBuf,
-        /// What the library said.
-        source: mcap::McapError,
-    },
-    /// A message makes no sense.
-    #[error("{}: message {number} on {topic}: {problem}", path.display())]
-    Message {
-        /// The file.
-        path: PathBuf,
-        /// Its topic.
-        topic: String,
-        /// Its number on the topic, from 1.
-        number: usize,
-        /// What was found and what was expected.
-        problem: String,
-    },
-    /// A recording to be resumed belongs to another robot, cell or arm.
-    #[error("{}: was recorded with another {what}; resume with the same one, or begin a new recording", path.display())]
-    Different {
-        /// The file.
-        path: PathBuf,
-        /// What differs.
-        what: String,
-    },
-}
-
-impl RecordError {
-    pub(crate) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Io { path, action, source }
-    }
-
-    pub(crate) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
-        let path = path.to_owned();
-        move |source| match source {
-            // a full disk says so
-            mcap::McapError::Io(source) => Self::Io { path, action: "write", source },
-            source => Self::Mcap { path, source },
-        }
     }
 }

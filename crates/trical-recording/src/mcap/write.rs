@@ -11,8 +11,11 @@ use trical_model::recording::{Recording, Row};
 use super::cdr::{self, JointState};
 use super::read::{interpret, read_raw};
 use super::walk::RawFile;
-use super::{Header, ReadRecording, RecordError, RunLog, json, schema};
+use super::{Header, ReadRecording, RunLog, schema};
+use crate::error::RecordError;
+use crate::json;
 use crate::motion::JointSample;
+use crate::shared::Shared;
 
 /// Writes a recording; every accepted measurement is on disk before [`RunLog::measurement`] returns.
 pub struct RecordingWriter {
@@ -20,6 +23,7 @@ pub struct RecordingWriter {
     file: File,
     path: PathBuf,
     joint_names: Vec<String>,
+    shared: Shared,
     start_ns: u64,
     channels: Channels,
     sequences: BTreeMap<u16, u32>,
@@ -83,7 +87,7 @@ impl RecordingWriter {
 
     /// Begins in a file beside, which takes the name once its head is whole.
     fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
-        let mut writer = Self::begin_beside(path, header, before)?;
+        let mut writer = Self::begin_beside(path, header, Shared::for_joints(header.joint_names.len()), before)?;
         if let Some(raw) = before {
             writer.copy(raw)?;
         }
@@ -92,7 +96,12 @@ impl RecordingWriter {
         Ok(writer)
     }
 
-    fn begin_beside(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+    fn begin_beside(
+        path: &Path,
+        header: &Header,
+        shared: Shared,
+        before: Option<&RawFile>,
+    ) -> Result<Self, RecordError> {
         let temporary = temporary_beside(path);
         let file = OpenOptions::new()
             .write(true)
@@ -100,10 +109,16 @@ impl RecordingWriter {
             .truncate(true)
             .open(&temporary)
             .map_err(RecordError::io(&temporary, "create"))?;
-        Self::write_head(file, path, header, before)
+        Self::write_head(file, path, header, shared, before)
     }
 
-    fn write_head(file: File, path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+    fn write_head(
+        file: File,
+        path: &Path,
+        header: &Header,
+        shared: Shared,
+        before: Option<&RawFile>,
+    ) -> Result<Self, RecordError> {
         let failed = || RecordError::mcap(path);
         let second = file.try_clone().map_err(RecordError::io(path, "write"))?;
         // not compressed: a chunk that was cut still gives its messages, and the files are small
@@ -160,7 +175,7 @@ impl RecordingWriter {
         let indicators = channel(schema::INDICATORS, name, json, &text, &none).map_err(failed())?;
         let (name, text) = schema::temperature();
         let temperature = channel(schema::TEMPERATURE, name, json, &text, &none).map_err(failed())?;
-        let (name, text) = schema::measurement(header.joint_names.len());
+        let (name, text) = schema::measurement(&shared);
         let measurement = channel(schema::MEASUREMENT, name, json, &text, &none).map_err(failed())?;
         let description = match (&header.robot_description, before) {
             (Some(text), None) => {
@@ -175,6 +190,7 @@ impl RecordingWriter {
             file: second,
             path: path.to_owned(),
             joint_names: header.joint_names.clone(),
+            shared,
             start_ns: header.start_ns,
             channels: Channels { joint_states, indicators, temperature, measurement },
             sequences: BTreeMap::new(),
@@ -281,7 +297,7 @@ impl RunLog for RecordingWriter {
     }
 
     fn measurement(&mut self, row: &Row) -> Result<(), RecordError> {
-        let text = json::row_to_json(row, self.joint_names.len());
+        let text = json::row_to_json(row, &self.shared);
         self.message(self.channels.measurement, row.state.t.unwrap_or(self.last_t), text.as_bytes())?;
         self.sync()
     }
@@ -293,9 +309,9 @@ impl RunLog for RecordingWriter {
 /// # Errors
 /// The file cannot be written.
 pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> Result<(), RecordError> {
-    let mut writer = RecordingWriter::begin_beside(path, header, None)?;
+    let mut writer = RecordingWriter::begin_beside(path, header, Shared::of(recording), None)?;
     for row in &recording.rows {
-        let text = json::row_to_json(row, recording.joints);
+        let text = json::row_to_json(row, &writer.shared);
         let t = row.state.t.unwrap_or(writer.last_t);
         writer.message(writer.channels.measurement, t, text.as_bytes())?;
     }

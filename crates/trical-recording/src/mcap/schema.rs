@@ -1,5 +1,8 @@
 //! Topics and schemas of a recording.
 
+use crate::columns::{COLUMNS, Field, column};
+use crate::shared::Shared;
+
 /// Joints while the arm moves: CDR `sensor_msgs/msg/JointState`.
 pub const JOINT_STATES: &str = "/joint_states";
 /// The robot as URDF, once: CDR `std_msgs/msg/String`.
@@ -37,43 +40,46 @@ int32 sec
 uint32 nanosec
 ";
 
+/// The columns of a field as properties of a schema, for an arm of which these joints slide.
+fn properties(field: Field, shared: &Shared) -> Vec<(String, &'static str)> {
+    let column = column(field);
+    let one = |k: usize| {
+        let unit = column.unit(k, &shared.prismatic);
+        (column.name(k, unit), unit.json_type())
+    };
+    (0..column.width(shared.joints)).map(one).collect()
+}
+
 /// Name and text of the schema of `/indicators`.
 #[must_use]
 pub fn indicators() -> (&'static str, String) {
-    let fields = ["t_s", "ix_mm", "iy_mm", "iz_mm"].map(|name| (name.to_owned(), "number"));
-    let mut fields = fields.to_vec();
+    let none = Shared::default();
+    let mut fields = [properties(Field::Time, &none), properties(Field::Indicators, &none)].concat();
+    let required: Vec<String> = fields.iter().map(|(name, _)| name.clone()).collect();
     fields.push(("settled".to_owned(), "boolean"));
-    ("trical.Indicators", json_schema("trical.Indicators", &fields, &["t_s", "ix_mm", "iy_mm", "iz_mm"]))
+    ("trical.Indicators", json_schema("trical.Indicators", &fields, &required))
 }
 
 /// Name and text of the schema of `/temperature`.
 #[must_use]
 pub fn temperature() -> (&'static str, String) {
-    let fields = ["t_s", "temp_c"].map(|name| (name.to_owned(), "number"));
-    ("trical.Temperature", json_schema("trical.Temperature", &fields, &["t_s", "temp_c"]))
+    let none = Shared::default();
+    let fields = [properties(Field::Time, &none), properties(Field::Temperature, &none)].concat();
+    let required: Vec<String> = fields.iter().map(|(name, _)| name.clone()).collect();
+    ("trical.Temperature", json_schema("trical.Temperature", &fields, &required))
 }
 
-/// Name and text of the schema of `/measurement` for an arm with so many joints.
+/// Name and text of the schema of `/measurement`.
 #[must_use]
-pub fn measurement(joints: usize) -> (&'static str, String) {
-    let mut fields = vec![("t_s".to_owned(), "number")];
-    for (stem, tail, kind) in [("q", "_deg", "number"), ("qc", "_deg", "number"), ("dir", "", "integer")] {
-        fields.extend((1..=joints).map(|joint| (format!("{stem}{joint}{tail}"), kind)));
-    }
-    for name in ["seq", "ball", "target", "reference", "anchor"] {
-        fields.push((name.to_owned(), "integer"));
-    }
-    for name in
-        ["temp_c", "payload_kg", "ix_mm", "iy_mm", "iz_mm", "x_mm", "y_mm", "z_mm", "d_mm", "qw", "qx", "qy", "qz"]
-    {
-        fields.push((name.to_owned(), "number"));
-    }
-    let required: Vec<String> = (1..=joints).map(|joint| format!("q{joint}_deg")).collect();
-    let required: Vec<&str> = required.iter().map(String::as_str).collect();
+pub fn measurement(shared: &Shared) -> (&'static str, String) {
+    let written = COLUMNS.iter().filter(|c| c.field != Field::Plan);
+    let fields: Vec<_> = written.flat_map(|c| properties(c.field, shared)).collect();
+    let of_every_row = COLUMNS.iter().filter(|c| c.required && c.kinds.is_empty());
+    let required: Vec<String> = of_every_row.flat_map(|c| properties(c.field, shared)).map(|(name, _)| name).collect();
     ("trical.Measurement", json_schema("trical.Measurement", &fields, &required))
 }
 
-fn json_schema(title: &str, fields: &[(String, &str)], required: &[&str]) -> String {
+fn json_schema(title: &str, fields: &[(String, &str)], required: &[String]) -> String {
     let properties: Vec<String> =
         fields.iter().map(|(name, kind)| format!("\"{name}\":{{\"type\":\"{kind}\"}}")).collect();
     let required: Vec<String> = required.iter().map(|name| format!("\"{name}\"")).collect();
@@ -91,7 +97,7 @@ mod tests {
 
     #[test]
     fn schemas_are_json_and_named_by_their_title() {
-        for (name, text) in [indicators(), temperature(), measurement(6)] {
+        for (name, text) in [indicators(), temperature(), measurement(&Shared::for_joints(6))] {
             let schema: serde_json::Value = serde_json::from_str(&text).unwrap();
             assert_eq!(schema["title"], name);
             for key in schema["required"].as_array().unwrap() {

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use crate::error::{IdentError, Result};
-use crate::recording_csv::csv_reader;
+use crate::csv::csv_reader;
+use crate::error::{RecordError, Result};
 
 /// Bytes of a block.
 const BLOCK: usize = 1 << 20;
@@ -39,8 +39,8 @@ pub(super) struct Blocks<'a> {
 }
 
 impl Source {
-    pub(super) fn error(&self, problem: impl Into<String>) -> IdentError {
-        IdentError::File { file: self.name.clone(), problem: problem.into() }
+    pub(super) fn error(&self, problem: impl Into<String>) -> RecordError {
+        RecordError::File { file: self.name.clone(), problem: problem.into() }
     }
 
     pub(super) fn open(path: &Path, name: String) -> Result<Self> {

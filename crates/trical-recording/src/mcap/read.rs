@@ -10,8 +10,12 @@ use trical_model::recording::{MAX_JOINTS, Recording, Row};
 
 use super::cdr::JointState;
 use super::walk::{Channels, MAGIC, RawFile, RawMessage, walk, walk_pieces};
-use super::{IndicatorSample, ReadRecording, RecordError, json, schema};
+use super::{IndicatorSample, ReadRecording, schema};
+use crate::columns::{Field, Unit, column};
+use crate::error::RecordError;
+use crate::json;
 use crate::motion::{JointSample, MotionSense};
+use crate::shared::{Places, Shared};
 
 /// Reads a recording, whole or cut anywhere.
 ///
@@ -87,7 +91,8 @@ pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, Rec
             Said::Nothing => {}
         }
     }
-    let recording = Recording { name: path.display().to_string(), joints: reader.joints.unwrap_or(0), rows };
+    let Shared { joints, prismatic, places } = reader.shared();
+    let recording = Recording { name: path.display().to_string(), joints, prismatic, places, rows };
     Ok(ReadRecording {
         recording,
         attachments: raw.attachments.clone(),
@@ -99,12 +104,12 @@ pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, Rec
     })
 }
 
-/// Hands the measurements of a recording to `take` one after the other, in memory that does not grow with the file. Returns the
-/// number of joints.
+/// Hands the measurements of a recording to `take` one after the other, in memory that does not grow with the file. Returns
+/// what the rows share.
 ///
 /// # Errors
 /// As [`read_recording`]; a recording that is not whole, or whose messages do not stand in the order of time; what `take` returns.
-pub fn each_row(path: &Path, take: &mut dyn FnMut(Row) -> Result<(), RecordError>) -> Result<usize, RecordError> {
+pub fn each_row(path: &Path, take: &mut dyn FnMut(Row) -> Result<(), RecordError>) -> Result<Shared, RecordError> {
     let file = File::open(path).map_err(RecordError::io(path, "open"))?;
     let mut file = BufReader::with_capacity(1 << 20, file);
     let mut magic = Vec::new();
@@ -132,7 +137,7 @@ pub fn each_row(path: &Path, take: &mut dyn FnMut(Row) -> Result<(), RecordError
         if let Said::Row(row) = said { take(*row) } else { Ok(()) }
     };
     walk_pieces(&mut file, &mut each, &unreadable, &io)?;
-    Ok(reader.joints.unwrap_or(0))
+    Ok(reader.shared())
 }
 
 /// What a message says.
@@ -146,7 +151,8 @@ enum Said {
 /// Makes sense of messages in the order of time.
 struct Interpreter<'a> {
     path: &'a Path,
-    joints: Option<usize>,
+    joints: Option<(usize, [bool; MAX_JOINTS])>,
+    places: Places,
     moved: bool,
     motion: MotionSense,
     /// Messages so far of each channel.
@@ -155,7 +161,20 @@ struct Interpreter<'a> {
 
 impl<'a> Interpreter<'a> {
     fn new(path: &'a Path) -> Self {
-        Self { path, joints: None, moved: false, motion: MotionSense::default(), numbers: BTreeMap::new() }
+        Self {
+            path,
+            joints: None,
+            places: Places::default(),
+            moved: false,
+            motion: MotionSense::default(),
+            numbers: BTreeMap::new(),
+        }
+    }
+
+    /// What the rows share, after the last one.
+    fn shared(self) -> Shared {
+        let (joints, prismatic) = self.joints.unwrap_or_default();
+        Shared { joints, prismatic, places: self.places.into_names() }
     }
 
     fn read(&mut self, channels: &Channels, message: &RawMessage) -> Result<Said, RecordError> {
@@ -184,12 +203,16 @@ impl<'a> Interpreter<'a> {
                 Ok(Said::Joints(q))
             }
             schema::MEASUREMENT => {
-                let (mut row, count) = json::row_from_json(&message.data).map_err(wrong)?;
+                let read = json::row_from_json(&message.data, &mut self.places).map_err(wrong)?;
+                let (mut row, count) = (read.row, read.joints);
                 match self.joints {
-                    Some(before) if before != count => {
+                    Some((before, _)) if before != count => {
                         return Err(wrong(format!("{count} joints; expected {before} as before")));
                     }
-                    _ => self.joints = Some(count),
+                    Some((_, before)) if before != read.prismatic => {
+                        return Err(wrong("joints in other units than before; expected the same".to_owned()));
+                    }
+                    _ => self.joints = Some((count, read.prismatic)),
                 }
                 // that of the CSV which `trical convert` makes of it
                 row.line = *number + 1;
@@ -212,9 +235,13 @@ fn read_indicators(data: &[u8]) -> Result<IndicatorSample, String> {
     let value: Value = serde_json::from_slice(data).map_err(|error| format!("no JSON ({error})"))?;
     let number =
         |key: &str| value.get(key).and_then(Value::as_f64).ok_or_else(|| format!("key {key:?}; expected a number"));
+    let mut reading = [0.0; 3];
+    for (to, key) in reading.iter_mut().zip(column(Field::Indicators).names.fixed()) {
+        *to = Unit::Millimetre.to_si(number(key)?);
+    }
     Ok(IndicatorSample {
         t: number("t_s")?,
-        reading: [number("ix_mm")? * 1e-3, number("iy_mm")? * 1e-3, number("iz_mm")? * 1e-3],
+        reading,
         settled: value.get("settled").and_then(Value::as_bool).unwrap_or(false),
     })
 }

@@ -1,0 +1,416 @@
+//! Recordings as CSV: one row per measurement, columns known by name (`docs/formats.md`).
+
+mod layout;
+
+use std::io::Read as _;
+use std::path::Path;
+
+use trical_model::error::shortened;
+use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
+
+use crate::columns::{self, Column, FIELDS, Field, Kind, Unit};
+use crate::error::{RecordError, Result};
+use crate::shared::Places;
+
+pub use layout::{CsvWriter, Layout, write_csv};
+
+/// Where a column stands in the file, and its unit.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    at: usize,
+    unit: Unit,
+}
+
+/// The columns of a file, by what they fill; empty where it has none.
+struct Slots([Vec<Slot>; FIELDS]);
+
+impl Slots {
+    fn all(&self, field: Field) -> &[Slot] {
+        &self.0[field as usize]
+    }
+
+    fn has(&self, field: Field) -> bool {
+        !self.all(field).is_empty()
+    }
+
+    fn one(&self, field: Field) -> Option<Slot> {
+        self.all(field).first().copied()
+    }
+}
+
+struct Reader<'a> {
+    file: &'a str,
+    header: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn error(&self, place: impl Into<String>, problem: impl Into<String>) -> RecordError {
+        RecordError::Csv { file: self.file.to_owned(), place: place.into(), problem: problem.into() }
+    }
+
+    fn wrong_header(&self, problem: impl Into<String>) -> RecordError {
+        self.error("header", problem)
+    }
+
+    /// Where the columns of a group stand: all of them, none, or an error that names the first that is missing.
+    fn group(&self, column: &Column, found: &[[Option<Slot>; 2]], joints: usize) -> Result<Vec<Slot>> {
+        let width = column.width(joints);
+        let name = |k: usize| column.name(k, column.units.first().copied().unwrap_or(Unit::One));
+        for (k, both) in found.iter().enumerate() {
+            if let ([Some(_), Some(_)], [one, other, ..]) = (both, column.units) {
+                let (one, other) = (column.name(k, *one), column.name(k, *other));
+                return Err(self.wrong_header(format!("columns {one} and {other} are both there")));
+            }
+        }
+        let one = |both: &[Option<Slot>; 2]| both[0].or(both[1]);
+        if let Some(extra) = found.iter().skip(width).find_map(one) {
+            let name = self.header.get(extra.at).map_or("", String::as_str);
+            return Err(self.wrong_header(format!("column {name} found, but the robot has {joints} joints")));
+        }
+        let slots: Vec<Slot> = found.iter().filter_map(one).collect();
+        if slots.is_empty() || slots.len() == width || column.field == Field::Plan {
+            return Ok(slots);
+        }
+        let missing = found.iter().position(|both| one(both).is_none()).unwrap_or(slots.len());
+        let expected = match column.names.fixed() {
+            [] => String::new(),
+            names => format!("; expected all of {} or none", names.join(", ")),
+        };
+        Err(self.wrong_header(format!("column {} is missing{expected}", name(missing))))
+    }
+
+    fn slots(&self, joints: usize) -> Result<Slots> {
+        let mut found = [[[None; 2]; MAX_JOINTS]; FIELDS];
+        for (at, name) in self.header.iter().enumerate() {
+            let Some((column, k, unit)) = columns::find(name) else {
+                let (name, known) = (shortened(name, 60), columns::known());
+                return Err(self.wrong_header(format!("unknown column '{name}'; known are {known}")));
+            };
+            let which = usize::from(column.units.first() != Some(&unit));
+            let slot = &mut found[column.field as usize][k][which];
+            if slot.is_some() {
+                return Err(self.wrong_header(format!("column {name} stands there twice")));
+            }
+            *slot = Some(Slot { at, unit });
+        }
+        let mut slots = Slots(Default::default());
+        for column in &columns::COLUMNS {
+            slots.0[column.field as usize] = self.group(column, &found[column.field as usize], joints)?;
+        }
+        if !slots.has(Field::Joints) {
+            return Err(self.wrong_header(format!(
+                "column q1_deg is missing; expected the joint angles q1_deg to q{joints}_deg (q1_mm where a joint slides)"
+            )));
+        }
+        for (q, commanded) in slots.all(Field::Joints).iter().zip(slots.all(Field::Commanded)) {
+            if q.unit != commanded.unit {
+                let name = |slot: &Slot| self.header.get(slot.at).map_or("", String::as_str);
+                let (q, commanded) = (name(q), name(commanded));
+                return Err(self.wrong_header(format!("columns {q} and {commanded} have different units")));
+            }
+        }
+        if slots.has(Field::Indicators) != slots.has(Field::Ball) {
+            let missing = if slots.has(Field::Ball) { Field::Indicators } else { Field::Ball };
+            let (needed, missing) = (Kind::Touch.required().join(", "), columns::column(missing).words());
+            return Err(self.wrong_header(format!("a touch needs {needed}; {missing} missing")));
+        }
+        if ![Field::Indicators, Field::Position, Field::Length].into_iter().any(|f| slots.has(f)) {
+            return Err(self.wrong_header(format!("no measurement found; expected {}", columns::known_kinds())));
+        }
+        Ok(slots)
+    }
+}
+
+struct Cells<'a, 'r> {
+    reader: &'a Reader<'a>,
+    record: &'r csv::StringRecord,
+    line: usize,
+}
+
+impl Cells<'_, '_> {
+    fn text(&self, slot: Slot) -> &str {
+        self.record.get(slot.at).unwrap_or("").trim()
+    }
+
+    fn error(&self, slot: Slot, problem: String) -> RecordError {
+        let name = self.reader.header.get(slot.at).map_or("?", String::as_str);
+        self.reader.error(format!("line {}, column {name}", self.line), problem)
+    }
+
+    fn unexpected(&self, slot: Slot, expected: &str) -> RecordError {
+        self.error(slot, format!("found '{}', expected {expected}", shortened(self.text(slot), 60)))
+    }
+
+    fn empty(&self, slot: Slot) -> bool {
+        self.text(slot).is_empty()
+    }
+
+    fn all_empty(&self, slots: &[Slot]) -> bool {
+        slots.iter().all(|s| self.empty(*s))
+    }
+
+    /// A number whose size is that of an arm or an instrument, SI; the unit stands in the column's name.
+    fn number(&self, slot: Slot) -> Result<f64> {
+        let limit = slot.unit.limit();
+        match self.text(slot).parse::<f64>() {
+            Ok(v) if v.abs() <= limit => Ok(slot.unit.to_si(v)),
+            Ok(v) if v.is_finite() => Err(self.unexpected(slot, &format!("between -{limit} and {limit}"))),
+            _ => Err(self.unexpected(slot, "a finite number")),
+        }
+    }
+
+    fn numbers<const N: usize>(&self, slots: &[Slot]) -> Result<[f64; N]> {
+        let mut out = [0.0; N];
+        for (o, slot) in out.iter_mut().zip(slots) {
+            *o = self.number(*slot)?;
+        }
+        Ok(out)
+    }
+
+    /// Numbers that a row may leave out together.
+    fn optional_numbers<const N: usize>(&self, slots: &[Slot]) -> Result<Option<[f64; N]>> {
+        if self.all_empty(slots) { Ok(None) } else { self.numbers(slots).map(Some) }
+    }
+
+    fn optional(&self, slot: Option<Slot>) -> Result<Option<f64>> {
+        slot.filter(|s| !self.empty(*s)).map(|s| self.number(s)).transpose()
+    }
+
+    /// A whole number from `from` to the unit's limit.
+    fn whole(&self, slot: Slot, from: f64, expected: &str) -> Result<u64> {
+        match self.text(slot).parse::<f64>() {
+            Ok(v) if v.fract() == 0.0 && (from..=slot.unit.limit()).contains(&v) => {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+                let n = v as u64;
+                Ok(n)
+            }
+            _ => Err(self.unexpected(slot, expected)),
+        }
+    }
+
+    fn count(&self, slot: Slot) -> Result<usize> {
+        let n = self.whole(slot, 1.0, &format!("a number counted from 1 up to {}", slot.unit.limit()))?;
+        Ok(usize::try_from(n - 1).unwrap_or(usize::MAX))
+    }
+
+    fn sign(&self, slot: Slot) -> Result<i8> {
+        match self.text(slot).parse::<f64>() {
+            Ok(1.0) => Ok(1),
+            Ok(0.0) => Ok(0),
+            Ok(-1.0) => Ok(-1),
+            _ => Err(self.unexpected(slot, "-1, 0 or 1")),
+        }
+    }
+
+    fn measured(&self, slots: &Slots) -> Result<Measured> {
+        let filled = |field: Field| slots.one(field).filter(|s| !self.empty(*s));
+        if let Some(ball) = filled(Field::Ball) {
+            let ball = self.count(ball)?;
+            return Ok(Measured::Touch { ball, reading: self.numbers(slots.all(Field::Indicators))? });
+        }
+        if let Some(d) = filled(Field::Length) {
+            let anchor = filled(Field::Anchor).map_or(Ok(0), |a| self.count(a))?;
+            let length = self.number(d)?;
+            if length <= 0.0 {
+                return Err(self.unexpected(d, "a positive length"));
+            }
+            return Ok(Measured::Distance { anchor, length });
+        }
+        if !slots.has(Field::Position) {
+            return Err(self.reader.error(
+                format!("line {}", self.line),
+                "the row has no measurement: its columns ball or d_mm are empty",
+            ));
+        }
+        let position = self.numbers(slots.all(Field::Position))?;
+        if let Some(first) = filled(Field::Quaternion) {
+            let quaternion: [f64; 4] = self.numbers(slots.all(Field::Quaternion))?;
+            let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if (norm - 1.0).abs() > 1e-2 {
+                return Err(self.error(first, format!("the quaternion has length {norm:.4}, expected 1")));
+            }
+            return Ok(Measured::Pose { position, quaternion });
+        }
+        match (filled(Field::Target), filled(Field::Reference)) {
+            (Some(t), Some(_)) => {
+                Err(self.error(t, "the row names a target and a reference, expected one of them".into()))
+            }
+            (None, Some(r)) => Ok(Measured::Reference { reference: self.count(r)?, position }),
+            (Some(t), None) => Ok(Measured::Point { target: self.count(t)?, position }),
+            (None, None) => Ok(Measured::Point { target: 0, position }),
+        }
+    }
+
+    fn row(&self, slots: &Slots, places: &mut Places) -> Result<Row> {
+        let mut state = State::at(&[]);
+        state.q = self.numbers(slots.all(Field::Joints))?;
+        state.q_commanded = self.optional_numbers(slots.all(Field::Commanded))?;
+        let dir = slots.all(Field::Directions);
+        if !self.all_empty(dir) {
+            let mut senses = [0; MAX_JOINTS];
+            for (d, slot) in senses.iter_mut().zip(dir) {
+                *d = self.sign(*slot)?;
+            }
+            state.dir = Some(senses);
+        }
+        state.t = self.optional(slots.one(Field::Time))?;
+        state.temp_c = self.optional(slots.one(Field::Temperature))?;
+        state.payload_kg = self.optional(slots.one(Field::Payload))?;
+        state.torques = self.optional_numbers(slots.all(Field::Torques))?;
+        if let Some(slot) = slots.one(Field::Place).filter(|s| !self.empty(*s)) {
+            state.place = Some(places.index_of(self.text(slot)).map_err(|problem| self.error(slot, problem))?);
+        }
+        let seq = slots.one(Field::Seq).filter(|s| !self.empty(*s));
+        let seq = seq.map(|s| self.whole(s, 0.0, "a whole number")).transpose()?;
+        Ok(Row { state, measured: self.measured(slots)?, seq, line: self.line })
+    }
+}
+
+/// What a header says about the rows below it.
+pub(crate) struct Parser<'a> {
+    reader: Reader<'a>,
+    slots: Slots,
+}
+
+impl<'a> Parser<'a> {
+    /// Reads a header.
+    pub fn new(file: &'a str, header: &csv::StringRecord, joints: usize) -> Result<Self> {
+        let reader = Reader { file, header: header.iter().map(|h| h.trim().to_owned()).collect() };
+        let slots = reader.slots(joints)?;
+        Ok(Self { reader, slots })
+    }
+
+    /// Whether the file has these columns.
+    pub fn has(&self, field: Field) -> bool {
+        self.slots.has(field)
+    }
+
+    /// Which joints slide.
+    pub fn prismatic(&self) -> [bool; MAX_JOINTS] {
+        let mut out = [false; MAX_JOINTS];
+        for (slides, slot) in out.iter_mut().zip(self.slots.all(Field::Joints)) {
+            *slides = slot.unit == Unit::Millimetre;
+        }
+        out
+    }
+
+    /// Hands on every row; lines are counted from `lines_before`.
+    pub fn each_row<R: std::io::Read, E: From<RecordError>>(
+        &self,
+        csv: &mut csv::Reader<R>,
+        lines_before: usize,
+        places: &mut Places,
+        take: &mut dyn FnMut(Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut record = csv::StringRecord::new();
+        loop {
+            match csv.read_record(&mut record) {
+                Ok(false) => return Ok(()),
+                Ok(true) => {}
+                Err(e) => {
+                    let line = e.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
+                    let problem = format!("cannot be read as CSV: {e}");
+                    return Err(self.reader.error(format!("line {line}"), problem).into());
+                }
+            }
+            let line = record.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
+            if record.len() == 1 && record.get(0).is_some_and(|cell| cell.trim().is_empty()) {
+                continue;
+            }
+            if record.len() != self.reader.header.len() {
+                let (found, expected) = (record.len(), self.reader.header.len());
+                let problem = format!("found {found} fields, expected {expected} as in the header");
+                return Err(self.reader.error(format!("line {line}"), problem).into());
+            }
+            take(Cells { reader: &self.reader, record: &record, line }.row(&self.slots, places)?)?;
+        }
+    }
+
+    /// Refuses a row that goes back in time.
+    pub fn in_order(&self, row: &Row, last_t: &mut f64) -> Result<()> {
+        if let Some(t) = row.state.t {
+            if t < *last_t {
+                return Err(self.reader.error(
+                    format!("line {}, column t_s", row.line),
+                    format!("found {t} after {last_t}; expected rows in the order of time"),
+                ));
+            }
+            *last_t = t;
+        }
+        Ok(())
+    }
+}
+
+/// Reads a CSV recording of an arm with `joints` joints.
+///
+/// # Errors
+/// One sentence with file, line, column, what was found and what was expected.
+pub fn load_csv(path: &Path, joints: usize) -> Result<Recording> {
+    let name = path.display().to_string();
+    let bytes = whole_lines(path)?;
+    parse_csv(&bytes, &name, joints)
+}
+
+/// No row is this long, bytes.
+pub(crate) const LONGEST_LINE: usize = 1 << 20;
+
+/// The bytes of a file; one without ends of lines is given up before it fills the memory.
+fn whole_lines(path: &Path) -> Result<Vec<u8>> {
+    let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
+    let file = std::fs::File::open(path).map_err(|e| error(format!("cannot be read: {e}")))?;
+    let (mut bytes, mut line, mut begin) = (Vec::new(), 1, 0);
+    loop {
+        let from = bytes.len();
+        let read = (&file).take(LONGEST_LINE as u64).read_to_end(&mut bytes);
+        if read.map_err(|e| error(format!("cannot be read: {e}")))? == 0 {
+            return Ok(bytes);
+        }
+        for (at, _) in bytes[from..].iter().enumerate().filter(|(_, b)| **b == b'\n') {
+            (line, begin) = (line + 1, from + at + 1);
+        }
+        if bytes.len() - begin > LONGEST_LINE {
+            return Err(error(format!(
+                "line {line} is longer than {LONGEST_LINE} bytes; expected a recording, one measurement a line"
+            )));
+        }
+    }
+}
+
+/// How recordings are read: lines end with \n, a \r before it is blank (the crate counts lines ending with both one too low).
+pub(crate) fn csv_reader(has_headers: bool) -> csv::ReaderBuilder {
+    let mut builder = csv::ReaderBuilder::new();
+    builder.flexible(true).has_headers(has_headers).terminator(csv::Terminator::Any(b'\n'));
+    builder
+}
+
+/// Reads the bytes of a CSV recording; `file` is its name for messages.
+///
+/// # Errors
+/// As [`load_csv`].
+pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
+    let problem = |p: &str| RecordError::File { file: file.to_owned(), problem: p.to_owned() };
+    let text = std::str::from_utf8(bytes).map_err(|_| problem("is not a text file; expected a CSV recording"))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if text.trim().is_empty() {
+        return Err(problem("is empty; expected a CSV recording with a header line"));
+    }
+    if text.contains('\0') {
+        return Err(problem("is not a text file; expected a CSV recording"));
+    }
+    let mut csv = csv_reader(true).from_reader(text.as_bytes());
+    let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
+    let parser = Parser::new(file, &header, joints)?;
+    let mut rows = Vec::new();
+    let mut last_t = f64::NEG_INFINITY;
+    let mut places = Places::default();
+    parser.each_row(&mut csv, 0, &mut places, &mut |row| {
+        parser.in_order(&row, &mut last_t)?;
+        rows.push(row);
+        Ok::<_, RecordError>(())
+    })?;
+    if rows.is_empty() {
+        return Err(problem("has a header but no rows"));
+    }
+    let prismatic = parser.prismatic();
+    Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows })
+}

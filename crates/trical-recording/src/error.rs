@@ -1,0 +1,121 @@
+//! What can be wrong with a recording, and with writing one.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Why a recording could not be read or written.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    /// Something in a CSV makes no sense.
+    #[error("{file}, {place}: {problem}")]
+    Csv {
+        /// File name as the user gave it.
+        file: String,
+        /// "line 12, column q3_deg" or "header".
+        place: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// A file as a whole cannot be used.
+    #[error("{file}: {problem}")]
+    File {
+        /// File name as the user gave it.
+        file: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// An MCAP recording is damaged, and all of it was asked for.
+    #[error("{lost}")]
+    Damaged {
+        /// One sentence that names the file and says what was lost.
+        lost: String,
+        /// Measurements that are whole.
+        complete: usize,
+    },
+    /// There is no complete measurement in an MCAP recording; the sentence names the file.
+    #[error("{0}; there is no complete measurement in it")]
+    Empty(String),
+    /// The folder for temporary files cannot be used.
+    #[error("the folder for temporary files: {0}")]
+    Scratch(std::io::Error),
+    /// The operating system refuses.
+    #[error("{}: cannot {action} ({source})", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The file is something else.
+    #[error("{}: not an MCAP recording (begins with {found}, expected the MCAP magic bytes)", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes.
+        found: String,
+    },
+    /// The file is a recording that this program cannot read.
+    #[error("{}: {problem}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// The file is there already.
+    #[error("{}: exists already; resume it or choose another name", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The MCAP library refuses.
+    #[error("{}: cannot write ({source})", path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// What the library said.
+        source: mcap::McapError,
+    },
+    /// A message makes no sense.
+    #[error("{}: message {number} on {topic}: {problem}", path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// Its topic.
+        topic: String,
+        /// Its number on the topic, from 1.
+        number: usize,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// A recording to be resumed belongs to another robot, cell or arm.
+    #[error("{}: was recorded with another {what}; resume with the same one, or begin a new recording", path.display())]
+    Different {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: String,
+    },
+}
+
+impl RecordError {
+    pub(crate) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { path, action, source }
+    }
+
+    pub(crate) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
+        let path = path.to_owned();
+        move |source| match source {
+            // a full disk says so
+            mcap::McapError::Io(source) => Self::Io { path, action: "write", source },
+            source => Self::Mcap { path, source },
+        }
+    }
+}
+
+/// Results of this crate.
+pub type Result<T, E = RecordError> = std::result::Result<T, E>;

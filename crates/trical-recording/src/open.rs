@@ -1,0 +1,92 @@
+//! Recordings from files: CSV or MCAP, by what is in them.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use trical_model::{MAX_JOINTS, Recording};
+
+use crate::columns::{Field, find};
+use crate::csv::{load_csv, write_csv};
+use crate::error::{RecordError, Result};
+use crate::mcap::read_recording;
+
+fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> RecordError {
+    let file = path.display().to_string();
+    move |e| RecordError::File { file, problem: format!("cannot be read: {e}") }
+}
+
+/// Whether a file is an MCAP recording, by its name or by how it begins.
+///
+/// # Errors
+/// It cannot be read.
+pub fn is_mcap(path: &Path) -> Result<bool> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
+        return Ok(true);
+    }
+    let mut magic = [0; 8];
+    let read = std::fs::File::open(path).and_then(|mut f| f.read(&mut magic)).map_err(unreadable(path))?;
+    Ok(magic.get(..read).is_some_and(|begin| begin.starts_with(b"\x89MCAP")))
+}
+
+/// Number of joints by a CSV's header; 1 where it has none, so that the reader says what is missing.
+fn joints_of_csv(path: &Path) -> Result<usize> {
+    let mut line = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|f| BufReader::new(f.take(1 << 16)).read_until(b'\n', &mut line))
+        .map_err(unreadable(path))?;
+    let line = String::from_utf8_lossy(&line);
+    let names = line.trim_start_matches('\u{feff}').split(',').map(|n| n.trim().trim_matches('"'));
+    let mut has = [false; MAX_JOINTS];
+    for (column, k, _) in names.filter_map(find) {
+        if let Some(has) = has.get_mut(k) {
+            *has |= column.field == Field::Joints;
+        }
+    }
+    Ok(has.iter().take_while(|has| **has).count().max(1))
+}
+
+/// Reads a recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it
+/// ([`open_damaged`]). `joints` is how many the arm has; where it is not given, as many as the file has.
+///
+/// # Errors
+/// A file that cannot be read or makes no sense, [`RecordError::Damaged`], or a recording of an arm with other joints.
+pub fn open(path: &Path, joints: Option<usize>) -> Result<Recording> {
+    let (recording, lost) = open_damaged(path, joints)?;
+    match lost {
+        Some(lost) => Err(RecordError::Damaged { lost, complete: recording.rows.len() }),
+        None => Ok(recording),
+    }
+}
+
+/// As [`open`]; of a damaged MCAP what is whole, and one sentence on what was lost.
+///
+/// # Errors
+/// As [`open`]; a damaged MCAP without a complete measurement.
+pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Option<String>)> {
+    if !is_mcap(path)? {
+        let joints = joints.map_or_else(|| joints_of_csv(path), Ok)?;
+        return Ok((load_csv(path, joints)?, None));
+    }
+    let read = read_recording(path)?;
+    let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
+    if read.recording.rows.is_empty() {
+        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
+        return Err(RecordError::Empty(why));
+    }
+    let found = read.recording.joints;
+    match joints.filter(|joints| *joints != found) {
+        Some(joints) => Err(error(format!("has {found} joints, but the robot has {joints}"))),
+        None => Ok((read.recording, read.lost)),
+    }
+}
+
+/// The bytes of a CSV with all of a recording.
+///
+/// # Errors
+/// There is no memory.
+pub fn to_csv(recording: &Recording) -> Result<Vec<u8>> {
+    let mut text = Vec::new();
+    write_csv(recording, &mut text)
+        .map_err(|e| RecordError::File { file: recording.name.clone(), problem: e.to_string() })?;
+    Ok(text)
+}

@@ -1,0 +1,88 @@
+//! Which recordings are read in passes; one that is no CSV goes by way of a CSV in the folder for temporary files.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use trical_model::Row;
+
+use super::CsvStream;
+use crate::csv::{CsvWriter, Layout};
+use crate::error::{RecordError, Result};
+use crate::mcap::each_row;
+use crate::open::is_mcap;
+use crate::shared::Shared;
+
+/// CSV recordings beyond this are better read in passes, bytes: some 300 000 touches.
+const LARGE_CSV: u64 = 32 << 20;
+
+/// Recordings with the history of the joints beyond this, bytes.
+const LARGE_MCAP: u64 = 512 << 20;
+
+/// The recordings to be read in passes: where that is `wanted`, or where they are large, it is `allowed`, and they can be.
+///
+/// # Errors
+/// As [`CsvStream::open`]; an MCAP recording that is damaged or of another arm; no room for temporary files.
+pub fn open_large(recordings: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> Result<Option<CsvStream>> {
+    let mut size = [0, 0];
+    let mut of_mcap = Vec::with_capacity(recordings.len());
+    for path in recordings {
+        let is = is_mcap(path)?;
+        size[usize::from(is)] += std::fs::metadata(path).map_or(0, |m| m.len());
+        of_mcap.push((path, is));
+    }
+    let large = size[0] > LARGE_CSV || size[1] > LARGE_MCAP;
+    if !(wanted || large && allowed) {
+        return Ok(None);
+    }
+    match open(&of_mcap, joints) {
+        Ok(stream) => Ok(Some(stream)),
+        Err(e) if wanted => Err(e),
+        // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
+        Err(_) => Ok(None),
+    }
+}
+
+fn open(recordings: &[(&PathBuf, bool)], joints: usize) -> Result<CsvStream> {
+    let any = recordings.iter().any(|(_, is_mcap)| *is_mcap);
+    let folder = if any { Some(TempDir::new().map_err(RecordError::Scratch)?) } else { None };
+    let mut files = Vec::with_capacity(recordings.len());
+    for (k, (path, is_mcap)) in recordings.iter().enumerate() {
+        let file = match &folder {
+            Some(folder) if *is_mcap => {
+                let csv = folder.path().join(format!("{k}.csv"));
+                write_as_csv(path, &csv, joints)?;
+                csv
+            }
+            _ => (*path).clone(),
+        };
+        files.push((file, path.display().to_string()));
+    }
+    CsvStream::open_as(files, joints, folder)
+}
+
+/// Writes the measurements of an MCAP recording as CSV, row by row.
+fn write_as_csv(recording: &Path, csv: &Path, joints: usize) -> Result<()> {
+    let each =
+        |take: &mut dyn FnMut(&Row) -> Result<()>| -> Result<Shared> { each_row(recording, &mut |row| take(&row)) };
+    // first which columns there are
+    let mut layout = Layout::default();
+    let mut rows = 0_usize;
+    let shared = each(&mut |row| {
+        layout.see(row);
+        rows += 1;
+        Ok(())
+    })?;
+    let error = |problem: String| RecordError::File { file: recording.display().to_string(), problem };
+    if rows == 0 {
+        return Err(error("has no measurements".to_owned()));
+    }
+    if shared.joints != joints {
+        return Err(error(format!("has {} joints, but the robot has {joints}", shared.joints)));
+    }
+    let out = File::create(csv).map_err(RecordError::Scratch)?;
+    let mut out = CsvWriter::new(BufWriter::new(out), &layout, shared).map_err(RecordError::Scratch)?;
+    each(&mut |row| out.write(row).map_err(RecordError::Scratch))?;
+    out.finish().map_err(RecordError::Scratch)
+}

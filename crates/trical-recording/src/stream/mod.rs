@@ -1,0 +1,223 @@
+//! CSV recordings of any size, read in passes, in memory that does not grow with their rows; a sample of their rows. Files are
+//! cut into blocks of fixed size, whose results are joined in order: the number of threads changes no bit.
+
+mod blocks;
+mod large;
+mod sample;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+use tempfile::TempDir;
+use trical_model::{Recording, Row};
+
+use crate::columns::Field;
+use crate::csv::{Parser, csv_reader};
+use crate::error::{RecordError, Result};
+use crate::shared::Places;
+use blocks::{Block, Source};
+
+pub use large::open_large;
+pub use sample::{FIRST, SAMPLE, scatter, sort_of};
+
+/// Blocks at a time: what bounds the memory, and what threads can share.
+const BATCH: usize = 8;
+
+/// CSV recordings of one arm, opened to be read several times.
+#[derive(Debug)]
+pub struct CsvStream {
+    files: Vec<Source>,
+    joints: usize,
+    /// What was no CSV, as CSV, while it is needed.
+    _folder: Option<TempDir>,
+}
+
+/// A block of rows of one file.
+pub struct BlockRows<'a> {
+    parser: &'a Parser<'a>,
+    block: &'a Block,
+}
+
+impl BlockRows<'_> {
+    /// Which block of its file it is, from 0.
+    #[must_use]
+    pub fn number(&self) -> usize {
+        self.block.number
+    }
+
+    /// Hands on every row.
+    ///
+    /// # Errors
+    /// A row that is no measurement, with file, line and column; what `take` returns.
+    pub fn each_row<E: From<RecordError>>(&self, take: &mut dyn FnMut(Row) -> Result<(), E>) -> Result<(), E> {
+        let mut csv = csv_reader(false).from_reader(self.block.bytes.as_slice());
+        // files with places are not opened
+        self.parser.each_row(&mut csv, self.block.lines_before, &mut Places::default(), take)
+    }
+}
+
+/// Rows that one block offers to the sample.
+struct Offered {
+    rows: Vec<(Row, bool)>,
+    count: usize,
+    first_t: Option<Row>,
+    last_t: f64,
+}
+
+/// Rows of the whole that stand for it, file by file.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// As recordings.
+    pub recordings: Vec<Recording>,
+    /// Rows of the whole.
+    pub rows: usize,
+}
+
+impl CsvStream {
+    /// Opens recordings of an arm with `joints` joints and reads their headers.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or a header that is not a recording's. Fixed references, since a pose is registered by them
+    /// with a view to all others. Places, since all of them must be known first.
+    pub fn open(paths: &[PathBuf], joints: usize) -> Result<Self> {
+        Self::open_as(paths.iter().map(|p| (p.clone(), p.display().to_string())), joints, None)
+    }
+
+    /// As [`Self::open`]; each file comes with the name that messages give it: a CSV in `folder` may stand for another recording.
+    fn open_as(
+        files: impl IntoIterator<Item = (PathBuf, String)>,
+        joints: usize,
+        folder: Option<TempDir>,
+    ) -> Result<Self> {
+        let files = files.into_iter().map(|(path, name)| Source::open(&path, name)).collect::<Result<Vec<_>>>()?;
+        for f in &files {
+            let parser = Parser::new(&f.name, &f.header, joints)?;
+            if parser.has(Field::Reference) {
+                return Err(f.error(
+                    "has a column reference; recordings with fixed references cannot be identified pass by pass, expected \
+                     one without them or small enough for the memory",
+                ));
+            }
+            if parser.has(Field::Place) {
+                return Err(f.error(
+                    "has a column place; recordings with places cannot be identified pass by pass, expected one without \
+                     them or small enough for the memory",
+                ));
+            }
+        }
+        Ok(Self { files, joints, _folder: folder })
+    }
+
+    /// Bytes of all files.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.files.iter().map(|f| f.bytes).sum()
+    }
+
+    /// Hands every block of every file to `work`, many at a time, and its results to `merge` in order; both get the file's
+    /// number (from 0) first.
+    ///
+    /// # Errors
+    /// A file that cannot be read; what `work` and `merge` return.
+    pub fn pass<T: Send, E: From<RecordError> + Send>(
+        &self,
+        work: impl Fn(usize, &BlockRows<'_>) -> Result<T, E> + Sync,
+        merge: &mut dyn FnMut(usize, T) -> Result<(), E>,
+    ) -> Result<(), E> {
+        for (index, source) in self.files.iter().enumerate() {
+            let parser = Parser::new(&source.name, &source.header, self.joints)?;
+            let mut blocks = source.blocks()?;
+            loop {
+                let mut batch = Vec::with_capacity(BATCH);
+                while batch.len() < BATCH
+                    && let Some(block) = blocks.next()?
+                {
+                    batch.push(block);
+                }
+                if batch.is_empty() {
+                    break;
+                }
+                let one = |block| work(index, &BlockRows { parser: &parser, block });
+                let parts: Vec<Result<T, E>> = batch.par_iter().map(one).collect();
+                for part in parts {
+                    merge(index, part?)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The first pass: reads and checks every row, and keeps some.
+    ///
+    /// # Errors
+    /// The first row that is not a measurement, with file, line and column, as for a recording in memory.
+    pub fn sample(&self) -> Result<Sample> {
+        let mut start = Vec::new();
+        for source in &self.files {
+            start.push(
+                source
+                    .blocks()?
+                    .next()?
+                    .map_or((0, 0), |b| (b.bytes.len() as u64, b.bytes.iter().filter(|c| **c == b'\n').count() as u64)),
+            );
+        }
+        let lines: u64 =
+            self.files.iter().zip(&start).map(|(f, (bytes, lines))| f.bytes * lines.max(&1) / bytes.max(&1)).sum();
+        let every = lines.div_ceil(SAMPLE as u64).max(1);
+        let mut recordings: Vec<Recording> = self
+            .files
+            .iter()
+            .map(|f| {
+                let prismatic = Parser::new(&f.name, &f.header, self.joints)?.prismatic();
+                Ok(Recording { name: f.name.clone(), joints: self.joints, prismatic, ..Recording::default() })
+            })
+            .collect::<Result<_>>()?;
+        let mut rows = 0;
+        let mut rows_of_file = vec![0; self.files.len()];
+        let mut seen: BTreeMap<(usize, (u8, usize)), usize> = BTreeMap::new();
+        let mut last_t = vec![f64::NEG_INFINITY; self.files.len()];
+        self.pass(
+            |index, rows| {
+                let mut offered = Offered { rows: Vec::new(), count: 0, first_t: None, last_t: f64::NEG_INFINITY };
+                let mut seen: BTreeMap<(u8, usize), usize> = BTreeMap::new();
+                rows.each_row(&mut |row| {
+                    rows.parser.in_order(&row, &mut offered.last_t)?;
+                    if offered.first_t.is_none() && row.state.t.is_some() {
+                        offered.first_t = Some(row);
+                    }
+                    offered.count += 1;
+                    let picked = scatter(row.line, index).is_multiple_of(every);
+                    let before = seen.entry(sort_of(&row.measured)).or_insert(0);
+                    *before += 1;
+                    if picked || *before <= FIRST {
+                        offered.rows.push((row, picked));
+                    }
+                    Ok::<_, RecordError>(())
+                })?;
+                Ok(offered)
+            },
+            &mut |index, offered: Offered| {
+                let source = &self.files[index];
+                if let Some(row) = &offered.first_t {
+                    Parser::new(&source.name, &source.header, self.joints)?.in_order(row, &mut last_t[index])?;
+                    last_t[index] = offered.last_t;
+                }
+                rows += offered.count;
+                rows_of_file[index] += offered.count;
+                for (row, picked) in offered.rows {
+                    let before = seen.entry((index, sort_of(&row.measured))).or_insert(0);
+                    *before += 1;
+                    if picked || *before <= FIRST {
+                        recordings[index].rows.push(row);
+                    }
+                }
+                Ok(())
+            },
+        )?;
+        if let Some(k) = rows_of_file.iter().position(|n| *n == 0) {
+            return Err(self.files[k].error("has a header but no rows"));
+        }
+        Ok(Sample { recordings, rows })
+    }
+}

@@ -372,7 +372,7 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
         }
     }
     if let Some((frame, true)) = place.frame {
-        model.frames.resize(frame + 1, Pose::identity());
+        model.frames.resize(model.frames.len().max(frame + 1), Pose::identity());
         let name = |m: Motion| format!("frame{}_{}", frame + 1, m.name());
         let site = |motion| Site::Frame { frame: frame + 1, motion };
         model.terms.extend(Motion::ALL.map(|m| Term::new(name(m), "frame", site(m), Basis::CONSTANT)));

@@ -15,7 +15,7 @@ use trical_device::{
     ArmPlant, CellOptions, Fault, Header, PlanEntry, Plant, ProcedureError, ProcedureOptions, RecordingWriter,
     VirtualCell, open_controller, open_gauge, read_recording, run,
 };
-use trical_ident::truth::draw_truth;
+use trical_diagnose::truth::draw_truth;
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
 use trical_model::{Cell, Forward, Joints, Measured, Model, Recording, Robot, Row, State};
 use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches};

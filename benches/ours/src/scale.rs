@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::json;
-use trical_ident::diagnose::catalogue::catalogue;
-use trical_ident::diagnose::design::Design;
-use trical_ident::diagnose::recorded::Recorded;
+use trical_diagnose::catalogue::catalogue;
+use trical_diagnose::linear::Design;
+use trical_diagnose::covariates::Recorded;
 use trical_ident::{Dataset, Noise, ParameterSet, fit_model, identify};
 use trical_model::{Basis, Shape, Site, Term, Variable};
 

@@ -1,7 +1,7 @@
 //! Errors as the command line shows them: one sentence, and an exit code.
 
+use trical_diagnose::truth::TruthError;
 use trical_ident::IdentError;
-use trical_ident::truth::TruthError;
 use trical_model::ModelError;
 use trical_plan::PlanError;
 

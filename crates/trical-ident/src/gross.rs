@@ -71,7 +71,8 @@ pub(crate) fn gross_error(error: f64, times: f64, ball: Option<usize>) -> String
 }
 
 /// What is wrong with a row, and that it names the wrong ball where it fits another.
-pub(crate) fn wrong_ball(off: String, ball: Option<usize>) -> String {
+#[must_use]
+pub fn wrong_ball(off: String, ball: Option<usize>) -> String {
     match ball {
         Some(ball) => format!("{off} (it fits ball {}: the wrong ball is noted)", ball + 1),
         None => off,
@@ -79,7 +80,8 @@ pub(crate) fn wrong_ball(off: String, ball: Option<usize>) -> String {
 }
 
 /// Another ball (0-based) that a touch fits as well as the others do theirs.
-pub(crate) fn right_ball(forward: &Forward, noise: &Noise, o: &Observation, ws: &mut Workspace) -> Option<usize> {
+#[must_use]
+pub fn right_ball(forward: &Forward, noise: &Noise, o: &Observation, ws: &mut Workspace) -> Option<usize> {
     let Measured::Touch { ball: noted, reading } = o.measured else { return None };
     (0..forward.model().cell.balls.len()).filter(|ball| *ball != noted).find(|ball| {
         let measured = Measured::Touch { ball: *ball, reading };

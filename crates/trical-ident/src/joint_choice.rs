@@ -3,7 +3,6 @@
 use trical_model::{Cell, Recording, Robot};
 
 use crate::dataset::{Dataset, JointSource};
-use crate::diagnose::{Diagnosis, Progress, diagnose};
 use crate::error::Result;
 use crate::gross::reject_gross_errors;
 use crate::identifiability::ParameterSet;
@@ -11,7 +10,8 @@ use crate::identify::identify;
 use crate::rigid::median;
 
 /// Whether every row says what was commanded.
-fn all_commanded(recordings: &[Recording]) -> bool {
+#[must_use]
+pub fn all_commanded(recordings: &[Recording]) -> bool {
     recordings.iter().all(|r| r.rows.iter().all(|r| r.state.q_commanded.is_some()))
 }
 
@@ -42,32 +42,4 @@ pub fn clean(
     let commanded = of(JointSource::Commanded)?;
     let left = |data: &Dataset| -> Result<f64> { Ok(median(&identify(robot, cell, data, set)?.errors()?)) };
     Ok(if left(&commanded)? < left(&read)? { commanded } else { read })
-}
-
-/// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out.
-/// Also says which joints that were.
-///
-/// # Errors
-/// As [`Dataset::build`] and [`diagnose`].
-pub fn diagnose_recordings(
-    robot: &Robot,
-    cell: &Cell,
-    recordings: &[Recording],
-    joints: Option<JointSource>,
-    names_only: bool,
-    progress: Progress<'_>,
-) -> Result<(Diagnosis, JointSource)> {
-    let mut of = |source| -> Result<(Diagnosis, JointSource)> {
-        let data = Dataset::build(recordings, source, None)?;
-        Ok((diagnose(robot, cell, &data, names_only, progress)?, source))
-    };
-    if let Some(source) = joints {
-        return of(source);
-    }
-    let read = of(JointSource::Read)?;
-    if !all_commanded(recordings) {
-        return Ok(read);
-    }
-    let commanded = of(JointSource::Commanded)?;
-    Ok(if commanded.0.after.holdout_rms_mm < read.0.after.holdout_rms_mm { commanded } else { read })
 }

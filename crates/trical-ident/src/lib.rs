@@ -16,14 +16,12 @@
 //! | [`repeatability`] | how far repeat visits scatter |
 //! | [`joint_choice`] | which joint angles to believe |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
-//! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 pub mod caution;
 pub mod csv_layout;
 pub mod dataset;
 pub mod degenerate;
-pub mod diagnose;
 pub mod error;
 pub mod fit;
 pub mod gross;
@@ -45,19 +43,17 @@ pub mod start;
 pub mod stream;
 pub mod touches;
 pub mod trilateration;
-pub mod truth;
 pub mod units;
 pub mod validate;
 
 pub use caution::cautions;
 pub use csv_layout::{Layout, write_csv};
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
-pub use diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
 pub use identifiability::{Choice, ChoiceError, Dependent, Observability, ParameterSet};
 pub use identify::{ErrorSummary, Identified, cross_validate, fit_model, forward_in_time, identify};
-pub use joint_choice::{clean, diagnose_recordings};
+pub use joint_choice::clean;
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, write_whole};
 pub use noise::Noise;
@@ -66,5 +62,5 @@ pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{CsvStream, Sample, Streamed, identify_stream};
 pub use touches::{model_of_touches, usual_set};
-pub use units::{Shown, shown, site_json, site_words, unit};
+pub use units::{Shown, shown, unit};
 pub use validate::{Refit, Region, Validation, validate};

@@ -1,6 +1,6 @@
 //! Coefficients as people read them: units, and values beside nominal.
 
-use trical_model::{Model, Motion, Parameter, Payload, Pose, Shape, Site, Term, Variable};
+use trical_model::{Model, Motion, Parameter, Payload, Place, Pose, Shape, Site, Term, Variable};
 
 /// A coefficient's unit and how many of it one SI unit is.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,8 +69,8 @@ pub fn unit(term: &Term) -> Unit {
 pub struct Shown {
     /// Name.
     pub name: String,
-    /// Where it acts, as the contract writes sites.
-    pub site: serde_json::Value,
+    /// Where it acts.
+    pub site: Place,
     /// Value in `unit`.
     pub value: f64,
     /// Unit.
@@ -79,43 +79,6 @@ pub struct Shown {
     pub sd: Option<f64>,
     /// What robot.toml and cell.toml say; `null` where they say nothing.
     pub nominal: Option<f64>,
-}
-
-/// A site of the contract in words: "joint 3", "joint 5 from joint 4", "fixture".
-#[must_use]
-pub fn site_words(site: &serde_json::Value) -> String {
-    let Some(map) = site.as_object() else { return String::new() };
-    if let (Some(joint), Some(from)) = (map.get("joint"), map.get("from")) {
-        return format!("joint {joint} from joint {from}");
-    }
-    map.iter()
-        .map(|(k, v)| match v {
-            serde_json::Value::Bool(_) => k.clone(),
-            serde_json::Value::String(s) => format!("{k} {s}"),
-            other => format!("{k} {other}"),
-        })
-        .collect::<Vec<_>>()
-        .join(" ")
-}
-
-/// A site as the contract writes it: `{"joint": 3}`, `{"link": 2}`, `{"frame": true}` ...
-#[must_use]
-pub fn site_json(site: Site) -> serde_json::Value {
-    use serde_json::json;
-    match site {
-        Site::Link { link, parameter: Parameter::Theta } => json!({ "joint": link }),
-        Site::Link { link, .. } => json!({ "link": link }),
-        Site::Joint { joint } | Site::Tilt { joint, .. } | Site::Across { joint } => json!({ "joint": joint }),
-        Site::AllJoints => json!({ "joints": true }),
-        Site::Links => json!({ "links": true }),
-        Site::Base(_) | Site::Gravity(_) => json!({ "base": true }),
-        Site::Tool(_) | Site::Payload(_) => json!({ "tool": true }),
-        Site::Target { target, .. } => json!({ "tool": true, "target": target }),
-        Site::Fixture(_) => json!({ "fixture": true }),
-        Site::Ball { ball, .. } => json!({ "ball": ball }),
-        Site::Frame { frame, .. } => json!({ "frame": true, "number": frame }),
-        Site::Anchor { anchor, .. } | Site::LengthZero { anchor } => json!({ "anchor": anchor }),
-    }
 }
 
 /// How a term is shown. Geometry and places are absolute; rotations of base and tool, and all other coefficients, are
@@ -158,7 +121,7 @@ pub fn shown(model: &Model, term: &Term) -> Shown {
     }
     Shown {
         name: term.name.clone(),
-        site: site_json(term.site),
+        site: Place::of(&term.site),
         value,
         unit: u.name,
         sd: term.sd.map(|s| s * u.per_si.abs()),

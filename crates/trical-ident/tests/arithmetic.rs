@@ -5,7 +5,6 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::diagnose::hygiene::without_stale;
 use trical_ident::fit::{check_count, minimize, position_errors, weighted_residuals};
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::observability;
@@ -220,24 +219,4 @@ fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
     let fourth: Vec<usize> = (0..40).filter(|p| p % 4 == 0).collect();
     assert_eq!(again.n, 30);
     assert!(again.data.observations.iter().all(|o| !fourth.contains(&o.pose)));
-}
-
-#[test]
-fn a_repeated_reading_is_stale_only_where_chance_cannot_repeat_it() {
-    let rows = |x: &dyn Fn(usize) -> f64| {
-        let row = |k: usize| Row {
-            state: State::at(&[0.01 * k as f64; 6]),
-            measured: Measured::Touch { ball: 0, reading: [x(k), 0.0, 0.0] },
-            seq: None,
-            line: k + 2,
-        };
-        dataset((0..200).map(row).collect())
-    };
-    // y and z always show 0; x never shows the same twice but once
-    let once = rows(&|k| 1e-6 * if k == 101 { 100.0 } else { k as f64 });
-    let stale: Vec<usize> = without_stale(&once).rejected.iter().map(|r| r.row).collect();
-    assert_eq!(stale, [102]);
-    // x has two values only: repeats are chance
-    let coarse = rows(&|k| ((k / 2) % 2) as f64 * 1e-6);
-    assert!(without_stale(&coarse).rejected.is_empty());
 }

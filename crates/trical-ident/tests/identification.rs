@@ -1,90 +1,18 @@
 //! Identification on arms whose truth is known, and on the real recordings where they are present.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
+mod common {
+    pub mod arm;
+}
+
 use std::path::{Path, PathBuf};
 
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-use trical_ident::identifiability::independent_terms;
+use common::arm::{build, nominal, paper_terms, touch, truth};
 use trical_ident::{
-    Choice, Dataset, ErrorSummary, JointSource, ModelFile, ParameterSet, cross_validate, diagnose, identify, load_csv,
+    Dataset, ErrorSummary, JointSource, ModelFile, ParameterSet, cross_validate, identify, load_csv,
     reject_gross_errors, write_csv,
 };
-use trical_model::{Basis, Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Recording, Robot, Row, Site, State, Term};
-
-const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
-const CELL: &str = include_str!("../../trical-model/tests/data/cell.toml");
-
-fn nominal() -> Model {
-    Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap())
-}
-
-fn rows(measured: impl Fn(usize) -> Measured, n: usize) -> Recording {
-    let rows = (0..n)
-        .map(|k| Row { state: State::at(&[0.0; MAX_JOINTS]), measured: measured(k), seq: None, line: k + 2 })
-        .collect();
-    Recording { name: "made".into(), joints: 6, rows }
-}
-
-fn touches_of(n: usize) -> Dataset {
-    let r = rows(|k| Measured::Touch { ball: k % 3, reading: [0.0; 3] }, n);
-    Dataset::build(&[r], JointSource::Read, None).unwrap()
-}
-
-fn paper_terms(set: ParameterSet) -> Vec<Term> {
-    independent_terms(&nominal(), &touches_of(3), &Choice::from(set)).unwrap().0
-}
-
-/// A true arm: every parameter of `set` off by chance.
-fn truth(set: ParameterSet, seed: u64) -> Model {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let mut model = nominal();
-    model.terms = paper_terms(set);
-    for t in &mut model.terms {
-        let size = match t.effect.as_str() {
-            "compliance" => 2e-4,
-            _ => 2e-3,
-        };
-        t.value = rng.random_range(-size..size);
-        if t.effect == "compliance" {
-            t.value = t.value.abs();
-        }
-    }
-    model
-}
-
-/// Touches of the true arm: joints found so that the TCP is within a millimetre of a ball; the reading says how far.
-fn touch(model: &Model, count: usize, noise: f64, seed: u64) -> Recording {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let normal = rand_distr::Normal::new(0.0, 1.0).unwrap();
-    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
-    let (mut ws, mut rows, mut k) = (forward.workspace(), Vec::new(), 0);
-    while rows.len() < count {
-        k += 1;
-        let ball = rows.len() % 3;
-        let turn = trical_model::pose::rotation_z(rng.random_range(-3.0..3.0))
-            * trical_model::pose::rotation_x(3.1 + rng.random_range(-0.9..0.9))
-            * trical_model::pose::rotation_z(rng.random_range(-3.0..3.0));
-        let off = nalgebra::Vector3::from_fn(|_, _| rng.random_range(-5e-4..5e-4));
-        let at = Pose { rotation: turn, translation: model.cell.balls[ball] + off };
-        let mut state = State::at(&[0.0; MAX_JOINTS]);
-        state.dir = Some(std::array::from_fn(|_| if rng.random_range(0..2) == 0 { -1 } else { 1 }));
-        state.t = Some(20.0 * f64::from(k));
-        state.temp_c = Some(22.0 + rng.random_range(0.0..3.0));
-        let Ok(all) = trical_model::ik::inverse_kinematics(&forward, &at, &state, &mut ws) else { continue };
-        state.q = all[rng.random_range(0..all.len())].joints;
-        // the touch says FK + R i = ball: i from the true pose
-        let pose = forward.world_from_tool(&state, &mut ws);
-        let i = pose.rotation.transpose() * (model.cell.balls[ball] - pose.translation);
-        let reading = std::array::from_fn(|a| i[a] + noise * rand_distr::Distribution::sample(&normal, &mut rng));
-        rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: rows.len() + 2 });
-    }
-    Recording { name: "touches".into(), joints: 6, rows }
-}
-
-fn build(r: Recording) -> Dataset {
-    Dataset::build(&[r], JointSource::Read, None).unwrap()
-}
+use trical_model::{Cell, Forward, Measured, Model, Robot};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
@@ -217,77 +145,6 @@ fn recordings_survive_the_way_to_csv_and_back() {
             _ => panic!("a touch became something else"),
         }
     }
-}
-
-/// The truth with one more term, which the baseline does not have.
-fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
-    let mut model = truth(ParameterSet::Compliance, 20);
-    let mut term = Term::new("hidden", "hidden", site, basis);
-    term.value = value;
-    model.terms.push(term);
-    model
-}
-
-fn diagnosed(model: &Model, seed: u64) -> trical_ident::Diagnosis {
-    let data = build(touch(model, 150, 8e-6, seed));
-    diagnose(&model.robot, &model.cell, &data, false, &mut |_, _| ()).unwrap()
-}
-
-#[test]
-fn hidden_backlash_is_found_at_its_joint() {
-    let half_gap = 0.01_f64.to_radians();
-    let d = diagnosed(&with_effect(Site::Joint { joint: 4 }, Basis::direction(4), -half_gap), 21);
-    assert_eq!(d.findings.len(), 1, "{:?}", d.findings);
-    let f = &d.findings[0];
-    assert_eq!((f.effect.as_str(), &f.site), ("lost_motion_direction", &serde_json::json!({ "joint": 4 })));
-    assert!((f.coefficients[0].value - 0.01).abs() < 5.0 * f.coefficients[0].sd.unwrap());
-    assert!(f.evidence.holdout_rms_after_mm < 0.7 * f.evidence.holdout_rms_before_mm);
-    assert!(f.evidence.forward_rms_after_mm < 0.7 * f.evidence.forward_rms_before_mm);
-    assert!(d.unexplained.is_none());
-}
-
-#[test]
-fn a_threshold_that_has_no_name_is_located_and_not_named() {
-    let at = 0.3;
-    let basis = Basis::new(trical_model::Variable::Joint { joint: 4 }, trical_model::Shape::Step { at });
-    let d = diagnosed(&with_effect(Site::Joint { joint: 5 }, basis, 0.03_f64.to_radians()), 22);
-    let u = d.unexplained.expect("something is left without a name");
-    assert_eq!((u.site, u.variable.as_str()), (serde_json::json!({ "joint": 5 }), "q4"));
-    assert!(d.findings.is_empty(), "{:?}", d.findings);
-    assert!(u.holdout_rms_after_mm < 0.7 * u.holdout_rms_before_mm);
-}
-
-#[test]
-fn where_nothing_is_hidden_nothing_is_named() {
-    let mut alarms = 0;
-    for seed in 0..20 {
-        let d = diagnosed(&truth(ParameterSet::Compliance, 30 + seed), 60 + seed);
-        alarms += u32::from(!d.findings.is_empty() || d.unexplained.is_some());
-        assert!(d.baseline.lack_of_fit_p > 1e-4);
-    }
-    assert!(alarms <= 1, "{alarms} false alarms in 20");
-}
-
-#[test]
-fn the_noise_of_nulled_readings_is_no_gain_error() {
-    // the arm stands exactly on the ball, and the reading is nothing but noise
-    let model = truth(ParameterSet::Compliance, 40);
-    let mut recording = touch(&model, 150, 0.0, 41);
-    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
-    let mut ws = forward.workspace();
-    let mut rng = Pcg64Mcg::seed_from_u64(42);
-    let normal = rand_distr::Normal::new(0.0, 8e-6).unwrap();
-    for row in &mut recording.rows {
-        let Measured::Touch { ball, reading } = &mut row.measured else { continue };
-        let pose = forward.world_from_tool(&row.state, &mut ws);
-        let on = Pose { rotation: pose.rotation, translation: model.cell.balls[*ball] };
-        row.state.q = trical_model::ik::continue_from(&forward, &on, &row.state, &mut ws).unwrap();
-        *reading = std::array::from_fn(|_| rand_distr::Distribution::sample(&normal, &mut rng));
-    }
-    let d = diagnose(&model.robot, &model.cell, &build(recording), false, &mut |_, _| ()).unwrap();
-    assert!(d.findings.is_empty(), "{:?}", d.findings);
-    assert_eq!(d.baseline.reading_noise.len(), 1);
-    assert!(d.blind_to.iter().any(|b| b.effect == "indicator_gain" && b.lacks.is_some()));
 }
 
 #[test]

@@ -11,6 +11,7 @@
 //! | [`urdf`] | arms from URDF |
 //! | [`recording`] | what is known about a pose and what was measured there |
 //! | [`term`] | sites, bases, terms |
+//! | [`place`] | the places of sites, as people and files name them |
 //! | [`forward`] | prediction and Jacobians |
 //! | [`touch`] | what the device reads at a ball |
 //! | [`rigid`] | the rigid part of a calibrated model, for others |
@@ -26,6 +27,7 @@ pub mod forward;
 pub mod ik;
 pub mod interrupt;
 mod jacobian;
+pub mod place;
 pub mod pose;
 pub mod recording;
 pub mod rigid;
@@ -40,6 +42,7 @@ pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};
 pub use forward::{Forward, GRAVITY, Model, Workspace, residual_rows};
 pub use ik::{IkError, Solution, inverse_kinematics, nearest_solution};
+pub use place::Place;
 pub use pose::Pose;
 pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
 pub use rigid::Rigid;

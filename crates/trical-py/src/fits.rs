@@ -7,13 +7,13 @@ use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 use trical_device::record::{RecordError, hand_over};
-use trical_ident::diagnose::effects::EFFECTS;
+use trical_diagnose::effects::EFFECTS;
+use trical_diagnose::{Diagnosis, diagnose_recordings};
 use trical_ident::fit::position_errors;
 use trical_ident::passes::{Other, Passes, passes};
 use trical_ident::{
-    Choice, CsvStream, Dataset, Diagnosis, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile,
-    ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
-    identify_stream, repeatability, shown, validate,
+    Choice, CsvStream, Dataset, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, ParameterSet, Refit,
+    cautions, clean, cross_validate, forward_in_time, identify, identify_stream, repeatability, shown, validate,
 };
 use trical_model::{Cell, Forward, Robot};
 use trical_plan::Next;

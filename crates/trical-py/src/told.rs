@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
+use trical_diagnose::Diagnosis;
 use trical_ident::{
-    Diagnosis, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Validation, identify,
-    write_whole,
+    ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, Rejected, Validation, identify, write_whole,
 };
 use trical_model::{Cell, Robot};
 use trical_report::study::Study;

@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use trical_device::virtual_cell::{Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
-use trical_ident::truth::{draw_truth, hide};
+use trical_diagnose::truth::{draw_truth, hide};
 use trical_ident::{JointSource, ModelFile, model_of_touches, usual_set};
 use trical_model::MAX_JOINTS;
 

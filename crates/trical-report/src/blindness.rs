@@ -1,12 +1,13 @@
 //! What a plan could not show: the length of each effect's signature over the planned touches, known before any is measured.
 
 use serde_json::{Value, json};
-use trical_ident::diagnose::catalogue::catalogue;
-use trical_ident::diagnose::design::Design;
-use trical_ident::diagnose::effects::gear_ripple::ripple;
-use trical_ident::diagnose::recorded::Recorded;
-use trical_ident::{Dataset, JointSource, Noise, site_words};
-use trical_model::{Forward, Measured, Model, Recording, Row, State};
+use trical_diagnose::catalogue::catalogue;
+use trical_diagnose::covariates::Recorded;
+use trical_diagnose::EffectId;
+use trical_diagnose::effects::ripple;
+use trical_diagnose::linear::Design;
+use trical_ident::{Dataset, JointSource, Noise};
+use trical_model::{Forward, Measured, Model, Place, Recording, Row, State};
 use trical_plan::PlanEntry;
 
 use crate::error::Result;
@@ -20,10 +21,10 @@ const RIPPLES: [f64; 3] = [31.0, 100.0, 241.0];
 
 /// An effect at a place, and how visible it would be.
 pub struct Seen {
-    /// Name in the catalogue.
-    pub effect: &'static str,
+    /// Which.
+    pub effect: EffectId,
     /// Where.
-    pub site: Value,
+    pub site: Place,
     /// Length of the signature of a typical size after the parameters have taken up what they can, in standard deviations of
     /// the noise; the most visible form of the effect.
     pub lambda: f64,
@@ -32,7 +33,7 @@ pub struct Seen {
 }
 
 /// An effect, and what recordings lack to show it.
-pub type Lacking = (&'static str, &'static str);
+pub type Lacking = (EffectId, &'static str);
 
 /// What measurements of a plan would see: every effect of the catalogue that such a recording could be asked about, and the
 /// effects that it could not, with what is missing. `model` has the terms that are to be identified; `noise` in m.
@@ -62,18 +63,15 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
     let no_torque = no_torque(model, plan)?;
     let mut all: Vec<Seen> = Vec::new();
     for (k, c) in candidates.iter().enumerate() {
+        let Some(id) = c.cause.effect() else { continue };
         let lambda = design.lambda_of_size(&stage, k, c.typical) * sigma / noise;
-        match all.iter_mut().find(|s| s.effect == c.effect && s.site == c.site) {
+        match all.iter_mut().find(|s| s.effect == id && s.site == c.site) {
             Some(s) => s.lambda = s.lambda.max(lambda),
             None => {
-                let joint = c.site.get("joint").and_then(Value::as_u64).and_then(|j| usize::try_from(j).ok());
-                let upright = joint.is_some_and(|j| no_torque.get(j.wrapping_sub(1)) == Some(&true));
-                let remedy = if upright && ["lost_motion_gravity", "nonlinear_stiffness"].contains(&c.effect) {
-                    UPRIGHT
-                } else {
-                    remedy(c.effect)
-                };
-                all.push(Seen { effect: c.effect, site: c.site.clone(), lambda, remedy });
+                let upright = c.site.joint().is_some_and(|j| no_torque.get(j.wrapping_sub(1)) == Some(&true));
+                let effect = id.effect();
+                let remedy = if upright && effect.follows_torque { UPRIGHT } else { effect.remedy.words() };
+                all.push(Seen { effect: id, site: c.site, lambda, remedy });
             }
         }
     }
@@ -99,29 +97,9 @@ fn no_torque(model: &Model, plan: &[PlanEntry]) -> Result<Vec<bool>> {
     Ok(most.into_iter().map(|m| m < 1e-6).collect())
 }
 
-/// What would make an effect visible, where it is not.
-fn remedy(effect: &str) -> &'static str {
-    match effect {
-        "lost_motion_gravity" | "nonlinear_stiffness" | "cross_axis_compliance" | "gravity_direction" => {
-            "a second plate, high and close to the base, so that the arm folds back over its shoulder, and a device that may \
-             tilt further (--max-tilt-deg): gravity torques must change sign"
-        }
-        "payload" => "some touches with another, known payload",
-        "lost_motion_direction" | "load_friction" => "more touches with approaches in both senses of the joint",
-        "joint_harmonic" | "gear_ratio" | "joint_coupling" | "gear_ripple" | "axis_wobble" | "axis_twist" => {
-            "touches that use more of the joint's range: balls further apart, or on a second plate"
-        }
-        "ball_position" => "an instrument besides the balls: the place of the base takes up a wrong ballbar distance",
-        "indicator_gain" | "indicator_skew" => {
-            "touches that end with readings of some tenths of a millimetre, not nulled"
-        }
-        _ => "some of the first touches repeated at the end",
-    }
-}
-
 /// The effects that would not be seen, each with its sites and their lambda, by what would help.
 pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
-    type Sites = (&'static str, Vec<String>);
+    type Sites = (EffectId, Vec<String>);
     let mut list: Vec<(&'static str, Vec<Sites>)> = Vec::new();
     for s in seen.iter().filter(|s| s.lambda < VISIBLE) {
         let k = list.iter().position(|l| l.0 == s.remedy).unwrap_or_else(|| {
@@ -133,7 +111,7 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
             effects.push((s.effect, Vec::new()));
             effects.len() - 1
         });
-        effects[k].1.push(format!("{} {:.1}", site_words(&s.site), s.lambda));
+        effects[k].1.push(format!("{} {:.1}", s.site, s.lambda));
     }
     list.into_iter()
         .map(|(remedy, effects)| {

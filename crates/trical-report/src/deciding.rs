@@ -1,6 +1,6 @@
 //! Touches that would decide between the least sure finding of a diagnosis and its rivals.
 
-use trical_ident::Undecided;
+use trical_diagnose::Undecided;
 use trical_model::{Cell, Robot};
 use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate};
 

@@ -4,8 +4,9 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_ident::{Diagnosis, ErrorSummary, Finding, JointSource, Rival, site_words};
-use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, State, Variable};
+use trical_diagnose::{Diagnosis, Finding, Rival};
+use trical_ident::{ErrorSummary, JointSource};
+use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
 use crate::error::Result;
 use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
@@ -92,7 +93,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         (Variable::Joint { joint }, _) => {
             Some((format!("angle of joint {joint}, deg"), of(&|s| s.q[joint - 1].to_degrees())))
         }
-        (Variable::Moment { joint, .. }, _) if f.effect != "cross_axis_compliance" => {
+        (Variable::Moment { joint, .. }, _) if !matches!(term.site, Site::Across { .. }) => {
             let forward = Forward::new(d.model.clone(), Vec::new()).ok()?;
             let mut ws = forward.workspace();
             let torque =
@@ -209,7 +210,7 @@ fn map(d: &Diagnosis) -> Result<String> {
     let scale = ((WIDE - LIST - 100.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
     let at = |p: (f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
     let dots: Vec<(f64, f64)> = flat.iter().map(|p| at(*p)).collect();
-    let whole_arm = d.findings.iter().any(|f| !f.site["links"].is_null() || !f.site["joints"].is_null());
+    let whole_arm = d.findings.iter().any(|f| matches!(f.site, Place::Links | Place::Joints));
     let mut svg = format!(
         "<svg viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
          font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{HIGH}\" fill=\"#fff\"/>"
@@ -224,11 +225,10 @@ fn map(d: &Diagnosis) -> Result<String> {
     );
     let mut marks: Vec<Vec<usize>> = vec![Vec::new(); dots.len() + 1];
     for (k, f) in d.findings.iter().enumerate() {
-        let joint = f.site["joint"].as_u64().and_then(|j| usize::try_from(j).ok());
-        let place = match joint {
-            Some(j) if j < last => j,
-            _ if !f.site["base"].is_null() => 0,
-            _ if !f.site["tool"].is_null() || !f.site["axis"].is_null() => last,
+        let place = match f.site {
+            Place::Joint(j) | Place::Coupling { joint: j, .. } if j < last => j,
+            Place::Base => 0,
+            Place::Tool | Place::Target(_) | Place::Axis(_) => last,
             _ => dots.len(),
         };
         marks[place].push(k + 1);
@@ -260,7 +260,7 @@ fn map(d: &Diagnosis) -> Result<String> {
         }
     }
     for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
-        let short = format!("{}. {}, {}", k + 1, f.effect, site_words(&f.site));
+        let short = format!("{}. {}, {}", k + 1, f.effect, f.site);
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let y = 30.0 + 22.0 * k as f64;
         let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - LIST);
@@ -288,7 +288,7 @@ fn overview(d: &Diagnosis) -> Result<Section> {
     for (k, f) in d.findings.iter().enumerate() {
         rows.push(vec![
             format!("{}. {}", k + 1, f.effect),
-            site_words(&f.site),
+            f.site.to_string(),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
             format!("{:.4}", f.evidence.holdout_rms_before_mm),
@@ -335,7 +335,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
     let all = d.unexplained.iter().chain(&d.more_unexplained);
     all.take(4)
         .map(|u| {
-            let site = site_words(&u.site);
+            let site = u.site;
             let figures = if u.curve.is_empty() {
                 Vec::new()
             } else {
@@ -420,7 +420,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
-        blind.push(vec![b.effect.clone(), site_words(&b.site), format!("{:.2}", b.lambda), lacks]);
+        blind.push(vec![b.effect.to_string(), b.site.to_string(), format!("{:.2}", b.lambda), lacks]);
     }
     sections.push(Section {
         heading: "What this data could not show".into(),

@@ -1,6 +1,5 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
-use trical_ident::site_words;
 use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
@@ -131,7 +130,7 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
     let mut seen = vec![row(["effect", "site", "lambda"])];
     let mut sorted: Vec<_> = told.seen.iter().collect();
     sorted.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
-    seen.extend(sorted.iter().map(|s| vec![s.effect.to_owned(), site_words(&s.site), format!("{:.1}", s.lambda)]));
+    seen.extend(sorted.iter().map(|s| vec![s.effect.to_string(), s.site.to_string(), format!("{:.1}", s.lambda)]));
     let mut advice = vec![row(["what would help", "to see"])];
     advice.extend(blindness::advice(&told.seen).into_iter().map(|(remedy, what)| vec![remedy, what]));
     let lacking: Vec<String> =

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use trical_device::program::{self, Dialect, Frames, Options, Report};
 use trical_device::session::Settings;
 use trical_device::{ArmPlant, CellOptions, Session, VirtualCell, open_controller, read_recording};
-use trical_ident::truth::draw_truth;
+use trical_diagnose::truth::draw_truth;
 use trical_ident::{
     Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
 };

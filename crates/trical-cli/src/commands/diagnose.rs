@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_ident::{
-    Diagnosis, Finding, JointSource, ModelFile, Rival, Undecided, diagnose_recordings, site_words, write_whole,
-};
+use trical_diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose_recordings};
+use trical_ident::{JointSource, ModelFile, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
 use trical_report::{diagnosis_report, table};
@@ -216,11 +215,7 @@ fn lines(d: &Diagnosis) -> Vec<String> {
     for u in d.unexplained.iter().chain(&d.more_unexplained) {
         out.push(format!(
             "  no name: {} is off for {} ({:.4} mm; held out {:.4} -> {:.4} mm)",
-            site_words(&u.site),
-            u.region,
-            u.rms_mm,
-            u.holdout_rms_before_mm,
-            u.holdout_rms_after_mm
+            u.site, u.region, u.rms_mm, u.holdout_rms_before_mm, u.holdout_rms_after_mm
         ));
     }
     if !(d.findings.is_empty() && d.unexplained.is_none()) {
@@ -234,10 +229,10 @@ fn lines(d: &Diagnosis) -> Vec<String> {
         ));
     }
     out.extend(d.cautions.iter().flat_map(|c| table::wrapped(&format!("Caution: {c}"), 108, "")));
-    let mut blind: Vec<&str> = Vec::new();
+    let mut blind: Vec<&'static str> = Vec::new();
     for b in &d.blind_to {
-        if !blind.contains(&b.effect.as_str()) {
-            blind.push(&b.effect);
+        if !blind.contains(&b.effect.name()) {
+            blind.push(b.effect.name());
         }
     }
     if !blind.is_empty() {

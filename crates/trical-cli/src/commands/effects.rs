@@ -1,6 +1,6 @@
 //! `trical effects`: the catalogue.
 
-use trical_ident::diagnose::effects::EFFECTS;
+use trical_diagnose::effects::EFFECTS;
 use trical_report::table;
 
 use crate::error::Result;
@@ -20,7 +20,7 @@ pub fn run(args: &Args) -> Result<()> {
         return say(serde_json::to_string_pretty(&EFFECTS)?);
     }
     for e in EFFECTS {
-        say(format!("{} (site: {})", e.name, e.site))?;
+        say(format!("{} (site: {})", e.id, e.site))?;
         for (what, text) in [("", e.form), ("needs: ", e.needs), ("typical: ", e.typical), ("rivals: ", e.rivals)] {
             if text != "-" {
                 for line in table::wrapped(&format!("{what}{text}"), 104, "    ") {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use trical_device::virtual_cell::{Scheduled, Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
-use trical_ident::truth::{TruthError, draw_truth, hide};
+use trical_diagnose::truth::{TruthError, draw_truth, hide};
 use trical_ident::{JointSource, ModelFile, write_whole};
 use trical_model::{MAX_JOINTS, Model};
 

@@ -1,0 +1,143 @@
+//! One explanation of the residuals that can be tried.
+
+use trical_model::{Basis, Place, Shape, Term, Variable};
+
+use crate::covariates::{is_order, moment};
+use crate::effect_id::Cause;
+
+/// One explanation that can be tried: the terms that it would add.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// What it blames.
+    pub cause: Cause,
+    /// Where.
+    pub site: Place,
+    /// In words: what the residuals would do, but for the moment or the point (see [`Candidate::located`]).
+    pub behaviour: String,
+    /// Terms with coefficient 0.
+    pub terms: Vec<Term>,
+    /// Sign that each coefficient must have to be physics; 0 where both are possible.
+    pub signs: Vec<i8>,
+    /// Whether coefficients of these values (or proportional ones) are physics.
+    pub physical: fn(&[f64]) -> bool,
+    /// Typical size of a coefficient, SI, for saying beforehand what the data could show.
+    pub typical: f64,
+    /// Prior standard deviation of each coefficient, SI: half of the large end of what is usual. A coefficient beyond that is not
+    /// forbidden, but must be paid for: this is what keeps two columns that nearly cancel from being blown up to fit noise.
+    pub scales: Vec<f64>,
+    /// Logarithm of the prior: uniform over families, then sites, then scan points.
+    pub log_prior: f64,
+}
+
+impl Candidate {
+    /// In words: what the residuals would do, with the moment of a change and the point about which a joint gives way.
+    #[must_use]
+    pub fn located(&self) -> String {
+        let what = &self.behaviour;
+        if let Some((of, at)) = self.step().filter(|(of, _)| is_order(*of)) {
+            return format!("{what} {}", moment(of, at));
+        }
+        match self.share() {
+            Some(share) => {
+                format!("{what} about a point {:.0} % of the way from its origin to its foot", 100.0 * share)
+            }
+            None => what.clone(),
+        }
+    }
+
+    /// Variable and place of a step, if it is one (all its terms step together).
+    #[must_use]
+    pub fn step(&self) -> Option<(Variable, f64)> {
+        match self.terms.first()?.basis {
+            Basis { of, shape: Shape::Step { at }, sense: None, beside: None } => Some((of, at)),
+            _ => None,
+        }
+    }
+
+    /// The same with its step elsewhere.
+    #[must_use]
+    pub fn with_step(&self, at: f64) -> Self {
+        let mut other = self.clone();
+        for t in &mut other.terms {
+            t.basis.shape = Shape::Step { at };
+        }
+        other
+    }
+
+    /// Variable of a free curve, if it is one.
+    #[must_use]
+    pub fn curve(&self) -> Option<Variable> {
+        let is_tent = |t: &Term| matches!(t.basis, Basis { shape: Shape::Tent { .. }, sense: None, .. });
+        (self.terms.len() > 1 && self.terms.iter().all(is_tent)).then(|| self.terms[0].basis.of)
+    }
+
+    /// Softness, kink or time constant of its shape, if it has one (all its terms share it).
+    #[must_use]
+    pub fn scale(&self) -> Option<f64> {
+        match self.terms.first()?.basis.shape {
+            Shape::SoftSign { scale } => Some(scale),
+            Shape::Clip { at } => Some(at),
+            Shape::WarmUp { constant } => Some(constant),
+            _ => None,
+        }
+    }
+
+    /// The same with another softness, kink or time constant.
+    #[must_use]
+    pub fn with_scale(&self, to: f64) -> Self {
+        let mut other = self.clone();
+        for shape in other.terms.iter_mut().map(|t| &mut t.basis.shape) {
+            match shape {
+                Shape::SoftSign { scale } => *scale = to,
+                Shape::Clip { at } => *at = to,
+                Shape::WarmUp { constant } => *constant = to,
+                _ => {}
+            }
+        }
+        other
+    }
+
+    /// Cycles a turn, if it is a wave.
+    #[must_use]
+    pub fn cycles(&self) -> Option<f64> {
+        match self.terms.first()?.basis.shape {
+            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
+            _ => None,
+        }
+    }
+
+    /// Where on its axis a joint gives way, if it is between: the share of the way from its origin to its foot.
+    #[must_use]
+    pub fn share(&self) -> Option<f64> {
+        match self.terms.first()?.basis.of {
+            Variable::PartMoment { share, .. } => Some(share),
+            _ => None,
+        }
+    }
+
+    /// The same about another point.
+    #[must_use]
+    pub fn with_share(&self, to: f64) -> Self {
+        let mut other = self.clone();
+        for t in &mut other.terms {
+            if let Variable::PartMoment { share, .. } = &mut t.basis.of {
+                *share = to;
+            }
+        }
+        other
+    }
+
+    /// Whether it is a step or a curve rather than a wave.
+    #[must_use]
+    pub fn scanned(&self) -> bool {
+        self.terms
+            .iter()
+            .all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. } | Shape::Growth { .. }))
+    }
+}
+
+/// No relation between coefficients is asked for.
+#[must_use]
+pub fn anything(_: &[f64]) -> bool {
+    true
+}

@@ -1,0 +1,292 @@
+//! Noise of measurements that follow each other, where it remembers itself: drifting air, a stem that sticks, a tracker's long waves.
+//!
+//! Effects that change slowly look like such noise, and noise like them. So both are explanations of the same residuals: the noise as
+//! a process that keeps a share of itself from one measurement to the next, beside a white part; what the residuals say is
+//! judged after a filter that makes such noise white (Kalman 1960; generalised least squares).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, Vector3};
+use trical_ident::dataset::{Dataset, Observation};
+use trical_model::{Measured, residual_rows};
+
+/// A memory must better the likelihood of white noise by so many nats, as what has no name must that of names.
+const REMEMBERS: f64 = 5.0;
+
+/// A process is noise where recordings hold so many of its spans (the measurements after which an e-th is left); beyond, it is a drift, and
+/// the effects say of what.
+const SPANS: f64 = 10.0;
+
+/// Shares that may be kept from one measurement to the next, and shares of the variance that may be white.
+const KEPT: [f64; 10] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98];
+const WHITE: [f64; 6] = [0.0, 0.25, 0.5, 0.7, 0.85, 0.95];
+
+/// Where the best of them is looked for first, as indices into both.
+const FIRST: [(usize, usize); 3] = [(3, 0), (5, 2), (7, 3)];
+
+/// How noise remembers itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory {
+    /// What is kept of the part that remembers, from one measurement to the next.
+    pub kept: f64,
+    /// Share of the variance that remembers nothing.
+    pub white: f64,
+}
+
+impl Memory {
+    /// White noise.
+    pub const NONE: Self = Self { kept: 0.0, white: 1.0 };
+
+    /// What to tell of it, if anything.
+    #[must_use]
+    pub fn caution(&self) -> Option<String> {
+        (*self != Self::NONE).then(|| {
+            format!(
+                "noise remembers itself: what no effect explains is alike in measurements that follow each other (correlation {:.2} from one \
+                 to the next); effects were judged beside such noise, but standard deviations are stated as if it were white",
+                self.kept * (1.0 - self.white)
+            )
+        })
+    }
+
+    /// The memory of the greatest likelihood; `nats` says how likely the residuals are with one, of recordings of `length` measurements.
+    /// None where white noise is about as likely.
+    ///
+    /// # Errors
+    /// Those of `nats`.
+    pub fn likeliest<E>(length: usize, mut nats: impl FnMut(Self) -> Result<f64, E>) -> Result<(Self, f64), E> {
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let longest = length as f64 / SPANS;
+        let count = KEPT.iter().filter(|kept| -kept.ln().recip() <= longest).count();
+        let at = |(k, w): (usize, usize)| Self { kept: KEPT[k], white: WHITE[w] };
+        let none = nats(Self::NONE)?;
+        let mut known: BTreeMap<(usize, usize), f64> = BTreeMap::new();
+        for place in FIRST.into_iter().filter(|p| p.0 < count) {
+            known.insert(place, nats(at(place))?);
+        }
+        let best = |known: &BTreeMap<(usize, usize), f64>| {
+            known.iter().max_by(|a, b| a.1.total_cmp(b.1)).map_or((FIRST[0], f64::MIN), |(place, n)| (*place, *n))
+        };
+        // the likelihood has one hill; where nothing is on it at all, white noise stays
+        while best(&known).1 > none - 2.0 * REMEMBERS {
+            let (k, w) = best(&known).0;
+            let beside = [(k.wrapping_sub(1), w), (k + 1, w), (k, w.wrapping_sub(1)), (k, w + 1)];
+            let new: Vec<_> =
+                beside.into_iter().filter(|p| p.0 < count && p.1 < WHITE.len() && !known.contains_key(p)).collect();
+            if new.is_empty() {
+                break;
+            }
+            for place in new {
+                known.insert(place, nats(at(place))?);
+            }
+        }
+        let (place, most) = best(&known);
+        Ok(if most > none + REMEMBERS { (at(place), most - REMEMBERS) } else { (Self::NONE, none) })
+    }
+}
+
+/// Which measurements remember each other: those of one recording and one target, in their order.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Chain {
+    recording: usize,
+    target: Option<usize>,
+    rows: usize,
+}
+
+impl Chain {
+    fn of(o: &Observation, rows: usize) -> Self {
+        let target = match o.measured {
+            Measured::Point { target, .. } => Some(target),
+            Measured::Distance { anchor, .. } => Some(anchor),
+            _ => None,
+        };
+        Self { recording: o.recording, target, rows }
+    }
+}
+
+/// What the filter does to one scalar.
+#[derive(Clone, Copy)]
+struct Step {
+    /// Standard deviation of what cannot be foreseen.
+    root: f64,
+    /// Share of that in the next forecast.
+    gain: f64,
+    /// The scalar before it in its chain.
+    before: Option<usize>,
+}
+
+/// The filter `W` that makes such noise white: of a column with an entry for every scalar of the data, what could not be foreseen from
+/// the measurements before. It is the inverse root of the noise's correlations: `W'W` is their inverse.
+pub struct Filter {
+    kept: f64,
+    steps: Vec<Step>,
+}
+
+impl Filter {
+    /// For noise of a memory in the data.
+    #[must_use]
+    pub fn new(memory: Memory, data: &Dataset) -> Self {
+        let Memory { kept, white } = memory;
+        let mut steps: Vec<Step> = Vec::new();
+        // first scalar of the last measurement of each chain, and the variance of what remembers that is foreseen after it
+        let mut ends: BTreeMap<Chain, (usize, f64)> = BTreeMap::new();
+        for o in data.observations.iter().filter(|_| memory != Memory::NONE) {
+            let rows = residual_rows(&o.measured);
+            let chain = Chain::of(o, rows);
+            let end = ends.get(&chain);
+            let variance = end.map_or(1.0 - white, |e| e.1);
+            let total = variance + white;
+            let gain = variance / total;
+            let first = steps.len();
+            steps.extend((0..rows).map(|k| Step { root: total.sqrt(), gain, before: end.map(|e| e.0 + k) }));
+            let next = kept * kept * variance * (1.0 - gain) + (1.0 - kept * kept) * (1.0 - white);
+            ends.insert(chain, (first, next));
+        }
+        Self { kept, steps }
+    }
+
+    /// Whether there is anything to do.
+    #[must_use]
+    pub fn works(&self) -> bool {
+        !self.steps.is_empty()
+    }
+
+    /// Logarithm of the determinant of the noise's correlations.
+    #[must_use]
+    pub fn log_determinant(&self) -> f64 {
+        2.0 * self.steps.iter().map(|s| s.root.ln()).sum::<f64>()
+    }
+
+    /// `W` times a column.
+    pub fn apply(&self, column: &mut [f64]) {
+        let mut forecasts = vec![0.0; self.steps.len()];
+        for (row, step) in self.steps.iter().enumerate() {
+            if let Some(b) = step.before {
+                let new = column[b] * self.steps[b].root;
+                forecasts[row] = self.kept * (forecasts[b] + self.steps[b].gain * new);
+            }
+            column[row] = (column[row] - forecasts[row]) / step.root;
+        }
+    }
+
+    /// `W'` times a column.
+    pub fn apply_transposed(&self, column: &mut [f64]) {
+        let mut of_forecasts = vec![0.0; self.steps.len()];
+        for (row, step) in self.steps.iter().enumerate().rev() {
+            let next = self.kept * of_forecasts[row];
+            let new = column[row] / step.root + step.gain * next;
+            if let Some(b) = step.before {
+                of_forecasts[b] = next - new;
+            }
+            column[row] = new;
+        }
+    }
+}
+
+/// Turns the world axes of a touch's scalars (and of their columns, one scalar after the other) into the device's, whose noise it is: `tool`
+/// is its orientation in the world.
+pub fn in_device_axes(tool: &Matrix3<f64>, scalars: &mut [f64]) {
+    let width = scalars.len() / 3;
+    for column in 0..width {
+        let turned = tool.tr_mul(&Vector3::from_fn(|k, _| scalars[k * width + column]));
+        (0..3).for_each(|k| scalars[k * width + column] = turned[k]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+    use trical_model::{Recording, Row, State};
+
+    use trical_ident::dataset::JointSource;
+
+    /// Residuals that keep `kept` of the one before, with `white` beside.
+    fn noise(kept: f64, white: f64, count: usize) -> Vec<[f64; 3]> {
+        let mut rng = Pcg64Mcg::seed_from_u64(8);
+        let mut any = move || {
+            let mut sum = 0.0;
+            for _ in 0..12 {
+                sum += rng.random_range(-0.5..0.5);
+            }
+            sum
+        };
+        let mut slow = [0.0; 3].map(|_: f64| any());
+        (0..count)
+            .map(|_| {
+                slow = slow.map(|v| kept * v + (1.0 - kept * kept).sqrt() * any());
+                slow.map(|v| (1.0 - white).sqrt() * v + white.sqrt() * any())
+            })
+            .collect()
+    }
+
+    /// As many points of two targets in turn.
+    fn points(count: usize) -> Dataset {
+        let row = |k| Row {
+            state: State::at(&[0.1 * f64::from(k); 6]),
+            measured: Measured::Point { target: usize::from(k % 2 == 1), position: [0.0; 3] },
+            seq: None,
+            line: 2,
+        };
+        let rows = (0..u16::try_from(count).unwrap()).map(row).collect();
+        Dataset::build(&[Recording { name: "made".into(), joints: 6, rows }], JointSource::Read, None).unwrap()
+    }
+
+    fn nats(memory: Memory, sequence: &[[f64; 3]], data: &Dataset) -> f64 {
+        let filter = Filter::new(memory, data);
+        let mut white = sequence.concat();
+        filter.apply(&mut white);
+        let square: f64 = white.iter().map(|v| v * v).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let n = white.len() as f64;
+        -0.5 * (n * square.ln() + filter.log_determinant())
+    }
+
+    fn told(kept: f64, white: f64) -> Memory {
+        // two chains, each of which is such noise
+        let [a, b] = [noise(kept, white, 600), noise(kept, white, 1200)[600..].to_vec()];
+        let both: Vec<[f64; 3]> = a.into_iter().zip(b).flat_map(|(a, b)| [a, b]).collect();
+        let data = points(both.len());
+        Memory::likeliest(600, |m| Ok::<f64, ()>(nats(m, &both, &data))).unwrap().0
+    }
+
+    #[test]
+    fn noise_that_remembers_itself_is_told_from_noise_that_does_not() {
+        assert_eq!(told(0.0, 1.0), Memory::NONE);
+        let (sequence, data) = (noise(0.95, 0.0, 200), points(200));
+        let short = Memory::likeliest(100, |m| Ok::<f64, ()>(nats(m, &sequence, &data))).unwrap().0;
+        assert!(short.kept <= 0.9, "{short:?}: ten spans are what is known of noise");
+        let one = told(0.6, 0.0);
+        assert!((one.kept - 0.6).abs() < 0.11 && one.white < 0.3, "{one:?}");
+        let mixed = told(0.95, 0.5);
+        assert!((mixed.kept - 0.95).abs() < 0.06 && (mixed.white - 0.5).abs() < 0.25, "{mixed:?}");
+    }
+
+    /// The filter is that of the whole covariance matrix of each chain; the transposed filter is its transpose.
+    #[test]
+    fn the_filter_is_the_inverse_root_of_the_covariance() {
+        let data = points(8);
+        let filter = Filter::new(Memory { kept: 0.7, white: 0.3 }, &data);
+        let of = |apply: &dyn Fn(&mut [f64])| {
+            let mut all = nalgebra::DMatrix::<f64>::identity(24, 24);
+            all.column_iter_mut().for_each(|mut c| apply(c.as_mut_slice()));
+            all
+        };
+        let w = of(&|c| filter.apply(c));
+        assert!((of(&|c| filter.apply_transposed(c)) - w.transpose()).amax() < 1e-12);
+        // scalars of one axis and one target remember each other
+        let covariance = nalgebra::DMatrix::from_fn(24, 24, |i: usize, j: usize| {
+            let apart = i.abs_diff(j) / 6;
+            match i.abs_diff(j) % 6 {
+                0 if apart == 0 => 1.0,
+                0 => 0.7 * 0.7_f64.powi(i32::try_from(apart).unwrap()),
+                _ => 0.0,
+            }
+        });
+        assert!((&w * &covariance * w.transpose() - nalgebra::DMatrix::identity(24, 24)).amax() < 1e-12);
+        assert!((filter.log_determinant() - covariance.determinant().ln()).abs() < 1e-12);
+    }
+}

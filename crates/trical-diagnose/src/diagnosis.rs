@@ -1,0 +1,196 @@
+//! What a diagnosis says, in the shape of the contract.
+
+use serde::Serialize;
+use trical_ident::dataset::{Dataset, Rejected};
+use trical_model::{Model, Place};
+
+use crate::alternatives::Grounds;
+use crate::effect_id::EffectId;
+
+/// A coefficient in its unit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Coefficient {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+    /// Standard deviation.
+    pub sd: Option<f64>,
+}
+
+/// What speaks for a finding.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evidence {
+    /// BIC without it minus BIC with it.
+    pub delta_bic: f64,
+    /// F-test of its coefficients.
+    pub p_value: f64,
+    /// Held-out error with the more important findings, without this one.
+    pub holdout_rms_before_mm: f64,
+    /// And with it.
+    pub holdout_rms_after_mm: f64,
+    /// Error at the last quarter of the poses by a fit to those before, without this one.
+    pub forward_rms_before_mm: f64,
+    /// And with it.
+    pub forward_rms_after_mm: f64,
+}
+
+/// Another explanation that the data cannot exclude.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rival {
+    /// Effect.
+    pub effect: EffectId,
+    /// Where.
+    pub site: Place,
+    /// By how much its BIC is worse.
+    pub delta_bic: f64,
+}
+
+/// An effect that the data asks for.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// Name in the catalogue.
+    pub effect: EffectId,
+    /// Where.
+    pub site: Place,
+    /// In words.
+    pub located: String,
+    /// Probability that effect and site are right.
+    pub confidence: f64,
+    /// Length of its signature after projection, in units of the noise.
+    pub lambda: f64,
+    /// Coefficients.
+    pub coefficients: Vec<Coefficient>,
+    /// What speaks for it.
+    pub evidence: Evidence,
+    /// What else could look the same.
+    pub rivals: Vec<Rival>,
+    /// What to measure next to be surer.
+    pub next_measurements: Option<String>,
+}
+
+/// "lost_motion_direction at joint 1".
+fn in_words(effect: EffectId, place: Place) -> String {
+    format!("{effect} at {place}")
+}
+
+impl Rival {
+    /// Effect and site.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        in_words(self.effect, self.site)
+    }
+}
+
+impl Finding {
+    /// Effect and site.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        in_words(self.effect, self.site)
+    }
+}
+
+/// An effect that this data set could not show at a typical size.
+#[derive(Clone, Debug, Serialize)]
+pub struct Blind {
+    /// Effect.
+    pub effect: EffectId,
+    /// Where.
+    pub site: Place,
+    /// lambda of a typical size; 0 where the recordings lack what the effect depends on.
+    pub lambda: f64,
+    /// Why, where it cannot be tested at all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lacks: Option<String>,
+}
+
+/// A mismatch for which the catalogue has no name.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unexplained {
+    /// Where.
+    pub site: Place,
+    /// On what it depends.
+    pub variable: String,
+    /// For which values.
+    pub region: String,
+    /// Size of the fitted curve at the tool, mm.
+    pub rms_mm: f64,
+    /// Held-out error without it.
+    pub holdout_rms_before_mm: f64,
+    /// And with it.
+    pub holdout_rms_after_mm: f64,
+    /// The free-form curve: pairs of variable and value.
+    pub curve: Vec<(f64, f64)>,
+    /// Units of the curve's two columns.
+    pub curve_units: (String, String),
+}
+
+/// The fit before anything was added.
+#[derive(Clone, Debug, Serialize)]
+pub struct Baseline {
+    /// Arm parameters (base and tool included; measuring frames and targets of optical recordings are not counted).
+    pub parameters: usize,
+    /// Root of the mean square position error.
+    pub rms_mm: f64,
+    /// Noise that remains when everything that was found is modelled.
+    pub noise_mm: f64,
+    /// Probability of a residual structure as strong as the strongest found, were there none.
+    pub lack_of_fit_p: f64,
+    /// Held-out error.
+    pub holdout_rms_mm: f64,
+    /// What the readings' own noise made the fit do, in words.
+    pub reading_noise: Vec<String>,
+}
+
+/// The fit with everything that was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Final {
+    /// Arm parameters.
+    pub parameters: usize,
+    /// Root of the mean square position error.
+    pub rms_mm: f64,
+    /// Held-out error, 4-fold by pose.
+    pub holdout_rms_mm: f64,
+    /// Mean held-out error.
+    pub holdout_mean_mm: f64,
+    /// Mean error of the last quarter of the poses, fitted on the first three.
+    pub forward_mean_mm: f64,
+    /// As in [`Baseline`], for what is left.
+    pub lack_of_fit_p: f64,
+}
+
+/// The answer.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// Before.
+    pub baseline: Baseline,
+    /// What was found, most important first.
+    pub findings: Vec<Finding>,
+    /// What this data could not show.
+    pub blind_to: Vec<Blind>,
+    /// Where a mismatch remains without a name.
+    pub unexplained: Option<Unexplained>,
+    /// Further ones.
+    pub more_unexplained: Vec<Unexplained>,
+    /// After.
+    #[serde(rename = "final")]
+    pub after: Final,
+    /// What should make one look twice.
+    pub cautions: Vec<String>,
+    /// Rows that were not believed.
+    pub rejected: Vec<Rejected>,
+    /// The extended model.
+    #[serde(skip)]
+    pub model: Model,
+    /// The data that was believed.
+    #[serde(skip)]
+    pub data: Dataset,
+    /// The baseline fit.
+    #[serde(skip)]
+    pub before: Model,
+    /// For [`Diagnosis::undecided`].
+    #[serde(skip)]
+    pub grounds: Grounds,
+}

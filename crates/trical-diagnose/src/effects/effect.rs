@@ -1,0 +1,245 @@
+//! What an effect is: its words, and the candidates that it asks for.
+
+use serde::Serialize;
+use trical_model::{Axis, Basis, JointKind, Motion, Place, Site, Term};
+
+use crate::candidate::{Candidate, anything};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
+
+/// An effect of the catalogue.
+#[derive(Debug, Serialize)]
+pub struct Effect {
+    /// Which one.
+    #[serde(rename = "name")]
+    pub id: EffectId,
+    /// What people call it: a few words, without an article.
+    #[serde(skip)]
+    pub title: &'static str,
+    /// What is sure where the name is not.
+    #[serde(skip)]
+    pub family: Family,
+    /// Whose it is: what of it goes to other sessions.
+    #[serde(skip)]
+    pub scope: Scope,
+    /// The kind of place at which it acts.
+    pub site: &'static str,
+    /// Mechanism, and the equation.
+    pub form: &'static str,
+    /// What a recording must have beyond joints and measurements.
+    pub needs: &'static str,
+    /// Size on a small arm.
+    pub typical: &'static str,
+    /// What it is easily taken for.
+    pub rivals: &'static str,
+    /// What the owner of the arm can do: one sentence.
+    #[serde(skip)]
+    pub action: &'static str,
+    /// What would make it visible, where touches do not show it.
+    #[serde(skip)]
+    pub remedy: Remedy,
+    /// Whether it is a wave of the joint's angle: a sum of such waves can be anything that depends on the angle.
+    #[serde(skip)]
+    pub periodic: bool,
+    /// Whether it goes with the joint's gravity torque alone: where there is none, there is nothing to see.
+    #[serde(skip)]
+    pub follows_torque: bool,
+    /// What this data can be asked about it.
+    #[serde(skip)]
+    pub(crate) ask: fn(&Recorded<'_>) -> Asked,
+}
+
+/// Effects of one mechanism.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Family {
+    /// Gears and encoders.
+    Transmission,
+    /// Gaps and friction.
+    LostMotion,
+    /// What gives way under load.
+    Elasticity,
+    /// How the axes stand to each other.
+    Geometry,
+    /// What the arm carries, and which way is down.
+    Load,
+    /// Temperature.
+    Heat,
+    /// Something slipped, jumped or creeps.
+    SomethingMoved,
+    /// The measuring device.
+    Gauge,
+    /// How the joints were read.
+    Reading,
+}
+
+/// Whose an effect is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Scope {
+    /// The arm's: the same in every session.
+    Arm,
+    /// Of what was set up for a session: tool, balls, load, gauge.
+    Setup,
+    /// Of what happened in the course of one session.
+    Course,
+    /// Of how it was recorded.
+    Reading,
+}
+
+/// What would make an effect visible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Remedy {
+    /// Poses in which gravity pulls the other way.
+    SignOfTorque,
+    /// Another load.
+    KnownPayload,
+    /// Approaches in both senses.
+    BothSenses,
+    /// More of the joint's range.
+    WiderRange,
+    /// Another instrument.
+    SecondInstrument,
+    /// Readings that are not nulled.
+    DeflectedReadings,
+    /// The same touches again, later.
+    Repeats,
+}
+
+impl Remedy {
+    /// In words, as advice for touches.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::SignOfTorque => {
+                "a second plate, high and close to the base, so that the arm folds back over its shoulder, and a device that may \
+                 tilt further (--max-tilt-deg): gravity torques must change sign"
+            }
+            Self::KnownPayload => "some touches with another, known payload",
+            Self::BothSenses => "more touches with approaches in both senses of the joint",
+            Self::WiderRange => "touches that use more of the joint's range: balls further apart, or on a second plate",
+            Self::SecondInstrument => {
+                "an instrument besides the balls: the place of the base takes up a wrong ballbar distance"
+            }
+            Self::DeflectedReadings => "touches that end with readings of some tenths of a millimetre, not nulled",
+            Self::Repeats => "some of the first touches repeated at the end",
+        }
+    }
+}
+
+/// Which candidates of an effect can be tried, and what the recordings lack for the others.
+#[derive(Default)]
+pub(crate) struct Asked {
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) lacks: Option<&'static str>,
+}
+
+impl Asked {
+    pub(crate) fn lacking(what: &'static str) -> Self {
+        Self { candidates: Vec::new(), lacks: Some(what) }
+    }
+}
+
+impl From<Vec<Candidate>> for Asked {
+    fn from(candidates: Vec<Candidate>) -> Self {
+        Self { candidates, lacks: None }
+    }
+}
+
+/// Name, site and basis of a term, and the sign that its coefficient must have to be physics (0: either).
+pub(crate) type Part = (String, Site, Basis, i8);
+
+/// Sizes of a coefficient, SI: the typical, and the largest that is usual.
+pub(crate) struct Size {
+    pub(crate) typical: f64,
+    pub(crate) large: f64,
+}
+
+impl Effect {
+    /// A candidate whose coefficients are all of one size.
+    pub(crate) fn candidate(&self, site: Place, behaviour: String, size: Size, parts: Vec<Part>) -> Candidate {
+        let scales = vec![0.5 * size.large; parts.len()];
+        self.candidate_of_scales(site, behaviour, size.typical, scales, parts)
+    }
+
+    /// A candidate with a prior standard deviation for each coefficient.
+    pub(crate) fn candidate_of_scales(
+        &self,
+        site: Place,
+        behaviour: String,
+        typical: f64,
+        scales: Vec<f64>,
+        parts: Vec<Part>,
+    ) -> Candidate {
+        let signs = parts.iter().map(|p| p.3).collect();
+        let terms =
+            parts.into_iter().map(|(name, site, basis, _)| Term::new(name, self.id.name(), site, basis)).collect();
+        Candidate {
+            cause: self.id.into(),
+            site,
+            behaviour,
+            terms,
+            signs,
+            physical: anything,
+            typical,
+            scales,
+            log_prior: 0.0,
+        }
+    }
+}
+
+pub(crate) const fn deg(angle: f64) -> f64 {
+    angle * (std::f64::consts::PI / 180.0)
+}
+
+pub(crate) const fn arcsec(angle: f64) -> f64 {
+    deg(angle / 3600.0)
+}
+
+/// Where on its axis a joint gives way or wobbles. A kinematic model need not know, and puts the joint's origin anywhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pivot {
+    /// The origin of the joint's frame.
+    Origin,
+    /// Where its axis begins, before the offset d: at joint 1, where the arm stands.
+    Foot,
+}
+
+impl Pivot {
+    const BOTH: [Self; 2] = [Self::Origin, Self::Foot];
+
+    /// Those that differ at `joint`.
+    pub(crate) fn of(r: &Recorded<'_>, joint: usize) -> &'static [Self] {
+        let j = &r.model.robot.joints[joint - 1];
+        if j.kind == JointKind::Revolute && j.d.abs() > SAME_PLACE { &Self::BOTH } else { &Self::BOTH[..1] }
+    }
+
+    /// "" or " about its foot".
+    pub(crate) fn words(self) -> &'static str {
+        match self {
+            Self::Origin => "",
+            Self::Foot => " about its foot",
+        }
+    }
+
+    /// "" or "foot_".
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Origin => "",
+            Self::Foot => "foot_",
+        }
+    }
+}
+
+/// Offsets below this (m) part no origin from its foot.
+const SAME_PLACE: f64 = 1e-3;
+
+/// The same basis along x, y and z of a place.
+pub(crate) fn along(site: impl Fn(Motion) -> Site, name: &str, basis: Basis) -> Vec<Part> {
+    Axis::ALL.iter().map(|a| (format!("{name}_{}", a.name()), site(Motion::Along(*a)), basis, 0)).collect()
+}
+
+/// What lacks where nothing is known of time.
+pub(crate) const NO_TIME: &str = "time (t_s)";
+/// What lacks where nothing is known of masses.
+pub(crate) const NO_MASSES: &str = "masses of the links (robot.toml)";
+/// What lacks where nothing is known of approaches.
+pub(crate) const NO_SENSE: &str = "the sense of each joint's last motion (dir1 ...)";

@@ -1,0 +1,49 @@
+//! A strain-wave or cycloidal drive, or the motor's encoder: many cycles a turn. Three hundred frequencies at six joints are too
+//! many candidates: a periodogram says which are worth a try (see [`crate::periodogram`]), the prior counts all.
+
+use trical_model::{Basis, Place, Shape, Site, Variable};
+
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, arcsec};
+use crate::candidate::Candidate;
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
+use crate::periodogram::GEARS;
+
+/// The effect.
+pub const EFFECT: Effect = Effect {
+    id: EffectId::GearRipple,
+    title: "gear ripple",
+    family: Family::Transmission,
+    scope: Scope::Arm,
+    site: "joint",
+    form: "strain-wave or cycloidal drive, motor encoder: D = a sin(N q_j) + b cos(N q_j), N = 10 to 300",
+    needs: "joints to 0.01 deg",
+    typical: "5 to 30 arcsec",
+    rivals: "its own aliases",
+    action: "Let the calibrated model correct it; where it grows, have the gear looked at for wear.",
+    remedy: Remedy::WiderRange,
+    periodic: true,
+    follows_torque: false,
+    ask,
+};
+
+/// Frequencies come later.
+fn ask(_: &Recorded<'_>) -> Asked {
+    Asked::default()
+}
+
+/// A ripple of `cycles` per turn, of a robot with so many `joints`.
+pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
+    let (from, to) = GEARS;
+    let q = Variable::Joint { joint };
+    let part = |part: &str, shape| (format!("ripple_{part}_{joint}"), Site::Joint { joint }, Basis::new(q, shape), 0);
+    let candidate = EFFECT.candidate(
+        Place::Joint(joint),
+        format!("{cycles:.0} cycles per turn of joint {joint}"),
+        Size { typical: arcsec(15.0), large: arcsec(30.0) },
+        vec![part("sine", Shape::Sine { cycles }), part("cosine", Shape::Cosine { cycles })],
+    );
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let ways = (EffectId::ALL.len() * joints) as f64 * f64::from(to - from + 1);
+    Candidate { log_prior: -ways.ln(), ..candidate }
+}

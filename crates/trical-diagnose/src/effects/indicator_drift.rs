@@ -1,0 +1,47 @@
+//! An indicator drifts with time.
+
+use trical_model::{Axis, Basis, Motion, Place, Shape, Site};
+
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size};
+use crate::covariates::{Recorded, seconds_per};
+use crate::effect_id::EffectId;
+
+pub const EFFECT: Effect = Effect {
+    id: EffectId::IndicatorDrift,
+    title: "indicator that drifts",
+    family: Family::Gauge,
+    scope: Scope::Course,
+    site: "axis",
+    form: "y gets k t",
+    needs: "time or order",
+    typical: "0.02 mm/h",
+    rivals: "tool_drift",
+    action: "Let the gauge warm up, and measure its zero in between.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.touches {
+        return Asked::default();
+    }
+    let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
+    let seconds = seconds_per(order);
+    let of = |axis: &Axis| {
+        let a = axis.name();
+        EFFECT.candidate(
+            Place::Axis(*axis),
+            format!("indicator {a} drifts with time"),
+            Size { typical: 2e-5 / 3600.0 * seconds, large: 6e-5 / 3600.0 * seconds },
+            vec![(
+                format!("indicator_drift_{a}"),
+                Site::Tool(Motion::Along(*axis)),
+                Basis::new(order, Shape::Linear),
+                0,
+            )],
+        )
+    };
+    Axis::ALL.iter().map(of).collect::<Vec<_>>().into()
+}

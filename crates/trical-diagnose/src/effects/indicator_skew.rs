@@ -1,0 +1,43 @@
+//! An indicator is not square to the others, and sees some of what they read.
+
+use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
+
+use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size, deg};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
+
+pub const EFFECT: Effect = Effect {
+    id: EffectId::IndicatorSkew,
+    title: "indicators that are not square",
+    family: Family::Gauge,
+    scope: Scope::Setup,
+    site: "axis",
+    form: "y_a gets e y_b of the other two",
+    needs: "readings with a spread",
+    typical: "0.5 to 1.5 deg",
+    rivals: "invisible if every reading is nulled",
+    action: "Have the device aligned, or its indicators calibrated together.",
+    remedy: Remedy::DeflectedReadings,
+    periodic: false,
+    follows_torque: false,
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.touches {
+        return Asked::default();
+    }
+    let of = |axis: &Axis| {
+        let part = |other: &Axis| -> Part {
+            let basis = Basis::new(Variable::Reading { axis: *other }, Shape::Linear);
+            (format!("skew_{}_by_{}", axis.name(), other.name()), Site::Tool(Motion::Along(*axis)), basis, 0)
+        };
+        EFFECT.candidate(
+            Place::Axis(*axis),
+            format!("indicator {} sees what the others read", axis.name()),
+            Size { typical: deg(1.0), large: deg(1.5) },
+            Axis::ALL.iter().filter(|a| *a != axis).map(part).collect(),
+        )
+    };
+    Axis::ALL.iter().map(of).collect::<Vec<_>>().into()
+}

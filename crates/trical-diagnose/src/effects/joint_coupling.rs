@@ -1,0 +1,39 @@
+//! One joint moves another: bevel gears of a wrist (5 by 4, 6 by 5, 6 by 4), a parallelogram (3 by 2).
+
+use trical_model::{Basis, Place, Shape, Site, Variable};
+
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
+
+pub const EFFECT: Effect = Effect {
+    id: EffectId::JointCoupling,
+    title: "one joint moves another",
+    family: Family::Transmission,
+    scope: Scope::Arm,
+    site: "joint, from",
+    form: "wrist gears, parallelogram: D = k q_i for joints 5 by 4, 6 by 5, 6 by 4, 3 by 2",
+    needs: "-",
+    typical: "2e-4 to 2e-3",
+    rivals: "gear_ratio",
+    action: "Correct the coupling factor in the controller, or let the calibrated model do so.",
+    remedy: Remedy::WiderRange,
+    periodic: false,
+    follows_torque: false,
+    ask,
+};
+
+const PAIRS: [(usize, usize); 4] = [(5, 4), (6, 5), (6, 4), (3, 2)];
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    let of = |(joint, from)| {
+        let basis = Basis::new(Variable::Joint { joint: from }, Shape::Linear);
+        EFFECT.candidate(
+            Place::Coupling { joint, from },
+            format!("joint {joint} moves in proportion to joint {from}'s angle"),
+            Size { typical: 8e-4, large: 2e-3 },
+            vec![(format!("coupling_{joint}_from_{from}"), Site::Joint { joint }, basis, 0)],
+        )
+    };
+    PAIRS.into_iter().filter(|p| p.0 <= r.dof()).map(of).collect::<Vec<_>>().into()
+}

@@ -1,0 +1,45 @@
+//! Mass or centre of gravity of the tool are not what the cell file says: every joint gives way accordingly.
+
+use trical_model::{Axis, Basis, Payload, Place, Site};
+
+use super::effect::{Asked, Effect, Family, NO_MASSES, Part, Remedy, Scope};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
+
+pub const EFFECT: Effect = Effect {
+    id: EffectId::Payload,
+    title: "wrong load on the flange",
+    family: Family::Load,
+    scope: Scope::Setup,
+    site: "tool",
+    form: "wrong mass or centre of gravity: D_i = c_i (dtau_i/dm, dtau_i/d(m r))",
+    needs: "masses",
+    typical: "0.2 to 1 kg, 10 to 50 mm",
+    rivals: "compliance, cross_axis_compliance",
+    action: "Weigh the tool and correct mass and centre of gravity in cell.toml and in the controller.",
+    remedy: Remedy::KnownPayload,
+    periodic: false,
+    follows_torque: false,
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if !r.masses {
+        return Asked::lacking(NO_MASSES);
+    }
+    let mut parts: Vec<Part> = vec![("payload_mass".into(), Site::Payload(Payload::Mass), Basis::CONSTANT, 0)];
+    parts.extend(
+        Axis::ALL
+            .iter()
+            .map(|a| (format!("payload_moment_{}", a.name()), Site::Payload(Payload::Moment(*a)), Basis::CONSTANT, 0)),
+    );
+    vec![EFFECT.candidate_of_scales(
+        Place::Tool,
+        "the load on the flange is not what cell.toml says".into(),
+        0.03,
+        // kg; kg m
+        vec![0.5 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength()],
+        parts,
+    )]
+    .into()
+}

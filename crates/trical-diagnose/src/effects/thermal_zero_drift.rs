@@ -1,0 +1,42 @@
+//! A joint's zero moves with temperature, or with a warm-up clock where there is no thermometer.
+
+use trical_model::{Place, Site};
+
+use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
+use crate::covariates::Recorded;
+use crate::effect_id::EffectId;
+
+pub const EFFECT: Effect = Effect {
+    id: EffectId::ThermalZeroDrift,
+    title: "joint zero that moves with temperature",
+    family: Family::Heat,
+    scope: Scope::Course,
+    site: "joint",
+    form: "D = k dT",
+    needs: "temperature, time or order",
+    typical: "0.005 to 0.06 deg",
+    rivals: "fixture_drift, thermal_growth",
+    action: "Let the arm warm up before it is measured or works, or record its temperature.",
+    remedy: Remedy::Repeats,
+    periodic: false,
+    follows_torque: false,
+    ask,
+};
+
+fn ask(r: &Recorded<'_>) -> Asked {
+    if r.clocks.is_empty() {
+        return Asked::lacking("temperature (temp_c) or time (t_s)");
+    }
+    let mut out = Vec::new();
+    for clock in &r.clocks {
+        for joint in r.joints() {
+            out.push(EFFECT.candidate(
+                Place::Joint(joint),
+                format!("joint {joint}'s zero moves {}", clock.how),
+                Size { typical: deg(0.02) / clock.rise, large: deg(0.06) / clock.rise },
+                vec![(format!("thermal_zero_{joint}"), Site::Joint { joint }, clock.basis, 0)],
+            ));
+        }
+    }
+    out.into()
+}

@@ -1,0 +1,386 @@
+//! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
+
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use trical_ident::dataset::Dataset;
+use trical_ident::fit::position_errors;
+use trical_ident::identify::{ErrorSummary, Identified};
+use trical_ident::units::unit;
+use trical_model::{Forward, Model, Place, Term, Variable};
+
+use crate::candidate::Candidate;
+use crate::covariates::is_order;
+use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
+use crate::effect_id::{Cause, EffectId};
+use crate::linear::{Design, Stage};
+use crate::locators;
+use crate::selection::{Ranked, Search};
+use crate::specification_test::{CONSIDERABLE, Judge, Misfit, nats};
+
+/// Signatures below this many standard deviations cannot be seen.
+const VISIBLE: f64 = 3.0;
+
+/// Candidates within this many nats of a finding are rivals.
+const RIVAL: f64 = 5.0;
+
+/// What is left at a place is told where it is less likely than this to be chance.
+const SURE_LEFT: f64 = 1e-5;
+
+/// Share of an unknown effect that its approximation may leave to be taken for something else.
+const LEAK: f64 = 0.05;
+
+/// A probe that says so many nats more than the curves of its place tells better on what the mismatch depends.
+const TELLS: f64 = 3.0;
+
+/// No claim is surer than this.
+const SUREST: f64 = 0.99;
+
+/// One group of chosen candidates: same effect, same site.
+pub(crate) struct Group {
+    pub(crate) members: Vec<usize>,
+}
+
+pub(crate) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for c in set {
+        let same = |g: &&mut Group| {
+            let o = &local[g.members[0]];
+            o.cause == local[*c].cause && o.site == local[*c].site
+        };
+        match groups.iter_mut().find(same) {
+            Some(g) => g.members.push(*c),
+            None => groups.push(Group { members: vec![*c] }),
+        }
+    }
+    groups
+}
+
+/// Greedily by what each removes.
+pub(crate) fn ordered(search: &Search<'_>, start: &Stage, mut groups: Vec<Group>) -> Vec<Group> {
+    let mut out = Vec::new();
+    let mut stage = start.clone();
+    while !groups.is_empty() {
+        let ss = |g: &Group| search.with(&stage, &g.members).ss;
+        let best = (0..groups.len()).min_by(|a, b| ss(&groups[*a]).total_cmp(&ss(&groups[*b]))).unwrap_or(0);
+        let g = groups.remove(best);
+        stage = search.with(&stage, &g.members);
+        out.push(g);
+    }
+    out
+}
+
+/// Root mean square position errors, mm, at poses that the fit did not see.
+#[derive(Clone, Copy)]
+pub(crate) struct Proof {
+    /// By blocks: each pose by a fit without its fold.
+    pub(crate) blocks: f64,
+    /// The last quarter of the poses, by a fit to those before.
+    pub(crate) forward: f64,
+}
+
+/// How well the baseline with the candidates of `set` predicts what it was not fitted to.
+pub(crate) fn prove(design: &Design, set: &[usize], poses: &[usize]) -> Proof {
+    let rms = |errors: &[f64]| ErrorSummary::of(errors).rms_mm;
+    Proof { blocks: rms(&held_out(design, set, poses)), forward: rms(&forward_in_time(design, set, poses)) }
+}
+
+/// Position errors of the last quarter of the poses, by a fit to those before.
+pub(crate) fn forward_in_time(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
+    let three_quarters = poses[(poses.len() * 3) / 4];
+    design.held_out(set, &|p| p < three_quarters, &|p| p >= three_quarters)
+}
+
+/// Position errors of all poses, each scored by a fit without its fold: pose k is in fold k mod 4.
+pub(crate) fn held_out(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
+    let fold = |p: usize| poses.binary_search(&p).map_or(0, |i| i % 4);
+    (0..4).flat_map(|f| design.held_out(set, &|p| fold(p) != f, &|p| fold(p) == f)).collect()
+}
+
+pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {
+    local
+        .terms
+        .iter()
+        .filter_map(|t| {
+            let fitted = model.terms.iter().find(|m| m.does_as(t))?;
+            let u = unit(fitted);
+            // a gap is what it measures: positive, though it adds to the angle against the sense of motion
+            let sign = if fitted.basis.sense.is_some() { -1.0 } else { 1.0 };
+            Some(Coefficient {
+                name: fitted.name.clone(),
+                value: sign * fitted.value * u.per_si,
+                unit: u.name,
+                sd: fitted.sd.map(|s| s * u.per_si),
+            })
+        })
+        .collect()
+}
+
+pub(crate) fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: f64) -> f64 {
+    let k = rank.max(1.0);
+    let n = search.freedom(stage) - k;
+    let f = (dss / k) / ((stage.ss - dss).max(1e-300) / n);
+    FisherSnedecor::new(k, n.max(1.0)).map_or(1.0, |d| d.sf(f * search.temper))
+}
+
+/// A finding of an effect, and the best candidate of each of its rivals.
+pub(crate) fn finding(
+    effect: EffectId,
+    search: &Search<'_>,
+    stage: &Stage,
+    group: &Group,
+    others: &[usize],
+    model: &Model,
+    [before, after]: [Proof; 2],
+) -> (Finding, Vec<Candidate>) {
+    let first = group.members[0];
+    let local = search.candidates;
+    let with = search.with(stage, &group.members);
+    let dss = stage.ss - with.ss;
+    let rank = with.parameters - stage.parameters;
+    let delta_bic = {
+        let n = search.freedom(stage);
+        n * (stage.ss / with.ss).ln() - rank * n.ln()
+    };
+    let ranked: Vec<Ranked> = search.rank(stage).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
+    let own = search.total(stage, &group.members);
+    let mut rivals: Vec<Rival> = Vec::new();
+    let mut best: Vec<Candidate> = Vec::new();
+    let mut rival_weight = 0.0;
+    let mut own_weight = 1.0;
+    for r in &ranked {
+        // tempered: the noise is never quite what the model of it says
+        let weight = (0.7 * (r.evidence - own)).exp();
+        if search.same_place(r.candidate, first) {
+            if !group.members.contains(&r.candidate) {
+                own_weight += weight;
+            }
+            continue;
+        }
+        rival_weight += weight;
+        let c = &local[r.candidate];
+        if r.evidence > own - RIVAL
+            && let Some(effect) = c.cause.effect()
+            && !rivals.iter().any(|v| v.effect == effect && v.site == c.site)
+            && rivals.len() < 8
+        {
+            best.push(c.clone());
+            rivals.push(Rival { effect, site: c.site, delta_bic: (2.0 * (own - r.evidence)).max(0.0) });
+        }
+    }
+    let nothing = (0.7 * -own).exp();
+    let confidence = (own_weight / (own_weight + rival_weight + nothing)).min(SUREST);
+    let next_measurements = (!rivals.is_empty()).then(|| {
+        format!(
+            "touches that tell {} from {}: trical diagnose --next 8 plans them",
+            effect,
+            rivals.iter().map(|r| r.effect.name()).collect::<Vec<_>>().join(", ")
+        )
+    });
+    let variance = with.ss / search.freedom(&with);
+    let finding = Finding {
+        effect,
+        site: local[first].site,
+        located: group.members.iter().map(|m| local[*m].located()).collect::<Vec<_>>().join("; "),
+        confidence: (confidence * 1e4).round() / 1e4,
+        lambda: (dss * search.temper / variance).max(0.0).sqrt(),
+        coefficients: group.members.iter().flat_map(|m| coefficients(model, &local[*m])).collect(),
+        evidence: Evidence {
+            delta_bic,
+            p_value: f_test(search, stage, dss, rank),
+            holdout_rms_before_mm: before.blocks,
+            holdout_rms_after_mm: after.blocks,
+            forward_rms_before_mm: before.forward,
+            forward_rms_after_mm: after.forward,
+        },
+        rivals,
+        next_measurements,
+    };
+    (finding, best)
+}
+
+pub(crate) fn unexplained_from(
+    search: &Search<'_>,
+    stage: &Stage,
+    group: &Group,
+    model: &Model,
+    [before, after]: [Proof; 2],
+    data: &Dataset,
+) -> Unexplained {
+    let first = &search.candidates[group.members[0]];
+    let with = search.with(stage, &group.members);
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let rms_mm = {
+        // removed sum of squares, as a position error of the observations
+        let share = ((stage.ss - with.ss) / stage.ss).clamp(0.0, 1.0);
+        let errors = Forward::new(model.clone(), Vec::new()).map(|f| position_errors(&f, data)).unwrap_or_default();
+        let n = errors.len().max(1) as f64;
+        let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
+        (square * share / (1.0 - share).max(1e-6)).sqrt() * 1e3
+    };
+    let located = locators::describe(first, group.members.iter().map(|m| &search.candidates[*m]), model, data);
+    Unexplained {
+        site: first.site,
+        variable: located.variable,
+        region: located.region,
+        rms_mm,
+        holdout_rms_before_mm: before.blocks,
+        holdout_rms_after_mm: after.blocks,
+        curve: located.curve,
+        curve_units: located.units,
+    }
+}
+
+/// Sum of squares that each chosen candidate without a name removes, and its site.
+pub(crate) fn unknowns(search: &Search<'_>, start: &Stage, full: &Stage, chosen: &[usize]) -> Vec<(Place, f64)> {
+    let unnamed = chosen.iter().filter(|c| search.candidates[**c].cause == Cause::Unexplained);
+    unnamed
+        .map(|u| {
+            let others: Vec<usize> = chosen.iter().copied().filter(|c| c != u).collect();
+            (search.candidates[*u].site, search.with(start, &others).ss - full.ss)
+        })
+        .collect()
+}
+
+/// Trust in a name that explains `own` while something unknown goes on. A curve only approximates the unknown: what it leaves
+/// can look like a small effect anywhere, and at its own place all the more.
+pub(crate) fn beside_unknown(own: f64, place: Place, unknown: &[(Place, f64)]) -> f64 {
+    let leaked: f64 =
+        unknown.iter().map(|(at, dss)| if at.is_same_part(place) { *dss } else { LEAK * dss }).sum::<f64>();
+    own / (own + leaked).max(1e-300)
+}
+
+/// Waves of more cycles a turn are a gear's teeth; of fewer, they may be a part of anything that depends on the angle.
+const SLOW_WAVES: f64 = 20.0;
+
+/// Trust in a name that it took several candidates of one kind to uphold: a sum of waves can be anything that depends on an
+/// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name, and so is what
+/// changes there with time and temperature.
+pub(crate) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
+    let waves = |c: &Candidate| c.cause.effect().is_some_and(|id| id.effect().periodic);
+    let repeated = |c: &Candidate| waves(c) || c.step().is_some();
+    let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
+    let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
+    let changes = |c: &Candidate| c.site.joint().is_some() && c.terms.iter().any(in_time);
+    let first = &candidates[group.members[0]];
+    let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
+    let others = |kind: &dyn Fn(&Candidate) -> bool| {
+        let alike = |c: &&Candidate| kind(c) && c.cause != first.cause && c.site == first.site;
+        let one = group.members.iter().any(|m| kind(&candidates[*m]));
+        if one { chosen.iter().map(|c| &candidates[*c]).filter(alike).count() } else { 0 }
+    };
+    0.5_f64.powi(i32::try_from(own + others(&slow) + others(&changes)).unwrap_or(i32::MAX))
+}
+
+/// A mismatch that a probe tells at a stage: where and on what it depends; held-out errors without and with it.
+fn told(judge: &Judge<'_>, stage: &Stage, m: Misfit, [before, after]: [f64; 2]) -> Unexplained {
+    let curve = judge.line(stage, &m);
+    let units = if curve.is_empty() { "" } else { "deg" };
+    Unexplained {
+        region: m.region,
+        rms_mm: before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt(),
+        holdout_rms_before_mm: before,
+        holdout_rms_after_mm: after,
+        site: m.site,
+        variable: m.variable,
+        curve,
+        curve_units: (units.to_owned(), units.to_owned()),
+    }
+}
+
+/// Curves without a name are what the model can hold; a probe may tell better on what the mismatch depends (a joint that remembers
+/// its last moves looks like a curve of time). Beside a place's curves, what its probe tells instead; and what a probe tells of
+/// places whose names are `doubted`. `without` and `held_out_rms_mm` leave out what was chosen at a place: its curves, or all of it.
+pub(crate) fn told_better(
+    judge: &Judge<'_>,
+    full: &Stage,
+    unexplained: &mut Vec<Unexplained>,
+    doubted: &[Place],
+    without: &dyn Fn(Place, bool) -> Stage,
+    held_out_rms_mm: &dyn Fn(Place, bool, Option<usize>) -> f64,
+) {
+    let mut sites: Vec<Place> = Vec::new();
+    for site in unexplained.iter().map(|u| u.site).chain(doubted.iter().copied()) {
+        if !sites.contains(&site) {
+            sites.push(site);
+        }
+    }
+    for site in sites {
+        let here = |u: &Unexplained| u.site == site;
+        let curves = unexplained.iter().any(here);
+        let stage = without(site, curves);
+        let own = nats(judge.freedom(&stage), stage.ss, full.ss, full.parameters - stage.parameters);
+        let Some((m, said)) = judge.teller(&stage, site) else { continue };
+        let known = unexplained.iter().any(|u| here(u) && u.variable == m.variable);
+        let better = if curves { said > own + TELLS } else { m.dss > 0.5 * (stage.ss - full.ss) };
+        if better && !known {
+            let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(site, curves, probe));
+            unexplained.push(told(judge, &stage, m, errors));
+        }
+    }
+}
+
+/// What probes say is left at places where no curve was good enough to be modelled, beside what is `explained` there.
+pub(crate) fn left_over(
+    judge: &Judge<'_>,
+    stage: &Stage,
+    explained: &dyn Fn(Place) -> f64,
+    held_out_rms_mm: &dyn Fn(Option<usize>) -> f64,
+) -> Vec<Unexplained> {
+    let considerable = |m: &Misfit| m.p_value < SURE_LEFT && m.dss > CONSIDERABLE * explained(m.site);
+    let mut places: Vec<Misfit> = judge.places(stage).into_iter().filter(considerable).collect();
+    places.sort_by(|a, b| b.dss.total_cmp(&a.dss));
+    if places.is_empty() {
+        return Vec::new();
+    }
+    let before = held_out_rms_mm(None);
+    places
+        .into_iter()
+        .map(|m| {
+            let after = held_out_rms_mm(Some(m.probe));
+            told(judge, stage, m, [before, after])
+        })
+        .collect()
+}
+
+/// Effects and sites whose typical size would leave no trace.
+pub(crate) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Blind> {
+    let variance = (stage.ss / search.freedom(stage)).max(1e-300);
+    let mut seen: Vec<(usize, f64)> = Vec::new();
+    for (k, c) in search.candidates.iter().enumerate() {
+        if c.cause == Cause::Unexplained || set.iter().any(|s| search.same_place(*s, k)) {
+            continue;
+        }
+        let lambda = search.design.lambda_of_size(stage, k, c.typical) * search.temper.sqrt() / variance.sqrt();
+        match seen.iter_mut().find(|(s, _)| search.same_place(*s, k)) {
+            Some(entry) => entry.1 = entry.1.max(lambda),
+            None => seen.push((k, lambda)),
+        }
+    }
+    seen.into_iter()
+        .filter(|(_, lambda)| *lambda < VISIBLE)
+        .filter_map(|(k, lambda)| {
+            let Candidate { cause, site, .. } = &search.candidates[k];
+            Some(Blind { effect: cause.effect()?, site: *site, lambda, lacks: None })
+        })
+        .collect()
+}
+
+/// Smallest p-value among all candidates, times how many independent questions were asked (Bonferroni).
+pub(crate) fn lack_of_fit(search: &Search<'_>, stage: &Stage, set: &[usize]) -> f64 {
+    let ranked = search.rank(stage);
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let questions = ranked.len() as f64;
+    ranked
+        .iter()
+        .filter(|r| !(stage.ss < search.design.stage().ss && set.contains(&r.candidate)))
+        .take(100)
+        .map(|r| f_test(search, stage, r.dss, r.rank) * questions)
+        .fold(1.0, f64::min)
+}
+
+/// Noise of a position error: root mean square of the residuals, with the parameters paid for.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+pub(crate) fn noise_of(fitted: &Identified, errors: &[f64]) -> f64 {
+    let rows = fitted.observability.rows as f64;
+    let p = fitted.free.len() as f64;
+    ErrorSummary::of(errors).rms_mm * (rows / (rows - p).max(1.0)).sqrt()
+}

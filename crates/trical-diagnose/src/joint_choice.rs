@@ -1,0 +1,37 @@
+//! Which joint angles to believe, where the user leaves that to the data.
+
+use trical_ident::dataset::{Dataset, JointSource};
+use trical_ident::error::Result;
+use trical_ident::joint_choice::all_commanded;
+use trical_model::{Cell, Recording, Robot};
+
+use crate::diagnosis::Diagnosis;
+use crate::procedure::{Progress, diagnose};
+
+/// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out.
+/// Also says which joints that were.
+///
+/// # Errors
+/// As [`Dataset::build`] and [`diagnose`].
+pub fn diagnose_recordings(
+    robot: &Robot,
+    cell: &Cell,
+    recordings: &[Recording],
+    joints: Option<JointSource>,
+    names_only: bool,
+    progress: Progress<'_>,
+) -> Result<(Diagnosis, JointSource)> {
+    let mut of = |source| -> Result<(Diagnosis, JointSource)> {
+        let data = Dataset::build(recordings, source, None)?;
+        Ok((diagnose(robot, cell, &data, names_only, progress)?, source))
+    };
+    if let Some(source) = joints {
+        return of(source);
+    }
+    let read = of(JointSource::Read)?;
+    if !all_commanded(recordings) {
+        return Ok(read);
+    }
+    let commanded = of(JointSource::Commanded)?;
+    Ok(if commanded.0.after.holdout_rms_mm < read.0.after.holdout_rms_mm { commanded } else { read })
+}

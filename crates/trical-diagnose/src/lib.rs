@@ -1,0 +1,50 @@
+//! Diagnosis: does the model explain the data to within the noise; if not, where does it fail, which physics does that, how
+//! sure is that, and what happens to the error on data that the fit did not see once it is modelled.
+//!
+//! Modules stand in the order of what uses what: each one imports only those above it.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`covariates`] | what the recordings have: time, temperature, loads, senses of motion |
+//! | [`correlated_noise`] | noise that is correlated from one measurement to the next |
+//! | [`effect_id`] | the list of effects |
+//! | [`candidate`] | one explanation that can be tried |
+//! | [`effects`], [`catalogue`] | the effects, one file each; what of them can be tried on the data |
+//! | [`locators`] | what finds a mismatch without a name |
+//! | [`linear`] | the linearized fit: signatures after projection, evidence, held-out errors |
+//! | [`periodogram`], `refine` | which frequencies a joint's error has; finer shapes between those of a scan |
+//! | [`selection`] | which candidates the residual asks for |
+//! | [`specification_test`] | whether a name says all that happens at its place |
+//! | [`rejection`] | stale rows and outliers |
+//! | [`diagnosis`], `findings` | what a diagnosis says; from what was chosen to that |
+//! | [`alternatives`] | between what the data cannot decide |
+//! | `rounds`, [`procedure`] | rounds of selection and refit; the whole of it |
+//! | [`joint_choice`] | the same, as read and as commanded |
+//! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
+
+pub mod alternatives;
+pub mod candidate;
+pub mod catalogue;
+pub mod correlated_noise;
+pub mod covariates;
+pub mod diagnosis;
+pub mod effect_id;
+pub mod effects;
+mod findings;
+pub mod joint_choice;
+pub mod linear;
+pub mod locators;
+pub mod periodogram;
+pub mod procedure;
+mod refine;
+pub mod rejection;
+mod rounds;
+pub mod selection;
+pub mod specification_test;
+pub mod truth;
+
+pub use alternatives::Undecided;
+pub use diagnosis::{Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Rival, Unexplained};
+pub use effect_id::{Cause, EffectId};
+pub use joint_choice::diagnose_recordings;
+pub use procedure::{Progress, diagnose};

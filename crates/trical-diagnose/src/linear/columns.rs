@@ -1,0 +1,495 @@
+//! The linearized fit itself: residual, derivatives to the fitted parameters, and the columns of the candidates.
+//!
+//! Most columns are one direction of their site at a measurement times a number that their basis says: they are stored as that
+//! number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
+
+use std::ops::Range;
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatRef, Par};
+use pulp::Arch;
+use rayon::prelude::*;
+use trical_ident::dataset::Dataset;
+use trical_ident::error::Result;
+use trical_ident::noise::Noise;
+use trical_model::{Basis, Forward, Measured, Model, Site, residual_rows};
+
+use crate::candidate::Candidate;
+use crate::correlated_noise::{Filter, Memory, in_device_axes};
+
+/// Columns of one piece of a product.
+const PIECE: usize = 512;
+
+/// Columns on the other side of a product that are taken at once.
+const BATCH: usize = 64;
+
+/// Largest part of a column's length beside its site's direction that is rounding.
+const ROUNDING: f64 = 1e-13;
+
+/// Most rows of a measurement.
+const MOST_ROWS: usize = 6;
+
+/// A fit, linearized: all weighted by the noise.
+pub(crate) struct Linear {
+    /// Residual of each row, predicted minus measured.
+    pub residual: Vec<f64>,
+    /// What makes the noise white. Inner products are taken of what it leaves; residual, Jacobian and columns are those of the measurements,
+    /// touches in the device's axes where it works.
+    pub filter: Filter,
+    /// Pose of each row.
+    pub pose_of_row: Vec<usize>,
+    /// Standard deviation (0 for rotations, which have no part in position errors) and observation of each row.
+    pub sigma_of_row: Vec<(f64, usize)>,
+    /// Derivatives to the fitted parameters, `rows x parameters`.
+    pub jacobian: Mat<f64>,
+    /// First row of each observation, and one past the last.
+    first_row: Vec<usize>,
+    /// How many candidate columns.
+    width: usize,
+    /// Where each column is stored: columns of one family stand together.
+    place: Vec<usize>,
+    /// What its basis says of each column, `observations x width`, row-major, by place.
+    says: Vec<f64>,
+    /// Places of each family.
+    families: Vec<(usize, usize)>,
+    /// Family of each place.
+    family: Vec<usize>,
+    /// Unit direction of each family at each observation, `rows x families`.
+    directions: Mat<f64>,
+    /// Columns that are not along their family's direction, all rows, and by place which of them it is. What `says` has for them is
+    /// zero.
+    whole: Mat<f64>,
+    whole_of: Vec<Option<usize>>,
+}
+
+impl Linear {
+    /// Linearizes `model` with the terms of the candidates at zero. Of its own terms those before `parameters` have a Jacobian, those from
+    /// `effects` on are taken out of the residual again, by their columns: what is left where the others stay as they are. A candidate
+    /// with weights has them multiplied in, for each of its columns one for each observation.
+    pub fn new(
+        model: &Model,
+        [parameters, effects]: [usize; 2],
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        data: &Dataset,
+        noise: &Noise,
+        memory: Memory,
+    ) -> Result<Self> {
+        let own = model.terms.len();
+        let p = parameters;
+        let values: Vec<f64> = model.terms[effects..].iter().map(|t| t.value).collect();
+        let terms: Vec<_> = candidates.iter().flat_map(|c| &c.terms).collect();
+        let width = terms.len();
+        let mut kinds: Vec<(Site, bool)> = Vec::new();
+        let mut by_family: Vec<(usize, usize)> = Vec::with_capacity(width);
+        for (column, t) in terms.iter().enumerate() {
+            // what is constant acts through torques too, what is not does not
+            let kind = (t.site, t.basis == Basis::CONSTANT);
+            let family = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
+                kinds.push(kind);
+                kinds.len() - 1
+            });
+            by_family.push((family, column));
+        }
+        by_family.sort_unstable();
+        let mut place = vec![0; width];
+        let mut families = vec![(0, 0); kinds.len()];
+        for (at, (family, column)) in by_family.iter().enumerate() {
+            place[*column] = at;
+            if families[*family].1 == 0 {
+                families[*family].0 = at;
+            }
+            families[*family].1 = at + 1;
+        }
+        let mut factors: Vec<(usize, &[f64])> = Vec::new();
+        let mut column = 0;
+        for (k, c) in candidates.iter().enumerate() {
+            for (j, weights) in weights.get(k).into_iter().flatten().enumerate() {
+                factors.push((place[column + j], weights));
+            }
+            column += c.terms.len();
+        }
+        let mut wide = model.clone();
+        wide.terms.extend(by_family.iter().map(|(_, column)| terms[*column].clone()));
+        let free = (0..p).chain(effects..own + width).collect();
+        let forward = Forward::new(wide, free)?;
+        let first = p + values.len();
+        let total = first + width;
+
+        let count = data.observations.len();
+        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let mut all = Self {
+            residual: vec![0.0; rows],
+            filter: Filter::new(memory, data),
+            pose_of_row: vec![0; rows],
+            sigma_of_row: Vec::with_capacity(rows),
+            jacobian: Mat::zeros(rows, p),
+            first_row: vec![0],
+            width,
+            place,
+            says: vec![0.0; count * width],
+            family: by_family.iter().map(|(family, _)| *family).collect(),
+            directions: Mat::zeros(rows, families.len()),
+            families,
+            whole: Mat::zeros(rows, 0),
+            whole_of: vec![None; width],
+        };
+        let mut ws = forward.workspace();
+        let mut block = vec![0.0; MOST_ROWS * total];
+        let mut along = Along::new(width);
+        let mut row = 0;
+        for (index, o) in data.observations.iter().enumerate() {
+            if index % 64 == 0 {
+                trical_model::interrupt::checkpoint()?;
+            }
+            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
+            let mut residual = *ws.residual();
+            if all.filter.works() && matches!(o.measured, Measured::Touch { .. }) {
+                let tool = forward.world_from_tool(&o.state, &mut ws).rotation;
+                in_device_axes(&tool, &mut residual[..3]);
+                in_device_axes(&tool, &mut block[..3 * total]);
+            }
+            for k in 0..n {
+                let sigma = noise.sigma(o.recording, &o.measured, k);
+                let s = 1.0 / sigma;
+                // rotations of a pose are fitted, but a position error has no part in them
+                all.sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
+                all.pose_of_row[row + k] = o.pose;
+                let line = &mut block[k * total..(k + 1) * total];
+                for v in line.iter_mut() {
+                    *v *= s;
+                }
+                for (j, v) in line[..p].iter().enumerate() {
+                    all.jacobian[(row + k, j)] = *v;
+                }
+                let taken: f64 = line[p..first].iter().zip(&values).map(|(column, value)| column * value).sum();
+                all.residual[row + k] = residual[k] * s - taken;
+            }
+            let lines: Vec<&[f64]> = (0..n).map(|k| &block[k * total + first..(k + 1) * total]).collect();
+            all.take(&lines, index, row, &factors, &mut along);
+            row += n;
+            all.first_row.push(row);
+        }
+        let whole: Vec<(usize, Vec<f64>)> =
+            along.whole.into_iter().enumerate().filter_map(|(at, whole)| Some((at, whole?))).collect();
+        all.whole = Mat::zeros(rows, whole.len());
+        for (k, (at, column)) in whole.into_iter().enumerate() {
+            all.whole.col_as_slice_mut(k).copy_from_slice(&column);
+            all.whole_of[at] = Some(k);
+        }
+        Ok(all)
+    }
+
+    /// Takes an observation's part of all columns.
+    fn take(&mut self, lines: &[&[f64]], index: usize, row: usize, factors: &[(usize, &[f64])], along: &mut Along) {
+        let Self { directions, families, says, width, .. } = self;
+        let says = &mut says[index * *width..(index + 1) * *width];
+        Arch::new().dispatch(Squares { lines, squares: &mut along.squares });
+        for (family, (from, to)) in families.iter().enumerate() {
+            let squares = &along.squares[*from..*to];
+            let longest = (0..squares.len()).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+            let length = squares[longest].sqrt();
+            let mut direction = [0.0; MOST_ROWS];
+            if length > 0.0 {
+                for (k, line) in lines.iter().enumerate() {
+                    direction[k] = line[from + longest] / length;
+                    directions[(row + k, family)] = direction[k];
+                }
+            }
+            Arch::new().dispatch(Onto {
+                lines,
+                from: *from,
+                direction,
+                says: &mut says[*from..*to],
+                beside: &mut along.beside[*from..*to],
+            });
+        }
+        let beside = along.squares.iter().zip(&along.beside);
+        let crooked: Vec<usize> =
+            beside.enumerate().filter(|(_, (s, b))| **b > ROUNDING * ROUNDING * **s).map(|(at, _)| at).collect();
+        for at in crooked {
+            if along.whole[at].is_none() {
+                along.whole[at] = Some(self.whole_until(at, index));
+            }
+        }
+        for (at, whole) in along.whole.iter_mut().enumerate() {
+            if let Some(whole) = whole {
+                self.says[index * self.width + at] = 0.0;
+                for (k, line) in lines.iter().enumerate() {
+                    whole[row + k] = line[at];
+                }
+            }
+        }
+        for (at, weights) in factors {
+            self.says[index * self.width + at] *= weights[index];
+            if let Some(whole) = &mut along.whole[*at] {
+                whole[row..row + lines.len()].iter_mut().for_each(|v| *v *= weights[index]);
+            }
+        }
+    }
+
+    /// The rows before observation `until` of a column that turns out not to be along its family's direction there.
+    fn whole_until(&mut self, at: usize, until: usize) -> Vec<f64> {
+        let mut whole = vec![0.0; self.residual.len()];
+        for i in 0..until {
+            let says = std::mem::take(&mut self.says[i * self.width + at]);
+            for (row, v) in whole.iter_mut().enumerate().take(self.first_row[i + 1]).skip(self.first_row[i]) {
+                *v = says * self.directions[(row, self.family[at])];
+            }
+        }
+        whole
+    }
+
+    /// Rows (scalars).
+    pub fn rows(&self) -> usize {
+        self.residual.len()
+    }
+
+    /// Entry of a column in a row.
+    pub fn column_at(&self, row: usize, column: usize) -> f64 {
+        let at = self.place[column];
+        match self.whole_of[at] {
+            Some(whole) => self.whole[(row, whole)],
+            None => {
+                let observation = self.sigma_of_row[row].1;
+                self.says[observation * self.width + at] * self.directions[(row, self.family[at])]
+            }
+        }
+    }
+
+    /// A column, all rows.
+    pub fn column(&self, column: usize, out: &mut [f64]) {
+        let at = self.place[column];
+        if let Some(whole) = self.whole_of[at] {
+            out.copy_from_slice(self.whole.col_as_slice(whole));
+            return;
+        }
+        let direction = self.directions.col_as_slice(self.family[at]);
+        for (i, rows) in self.first_row.windows(2).enumerate() {
+            let says = self.says[i * self.width + at];
+            for (v, d) in out[rows[0]..rows[1]].iter_mut().zip(&direction[rows[0]..rows[1]]) {
+                *v = says * d;
+            }
+        }
+    }
+
+    /// `(WX)'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
+    pub fn products(&self, mut with: Mat<f64>) -> Mat<f64> {
+        if self.filter.works() {
+            (0..with.ncols()).for_each(|j| self.filter.apply_transposed(with.col_as_slice_mut(j)));
+        }
+        self.products_with(&with, |family, column, out| {
+            let of = (self.directions.col_as_slice(family), with.col_as_slice(column));
+            self.in_each_observation(of, out);
+        })
+    }
+
+    /// `(WX)'WY` of all columns `X`, `width x k`, for some of them.
+    pub fn products_of(&self, columns: &[usize]) -> Mat<f64> {
+        let mut rows = Mat::<f64>::zeros(self.rows(), columns.len());
+        for (j, a) in columns.iter().enumerate() {
+            self.column(*a, rows.col_as_slice_mut(j));
+            self.filter.apply(rows.col_as_slice_mut(j));
+        }
+        if self.filter.works() {
+            return self.products(rows);
+        }
+        // two columns along directions: what their bases say, times what the directions have in common
+        let mut sources: Vec<usize> = columns.iter().map(|a| self.family[self.place[*a]]).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        let families = self.families.len();
+        let common: Vec<Vec<f64>> = (0..sources.len() * families)
+            .into_par_iter()
+            .map(|k| {
+                let of = [sources[k / families], k % families].map(|family| self.directions.col_as_slice(family));
+                let mut out = vec![0.0; self.first_row.len() - 1];
+                self.in_each_observation((of[0], of[1]), &mut out);
+                out
+            })
+            .collect();
+        let says: Vec<Option<(usize, Vec<f64>)>> = columns
+            .iter()
+            .map(|a| {
+                let at = self.place[*a];
+                let source = sources.binary_search(&self.family[at]).ok().filter(|_| self.whole_of[at].is_none())?;
+                Some((source, (0..self.first_row.len() - 1).map(|o| self.says[o * self.width + at]).collect()))
+            })
+            .collect();
+        self.products_with(&rows, |family, column, out| match &says[column] {
+            Some((source, says)) => {
+                for ((v, s), c) in out.iter_mut().zip(says).zip(&common[source * families + family]) {
+                    *v = s * c;
+                }
+            }
+            None => {
+                let of = (self.directions.col_as_slice(family), rows.col_as_slice(column));
+                self.in_each_observation(of, out);
+            }
+        })
+    }
+
+    /// Inner products of two columns of rows in each observation.
+    fn in_each_observation(&self, (a, b): (&[f64], &[f64]), out: &mut [f64]) {
+        for (sum, rows) in out.iter_mut().zip(self.first_row.windows(2)) {
+            *sum = a[rows[0]..rows[1]].iter().zip(&b[rows[0]..rows[1]]).map(|(a, b)| a * b).sum();
+        }
+    }
+
+    /// As [`Linear::products`]; `along` gives the inner products of a column of `with` with a family's direction in each observation.
+    fn products_with(&self, with: &Mat<f64>, along: impl Fn(usize, usize, &mut [f64]) + Sync) -> Mat<f64> {
+        let k = with.ncols();
+        let mut all = Mat::<f64>::zeros(self.width, k);
+        let pieces: Vec<(usize, Range<usize>)> = (0..self.families.len())
+            .flat_map(|f| {
+                let (first, end) = self.families[f];
+                (first..end).step_by(PIECE).map(move |from| (f, from..end.min(from + PIECE)))
+            })
+            .collect();
+        let mut by_place: Vec<(usize, usize)> = vec![(0, 0); self.width];
+        for (piece, (_, places)) in pieces.iter().enumerate() {
+            for (k, at) in places.clone().enumerate() {
+                by_place[at] = (piece, k);
+            }
+        }
+        for first in (0..k).step_by(BATCH) {
+            let some = first..k.min(first + BATCH);
+            let products: Vec<Mat<f64>> = pieces
+                .par_iter()
+                .map(|(family, places)| {
+                    self.piece(places.clone(), some.clone(), &|column, out| along(*family, column, out))
+                })
+                .collect();
+            for (j, column) in some.enumerate() {
+                for (v, at) in all.col_as_slice_mut(column).iter_mut().zip(&self.place) {
+                    let (piece, k) = by_place[*at];
+                    *v = products[piece][(k, j)];
+                }
+            }
+        }
+        let mut whole = Mat::<f64>::zeros(self.whole.ncols(), k);
+        matmul(whole.as_mut(), Accum::Replace, self.whole.transpose(), with.as_ref(), 1.0, Par::Seq);
+        for (column, at) in self.place.iter().enumerate() {
+            if let Some(row) = self.whole_of[*at] {
+                for j in 0..k {
+                    all[(column, j)] = whole[(row, j)];
+                }
+            }
+        }
+        all
+    }
+
+    /// Products of some places of a family with some columns.
+    fn piece(&self, places: Range<usize>, some: Range<usize>, along: &dyn Fn(usize, &mut [f64])) -> Mat<f64> {
+        let observations = self.first_row.len() - 1;
+        let mut numbers = Mat::<f64>::zeros(observations, some.len());
+        for (j, column) in some.enumerate() {
+            along(column, numbers.col_as_slice_mut(j));
+        }
+        let mut out = Mat::<f64>::zeros(places.len(), numbers.ncols());
+        let says = MatRef::from_row_major_slice(&self.says, observations, self.width);
+        let says = says.subcols(places.start, places.len());
+        matmul(out.as_mut(), Accum::Replace, says.transpose(), numbers.as_ref(), 1.0, Par::Seq);
+        out
+    }
+
+    /// Inner products of the columns `from..to` with each other after the filter: row by row of the lower triangle, diagonal included.
+    pub fn products_among(&self, from: usize, to: usize) -> Vec<f64> {
+        let mut out = Vec::with_capacity((to - from) * (to - from + 1) / 2);
+        let any_whole = self.filter.works() || (from..to).any(|a| self.whole_of[self.place[a]].is_some());
+        let observations = self.first_row.len() - 1;
+        let columns: Vec<Vec<f64>> = (from..to)
+            .map(|a| {
+                if any_whole {
+                    let mut all = vec![0.0; self.rows()];
+                    self.column(a, &mut all);
+                    self.filter.apply(&mut all);
+                    return all;
+                }
+                let at = self.place[a];
+                (0..observations).map(|o| self.says[o * self.width + at]).collect()
+            })
+            .collect();
+        for i in 0..to - from {
+            for j in 0..=i {
+                let [a, b] = [i, j].map(|k| self.family[self.place[from + k]]);
+                let products = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b);
+                out.push(if any_whole || a == b {
+                    products.sum()
+                } else {
+                    let [u, v] = [a, b].map(|family| self.directions.col_as_slice(family));
+                    let between =
+                        |o: usize| (self.first_row[o]..self.first_row[o + 1]).map(|r| u[r] * v[r]).sum::<f64>();
+                    products.enumerate().map(|(o, product)| product * between(o)).sum()
+                });
+            }
+        }
+        out
+    }
+}
+
+/// What the parts of all columns at one observation are beside their families' directions.
+struct Along {
+    squares: Vec<f64>,
+    beside: Vec<f64>,
+    /// Columns that are not along it, all rows so far.
+    whole: Vec<Option<Vec<f64>>>,
+}
+
+impl Along {
+    fn new(width: usize) -> Self {
+        Self { squares: vec![0.0; width], beside: vec![0.0; width], whole: vec![None; width] }
+    }
+}
+
+/// Squared lengths of some rows' columns.
+struct Squares<'a> {
+    lines: &'a [&'a [f64]],
+    squares: &'a mut [f64],
+}
+
+impl pulp::NullaryFnOnce for Squares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.squares.fill(0.0);
+        for line in self.lines {
+            for (s, v) in self.squares.iter_mut().zip(*line) {
+                *s += v * v;
+            }
+        }
+    }
+}
+
+/// The parts of a family's columns along its direction, and the squared length of what is beside it.
+struct Onto<'a> {
+    lines: &'a [&'a [f64]],
+    from: usize,
+    direction: [f64; MOST_ROWS],
+    says: &'a mut [f64],
+    beside: &'a mut [f64],
+}
+
+impl pulp::NullaryFnOnce for Onto<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { lines, from, direction, says, beside } = self;
+        let n = says.len();
+        says.fill(0.0);
+        for (line, d) in lines.iter().zip(direction) {
+            for (s, v) in says.iter_mut().zip(&line[from..from + n]) {
+                *s += v * d;
+            }
+        }
+        beside.fill(0.0);
+        for (line, d) in lines.iter().zip(direction) {
+            for ((b, s), v) in beside.iter_mut().zip(&*says).zip(&line[from..from + n]) {
+                let left = v - s * d;
+                *b += left * left;
+            }
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! The design: the linearized fit of a model with candidates, as inner products.
+
+use std::sync::{Mutex, OnceLock};
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
+use rayon::prelude::*;
+use trical_ident::dataset::Dataset;
+use trical_ident::error::Result;
+use trical_ident::noise::Noise;
+use trical_model::Model;
+
+use super::columns::Linear;
+use super::holdout::HeldOut;
+use super::state::Stage;
+use crate::candidate::Candidate;
+use crate::correlated_noise::Memory;
+
+/// A linearized fit with candidates.
+pub struct Design {
+    /// Rows (scalars).
+    pub rows: usize,
+    /// Fitted parameters.
+    pub parameters: usize,
+    /// The rows; a narrowed design has none.
+    pub(super) linear: Option<Linear>,
+    pub(super) width: usize,
+    /// First column of each candidate, and one past the last.
+    pub(super) spans: Vec<(usize, usize)>,
+    /// Squared lengths of the columns before projection.
+    pub(super) squares: Vec<f64>,
+    /// 1 / (prior standard deviation)^2 of every coefficient.
+    pub(super) precision: Vec<f64>,
+    /// `Q'X` of all columns, `parameters x width`.
+    pub(super) projected: Mat<f64>,
+    /// `X'X - (Q'X)'(Q'X)` of all columns with those of a candidate, `width x k`, from when it is first asked for.
+    pub(super) grams: Vec<OnceLock<Mat<f64>>>,
+    /// Of each column with itself, and of the columns of each candidate with each other (see [`Stage`]).
+    pub(super) left: Vec<f64>,
+    pub(super) beside: Vec<f64>,
+    /// Where those of each candidate begin.
+    pub(super) beside_at: Vec<usize>,
+    /// `X'r` of all columns, and `r'r`, after projection.
+    pub(super) b: Vec<f64>,
+    pub(super) ss: f64,
+    /// Half of `ln det (J'J)`.
+    pub(super) of_parameters: f64,
+    pub(super) held_out: Mutex<HeldOut>,
+}
+
+impl Design {
+    /// Linearizes `model` (fitted, all terms free) with the candidates at zero.
+    ///
+    /// # Errors
+    /// A candidate at a site that the arm does not have.
+    pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
+        Self::weighted(model, model.terms.len(), candidates, &[], data, noise, Memory::NONE)
+    }
+
+    /// As [`Design::new`], of a model whose terms from `parameters` on are effects: it is linearized with them, and they are taken out of
+    /// the residual again by their own columns, so that with them in it the picture is exact. A candidate with weights (for each of its
+    /// columns, one for each observation) has them multiplied in. Noise that remembers itself is made white: rows are then what could
+    /// not be foreseen from those before.
+    ///
+    /// # Errors
+    /// As [`Design::new`].
+    pub fn weighted(
+        model: &Model,
+        parameters: usize,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        data: &Dataset,
+        noise: &Noise,
+        memory: Memory,
+    ) -> Result<Self> {
+        let linear = Linear::new(model, [parameters, parameters], candidates, weights, data, noise, memory)?;
+        let (spans, width) = spans(candidates.iter().map(|c| c.terms.len()));
+        let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
+        let (rows, p) = (linear.rows(), linear.jacobian.ncols());
+        // an orthonormal basis of the parameters, and behind it the residual after projection, twice for the last digits
+        let mut jacobian = linear.jacobian.clone();
+        let mut residual = linear.residual.clone();
+        (0..p).for_each(|j| linear.filter.apply(jacobian.col_as_slice_mut(j)));
+        linear.filter.apply(&mut residual);
+        let qr = jacobian.qr();
+        let of_parameters = (0..p).map(|j| qr.R()[(j, j)].abs().max(1e-300).ln()).sum();
+        let q = qr.compute_thin_Q();
+        let mut basis = Mat::from_fn(rows, p + 1, |i, j| if j < p { q[(i, j)] } else { residual[i] });
+        for _ in 0..2 {
+            for j in 0..p {
+                let column = q.col_as_slice(j);
+                let r = basis.col_as_slice_mut(p);
+                let d: f64 = column.iter().zip(&*r).map(|(q, r)| q * r).sum();
+                for (v, q) in r.iter_mut().zip(column) {
+                    *v -= d * q;
+                }
+            }
+        }
+        let ss = basis.col_as_slice(p).iter().map(|v| v * v).sum();
+        let products = linear.products(basis);
+        let projected = Mat::from_fn(p, width, |i, a| products[(a, i)]);
+        let b = products.col_as_slice(p).to_vec();
+
+        let among: Vec<Vec<f64>> = spans.par_iter().map(|(from, to)| linear.products_among(*from, *to)).collect();
+        let (mut squares, mut left, mut beside, mut beside_at) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for ((from, to), among) in spans.iter().zip(&among) {
+            beside_at.push(beside.len());
+            let mut products = among.iter();
+            for i in *from..*to {
+                for (j, product) in (*from..=i).zip(&mut products) {
+                    let known: f64 =
+                        projected.col_as_slice(i).iter().zip(projected.col_as_slice(j)).map(|(a, b)| a * b).sum();
+                    if i == j {
+                        squares.push(*product);
+                        left.push(product - known);
+                    } else {
+                        beside.push(product - known);
+                    }
+                }
+            }
+        }
+        Ok(Self {
+            rows,
+            parameters: p,
+            linear: Some(linear),
+            width,
+            grams: spans.iter().map(|_| OnceLock::new()).collect(),
+            spans,
+            squares,
+            precision,
+            projected,
+            left,
+            beside,
+            beside_at,
+            b,
+            ss,
+            of_parameters,
+            held_out: Mutex::default(),
+        })
+    }
+
+    /// Inner products of all columns with those of some candidates, computed together where they are not known yet: it costs
+    /// less than one by one when they are added to a stage.
+    pub fn prepare(&self, set: &[usize]) {
+        let Some(linear) = &self.linear else { return };
+        let mut new: Vec<usize> = set.iter().copied().filter(|c| self.grams[*c].get().is_none()).collect();
+        new.sort_unstable();
+        new.dedup();
+        let columns: Vec<usize> = new.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
+        if columns.is_empty() {
+            return;
+        }
+        let mut all = linear.products_of(&columns);
+        let known = Mat::from_fn(self.parameters, columns.len(), |i, j| self.projected[(i, columns[j])]);
+        matmul(all.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
+        let mut at = 0;
+        for c in new {
+            let k = self.spans[c].1 - self.spans[c].0;
+            self.grams[c].get_or_init(|| all.subcols(at, k).to_owned());
+            at += k;
+        }
+    }
+
+    /// Inner products of all columns with those of a candidate, `width x k`.
+    pub(super) fn gram(&self, candidate: usize) -> &Mat<f64> {
+        if self.grams[candidate].get().is_none() {
+            self.prepare(&[candidate]);
+        }
+        self.grams[candidate].get_or_init(|| Mat::zeros(self.width, 0))
+    }
+
+    /// How likely the residuals of the fitted parameters alone are, nats (restricted likelihood, Patterson & Thompson 1971): comparable
+    /// between memories of the noise. `temper` is the share of the rows that is independent.
+    #[must_use]
+    pub fn nats(&self, temper: f64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let freedom = (self.rows as f64 * temper - self.parameters as f64).max(1.0);
+        let of_noise = self.linear.as_ref().map_or(0.0, |l| l.filter.log_determinant());
+        -0.5 * (freedom * self.ss.ln() + temper * of_noise) - self.of_parameters
+    }
+
+    /// The state with nothing added.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let parameters = self.parameters as f64;
+        Stage::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, parameters)
+    }
+
+    /// The same picture with the columns of these candidates only, the others without any; and a stage in it. A stage there
+    /// costs what the set costs. It cannot tell rows.
+    #[must_use]
+    pub fn narrowed(&self, stage: &Stage, set: &[usize]) -> (Self, Stage) {
+        let mut spans = vec![(0, 0); self.spans.len()];
+        let mut beside_at = vec![0; self.spans.len()];
+        let mut kept: Vec<usize> = Vec::new();
+        let mut kept_beside: Vec<usize> = Vec::new();
+        for c in set {
+            let (from, to) = self.spans[*c];
+            let k = to - from;
+            spans[*c] = (kept.len(), kept.len() + k);
+            beside_at[*c] = kept_beside.len();
+            kept.extend(from..to);
+            kept_beside.extend(self.beside_at[*c]..self.beside_at[*c] + k * k.saturating_sub(1) / 2);
+        }
+        let of = |v: &[f64]| kept.iter().map(|a| v[*a]).collect::<Vec<f64>>();
+        let beside_of = |v: &[f64]| kept_beside.iter().map(|a| v[*a]).collect::<Vec<f64>>();
+        let grams: Vec<OnceLock<Mat<f64>>> = self.spans.iter().map(|_| OnceLock::new()).collect();
+        self.prepare(set);
+        for c in set {
+            let all = self.gram(*c);
+            grams[*c].get_or_init(|| Mat::from_fn(kept.len(), all.ncols(), |i, j| all[(kept[i], j)]));
+        }
+        let narrow = Self {
+            rows: self.rows,
+            parameters: self.parameters,
+            linear: None,
+            width: kept.len(),
+            spans,
+            squares: of(&self.squares),
+            precision: of(&self.precision),
+            projected: Mat::zeros(0, 0),
+            grams,
+            left: of(&self.left),
+            beside: beside_of(&self.beside),
+            beside_at,
+            b: of(&self.b),
+            ss: self.ss,
+            of_parameters: self.of_parameters,
+            held_out: Mutex::default(),
+        };
+        (narrow, stage.narrowed(&of, &beside_of))
+    }
+}
+
+/// First and one past the last column of candidates with so many columns, and how many there are.
+fn spans(counts: impl Iterator<Item = usize>) -> (Vec<(usize, usize)>, usize) {
+    let mut at = 0;
+    let spans = counts
+        .map(|k| {
+            at += k;
+            (at - k, at)
+        })
+        .collect();
+    (spans, at)
+}

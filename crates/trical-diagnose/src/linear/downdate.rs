@@ -1,0 +1,145 @@
+//! A set of candidates, and the fit with some of them taken out again.
+//!
+//! With `C` the inner products of the set's columns with all, `L L'` those among themselves with the prior's precision, and
+//! `W = L^-1 C`, the set explains `W'W` of all inner products. Without the columns `o` it explains `Z'M^-1 Z` less, where
+//! `Z` are the rows `o` of `L^-T W` and `M` the rows and columns `o` of `(L L')^-1`: taking out costs what adding one column
+//! costs, not what adding all the others does.
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, Mat, Par};
+use rayon::prelude::*;
+
+use super::design::Design;
+use super::state::{Part, Stage, cholesky, forward_substitution};
+
+/// A set of candidates on a stage.
+pub struct Company<'a> {
+    design: &'a Design,
+    start: &'a Stage,
+    set: &'a [usize],
+    full: Stage,
+    /// Which columns the set added, in order.
+    columns: Vec<usize>,
+    /// `L^-1`, and `Z'` with all columns in `o`, `width x m`.
+    inverse: Mat<f64>,
+    z: Mat<f64>,
+    /// The residual's parts along the columns that were added.
+    d: Vec<f64>,
+    /// What the full stage leaves of the inner products of candidates that are not in the set, `width x k`, by candidate.
+    others: Vec<(usize, Vec<Vec<f64>>)>,
+}
+
+/// A stage without some of a company.
+pub struct Without {
+    /// The stage.
+    pub stage: Stage,
+    /// So many of what it consists of are the company's.
+    common: usize,
+}
+
+impl<'a> Company<'a> {
+    /// Adds all of `set` to `start`.
+    #[must_use]
+    pub fn new(design: &'a Design, start: &'a Stage, set: &'a [usize]) -> Self {
+        design.prepare(set);
+        let mut full = start.clone();
+        for c in set {
+            design.add(&mut full, *c);
+        }
+        let (added, parts) = (&full.added[start.added.len()..], &full.parts[start.parts.len()..]);
+        let m = added.len();
+        let l = Mat::from_fn(m, m, |j, k| match j.cmp(&k) {
+            std::cmp::Ordering::Less => 0.0,
+            std::cmp::Ordering::Equal => added[k].norm,
+            std::cmp::Ordering::Greater => parts[k].w[added[j].column],
+        });
+        let mut inverse = Mat::<f64>::identity(m, m);
+        solve_lower_triangular_in_place(l.as_ref(), inverse.as_mut(), Par::Seq);
+        let mut w = Mat::<f64>::zeros(design.width, m);
+        for (k, part) in parts.iter().enumerate() {
+            w.col_as_slice_mut(k).copy_from_slice(&part.w);
+        }
+        let mut z = Mat::<f64>::zeros(design.width, m);
+        matmul(z.as_mut(), Accum::Replace, w.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
+        let (columns, d) = added.iter().map(|a| (a.column, a.d)).unzip();
+        Self { design, start, set, columns, d, full, inverse, z, others: Vec::new() }
+    }
+
+    /// The set.
+    #[must_use]
+    pub fn set(&self) -> &[usize] {
+        self.set
+    }
+
+    /// The stage with all of the set.
+    #[must_use]
+    pub fn full(&self) -> &Stage {
+        &self.full
+    }
+
+    /// The stage without the candidates `own`. How many parameters it has depends on the order in which the others were added:
+    /// `like` is a stage of a narrowed design with the others, on a start that was narrowed with it.
+    #[must_use]
+    pub fn without(&self, own: &[usize], like: &Stage) -> Without {
+        let is_own = |a: usize| own.iter().any(|c| (self.design.spans[*c].0..self.design.spans[*c].1).contains(&a));
+        let out: Vec<usize> = (0..self.columns.len()).filter(|k| is_own(self.columns[*k])).collect();
+        if like.added.len() + out.len() != self.columns.len() {
+            // what the set has absorbed of the others is their own now
+            let mut stage = self.start.clone();
+            for c in self.set.iter().filter(|c| !own.contains(c)) {
+                self.design.add(&mut stage, *c);
+            }
+            return Without { stage, common: 0 };
+        }
+        let k = out.len();
+        let of = |i: usize| self.inverse.col_as_slice(out[i]);
+        let m: Vec<f64> = (0..k * k).map(|at| of(at / k).iter().zip(of(at % k)).map(|(a, b)| a * b).sum()).collect();
+        let l = cholesky(&m, k);
+        let along: Vec<f64> = (0..k).map(|i| of(i).iter().zip(&self.d).map(|(a, d)| a * d).sum()).collect();
+        let d = forward_substitution(&l, &along);
+        let mut stage = self.full.clone();
+        let mut ws: Vec<Vec<f64>> = Vec::with_capacity(k);
+        for i in 0..k {
+            let mut w = self.z.col_as_slice(out[i]).to_vec();
+            for (j, other) in ws.iter().enumerate() {
+                let factor = l[i * k + j];
+                w.iter_mut().zip(other).for_each(|(x, y)| *x -= factor * y);
+            }
+            w.iter_mut().for_each(|x| *x /= l[i * k + i]);
+            ws.push(w);
+        }
+        for (w, d) in ws.into_iter().zip(d) {
+            stage.explain(self.design, Part { w: w.into(), taken_out: true }, d);
+        }
+        stage.added.retain(|a| !is_own(a.column));
+        (stage.ss, stage.parameters) = (like.ss, like.parameters);
+        Without { stage, common: self.full.parts.len() }
+    }
+
+    /// Makes ready to add candidates to stages without some of the set: what the others of the set leave of them is worked out
+    /// once for all such stages.
+    pub fn prepare(&mut self, candidates: &[usize]) {
+        self.design.prepare(candidates);
+        let mut new: Vec<usize> =
+            candidates.iter().copied().filter(|c| self.others.iter().all(|(known, _)| known != c)).collect();
+        new.sort_unstable();
+        new.dedup();
+        let full = &self.full;
+        let left: Vec<_> = new.into_par_iter().map(|c| (c, self.design.orthogonal(&full.parts, c))).collect();
+        self.others.extend(left);
+    }
+
+    /// `without` with a candidate added.
+    #[must_use]
+    pub fn with(&self, without: &Without, candidate: usize) -> Stage {
+        let mut stage = without.stage.clone();
+        match self.others.iter().find(|(c, _)| *c == candidate) {
+            Some((_, left)) if without.common > 0 => {
+                self.design.add_left(&mut stage, candidate, left.clone(), without.common);
+            }
+            _ => self.design.add(&mut stage, candidate),
+        }
+        stage
+    }
+}

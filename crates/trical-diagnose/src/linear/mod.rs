@@ -1,0 +1,24 @@
+//! The linear picture of a fit: what every candidate would do to the measurements, and what the fitted parameters leave of it.
+//!
+//! With `Q` an orthonormal basis of the columns of the weighted Jacobian (and of the effects already chosen), `r` the weighted
+//! residual and `X` a candidate's columns, the sum of squares that the candidate would remove is `b' G^-1 b`, where `b = X'r`
+//! and `G = X'X - (Q'X)'(Q'X)`. `G` also gives lambda: the length of a signature after projection, in units of the noise.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`design`] | the design: all inner products, each when it is first asked for |
+//! | `columns` | residual, Jacobian and columns, and inner products over rows |
+//! | [`state`] | the fit with some candidates added, and what others would do then |
+//! | [`downdate`] | the same with some of those taken out again |
+//! | `holdout` | errors at poses that a fit did not see |
+
+mod columns;
+pub mod design;
+pub mod downdate;
+mod holdout;
+pub mod state;
+
+pub(crate) use columns::Linear;
+pub use design::Design;
+pub use downdate::{Company, Without};
+pub use state::{Gain, Stage};

@@ -1,0 +1,351 @@
+//! A state of the search: the fit with some candidates added, and what others would do then.
+
+use std::sync::Arc;
+
+use pulp::Arch;
+
+use super::design::Design;
+
+/// Columns whose length after projection is below this fraction of their length are absorbed by the fit.
+const ABSORBED: f64 = 1e-3;
+
+/// Numbers of a vector that are worked on together: what stays near the processor.
+const CHUNK: usize = 1024;
+
+/// A state of the search: the fit with some candidates added. All that is needed are inner products, so a stage costs as
+/// much as there are columns, however many rows there were.
+#[derive(Clone)]
+pub struct Stage {
+    /// What the basis explains of inner products.
+    pub(crate) parts: Vec<Part>,
+    /// Columns that were added.
+    pub(crate) added: Vec<Added>,
+    /// Squared length of every column after projection.
+    pub(crate) left: Vec<f64>,
+    /// Inner products of the columns of each candidate with each other after projection: for its second column that with the
+    /// first, for its third those with the first and the second, and so on.
+    pub(crate) beside: Vec<f64>,
+    /// `X'r` of every column.
+    pub(crate) b: Vec<f64>,
+    /// Weighted sum of squares left.
+    pub ss: f64,
+    /// Parameters in the basis; one that the prior holds more than the data do counts less than 1.
+    pub parameters: f64,
+}
+
+/// Inner products of every column with a basis vector: their products with each other are what the vector explains, or, where
+/// candidates were taken out again, what it no longer does.
+#[derive(Clone)]
+pub(crate) struct Part {
+    pub w: Arc<[f64]>,
+    pub taken_out: bool,
+}
+
+/// A column in the basis: its length after projection and with its prior, and the residual's part along it.
+#[derive(Clone, Copy)]
+pub(crate) struct Added {
+    pub column: usize,
+    pub norm: f64,
+    pub d: f64,
+}
+
+/// What one candidate would do.
+#[derive(Clone, Copy, Debug)]
+pub struct Gain {
+    /// Sum of squares that it would remove, prior costs included.
+    pub dss: f64,
+    /// How many numbers the data would determine.
+    pub rank: f64,
+    /// Occam's factor, nats: `ln sqrt(det(G + L) / det L)` with the prior's precision `L`. A coefficient that could have been
+    /// anything in its usual range pays for having been found at one place in it.
+    pub occam: f64,
+}
+
+impl Gain {
+    fn of_one(square: f64, precision: f64, b: f64) -> Self {
+        let share = precision / square;
+        Self { dss: b * b / square, rank: 1.0 - share, occam: -0.5 * share.ln() }
+    }
+}
+
+impl Stage {
+    pub(crate) fn bare(left: Vec<f64>, beside: Vec<f64>, b: Vec<f64>, ss: f64, parameters: f64) -> Self {
+        Self { parts: Vec::new(), added: Vec::new(), left, beside, b, ss, parameters }
+    }
+
+    /// With fewer columns, as `of` and `beside_of` take them; what was added so far stays nameless.
+    pub(crate) fn narrowed(&self, of: &dyn Fn(&[f64]) -> Vec<f64>, beside_of: &dyn Fn(&[f64]) -> Vec<f64>) -> Self {
+        Self {
+            parts: self.parts.iter().map(|p| Part { w: of(&p.w).into(), ..*p }).collect(),
+            added: Vec::new(),
+            left: of(&self.left),
+            beside: beside_of(&self.beside),
+            b: of(&self.b),
+            ..*self
+        }
+    }
+
+    /// Takes what a part explains out of all products, or puts it back.
+    pub(crate) fn explain(&mut self, design: &Design, part: Part, d: f64) {
+        let sign = if part.taken_out { -1.0 } else { 1.0 };
+        Arch::new().dispatch(Explain { w: &part.w, d: sign * d, sign, b: &mut self.b, left: &mut self.left });
+        for ((from, to), at) in design.spans.iter().zip(&design.beside_at) {
+            if to - from > 1 {
+                let w = &part.w[*from..*to];
+                let mut products = self.beside[*at..].iter_mut();
+                for (i, x) in w.iter().enumerate().skip(1) {
+                    for (y, product) in w[..i].iter().zip(&mut products) {
+                        *product -= sign * (x * y);
+                    }
+                }
+            }
+        }
+        self.ss -= sign * (d * d);
+        self.parts.push(part);
+    }
+}
+
+impl Design {
+    /// Whether the fit has not absorbed a column.
+    fn is_left(&self, stage: &Stage, column: usize) -> bool {
+        self.squares[column] > 0.0 && stage.left[column] > ABSORBED * ABSORBED * self.squares[column]
+    }
+
+    /// Adds a candidate to the basis.
+    pub fn add(&self, stage: &mut Stage, candidate: usize) {
+        let left = self.orthogonal(&stage.parts, candidate);
+        self.add_left(stage, candidate, left, stage.parts.len());
+    }
+
+    /// What some parts leave of the inner products with each column of a candidate.
+    pub(crate) fn orthogonal(&self, parts: &[Part], candidate: usize) -> Vec<Vec<f64>> {
+        let (from, to) = self.spans[candidate];
+        let gram = self.gram(candidate);
+        let mut left: Vec<Vec<f64>> = (0..gram.ncols()).map(|j| gram.col_as_slice(j).to_vec()).collect();
+        let columns: Vec<usize> = (from..to).collect();
+        Arch::new().dispatch(Orthogonal { w: &mut left, at: &columns, known: parts });
+        left
+    }
+
+    /// Adds a candidate, of whose inner products the first `done` parts of a stage have left `left`.
+    pub(crate) fn add_left(&self, stage: &mut Stage, candidate: usize, left: Vec<Vec<f64>>, done: usize) {
+        let from = self.spans[candidate].0;
+        for (a, mut w) in (from..).zip(left) {
+            // those of the same candidate before it may have taken all of it
+            if !self.is_left(stage, a) {
+                continue;
+            }
+            let rest = Orthogonal { w: std::slice::from_mut(&mut w), at: &[a], known: &stage.parts[done..] };
+            Arch::new().dispatch(rest);
+            let square = stage.left[a] + self.precision[a];
+            let norm = square.sqrt();
+            w.iter_mut().for_each(|v| *v /= norm);
+            let d = stage.b[a] / norm;
+            stage.explain(self, Part { w: w.into(), taken_out: false }, d);
+            stage.parameters += 1.0 - self.precision[a] / square;
+            stage.added.push(Added { column: a, norm, d });
+        }
+    }
+
+    /// `G` of a candidate (k x k, row by row) and the columns that the fit does not absorb.
+    fn gram_of(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>) {
+        let (from, to) = self.spans[candidate];
+        let kept: Vec<usize> = (from..to).filter(|a| self.is_left(stage, *a)).collect();
+        let k = kept.len();
+        let beside = &stage.beside[self.beside_at[candidate]..];
+        let mut g = vec![0.0; k * k];
+        for i in 0..k {
+            g[i * k + i] = stage.left[kept[i]];
+            let row = kept[i] - from;
+            for j in 0..i {
+                let v = beside[row * row.saturating_sub(1) / 2 + kept[j] - from];
+                g[i * k + j] = v;
+                g[j * k + i] = v;
+            }
+        }
+        (kept, g)
+    }
+
+    /// The columns that the fit does not absorb, Cholesky's factor of `G` with the prior's precision, and `y = L^-1 b`.
+    fn solved(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>, Vec<f64>) {
+        let (kept, mut g) = self.gram_of(stage, candidate);
+        let k = kept.len();
+        for (i, a) in kept.iter().enumerate() {
+            g[i * k + i] += self.precision[*a];
+        }
+        let l = cholesky(&g, k);
+        let y = forward_substitution(&l, &kept.iter().map(|a| stage.b[*a]).collect::<Vec<f64>>());
+        (kept, l, y)
+    }
+
+    /// What a candidate would remove from the sum of squares.
+    #[must_use]
+    pub fn gain(&self, stage: &Stage, candidate: usize) -> Gain {
+        let (from, to) = self.spans[candidate];
+        if to == from + 1 {
+            return if self.is_left(stage, from) {
+                Gain::of_one(stage.left[from] + self.precision[from], self.precision[from], stage.b[from])
+            } else {
+                Gain { dss: 0.0, rank: 0.0, occam: 0.0 }
+            };
+        }
+        let (kept, l, y) = self.solved(stage, candidate);
+        let k = kept.len();
+        let mut gain = Gain { dss: y.iter().map(|v| v * v).sum(), rank: 0.0, occam: 0.0 };
+        for (i, a) in kept.iter().enumerate() {
+            let share = self.precision[*a] / l[i * k + i].powi(2);
+            gain.rank += 1.0 - share;
+            gain.occam -= 0.5 * share.ln();
+        }
+        gain
+    }
+
+    /// What a candidate would remove without any prior, and how many of its columns are independent.
+    #[must_use]
+    pub fn plain_gain(&self, stage: &Stage, candidate: usize) -> (f64, usize) {
+        let (kept, g) = self.gram_of(stage, candidate);
+        let k = kept.len();
+        let mut dss = 0.0;
+        // Gram-Schmidt in the metric of G: rows of L, one for every column that is not a sum of those before
+        let mut ys: Vec<f64> = Vec::new();
+        let mut coordinates: Vec<Vec<f64>> = vec![Vec::new(); k];
+        for j in 0..k {
+            let left = g[j * k + j] - coordinates[j].iter().map(|v| v * v).sum::<f64>();
+            if left <= 1e-6 * g[j * k + j] {
+                continue;
+            }
+            let norm = left.sqrt();
+            let along: Vec<f64> = (0..k)
+                .map(|i| {
+                    (g[i * k + j] - coordinates[i].iter().zip(&coordinates[j]).map(|(a, b)| a * b).sum::<f64>()) / norm
+                })
+                .collect();
+            let y = (stage.b[kept[j]] - coordinates[j].iter().zip(&ys).map(|(c, y)| c * y).sum::<f64>()) / norm;
+            dss += y * y;
+            ys.push(y);
+            for (c, v) in coordinates.iter_mut().zip(&along) {
+                c.push(*v);
+            }
+        }
+        (dss, ys.len())
+    }
+
+    /// Coefficients (SI, zero for absorbed columns) of a candidate, were it added now.
+    #[must_use]
+    pub fn coefficients(&self, stage: &Stage, candidate: usize) -> Vec<f64> {
+        let (from, to) = self.spans[candidate];
+        let (kept, l, y) = self.solved(stage, candidate);
+        let k = kept.len();
+        let mut x = vec![0.0; k];
+        for i in (0..k).rev() {
+            let sum: f64 = (i + 1..k).map(|j| l[j * k + i] * x[j]).sum();
+            x[i] = (y[i] - sum) / l[i * k + i];
+        }
+        // the residual is predicted minus measured: what is added must cancel it
+        let mut out = vec![0.0; to - from];
+        for (a, v) in kept.iter().zip(&x) {
+            out[a - from] = -v;
+        }
+        out
+    }
+
+    /// lambda of a candidate of coefficients `size` each (root mean square over its columns' directions).
+    #[must_use]
+    pub fn lambda_of_size(&self, stage: &Stage, candidate: usize, size: f64) -> f64 {
+        let (from, to) = self.spans[candidate];
+        let (kept, g) = self.gram_of(stage, candidate);
+        let k = kept.len();
+        let trace: f64 = (0..k).map(|i| g[i * k + i]).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let n = (to - from).max(1) as f64;
+        size * (trace / n).max(0.0).sqrt()
+    }
+}
+
+/// Takes what is known of them out of the columns `w` of inner products: the loops that diagnoses spend their time in, compiled
+/// for the processor's vectors. No sum is reordered.
+struct Orthogonal<'a> {
+    w: &'a mut [Vec<f64>],
+    /// Which column each of them is.
+    at: &'a [usize],
+    known: &'a [Part],
+}
+
+impl pulp::NullaryFnOnce for Orthogonal<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { w, at, known } = self;
+        let width = w.first().map_or(0, Vec::len);
+        let factor = |part: &Part, a: usize| if part.taken_out { -part.w[a] } else { part.w[a] };
+        for from in (0..width).step_by(CHUNK) {
+            let to = width.min(from + CHUNK);
+            let mut four = known.chunks_exact(4);
+            for old in &mut four {
+                let [y0, y1, y2, y3] = [0, 1, 2, 3].map(|k: usize| &old[k].w[from..to]);
+                for (w, a) in w.iter_mut().zip(at) {
+                    let [f0, f1, f2, f3] = [0, 1, 2, 3].map(|k: usize| factor(&old[k], *a));
+                    for ((((x, y0), y1), y2), y3) in w[from..to].iter_mut().zip(y0).zip(y1).zip(y2).zip(y3) {
+                        *x = (((*x - f0 * y0) - f1 * y1) - f2 * y2) - f3 * y3;
+                    }
+                }
+            }
+            for old in four.remainder() {
+                for (w, a) in w.iter_mut().zip(at) {
+                    let factor = factor(old, *a);
+                    for (x, y) in w[from..to].iter_mut().zip(&old.w[from..to]) {
+                        *x -= factor * y;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Takes the part of a basis vector out of `b` and `left`.
+struct Explain<'a> {
+    w: &'a [f64],
+    d: f64,
+    sign: f64,
+    b: &'a mut [f64],
+    left: &'a mut [f64],
+}
+
+impl pulp::NullaryFnOnce for Explain<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { w, d, sign, b, left } = self;
+        for ((x, b), left) in w.iter().zip(b).zip(left) {
+            *b -= d * x;
+            *left -= sign * (x * x);
+        }
+    }
+}
+
+/// Cholesky factor (k x k, lower, row by row) of a positive definite matrix.
+pub(crate) fn cholesky(g: &[f64], k: usize) -> Vec<f64> {
+    let mut l = vec![0.0; k * k];
+    for j in 0..k {
+        let d = g[j * k + j] - (0..j).map(|m| l[j * k + m] * l[j * k + m]).sum::<f64>();
+        // the prior's precision keeps it positive, but for rounding
+        l[j * k + j] = d.max(1e-12 * g[j * k + j]).sqrt();
+        for i in j + 1..k {
+            let s = g[i * k + j] - (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum::<f64>();
+            l[i * k + j] = s / l[j * k + j];
+        }
+    }
+    l
+}
+
+pub(crate) fn forward_substitution(l: &[f64], b: &[f64]) -> Vec<f64> {
+    let k = b.len();
+    let mut y = vec![0.0; k];
+    for i in 0..k {
+        let s: f64 = (0..i).map(|j| l[i * k + j] * y[j]).sum();
+        y[i] = (b[i] - s) / l[i * k + i];
+    }
+    y
+}

@@ -1,0 +1,334 @@
+//! Locators: what finds a mismatch without knowing its name. A stump (a joint is off where some variable is below a threshold),
+//! growth (it is off more and more beyond one, in proportion or with the square) and a free curve (a linear spline of some
+//! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`PRICE`] nats.
+
+use trical_ident::dataset::Dataset;
+use trical_model::{Basis, Beside, Model, Place, Shape, Site, State, Term, Variable};
+
+use crate::candidate::{Candidate, anything};
+use crate::covariates::{is_order, order_of};
+use crate::effect_id::{Cause, UNEXPLAINED};
+
+/// A locator must beat every name by this many nats.
+pub const PRICE: f64 = 5.0;
+
+/// How far a joint may be off without a name, rad (0.02 deg): the prior of each knot of a curve.
+pub const LARGE: f64 = 0.02 * std::f64::consts::PI / 180.0;
+
+/// Thresholds tried for each variable.
+const THRESHOLDS: usize = 30;
+
+/// Thresholds tried for growth are the inner ones of so many quantiles.
+const GROWTHS: usize = 9;
+
+/// Places at which something local is looked for, and how far it reaches to either side, as parts of the joint's stroke.
+const PLACES: usize = 32;
+const REACHES: [f64; 3] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0];
+
+/// Values that something local must have.
+const LOCAL_VALUES: usize = 4;
+
+/// Knots of a free curve.
+pub(crate) const KNOTS: usize = 8;
+
+/// Value of a variable that is part of the state itself.
+#[must_use]
+pub fn value(variable: Variable, state: &State) -> f64 {
+    match variable {
+        Variable::Joint { joint } => state.q[joint - 1],
+        Variable::Time => state.t.unwrap_or(0.0),
+        Variable::Seq => state.seq.unwrap_or(0.0),
+        Variable::Temperature { reference_c } => state.temp_c.unwrap_or(reference_c) - reference_c,
+        _ => 0.0,
+    }
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    sorted
+}
+
+/// `count` quantiles of what a variable was, from its least to its largest value; `None` where it hardly changed.
+#[must_use]
+pub fn knots(values: &[f64], count: usize) -> Option<Vec<f64>> {
+    let sorted = sorted(values);
+    let last = sorted.len().checked_sub(1)?;
+    (sorted.len() >= 20).then(|| (0..count).map(|k| sorted[(k * last) / (count - 1)]).collect())
+}
+
+/// A free curve at a site: a linear spline of a variable, times the sense of a joint's motion if that is given. Without it the
+/// first tent is left out, which would repeat the site's own constant.
+#[must_use]
+pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]) -> Vec<Term> {
+    let first = usize::from(sense.is_none());
+    (first..knots.len())
+        .map(|k| {
+            let left = if k == 0 { f64::NEG_INFINITY } else { knots[k - 1] };
+            let right = if k + 1 < knots.len() { knots[k + 1] } else { f64::INFINITY };
+            let shape = Shape::Tent { left, centre: knots[k], right };
+            let basis = Basis { sense, ..Basis::new(variable, shape) };
+            let of = sense.map_or_else(|| name(variable), |j| format!("dir{j}_{}", name(variable)));
+            let place = match site {
+                Site::Joint { joint } => format!("{joint}"),
+                _ => "place".into(),
+            };
+            Term::new(format!("curve_{place}_by_{of}_{k}"), UNEXPLAINED, site, basis)
+        })
+        .collect()
+}
+
+/// Growth from a threshold to the least or the largest value, in proportion and with the square: zero before the threshold, one
+/// at the end.
+fn growths(sorted: &[f64]) -> Vec<Shape> {
+    let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
+    let up = |at| Shape::Tent { left: at, centre: high, right: f64::INFINITY };
+    let down = |at| Shape::Tent { left: f64::NEG_INFINITY, centre: low, right: at };
+    (1..GROWTHS)
+        .map(|k| sorted[(k * (sorted.len() - 1)) / GROWTHS])
+        .filter(|at| *at > low && *at < high)
+        .flat_map(|at| [up(at), down(at), Shape::Growth { from: at, to: high }, Shape::Growth { from: at, to: low }])
+        .collect()
+}
+
+/// Something that happens near one value only, as at a damaged tooth.
+fn locals(sorted: &[f64]) -> Vec<Shape> {
+    let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
+    let within = |left: f64, right: f64| sorted.iter().filter(|v| **v > left && **v < right).count();
+    let centres = (1..PLACES).map(|k| sorted[(k * (sorted.len() - 1)) / PLACES]);
+    centres
+        .flat_map(|centre| REACHES.map(|part| (centre - part * (high - low), centre, centre + part * (high - low))))
+        .filter(|(left, _, right)| within(*left, *right) >= LOCAL_VALUES)
+        .map(|(left, centre, right)| Shape::Tent { left, centre, right })
+        .collect()
+}
+
+/// What two joints' angles tell together: a wave of the first, and its products with a wave of the second. A cable that pulls a
+/// joint does so by the angles of two.
+fn together(site: Site, joint: usize, other: usize) -> Vec<Term> {
+    let waves = [("sine", Shape::Sine { cycles: 1.0 }), ("cosine", Shape::Cosine { cycles: 1.0 })];
+    let mut terms = Vec::new();
+    for (name, shape) in waves {
+        let own = Basis::new(Variable::Joint { joint }, shape);
+        terms.push(Term::new(format!("{name}_{joint}"), UNEXPLAINED, site, own));
+        for (beside, shape) in waves {
+            let basis = Basis { beside: Some(Beside { joint: other, shape }), ..own };
+            terms.push(Term::new(format!("{name}_{joint}_{beside}_{other}"), UNEXPLAINED, site, basis));
+        }
+    }
+    terms
+}
+
+/// Knots of curves of a joint's own angle that are narrow: the finer ones where there are [`PER_KNOT`] values for each knot. An
+/// encoder's own error has many waves, and is no single one of them.
+const FINE_KNOTS: [usize; 2] = [16, 32];
+
+/// Values of an angle that each knot of the finer curves must have.
+const PER_KNOT: usize = 20;
+
+/// Something at a joint that `what` tells.
+fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
+    Candidate {
+        cause: Cause::Unexplained,
+        site: Place::Joint(joint),
+        behaviour: format!("joint {joint} is off in a way that {what} tells"),
+        signs: vec![0; terms.len()],
+        physical: anything,
+        scales: vec![LARGE; terms.len()],
+        terms,
+        typical: 0.0,
+        log_prior: 0.0,
+    }
+}
+
+/// All locators for this data.
+#[must_use]
+pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
+    let n = model.robot.dof();
+    let read = |variable: Variable| data.observations.iter().map(|o| value(variable, &o.state)).collect::<Vec<f64>>();
+    let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
+    variables.extend(order_of(data));
+    let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
+    let mut out = Vec::new();
+    for joint in 1..=n {
+        let at = Site::Joint { joint };
+        let candidate = |terms: Vec<Term>, what: &str| candidate(joint, terms, what);
+        for variable in &variables {
+            let values = read(*variable);
+            let Some(curve) = knots(&values, KNOTS) else { continue };
+            let of = name(*variable);
+            let sorted = sorted(&values);
+            if !is_order(*variable) {
+                for k in 1..THRESHOLDS {
+                    // nobody was between two values: the step is as likely there as anywhere else between them
+                    let above = ((k * (sorted.len() - 1)) / THRESHOLDS).max(1);
+                    let between = 0.5 * (sorted[above - 1] + sorted[above]);
+                    let basis = Basis::new(*variable, Shape::Step { at: between });
+                    out.push(candidate(vec![Term::new(format!("step_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
+                }
+                for shape in growths(&sorted) {
+                    let basis = Basis::new(*variable, shape);
+                    out.push(candidate(
+                        vec![Term::new(format!("growth_{joint}_by_{of}"), UNEXPLAINED, at, basis)],
+                        &of,
+                    ));
+                }
+            }
+            out.push(candidate(tents(at, *variable, None, &curve), &of));
+            if *variable == (Variable::Joint { joint }) {
+                for shape in locals(&sorted) {
+                    let term = Term::new(format!("local_{joint}"), UNEXPLAINED, at, Basis::new(*variable, shape));
+                    out.push(candidate(vec![term], &of));
+                }
+                let distinct = sorted.len();
+                let enough = |k: &usize| *k == FINE_KNOTS[0] || distinct >= k * PER_KNOT;
+                let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
+                out.extend(fine.map(|fine| candidate(tents(at, *variable, None, &fine), &of)));
+            }
+            if has_direction && (is_order(*variable) || *variable == (Variable::Joint { joint })) {
+                let what = format!("its sense of motion, differently with {of},");
+                out.push(candidate(tents(at, *variable, Some(joint), &curve), &what));
+            }
+        }
+    }
+    for joint in 1..=n {
+        let at = Site::Joint { joint };
+        for other in (1..=n).filter(|k| *k != joint) {
+            let terms = together(at, joint, other);
+            out.push(candidate(joint, terms, &format!("q{other}, with its own angle,")));
+        }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let price = (out.len() as f64).ln() + PRICE;
+    for c in &mut out {
+        c.log_prior = -price;
+    }
+    out
+}
+
+/// "q2", "time", "seq".
+#[must_use]
+pub fn name(variable: Variable) -> String {
+    match variable {
+        Variable::Joint { joint } => format!("q{joint}"),
+        Variable::Time => "time".into(),
+        Variable::Seq => "seq".into(),
+        other => format!("{other:?}").to_lowercase(),
+    }
+}
+
+/// A mismatch without a name, as it is told.
+#[derive(Clone, Debug, Default)]
+pub struct Located {
+    /// On what it depends.
+    pub variable: String,
+    /// For which values.
+    pub region: String,
+    /// The fitted curve.
+    pub curve: Vec<(f64, f64)>,
+    /// Units of the curve's columns.
+    pub units: (String, String),
+}
+
+/// Variable, region, and the fitted curve with its units.
+#[must_use]
+pub fn describe<'a>(
+    first: &Candidate,
+    members: impl Iterator<Item = &'a Candidate>,
+    model: &Model,
+    data: &Dataset,
+) -> Located {
+    let Some(basis) = first.terms.first().map(|t| t.basis) else {
+        return Located::default();
+    };
+    if let (Variable::Joint { joint }, Some(beside)) = (basis.of, first.terms.iter().find_map(|t| t.basis.beside)) {
+        return of_two(joint, beside.joint, first, model, data);
+    }
+    let variable = basis.of;
+    let factor = if matches!(variable, Variable::Joint { .. }) { 1.0_f64.to_degrees() } else { 1.0 };
+    let units = match variable {
+        Variable::Joint { .. } => "deg",
+        Variable::Seq => "pose",
+        _ => "s",
+    };
+    // "-32.0 deg"; a number of a pose needs no unit
+    let counted = variable == Variable::Seq;
+    let bare = |v: f64| if counted { format!("{:.0}", v.ceil()) } else { format!("{v:.1}") };
+    let shown = |v: f64| if counted { bare(v) } else { format!("{} {units}", bare(v)) };
+    let values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
+    let (low, high) =
+        (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));
+    let terms: Vec<&Term> = members
+        .flat_map(|c| &c.terms)
+        .filter_map(|t| model.terms.iter().find(|m| m.does_as(t)))
+        .filter(|t| t.basis.of == variable && t.basis.sense == basis.sense)
+        .collect();
+    let at = |u: f64| terms.iter().map(|t| t.value * t.basis.shape.at(u).0).sum::<f64>();
+    let curve: Vec<(f64, f64)> = (0..=40)
+        .map(|k| {
+            let u = low + (high - low) * f64::from(k) / 40.0;
+            (u * factor, at(u).to_degrees())
+        })
+        .collect();
+    let n = name(variable);
+    let region = match first.terms.as_slice() {
+        [one] => match one.basis.shape {
+            Shape::Step { at } => {
+                let below = values.iter().filter(|v| **v < at).count();
+                let sign = if 2 * below <= values.len() { "<" } else { ">" };
+                format!("{n} {sign} {}", shown(at * factor))
+            }
+            Shape::Tent { left, right, .. } if right.is_infinite() => {
+                format!("{n} > {}, growing", shown(left * factor))
+            }
+            Shape::Tent { left, right, .. } if left.is_infinite() => {
+                format!("{n} < {}, growing", shown(right * factor))
+            }
+            Shape::Tent { left, right, .. } => {
+                format!("{n} from {} to {}", bare(left * factor), shown(right * factor))
+            }
+            Shape::Growth { from, to } => {
+                let side = if to > from { ">" } else { "<" };
+                format!("{n} {side} {}, growing with the square", shown(from * factor))
+            }
+            _ => format!("{n} from {} to {}", bare(low * factor), shown(high * factor)),
+        },
+        _ => {
+            // where the curve is farthest from its middle value
+            let mut sorted: Vec<f64> = curve.iter().map(|c| c.1).collect();
+            sorted.sort_by(f64::total_cmp);
+            let middle = sorted[sorted.len() / 2];
+            let largest = curve.iter().map(|c| (c.1 - middle).abs()).fold(0.0, f64::max);
+            let off: Vec<f64> = curve.iter().filter(|c| (c.1 - middle).abs() > 0.5 * largest).map(|c| c.0).collect();
+            match (off.first(), off.last()) {
+                (Some(a), Some(b)) => format!("{n} from {} to {}", bare(*a), shown(*b)),
+                _ => format!("all of {n}"),
+            }
+        }
+    };
+    let variable = basis.sense.map_or(n, |joint| format!("dir{joint}"));
+    Located { variable, region, curve, units: (units.to_owned(), "deg".to_owned()) }
+}
+
+/// What two angles tell together: the curve over the other one, with the joint itself in the middle of where it was.
+fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Dataset) -> Located {
+    let angles = |joint: usize| sorted(&data.observations.iter().map(|o| o.state.q[joint - 1]).collect::<Vec<f64>>());
+    let (own, others) = (angles(joint), angles(other));
+    let (Some(middle), Some(low), Some(high)) = (own.get(own.len() / 2), others.first(), others.last()) else {
+        return Located::default();
+    };
+    let fitted: Vec<&Term> = c.terms.iter().filter_map(|t| model.terms.iter().find(|m| m.does_as(t))).collect();
+    let at = |u: f64| {
+        let term = |t: &&Term| t.value * t.basis.shape.at(*middle).0 * t.basis.beside.map_or(1.0, |b| b.shape.at(u).0);
+        fitted.iter().map(term).sum::<f64>()
+    };
+    let curve =
+        (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u.to_degrees(), at(u).to_degrees()));
+    Located {
+        variable: name(Variable::Joint { joint: other }),
+        region: format!("all of q{other}, with q{joint}"),
+        curve: curve.collect(),
+        units: ("deg".to_owned(), "deg".to_owned()),
+    }
+}

@@ -1,0 +1,209 @@
+//! Which frequencies the error of each joint has: a score test for every whole number of cycles per turn, on the residual of
+//! the fit. Only a shortlist: what it finds is tried with the exact projection like every other candidate.
+
+use pulp::Arch;
+use rayon::prelude::*;
+use trical_ident::dataset::Dataset;
+use trical_ident::error::Result;
+use trical_ident::identify::Identified;
+use trical_model::{Basis, Place, Shape, Site, Term, Variable};
+
+use crate::candidate::{Candidate, anything};
+use crate::correlated_noise::Memory;
+use crate::effect_id::{Cause, UNEXPLAINED};
+use crate::effects::ripple;
+use crate::linear::Linear;
+use crate::locators::{LARGE, PRICE, name};
+
+/// Cycles per turn that gears have.
+pub const GEARS: (u32, u32) = (10, 300);
+
+/// Beyond gears: a period of 0.01 deg, the finest that joint angles tell.
+const FINEST: u32 = 36_000;
+
+/// Strongest frequencies of each joint that are tried.
+const TRIED: usize = 5;
+
+/// A joint's apparent angle error, pose by pose: `sum c r` and `sum c^2` over the rows of a pose, with `c` the joint's column.
+struct Apparent {
+    q: Vec<f64>,
+    push: Vec<f64>,
+    weight: Vec<f64>,
+}
+
+/// Ripples of gears that the residual of a fit suggests, `TRIED` for each joint.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn ripples(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
+    let joints = apparent(fitted, data)?;
+    let (from, to) = GEARS;
+    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(from, to, TRIED)).collect();
+    Ok(peaks
+        .iter()
+        .enumerate()
+        .flat_map(|(k, cycles)| cycles.iter().map(move |n| ripple(k + 1, *n, joints_of(fitted))))
+        .collect())
+}
+
+fn joints_of(fitted: &Identified) -> usize {
+    fitted.model.robot.dof()
+}
+
+/// Errors that repeat faster than any gear turns, the strongest of each joint: no name is known for them.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
+    let joints = apparent(fitted, data)?;
+    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(GEARS.1 + 1, FINEST, 1)).collect();
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let asked = (joints.len() as f64) * f64::from(FINEST);
+    Ok(peaks
+        .iter()
+        .enumerate()
+        .flat_map(|(k, cycles)| cycles.iter().map(move |n| (k + 1, *n)))
+        .map(|(joint, cycles)| {
+            let variable = Variable::Joint { joint };
+            let term = |part: &str, shape| {
+                let name = format!("fast_{part}_{joint}");
+                Term::new(name, UNEXPLAINED, Site::Joint { joint }, Basis::new(variable, shape))
+            };
+            Candidate {
+                physical: anything,
+                cause: Cause::Unexplained,
+                site: Place::Joint(joint),
+                behaviour: format!(
+                    "joint {joint} is off in a way that repeats every {:.4} deg of {}",
+                    360.0 / cycles,
+                    name(variable)
+                ),
+                terms: vec![term("sine", Shape::Sine { cycles }), term("cosine", Shape::Cosine { cycles })],
+                signs: vec![0; 2],
+                typical: 0.0,
+                scales: vec![LARGE; 2],
+                log_prior: -asked.ln() - PRICE,
+            }
+        })
+        .collect())
+}
+
+fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
+    let columns: Vec<Candidate> = (1..=joints_of(fitted))
+        .map(|joint| Candidate {
+            physical: anything,
+            cause: Cause::Unexplained,
+            site: Place::Joint(joint),
+            behaviour: String::new(),
+            terms: vec![Term::new("constant", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT)],
+            signs: vec![0],
+            typical: 0.0,
+            scales: vec![1.0],
+            log_prior: 0.0,
+        })
+        .collect();
+    let linear =
+        Linear::new(&fitted.model, [0, fitted.model.terms.len()], &columns, &[], data, &fitted.noise, Memory::NONE)?;
+    let poses = data.used_poses();
+    let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
+    for o in &data.observations {
+        if let Ok(k) = poses.binary_search(&o.pose) {
+            angles[k] = o.state.q;
+        }
+    }
+    Ok((0..columns.len())
+        .map(|joint| {
+            let mut a = Apparent {
+                q: angles.iter().map(|q| q[joint]).collect(),
+                push: vec![0.0; poses.len()],
+                weight: vec![0.0; poses.len()],
+            };
+            for (row, pose) in linear.pose_of_row.iter().enumerate() {
+                if let Ok(k) = poses.binary_search(pose) {
+                    let c = linear.column_at(row, joint);
+                    a.push[k] += c * linear.residual[row];
+                    a.weight[k] += c * c;
+                }
+            }
+            a
+        })
+        .collect())
+}
+
+/// Numbers that are summed beside each other, on every machine: the sums are the same to the last bit.
+const LANES: usize = 8;
+
+/// `(sum push sin)^2 + (sum push cos)^2` for `count` frequencies, the phases turned on from one to the next. All lengths are the
+/// same multiple of [`LANES`].
+struct Powers {
+    count: usize,
+    push: Vec<f64>,
+    sin: Vec<f64>,
+    cos: Vec<f64>,
+    turn_sin: Vec<f64>,
+    turn_cos: Vec<f64>,
+}
+
+impl pulp::NullaryFnOnce for Powers {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f64> {
+        let Self { count, push, mut sin, mut cos, turn_sin, turn_cos } = self;
+        let mut powers = Vec::with_capacity(count);
+        for _ in 0..count {
+            let (mut s, mut c) = ([0.0; LANES], [0.0; LANES]);
+            let turns = turn_sin.chunks_exact(LANES).zip(turn_cos.chunks_exact(LANES));
+            let phases = sin.chunks_exact_mut(LANES).zip(cos.chunks_exact_mut(LANES));
+            for ((push, (sin, cos)), (ts, tc)) in push.chunks_exact(LANES).zip(phases).zip(turns) {
+                for k in 0..LANES {
+                    s[k] += push[k] * sin[k];
+                    c[k] += push[k] * cos[k];
+                    (sin[k], cos[k]) = (sin[k] * tc[k] + cos[k] * ts[k], cos[k] * tc[k] - sin[k] * ts[k]);
+                }
+            }
+            powers.push(s.iter().sum::<f64>().powi(2) + c.iter().sum::<f64>().powi(2));
+        }
+        powers
+    }
+}
+
+impl Apparent {
+    /// The `most` strongest frequencies between `from` and `to` cycles per turn, strongest first; neighbours count once.
+    fn peaks(&self, from: u32, to: u32, most: usize) -> Vec<f64> {
+        let n = self.q.len();
+        let half: f64 = 0.5 * self.weight.iter().sum::<f64>();
+        if half <= 0.0 {
+            return Vec::new();
+        }
+        let of = |values: &mut dyn Iterator<Item = f64>| {
+            let mut all: Vec<f64> = values.collect();
+            all.resize(n.next_multiple_of(LANES), 0.0);
+            all
+        };
+        let q = || self.q.iter();
+        let count = (to - from + 1) as usize;
+        let mut power = Arch::new().dispatch(Powers {
+            count,
+            push: of(&mut self.push.iter().copied()),
+            sin: of(&mut q().map(|q| (f64::from(from) * q).sin())),
+            cos: of(&mut q().map(|q| (f64::from(from) * q).cos())),
+            turn_sin: of(&mut q().map(|q| q.sin())),
+            turn_cos: of(&mut q().map(|q| q.cos())),
+        });
+        power.iter_mut().for_each(|p| *p /= half);
+        let mut order: Vec<usize> = (0..power.len()).collect();
+        order.sort_by(|a, b| power[*b].total_cmp(&power[*a]).then(a.cmp(b)));
+        let mut peaks: Vec<usize> = Vec::new();
+        for k in order {
+            if peaks.iter().all(|p| p.abs_diff(k) > 1) {
+                peaks.push(k);
+            }
+            if peaks.len() == most {
+                break;
+            }
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        peaks.into_iter().map(|k| f64::from(from) + k as f64).collect()
+    }
+}

@@ -1,0 +1,120 @@
+//! Rows that must not be believed: repeated readings, and measurements far from what any model of the arm says.
+
+use std::collections::BTreeMap;
+
+use trical_ident::dataset::{Dataset, Rejected};
+use trical_ident::error::Result;
+use trical_ident::fit::{position_errors, weighted_residuals};
+use trical_ident::gross::{right_ball, wrong_ball};
+use trical_ident::identify::Identified;
+use trical_model::{Forward, Measured};
+
+/// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
+const OUTLIER: f64 = 6.0;
+
+/// More than this share of a data set (or four rows of a small one) are not outliers but something that the model lacks.
+const MOST: f64 = 0.03;
+
+/// Repeats that would happen by chance less often than this in the whole data set are stale.
+const BY_CHANCE: f64 = 0.02;
+
+/// Leaves out readings that repeat the one before to the last digit although the arm moved: the gauge kept its old value.
+#[must_use]
+pub fn without_stale(data: &Dataset) -> Dataset {
+    let mut out = data.clone();
+    let mut stale: Vec<usize> = Vec::new();
+    let rare = expected_repeats(data) < BY_CHANCE;
+    for pair in data.observations.windows(2) {
+        let (a, b) = (&pair[0], &pair[1]);
+        if a.recording != b.recording || a.state.q == b.state.q {
+            continue;
+        }
+        let same = match (&a.measured, &b.measured) {
+            (Measured::Touch { reading: x, .. }, Measured::Touch { reading: y, .. }) => {
+                // small readings repeat by chance: a gauge of 0.001 mm has few values near zero
+                x == y && rare
+            }
+            (Measured::Point { position: x, target: s }, Measured::Point { position: y, target: t }) => {
+                x == y && s == t
+            }
+            (Measured::Pose { position: x, .. }, Measured::Pose { position: y, .. }) => x == y,
+            (Measured::Distance { length: x, .. }, Measured::Distance { length: y, .. }) => x == y,
+            _ => false,
+        };
+        if same {
+            stale.push(b.row);
+            out.rejected.push(Rejected {
+                recording: data.names[b.recording].clone(),
+                line: b.line,
+                row: b.row,
+                reason: "repeats the reading before it to the last digit although the arm moved: a stale value".into(),
+            });
+        }
+    }
+    out.observations.retain(|o| !stale.contains(&o.row));
+    out.rejected.sort_by_key(|r| r.row);
+    out
+}
+
+/// How many touches would repeat all three readings of the one before by chance: for each indicator the probability that two
+/// readings agree, as often as any two of this data set do.
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn expected_repeats(data: &Dataset) -> f64 {
+    let readings: Vec<[f64; 3]> = data
+        .observations
+        .iter()
+        .filter_map(|o| match o.measured {
+            Measured::Touch { reading, .. } => Some(reading),
+            _ => None,
+        })
+        .collect();
+    let n = readings.len() as f64;
+    let agree = |axis: usize| {
+        let mut counts: BTreeMap<u64, f64> = BTreeMap::new();
+        for r in &readings {
+            *counts.entry(r[axis].to_bits()).or_default() += 1.0;
+        }
+        counts.values().map(|c| c * (c - 1.0)).sum::<f64>() / (n * (n - 1.0)).max(1.0)
+    };
+    n * agree(0) * agree(1) * agree(2)
+}
+
+/// Leaves out what is far off the fitted model: at most a small share, the farthest first.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
+    let forward = Forward::new(fitted.model.clone(), Vec::new())?;
+    let mut noise = fitted.noise.clone();
+    noise.update_robustly(all, &weighted_residuals(&forward, all, &noise));
+    let residuals = weighted_residuals(&forward, all, &noise);
+    let mut far: Vec<(usize, f64)> = residuals
+        .iter()
+        .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>().sqrt())
+        .enumerate()
+        .filter(|(_, length)| *length > OUTLIER)
+        .collect();
+    far.sort_by(|a, b| b.1.total_cmp(&a.1));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a count")]
+    let most = ((all.observations.len() as f64 * MOST).ceil() as usize).max(4);
+    far.truncate(most);
+    let errors = position_errors(&forward, all);
+    let mut ws = forward.workspace();
+    let mut out = all.clone();
+    for (k, length) in &far {
+        let o = &all.observations[*k];
+        out.rejected.push(Rejected {
+            recording: all.names[o.recording].clone(),
+            line: o.line,
+            row: o.row,
+            reason: wrong_ball(
+                format!("is {:.3} mm off, {length:.0} times the scatter of the others: an outlier", errors[*k] * 1e3),
+                right_ball(&forward, &noise, o, &mut ws),
+            ),
+        });
+    }
+    let rows: Vec<usize> = far.iter().map(|(k, _)| all.observations[*k].row).collect();
+    out.observations.retain(|o| !rows.contains(&o.row));
+    out.rejected.sort_by_key(|r| r.row);
+    Ok(out)
+}

@@ -1,0 +1,328 @@
+//! Does a name explain what happens at its place, or only most of it? After everything that was found is modelled, each place
+//! is asked once more by probes that know nothing of the catalogue: is a joint still off in a way that goes with an angle, with
+//! time, with its load, with where it came from? What a probe finds there speaks against the name that was given.
+
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use trical_ident::dataset::Dataset;
+use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable};
+
+use crate::candidate::{Candidate, anything};
+use crate::covariates::{is_order, order_of};
+use crate::effect_id::{Cause, UNEXPLAINED};
+use crate::linear::{Design, Stage};
+use crate::locators::{knots, name, tents, value};
+
+/// Prior odds that what happens at a place is not in the catalogue.
+const OUTSIDE: f64 = 0.03;
+
+/// Knots of a probe's curve.
+const KNOTS: usize = 7;
+
+/// A place whose probes have a smaller p-value than this does something that was not modelled.
+pub const LEFT: f64 = 1e-3;
+
+/// A rest of this share of what the names of a place explain puts them in even doubt.
+pub const CONSIDERABLE: f64 = 0.1;
+
+/// What the most telling probe of a place says.
+#[derive(Clone, Debug)]
+pub struct Misfit {
+    /// Place.
+    pub site: Place,
+    /// On what the rest depends.
+    pub variable: String,
+    /// For which values of it.
+    pub region: String,
+    /// Probability of so strong a rest were there none, all probes of this place considered.
+    pub p_value: f64,
+    /// Sum of squares that the probe would still remove.
+    pub dss: f64,
+    /// Which probe.
+    pub probe: usize,
+}
+
+/// Odds that a place does something that is not in the catalogue: prior odds times the largest Bayes factor that the p-value
+/// of a probe allows, `1 / (-e p ln p)` (Sellke, Bayarri & Berger 2001).
+fn odds(p_value: f64) -> f64 {
+    let p = p_value.max(1e-300);
+    if p < (-1.0_f64).exp() { OUTSIDE / (-1.0_f64.exp() * p * p.ln()) } else { OUTSIDE }
+}
+
+/// By how many nats `k` numbers that bring a sum of squares from `before` to `after` are better than none (BIC).
+#[must_use]
+pub fn nats(freedom: f64, before: f64, after: f64, k: f64) -> f64 {
+    0.5 * freedom * (before / after.max(1e-300)).ln() - 0.5 * k * freedom.max(1.0).ln()
+}
+
+/// Questions without names, and how the columns that they borrow are weighed (see [`Design::weighted`]).
+pub struct Probes {
+    /// As candidates.
+    pub candidates: Vec<Candidate>,
+    /// For each of them, for each of its columns, a factor for every observation.
+    pub weights: Vec<Vec<Vec<f64>>>,
+    /// For each of them, for which values of its variable a place would be off.
+    pub regions: Vec<String>,
+}
+
+/// A design with probes behind its candidates, at a stage.
+pub struct Judge<'a> {
+    /// The design, probes last.
+    pub design: &'a Design,
+    /// The probes.
+    pub probes: &'a Probes,
+    /// Index of the first.
+    pub first: usize,
+    /// Share of the rows that is independent.
+    pub temper: f64,
+}
+
+impl Judge<'_> {
+    /// What a probe would still remove, and with how many numbers.
+    fn gain(&self, stage: &Stage, probe: usize) -> (f64, usize) {
+        self.design.plain_gain(stage, self.first + probe)
+    }
+
+    /// Independent scalars left at a stage.
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    #[must_use]
+    pub fn freedom(&self, stage: &Stage) -> f64 {
+        self.design.rows as f64 * self.temper - stage.parameters
+    }
+
+    fn misfit(&self, stage: &Stage, probe: usize, gain: (f64, usize)) -> Misfit {
+        let Candidate { site, behaviour, .. } = &self.probes.candidates[probe];
+        Misfit {
+            site: *site,
+            variable: behaviour.clone(),
+            region: self.probes.regions[probe].clone(),
+            p_value: self.p_value(stage, gain),
+            dss: gain.0,
+            probe: self.first + probe,
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    fn p_value(&self, stage: &Stage, (dss, rank): (f64, usize)) -> f64 {
+        let k = rank as f64;
+        let freedom = self.freedom(stage);
+        if rank == 0 || freedom <= 2.0 * k {
+            return 1.0;
+        }
+        let f = (dss / k) / ((stage.ss - dss).max(1e-300) / (freedom - k));
+        FisherSnedecor::new(k, freedom - k).map_or(1.0, |d| d.sf(f))
+    }
+
+    /// The most telling probe of every place.
+    #[must_use]
+    pub fn places(&self, stage: &Stage) -> Vec<Misfit> {
+        let mut places: Vec<(Misfit, f64)> = Vec::new();
+        for k in 0..self.probes.candidates.len() {
+            let found = self.misfit(stage, k, self.gain(stage, k));
+            match places.iter_mut().find(|m| m.0.site == found.site) {
+                Some((best, asked)) => {
+                    *asked += 1.0;
+                    if found.p_value < best.p_value {
+                        *best = found;
+                    }
+                }
+                None => places.push((found, 1.0)),
+            }
+        }
+        let corrected = |(m, asked): (Misfit, f64)| Misfit { p_value: (m.p_value * asked).min(1.0), ..m };
+        places.into_iter().map(corrected).collect()
+    }
+
+    /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
+    #[must_use]
+    pub fn teller(&self, stage: &Stage, site: Place) -> Option<(Misfit, f64)> {
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let says = |(dss, rank): (f64, usize)| nats(self.freedom(stage), stage.ss, stage.ss - dss, rank as f64);
+        let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == site);
+        let gains = here.map(|k| (k, self.gain(stage, k)));
+        let (probe, gain, nats) = gains.map(|(k, g)| (k, g, says(g))).max_by(|a, b| a.2.total_cmp(&b.2))?;
+        Some((self.misfit(stage, probe, gain), nats))
+    }
+
+    /// What a probe of one scalar says of it: its least and its largest value and how far the joint is off there, deg. Nothing for
+    /// probes of several.
+    #[must_use]
+    pub fn line(&self, stage: &Stage, told: &Misfit) -> Vec<(f64, f64)> {
+        let Some([scalar]) = self.probes.weights.get(told.probe - self.first).map(Vec::as_slice) else {
+            return Vec::new();
+        };
+        let slope = self.design.coefficients(stage, told.probe)[0];
+        let ends = [scalar.iter().copied().fold(f64::MAX, f64::min), scalar.iter().copied().fold(f64::MIN, f64::max)];
+        ends.map(|u| (u.to_degrees(), (slope * u).to_degrees())).into()
+    }
+
+    /// Probability that a name is wrong because its place does something else: a probe finds a rest (`stage` has everything),
+    /// the rest is considerable beside what the name explains (`own`), and without the name (`without`) the probe would explain
+    /// much of the same.
+    #[must_use]
+    pub fn doubt(&self, stage: &Stage, without: &Stage, own: f64, is_here: &dyn Fn(Place) -> bool) -> f64 {
+        let here: Vec<usize> =
+            (0..self.probes.candidates.len()).filter(|k| is_here(self.probes.candidates[*k].site)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let asked = here.len() as f64;
+        let mut most = 0.0_f64;
+        for k in here {
+            let left = self.gain(stage, k);
+            let odds = odds((self.p_value(stage, left) * asked).min(1.0));
+            let alone = self.gain(without, k).0;
+            let share = left.0 / own.max(1e-300);
+            let same = ((alone - left.0) / own.max(1e-300)).clamp(0.0, 1.0);
+            most = most.max(odds / (1.0 + odds) * share / (share + CONSIDERABLE) * same);
+        }
+        most
+    }
+}
+
+/// A joint's moves up to an observation, rad.
+#[derive(Clone, Copy, Default)]
+struct Moves {
+    last: f64,
+    before: f64,
+    /// All of them, each counted for less than the one after it.
+    fading: f64,
+}
+
+/// How much of its past a fading memory keeps with every move.
+const KEPT: f64 = 0.8;
+
+impl Moves {
+    fn then(self, last: f64) -> Self {
+        Self { last, before: self.last, fading: KEPT * self.fading + (1.0 - KEPT) * short(last) }
+    }
+}
+
+/// Moves beyond half a radian count as one of that.
+fn short(way: f64) -> f64 {
+    way.clamp(-0.5, 0.5)
+}
+
+/// A scalar for every observation that no basis knows: of a joint's moves.
+struct Memory {
+    name: &'static str,
+    /// To what the joint is off in proportion.
+    to: &'static str,
+    of: fn(Moves) -> f64,
+}
+
+const MEMORIES: [Memory; 4] = [
+    Memory { name: "dir", to: "the last one", of: |m| short(m.last) },
+    Memory { name: "travel", to: "how far the last one went", of: |m| m.last.abs() },
+    Memory { name: "dir", to: "the one before the last", of: |m| short(m.before) },
+    Memory { name: "dir", to: "those before, fading", of: |m| m.fading },
+];
+
+/// What to ask every joint, the tool, the fixture and the links.
+#[must_use]
+pub fn probes(model: &Model, data: &Dataset) -> Probes {
+    let mut probes: Vec<Candidate> = Vec::new();
+    let order = order_of(data);
+    let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
+    let has_masses = model.robot.require_masses().is_ok();
+    let n = model.robot.dof();
+    for joint in 1..=n {
+        let site = Place::Joint(joint);
+        let at = Site::Joint { joint };
+        let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
+        variables.extend(order);
+        for variable in variables {
+            let Some(knots) = knots(&value_of(data, variable), KNOTS) else { continue };
+            probes.push(probe(site, name(variable), tents(at, variable, None, &knots)));
+            if has_direction && (is_order(variable) || variable == (Variable::Joint { joint })) {
+                let named = if is_order(variable) { name(variable) } else { format!("dir{joint}") };
+                probes.push(probe(site, named, tents(at, variable, Some(joint), &knots)));
+            }
+        }
+        if has_masses {
+            let bases = [Shape::SignedSquare, Shape::Cube, Shape::SoftSign { scale: 0.3 }]
+                .map(|shape| Basis::torque(joint, shape))
+                .map(|basis| Term::new("probe", UNEXPLAINED, at, basis));
+            probes.push(probe(site, format!("tau{joint}"), bases.to_vec()));
+        }
+    }
+    if let Some(order) = order
+        && let Some(knots) = knots(&value_of(data, order), KNOTS)
+    {
+        let along = |of: fn(Motion) -> Site| {
+            Axis::ALL.iter().flat_map(|a| tents(of(Motion::Along(*a)), order, None, &knots)).collect::<Vec<_>>()
+        };
+        probes.push(probe(Place::Tool, name(order), along(Site::Tool)));
+        if data.observations.iter().any(|o| matches!(o.measured, trical_model::Measured::Touch { .. })) {
+            probes.push(probe(Place::Fixture, name(order), along(Site::Fixture)));
+        }
+        let growth = tents(Site::Links, order, None, &knots);
+        probes.push(probe(Place::Links, name(order), growth));
+    }
+    // what came before, and two angles at once, are no basis: such probes borrow a joint's constant column and weigh it row
+    // by row
+    let mut weights: Vec<Vec<Vec<f64>>> = vec![Vec::new(); probes.len()];
+    let mut regions: Vec<String> = probes.iter().map(|p| format!("all of {}", p.behaviour)).collect();
+    for joint in 1..=n {
+        let constant = Term::new("probe", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT);
+        let site = Place::Joint(joint);
+        for memory in &MEMORIES {
+            probes.push(probe(site, format!("{}{joint}", memory.name), vec![constant.clone()]));
+            weights.push(vec![before(data, joint, memory)]);
+            regions.push(format!("all moves, in proportion to {}", memory.to));
+        }
+        for other in (1..=n).filter(|k| *k != joint) {
+            let product = |of: fn(f64, f64) -> f64| {
+                data.observations.iter().map(|o| of(o.state.q[joint - 1], o.state.q[other - 1])).collect::<Vec<f64>>()
+            };
+            probes.push(probe(site, format!("q{other}"), vec![constant.clone(); 4]));
+            regions.push(format!("all of q{other}, with q{joint}"));
+            weights.push(vec![
+                product(|a, b| a.sin() * b.sin()),
+                product(|a, b| a.sin() * b.cos()),
+                product(|a, b| a.cos() * b.sin()),
+                product(|a, b| a.cos() * b.cos()),
+            ]);
+        }
+    }
+    Probes { candidates: probes, weights, regions }
+}
+
+fn value_of(data: &Dataset, variable: Variable) -> Vec<f64> {
+    data.observations.iter().map(|o| value(variable, &o.state)).collect()
+}
+
+fn probe(site: Place, variable: String, terms: Vec<Term>) -> Candidate {
+    Candidate {
+        cause: Cause::Unexplained,
+        site,
+        behaviour: variable,
+        signs: vec![0; terms.len()],
+        physical: anything,
+        scales: vec![1.0; terms.len()],
+        terms,
+        typical: 0.0,
+        log_prior: 0.0,
+    }
+}
+
+/// What a memory says at every observation; moves that are not known (the first of a recording) count as none.
+fn before(data: &Dataset, joint: usize, memory: &Memory) -> Vec<f64> {
+    struct Last {
+        recording: usize,
+        pose: usize,
+        q: f64,
+        moves: Moves,
+    }
+    let mut last: Option<Last> = None;
+    data.observations
+        .iter()
+        .map(|o| {
+            let q = o.state.q[joint - 1];
+            let moves = match &last {
+                Some(l) if l.recording == o.recording && l.pose == o.pose => l.moves,
+                Some(l) if l.recording == o.recording => l.moves.then(q - l.q),
+                _ => Moves::default(),
+            };
+            last = Some(Last { recording: o.recording, pose: o.pose, q, moves });
+            (memory.of)(moves)
+        })
+        .collect()
+}

@@ -1,0 +1,134 @@
+//! Arms for a virtual cell: true ones, drawn by chance, with effects hidden in them.
+
+mod hidden;
+
+use nalgebra::Vector3;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+use thiserror::Error;
+use trical_ident::dataset::{Dataset, JointSource};
+use trical_ident::error::IdentError;
+use trical_ident::identifiability::{Choice, ParameterSet, independent_terms};
+use trical_ident::rigid::rigid_from_points;
+use trical_model::ik::nearest_solution;
+use trical_model::pose::{angles_zyx, rotation_x, rotation_z};
+use trical_model::{
+    Forward, Joints, MAX_JOINTS, Measured, Model, ModelError, Motion, Parameter, Pose, Recording, Row, Site, State,
+};
+
+pub use hidden::hide;
+
+/// Why there is no such arm.
+#[derive(Debug, Error)]
+pub enum TruthError {
+    /// The arm or what it is asked about is at fault.
+    #[error(transparent)]
+    Ident(#[from] IdentError),
+    /// The base cannot be set up.
+    #[error("the device reaches the three balls in no common orientation")]
+    OutOfReach,
+    /// What is to be hidden is not known.
+    #[error("{wish}: {problem}")]
+    Wish {
+        /// What was asked for.
+        wish: String,
+        /// What was expected.
+        problem: String,
+    },
+}
+
+impl From<ModelError> for TruthError {
+    fn from(e: ModelError) -> Self {
+        Self::Ident(e.into())
+    }
+}
+
+type Result<T> = std::result::Result<T, TruthError>;
+
+/// A true arm drawn by chance: errors as arms of this size have them (0.3 mm and 0.1 deg in the chain, more in base and tool,
+/// compliances of 0.002 to 0.02 deg/Nm), on the paper's parameters, the twist of axis 3 and nothing else.
+///
+/// # Errors
+/// An arm that makes no sense, or balls that the device does not reach.
+pub fn draw_truth(nominal: &Model, seed: u64) -> Result<Model> {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut draw = |sd: f64| -> f64 {
+        let x: f64 = StandardNormal.sample(&mut rng);
+        x * sd
+    };
+    let touch = Row {
+        state: State::at(&[0.0; MAX_JOINTS]),
+        measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+        seq: None,
+        line: 0,
+    };
+    let recording = Recording { name: "truth".into(), joints: nominal.robot.dof(), rows: vec![touch] };
+    let data = Dataset::build(&[recording], JointSource::Read, None)?;
+    let choice = Choice::from(ParameterSet::Compliance);
+    let mut model = nominal.clone();
+    model.terms = independent_terms(nominal, &data, &choice)?.0;
+    for t in &mut model.terms {
+        t.value = match t.site {
+            Site::Base(Motion::Along(_)) => draw(0.5e-3),
+            Site::Base(Motion::About(_)) => draw(0.05_f64.to_radians()),
+            Site::Tool(_) => draw(0.3e-3),
+            Site::Link { parameter: Parameter::A | Parameter::D, .. } => draw(0.3e-3),
+            Site::Link { .. } => draw(0.1_f64.to_radians()),
+            _ => (0.002 + 0.018 * draw(0.5).abs().min(1.0)).to_radians(),
+        };
+    }
+    set_up(&mut model, || draw(0.1e-3))?;
+    Ok(model)
+}
+
+/// The place of the base as the set-up of a cell leaves it: the three balls are touched once, in one orientation, before
+/// anything else (paper, procedure), so that `cell.toml` is right there to about 0.1 mm.
+fn set_up(model: &mut Model, mut rest: impl FnMut() -> f64) -> Result<()> {
+    let nominal = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new())?;
+    let truth = Forward::new(model.clone(), Vec::new())?;
+    let (mut ws, mut true_ws) = (nominal.workspace(), truth.workspace());
+    // the first orientation, from vertical to leaning, in which the device reaches all balls
+    let home = State::at(&[0.0; MAX_JOINTS]);
+    let balls = model.cell.balls.clone();
+    let reached = (0..7).find_map(|lean| {
+        (0..24).find_map(|turn| {
+            let down = rotation_z(f64::from(turn) * 15.0_f64.to_radians())
+                * rotation_x((180.0 - 10.0 * f64::from(lean)).to_radians());
+            balls
+                .iter()
+                .map(|ball| {
+                    let at = Pose { rotation: down, translation: *ball };
+                    nearest_solution(&nominal, &at, &home, &mut ws).ok()
+                })
+                .collect::<Option<Vec<Joints>>>()
+        })
+    });
+    let Some(reached) = reached else {
+        return Err(TruthError::OutOfReach);
+    };
+    let pairs: Vec<_> = balls
+        .iter()
+        .zip(&reached)
+        .map(|(ball, q)| {
+            let seen = truth.world_from_tool(&State::at(q), &mut true_ws).translation;
+            (ball + Vector3::new(rest(), rest(), rest()), seen)
+        })
+        .collect();
+    let Some(shift) = rigid_from_points(&pairs) else { return Ok(()) };
+    // all links have moved from where they seemed to be: the base with them
+    let links = truth.world_from_links(&State::at(&[0.0; MAX_JOINTS]), &mut true_ws);
+    let Some(base) = links.first() else { return Ok(()) };
+    let base = shift.compose(base);
+    let reference = &model.cell.world_from_base;
+    let move_by = base.translation - reference.translation;
+    let turn_by = angles_zyx(&(base.rotation * reference.rotation.transpose()));
+    for t in &mut model.terms {
+        match t.site {
+            Site::Base(Motion::Along(a)) => t.value = move_by[a.index()],
+            Site::Base(Motion::About(a)) => t.value = turn_by[2 - a.index()],
+            _ => {}
+        }
+    }
+    Ok(())
+}

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde_json::json;
 use trical_diagnose::catalogue::catalogue;
 use trical_diagnose::linear::Design;
-use trical_diagnose::covariates::Recorded;
+use trical_diagnose::covariates::Covariates;
 use trical_ident::{Dataset, Noise, ParameterSet, fit_model, identify};
 use trical_model::{Basis, Shape, Site, Term, Variable};
 
@@ -63,12 +63,12 @@ fn parameters(task: &Task, n: usize) {
 fn candidates(task: &Task, n: usize) {
     let (nominal, data) = (task.nominal("cell.toml"), load(task, "elastic_points.csv"));
     let found = identify(&nominal.robot, &nominal.cell, &data, ParameterSet::Compliance).unwrap();
-    let (all, _) = catalogue(&Recorded::new(&found.model, &data, 2e-5));
+    let (all, _) = catalogue(&Covariates::new(&found.model, &data, 2e-5));
     let list: Vec<_> = all.iter().cycle().take(n).cloned().collect();
     measured("candidates", n, || {
         let design = Design::new(&found.model, &list, &data, &found.noise).unwrap();
-        let stage = design.stage();
-        let best = (0..n).map(|c| design.gain(&stage, c).dss).fold(0.0, f64::max);
+        let state = design.start();
+        let best = (0..n).map(|c| design.gain(&state, c).dss).fold(0.0, f64::max);
         assert!(best.is_finite(), "a gain is a number");
     });
 }

@@ -4,29 +4,11 @@ use trical_ident::error::{IdentError, Result};
 use trical_ident::identifiability::r_factor;
 use trical_ident::identify::fit_model_knowing;
 use trical_ident::known::Known;
-use trical_ident::noise::Noise;
 use trical_model::{Forward, MAX_JOINTS, Model, State, Term};
 
 use crate::candidate::Candidate;
 use crate::diagnosis::{Diagnosis, Finding};
-
-/// Rivals of one finding that are set against it.
-const MOST: usize = 4;
-
-/// A finding surer than this needs no more measurements.
-const SURE: f64 = 0.9;
-
-/// What later questions about a diagnosis need to know, and nobody reads.
-#[derive(Clone, Debug)]
-pub struct Grounds {
-    pub(crate) noise: Noise,
-    /// Of the model's terms, in their order.
-    pub(crate) known: Vec<Known>,
-    /// For every finding, the candidates that it consists of, and the best candidate of each of its rivals.
-    pub(crate) findings: Vec<(Vec<Candidate>, Vec<Candidate>)>,
-    /// Standard deviation of a touch's scalar residual, m.
-    pub(crate) sigma: f64,
-}
+use crate::settings::{RIVALS_COMPARED, SURE_ENOUGH};
 
 /// A finding that could as well be something else.
 pub struct Undecided<'a> {
@@ -38,7 +20,7 @@ pub struct Undecided<'a> {
     pub models: Vec<Model>,
     /// Terms of the first model that all share.
     pub shared: Vec<usize>,
-    /// J'J of the shared terms over the data, in units of the noise, with what is believed beforehand.
+    /// J'J of the shared terms over the data, in units of the noise, with what is known beforehand.
     pub information: Vec<f64>,
     /// Standard deviation of a touch's scalar residual, m.
     pub sigma: f64,
@@ -53,7 +35,7 @@ impl Diagnosis {
     /// # Errors
     /// A rival that cannot be fitted.
     pub fn undecided(&self) -> Result<Option<Undecided<'_>>> {
-        let open = |f: &Finding| !f.rivals.is_empty() || f.confidence < SURE;
+        let open = |f: &Finding| !f.rivals.is_empty() || f.confidence < SURE_ENOUGH;
         let least = (0..self.findings.len())
             .filter(|k| open(&self.findings[*k]))
             .min_by(|a, b| self.findings[*a].confidence.total_cmp(&self.findings[*b].confidence));
@@ -78,7 +60,7 @@ impl Diagnosis {
             names.push(name);
             Ok(())
         };
-        for (rival, candidate) in finding.rivals.iter().zip(rivals).take(MOST) {
+        for (rival, candidate) in finding.rivals.iter().zip(rivals).take(RIVALS_COMPARED) {
             add(rival.in_words(), Some(candidate))?;
         }
         if rivals.is_empty() {

@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::{Cause, EffectId};
 use crate::effects::EFFECTS;
 
@@ -22,7 +22,7 @@ const ORDER_ONLY: &str = "time (t_s): only the order of the poses could be asked
 /// All candidates that this data can be asked about, with priors, and the effects that it cannot test. The prior is uniform over
 /// effects, then over sites, then over scan points; of these, effects may hold some for less likely.
 #[must_use]
-pub fn catalogue(recorded: &Recorded<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
+pub fn catalogue(recorded: &Covariates<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
     let mut all = Vec::new();
     let mut untestable = Vec::new();
     for effect in EFFECTS {
@@ -50,10 +50,10 @@ pub fn catalogue(recorded: &Recorded<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
 }
 
 /// Terms that are about the noise of the readings, not about the arm. Where every touch was nulled, what an indicator still
-/// reads is mostly its own noise, and believing a share of it is better than believing all; where commanded and read joints
+/// reads is mostly its own noise, and taking a share of it is better than taking all; where commanded and read joints
 /// differ by noise, a share of that helps likewise. They are fitted with the baseline if they pay, and never named as effects.
 #[must_use]
-pub fn reading_noise(recorded: &Recorded<'_>) -> Vec<Candidate> {
+pub fn reading_noise(recorded: &Covariates<'_>) -> Vec<Candidate> {
     let of = |cause: Cause, site, behaviour: &str, sign: i8, terms: Vec<(String, Site, Basis)>| Candidate {
         cause,
         site,
@@ -87,7 +87,7 @@ pub fn reading_noise(recorded: &Recorded<'_>) -> Vec<Candidate> {
 /// How the device is turned about the last axis: touches that were nulled do not see it, deflected ones do, and a zero of the
 /// last joint that is off turns the device. Belongs to the geometry; `None` where all touches were nulled.
 #[must_use]
-pub fn device_orientation(recorded: &Recorded<'_>) -> Option<Term> {
+pub fn device_orientation(recorded: &Covariates<'_>) -> Option<Term> {
     let term = || Term::new("device_z", "geometry", Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT);
     (recorded.spread[0] || recorded.spread[1]).then(term)
 }

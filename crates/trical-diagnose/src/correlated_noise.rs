@@ -1,4 +1,4 @@
-//! Noise of measurements that follow each other, where it remembers itself: drifting air, a stem that sticks, a tracker's long waves.
+//! Noise of measurements that follow each other, where it is correlated: drifting air, a stem that sticks, a tracker's long waves.
 //!
 //! Effects that change slowly look like such noise, and noise like them. So both are explanations of the same residuals: the noise as
 //! a process that keeps a share of itself from one measurement to the next, beside a white part; what the residuals say is
@@ -10,37 +10,28 @@ use nalgebra::{Matrix3, Vector3};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_model::{Measured, residual_rows};
 
-/// A memory must better the likelihood of white noise by so many nats, as what has no name must that of names.
-const REMEMBERS: f64 = 5.0;
-
-/// A process is noise where recordings hold so many of its spans (the measurements after which an e-th is left); beyond, it is a drift, and
-/// the effects say of what.
-const SPANS: f64 = 10.0;
-
-/// Shares that may be kept from one measurement to the next, and shares of the variance that may be white.
-const KEPT: [f64; 10] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98];
-const WHITE: [f64; 6] = [0.0, 0.25, 0.5, 0.7, 0.85, 0.95];
+use crate::settings::{AUTOCORRELATIONS, CORRELATED_NATS, CORRELATION_LENGTHS, WHITE_SHARES};
 
 /// Where the best of them is looked for first, as indices into both.
 const FIRST: [(usize, usize); 3] = [(3, 0), (5, 2), (7, 3)];
 
-/// How noise remembers itself.
+/// How noise is correlated from one measurement to the next: AR(1), beside a white part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Memory {
-    /// What is kept of the part that remembers, from one measurement to the next.
+pub struct CorrelatedNoise {
+    /// The correlated part keeps this share of itself from one measurement to the next.
     pub kept: f64,
-    /// Share of the variance that remembers nothing.
+    /// Share of the variance that is white.
     pub white: f64,
 }
 
-impl Memory {
+impl CorrelatedNoise {
     /// White noise.
-    pub const NONE: Self = Self { kept: 0.0, white: 1.0 };
+    pub const WHITE: Self = Self { kept: 0.0, white: 1.0 };
 
     /// What to tell of it, if anything.
     #[must_use]
     pub fn caution(&self) -> Option<String> {
-        (*self != Self::NONE).then(|| {
+        (*self != Self::WHITE).then(|| {
             format!(
                 "noise remembers itself: what no effect explains is alike in measurements that follow each other (correlation {:.2} from one \
                  to the next); effects were judged beside such noise, but standard deviations are stated as if it were white",
@@ -49,17 +40,17 @@ impl Memory {
         })
     }
 
-    /// The memory of the greatest likelihood; `nats` says how likely the residuals are with one, of recordings of `length` measurements.
+    /// The correlation of the greatest likelihood; `nats` says how likely the residuals are with one, of recordings of `length` measurements.
     /// None where white noise is about as likely.
     ///
     /// # Errors
     /// Those of `nats`.
     pub fn likeliest<E>(length: usize, mut nats: impl FnMut(Self) -> Result<f64, E>) -> Result<(Self, f64), E> {
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let longest = length as f64 / SPANS;
-        let count = KEPT.iter().filter(|kept| -kept.ln().recip() <= longest).count();
-        let at = |(k, w): (usize, usize)| Self { kept: KEPT[k], white: WHITE[w] };
-        let none = nats(Self::NONE)?;
+        let longest = length as f64 / CORRELATION_LENGTHS;
+        let count = AUTOCORRELATIONS.iter().filter(|kept| -kept.ln().recip() <= longest).count();
+        let at = |(k, w): (usize, usize)| Self { kept: AUTOCORRELATIONS[k], white: WHITE_SHARES[w] };
+        let none = nats(Self::WHITE)?;
         let mut known: BTreeMap<(usize, usize), f64> = BTreeMap::new();
         for place in FIRST.into_iter().filter(|p| p.0 < count) {
             known.insert(place, nats(at(place))?);
@@ -68,11 +59,13 @@ impl Memory {
             known.iter().max_by(|a, b| a.1.total_cmp(b.1)).map_or((FIRST[0], f64::MIN), |(place, n)| (*place, *n))
         };
         // the likelihood has one hill; where nothing is on it at all, white noise stays
-        while best(&known).1 > none - 2.0 * REMEMBERS {
+        while best(&known).1 > none - 2.0 * CORRELATED_NATS {
             let (k, w) = best(&known).0;
             let beside = [(k.wrapping_sub(1), w), (k + 1, w), (k, w.wrapping_sub(1)), (k, w + 1)];
-            let new: Vec<_> =
-                beside.into_iter().filter(|p| p.0 < count && p.1 < WHITE.len() && !known.contains_key(p)).collect();
+            let new: Vec<_> = beside
+                .into_iter()
+                .filter(|p| p.0 < count && p.1 < WHITE_SHARES.len() && !known.contains_key(p))
+                .collect();
             if new.is_empty() {
                 break;
             }
@@ -81,11 +74,11 @@ impl Memory {
             }
         }
         let (place, most) = best(&known);
-        Ok(if most > none + REMEMBERS { (at(place), most - REMEMBERS) } else { (Self::NONE, none) })
+        Ok(if most > none + CORRELATED_NATS { (at(place), most - CORRELATED_NATS) } else { (Self::WHITE, none) })
     }
 }
 
-/// Which measurements remember each other: those of one recording and one target, in their order.
+/// Which measurements are correlated: those of one recording and one target, in their order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Chain {
     recording: usize,
@@ -123,14 +116,14 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// For noise of a memory in the data.
+    /// For noise of a correlation in the data.
     #[must_use]
-    pub fn new(memory: Memory, data: &Dataset) -> Self {
-        let Memory { kept, white } = memory;
+    pub fn new(correlation: CorrelatedNoise, data: &Dataset) -> Self {
+        let CorrelatedNoise { kept, white } = correlation;
         let mut steps: Vec<Step> = Vec::new();
-        // first scalar of the last measurement of each chain, and the variance of what remembers that is foreseen after it
+        // first scalar of the last measurement of each chain, and the variance of the correlated part as it is predicted after it
         let mut ends: BTreeMap<Chain, (usize, f64)> = BTreeMap::new();
-        for o in data.observations.iter().filter(|_| memory != Memory::NONE) {
+        for o in data.observations.iter().filter(|_| correlation != CorrelatedNoise::WHITE) {
             let rows = residual_rows(&o.measured);
             let chain = Chain::of(o, rows);
             let end = ends.get(&chain);
@@ -235,8 +228,8 @@ mod tests {
         Dataset::build(&[Recording { name: "made".into(), joints: 6, rows }], JointSource::Read, None).unwrap()
     }
 
-    fn nats(memory: Memory, sequence: &[[f64; 3]], data: &Dataset) -> f64 {
-        let filter = Filter::new(memory, data);
+    fn nats(correlation: CorrelatedNoise, sequence: &[[f64; 3]], data: &Dataset) -> f64 {
+        let filter = Filter::new(correlation, data);
         let mut white = sequence.concat();
         filter.apply(&mut white);
         let square: f64 = white.iter().map(|v| v * v).sum();
@@ -245,23 +238,23 @@ mod tests {
         -0.5 * (n * square.ln() + filter.log_determinant())
     }
 
-    fn told(kept: f64, white: f64) -> Memory {
+    fn likeliest(kept: f64, white: f64) -> CorrelatedNoise {
         // two chains, each of which is such noise
         let [a, b] = [noise(kept, white, 600), noise(kept, white, 1200)[600..].to_vec()];
         let both: Vec<[f64; 3]> = a.into_iter().zip(b).flat_map(|(a, b)| [a, b]).collect();
         let data = points(both.len());
-        Memory::likeliest(600, |m| Ok::<f64, ()>(nats(m, &both, &data))).unwrap().0
+        CorrelatedNoise::likeliest(600, |m| Ok::<f64, ()>(nats(m, &both, &data))).unwrap().0
     }
 
     #[test]
-    fn noise_that_remembers_itself_is_told_from_noise_that_does_not() {
-        assert_eq!(told(0.0, 1.0), Memory::NONE);
+    fn correlated_noise_is_told_from_white_noise() {
+        assert_eq!(likeliest(0.0, 1.0), CorrelatedNoise::WHITE);
         let (sequence, data) = (noise(0.95, 0.0, 200), points(200));
-        let short = Memory::likeliest(100, |m| Ok::<f64, ()>(nats(m, &sequence, &data))).unwrap().0;
+        let short = CorrelatedNoise::likeliest(100, |m| Ok::<f64, ()>(nats(m, &sequence, &data))).unwrap().0;
         assert!(short.kept <= 0.9, "{short:?}: ten spans are what is known of noise");
-        let one = told(0.6, 0.0);
+        let one = likeliest(0.6, 0.0);
         assert!((one.kept - 0.6).abs() < 0.11 && one.white < 0.3, "{one:?}");
-        let mixed = told(0.95, 0.5);
+        let mixed = likeliest(0.95, 0.5);
         assert!((mixed.kept - 0.95).abs() < 0.06 && (mixed.white - 0.5).abs() < 0.25, "{mixed:?}");
     }
 
@@ -269,7 +262,7 @@ mod tests {
     #[test]
     fn the_filter_is_the_inverse_root_of_the_covariance() {
         let data = points(8);
-        let filter = Filter::new(Memory { kept: 0.7, white: 0.3 }, &data);
+        let filter = Filter::new(CorrelatedNoise { kept: 0.7, white: 0.3 }, &data);
         let of = |apply: &dyn Fn(&mut [f64])| {
             let mut all = nalgebra::DMatrix::<f64>::identity(24, 24);
             all.column_iter_mut().for_each(|mut c| apply(c.as_mut_slice()));
@@ -277,7 +270,7 @@ mod tests {
         };
         let w = of(&|c| filter.apply(c));
         assert!((of(&|c| filter.apply_transposed(c)) - w.transpose()).amax() < 1e-12);
-        // scalars of one axis and one target remember each other
+        // scalars of one axis and one target are correlated
         let covariance = nalgebra::DMatrix::from_fn(24, 24, |i: usize, j: usize| {
             let apart = i.abs_diff(j) / 6;
             match i.abs_diff(j) % 6 {

@@ -4,16 +4,9 @@
 use trical_ident::dataset::{Dataset, Observation};
 use trical_model::{Basis, Forward, Measured, Model, Shape, Site, State, Term, Variable};
 
-use crate::locators::value;
-
-/// Moments at which a change is looked for.
-const CHANGES: usize = 60;
-
-/// Loads below this (N m) are none.
-const UNLOADED: f64 = 0.1;
-
-/// What the most loaded joint of a small arm carries (root mean square, N m): sizes of effects that go with torque are known of such.
-pub const SMALL_ARM: f64 = 25.0;
+use crate::settings::{
+    CHANGE_POINTS, NO_LOAD_NM, READING_SPREAD, SECONDS_PER_TOUCH, SMALL_ARM_LOAD_NM, WARM_UP_PARTS, WARM_UP_S,
+};
 
 /// A measure of how warm the arm is.
 pub struct Clock {
@@ -24,15 +17,6 @@ pub struct Clock {
     /// By how much the basis changes over the data.
     pub rise: f64,
 }
-
-/// Time constants with which an arm may warm up, s; longer ones by doubling, as long as the recording is.
-const WARM_UPS: [f64; 5] = [400.0, 800.0, 1600.0, 3200.0, 6400.0];
-
-/// The same where nothing tells how long a pose took, as parts of the recording.
-const WARM_UP_PARTS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 0.125, 0.25, 0.5, 1.0, 2.0];
-
-/// How long a touch takes, s: what a rate in time is at each pose where there is no clock.
-const PACE: f64 = 20.0;
 
 /// What tells earlier from later: time, or where it was not recorded the number of the pose.
 #[must_use]
@@ -62,12 +46,35 @@ pub fn moment(order: Variable, at: f64) -> String {
 /// Seconds in each unit of what tells earlier from later.
 #[must_use]
 pub fn seconds_per(order: Variable) -> f64 {
-    if order == Variable::Seq { PACE } else { 1.0 }
+    if order == Variable::Seq { SECONDS_PER_TOUCH } else { 1.0 }
+}
+
+/// Value of a variable that is part of the state itself.
+#[must_use]
+pub fn value(variable: Variable, state: &State) -> f64 {
+    match variable {
+        Variable::Joint { joint } => state.q[joint - 1],
+        Variable::Time => state.t.unwrap_or(0.0),
+        Variable::Seq => state.seq.unwrap_or(0.0),
+        Variable::Temperature { reference_c } => state.temp_c.unwrap_or(reference_c) - reference_c,
+        _ => 0.0,
+    }
+}
+
+/// "q2", "time", "seq".
+#[must_use]
+pub fn name(variable: Variable) -> String {
+    match variable {
+        Variable::Joint { joint } => format!("q{joint}"),
+        Variable::Time => "time".into(),
+        Variable::Seq => "seq".into(),
+        other => format!("{other:?}").to_lowercase(),
+    }
 }
 
 /// What effects can look at.
 #[expect(clippy::struct_excessive_bools, reason = "a list of yes and no")]
-pub struct Recorded<'a> {
+pub struct Covariates<'a> {
     /// The baseline.
     pub model: &'a Model,
     /// Senses of motion are known.
@@ -93,7 +100,7 @@ pub struct Recorded<'a> {
     frames: usize,
 }
 
-impl<'a> Recorded<'a> {
+impl<'a> Covariates<'a> {
     /// `sigma` is the standard deviation (m) of a scalar residual of the baseline.
     #[must_use]
     pub fn new(model: &'a Model, data: &Dataset, sigma: f64) -> Self {
@@ -110,12 +117,12 @@ impl<'a> Recorded<'a> {
             order,
             touches: any(&|o| matches!(o.measured, Measured::Touch { .. })),
             masses,
-            spread: std::array::from_fn(|k| reading_spread(data, k) > SPREAD * sigma),
+            spread: std::array::from_fn(|k| reading_spread(data, k) > READING_SPREAD * sigma),
             lags: lag_follows_motion(data),
             clocks: clocks(data, order),
             span: order.map_or(1.0, |order| span(data, order)),
             loads: if masses { usual_loads(model, data) } else { vec![1.0; model.robot.dof()] },
-            changes: order.map_or_else(Vec::new, |order| change_points(data, order, CHANGES)),
+            changes: order.map_or_else(Vec::new, |order| change_points(data, order, CHANGE_POINTS)),
             frames: if optical { data.frames() } else { 0 },
         }
     }
@@ -151,13 +158,13 @@ impl<'a> Recorded<'a> {
     /// Whether gravity does not turn a joint.
     #[must_use]
     pub fn unloaded(&self, joint: usize) -> bool {
-        self.load(joint) <= UNLOADED
+        self.load(joint) <= NO_LOAD_NM
     }
 
     /// How many times the load of a small arm this one carries, at least 1. It is built that much stiffer, or it would hang down.
     #[must_use]
     pub fn strength(&self) -> f64 {
-        self.loads.iter().fold(SMALL_ARM, |most, load| most.max(*load)) / SMALL_ARM
+        self.loads.iter().fold(SMALL_ARM_LOAD_NM, |most, load| most.max(*load)) / SMALL_ARM_LOAD_NM
     }
 
     /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of an arm of this strength does.
@@ -195,8 +202,8 @@ fn clocks(data: &Dataset, order: Option<Variable>) -> Vec<Clock> {
     if order == Variable::Seq {
         return WARM_UP_PARTS.map(|part| warm_up(part * span)).into();
     }
-    let longer = std::iter::successors(WARM_UPS.last().copied(), |c| Some(2.0 * c)).skip(1).take_while(|c| *c <= span);
-    WARM_UPS.into_iter().chain(longer).map(warm_up).collect()
+    let longer = std::iter::successors(WARM_UP_S.last().copied(), |c| Some(2.0 * c)).skip(1).take_while(|c| *c <= span);
+    WARM_UP_S.into_iter().chain(longer).map(warm_up).collect()
 }
 
 /// How long the data goes on; times are since the recording began, numbers may begin anywhere.
@@ -206,7 +213,7 @@ fn span(data: &Dataset, order: Variable) -> f64 {
     (of().fold(0.0, f64::max) - first).max(1.0)
 }
 
-/// Root mean square of each joint's gravity torque over the data, N m; at least [`UNLOADED`].
+/// Root mean square of each joint's gravity torque over the data, N m; at least [`NO_LOAD_NM`].
 fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
     let n = model.robot.dof();
     let mut squares = vec![0.0; n];
@@ -221,7 +228,7 @@ fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
     }
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let count = data.observations.len().max(1) as f64;
-    squares.into_iter().map(|s| (s / count).sqrt().max(UNLOADED)).collect()
+    squares.into_iter().map(|s| (s / count).sqrt().max(NO_LOAD_NM)).collect()
 }
 
 /// Moments at which something may have changed: `count` quantiles of the data's, ends left out.
@@ -241,10 +248,6 @@ fn change_points(data: &Dataset, order: Variable, count: usize) -> Vec<f64> {
         })
         .collect()
 }
-
-/// Indicator readings must spread this many times beyond the residual noise before their gain can be asked for. The noise of
-/// a reading stands in the residual and in the regressor, which biases a gain by -(noise / spread)^2: by 1 % at ten.
-const SPREAD: f64 = 10.0;
 
 /// Standard deviation of the readings of one indicator, m.
 fn reading_spread(data: &Dataset, axis: usize) -> f64 {

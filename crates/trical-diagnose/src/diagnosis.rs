@@ -2,9 +2,11 @@
 
 use serde::Serialize;
 use trical_ident::dataset::{Dataset, Rejected};
+use trical_ident::known::Known;
+use trical_ident::noise::Noise;
 use trical_model::{Model, Place};
 
-use crate::alternatives::Grounds;
+use crate::candidate::Candidate;
 use crate::effect_id::EffectId;
 
 /// A coefficient in its unit.
@@ -179,12 +181,12 @@ pub struct Diagnosis {
     pub after: Final,
     /// What should make one look twice.
     pub cautions: Vec<String>,
-    /// Rows that were not believed.
+    /// Rows that were rejected.
     pub rejected: Vec<Rejected>,
     /// The extended model.
     #[serde(skip)]
     pub model: Model,
-    /// The data that was believed.
+    /// The data without them.
     #[serde(skip)]
     pub data: Dataset,
     /// The baseline fit.
@@ -193,4 +195,16 @@ pub struct Diagnosis {
     /// For [`Diagnosis::undecided`].
     #[serde(skip)]
     pub grounds: Grounds,
+}
+
+/// What later questions about a diagnosis need to know, and nobody reads.
+#[derive(Clone, Debug)]
+pub struct Grounds {
+    pub(crate) noise: Noise,
+    /// Of the model's terms, in their order.
+    pub(crate) known: Vec<Known>,
+    /// For every finding, the candidates that it consists of, and the best candidate of each of its rivals.
+    pub(crate) findings: Vec<(Vec<Candidate>, Vec<Candidate>)>,
+    /// Standard deviation of a touch's scalar residual, m.
+    pub(crate) sigma: f64,
 }

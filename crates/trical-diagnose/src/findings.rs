@@ -1,6 +1,5 @@
 //! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
 
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
@@ -11,28 +10,15 @@ use crate::candidate::Candidate;
 use crate::covariates::is_order;
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
 use crate::effect_id::{Cause, EffectId};
-use crate::linear::{Design, Stage};
+use crate::linear::{Design, RegressionState};
 use crate::locators;
 use crate::selection::{Ranked, Search};
-use crate::specification_test::{CONSIDERABLE, Judge, Misfit, nats};
-
-/// Signatures below this many standard deviations cannot be seen.
-const VISIBLE: f64 = 3.0;
-
-/// Candidates within this many nats of a finding are rivals.
-const RIVAL: f64 = 5.0;
-
-/// What is left at a place is told where it is less likely than this to be chance.
-const SURE_LEFT: f64 = 1e-5;
-
-/// Share of an unknown effect that its approximation may leave to be taken for something else.
-const LEAK: f64 = 0.05;
-
-/// A probe that says so many nats more than the curves of its place tells better on what the mismatch depends.
-const TELLS: f64 = 3.0;
-
-/// No claim is surer than this.
-const SUREST: f64 = 0.99;
+use crate::settings::{
+    CONSIDERABLE_SHARE, LARGEST_CONFIDENCE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, REPEATED_TRUST, RIVAL_NATS,
+    SLOW_WAVE_CYCLES, TEMPERING, UNKNOWN_LEAK, VISIBLE_LAMBDA,
+};
+use crate::specification_test::{LackOfFit, SpecificationTest};
+use crate::statistics::{bic_nats, f_test_of_effect};
 
 /// One group of chosen candidates: same effect, same site.
 pub(crate) struct Group {
@@ -55,14 +41,14 @@ pub(crate) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
 }
 
 /// Greedily by what each removes.
-pub(crate) fn ordered(search: &Search<'_>, start: &Stage, mut groups: Vec<Group>) -> Vec<Group> {
+pub(crate) fn ordered(search: &Search<'_>, start: &RegressionState, mut groups: Vec<Group>) -> Vec<Group> {
     let mut out = Vec::new();
-    let mut stage = start.clone();
+    let mut state = start.clone();
     while !groups.is_empty() {
-        let ss = |g: &Group| search.with(&stage, &g.members).ss;
+        let ss = |g: &Group| search.with(&state, &g.members).ss;
         let best = (0..groups.len()).min_by(|a, b| ss(&groups[*a]).total_cmp(&ss(&groups[*b]))).unwrap_or(0);
         let g = groups.remove(best);
-        stage = search.with(&stage, &g.members);
+        state = search.with(&state, &g.members);
         out.push(g);
     }
     out
@@ -114,18 +100,11 @@ pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient>
         .collect()
 }
 
-pub(crate) fn f_test(search: &Search<'_>, stage: &Stage, dss: f64, rank: f64) -> f64 {
-    let k = rank.max(1.0);
-    let n = search.freedom(stage) - k;
-    let f = (dss / k) / ((stage.ss - dss).max(1e-300) / n);
-    FisherSnedecor::new(k, n.max(1.0)).map_or(1.0, |d| d.sf(f * search.temper))
-}
-
 /// A finding of an effect, and the best candidate of each of its rivals.
 pub(crate) fn finding(
     effect: EffectId,
     search: &Search<'_>,
-    stage: &Stage,
+    state: &RegressionState,
     group: &Group,
     others: &[usize],
     model: &Model,
@@ -133,22 +112,22 @@ pub(crate) fn finding(
 ) -> (Finding, Vec<Candidate>) {
     let first = group.members[0];
     let local = search.candidates;
-    let with = search.with(stage, &group.members);
-    let dss = stage.ss - with.ss;
-    let rank = with.parameters - stage.parameters;
+    let with = search.with(state, &group.members);
+    let dss = state.ss - with.ss;
+    let rank = with.parameters - state.parameters;
     let delta_bic = {
-        let n = search.freedom(stage);
-        n * (stage.ss / with.ss).ln() - rank * n.ln()
+        let n = search.freedom(state);
+        n * (state.ss / with.ss).ln() - rank * n.ln()
     };
-    let ranked: Vec<Ranked> = search.rank(stage).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
-    let own = search.total(stage, &group.members);
+    let ranked: Vec<Ranked> = search.rank(state).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
+    let own = search.total(state, &group.members);
     let mut rivals: Vec<Rival> = Vec::new();
     let mut best: Vec<Candidate> = Vec::new();
     let mut rival_weight = 0.0;
     let mut own_weight = 1.0;
     for r in &ranked {
         // tempered: the noise is never quite what the model of it says
-        let weight = (0.7 * (r.evidence - own)).exp();
+        let weight = (TEMPERING * (r.evidence - own)).exp();
         if search.same_place(r.candidate, first) {
             if !group.members.contains(&r.candidate) {
                 own_weight += weight;
@@ -157,17 +136,17 @@ pub(crate) fn finding(
         }
         rival_weight += weight;
         let c = &local[r.candidate];
-        if r.evidence > own - RIVAL
+        if r.evidence > own - RIVAL_NATS
             && let Some(effect) = c.cause.effect()
             && !rivals.iter().any(|v| v.effect == effect && v.site == c.site)
-            && rivals.len() < 8
+            && rivals.len() < MOST_RIVALS
         {
             best.push(c.clone());
             rivals.push(Rival { effect, site: c.site, delta_bic: (2.0 * (own - r.evidence)).max(0.0) });
         }
     }
-    let nothing = (0.7 * -own).exp();
-    let confidence = (own_weight / (own_weight + rival_weight + nothing)).min(SUREST);
+    let nothing = (TEMPERING * -own).exp();
+    let confidence = (own_weight / (own_weight + rival_weight + nothing)).min(LARGEST_CONFIDENCE);
     let next_measurements = (!rivals.is_empty()).then(|| {
         format!(
             "touches that tell {} from {}: trical diagnose --next 8 plans them",
@@ -185,7 +164,7 @@ pub(crate) fn finding(
         coefficients: group.members.iter().flat_map(|m| coefficients(model, &local[*m])).collect(),
         evidence: Evidence {
             delta_bic,
-            p_value: f_test(search, stage, dss, rank),
+            p_value: f_test_of_effect(state.ss, dss, rank, search.freedom(state), search.temper),
             holdout_rms_before_mm: before.blocks,
             holdout_rms_after_mm: after.blocks,
             forward_rms_before_mm: before.forward,
@@ -199,18 +178,18 @@ pub(crate) fn finding(
 
 pub(crate) fn unexplained_from(
     search: &Search<'_>,
-    stage: &Stage,
+    state: &RegressionState,
     group: &Group,
     model: &Model,
     [before, after]: [Proof; 2],
     data: &Dataset,
 ) -> Unexplained {
     let first = &search.candidates[group.members[0]];
-    let with = search.with(stage, &group.members);
+    let with = search.with(state, &group.members);
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let rms_mm = {
         // removed sum of squares, as a position error of the observations
-        let share = ((stage.ss - with.ss) / stage.ss).clamp(0.0, 1.0);
+        let share = ((state.ss - with.ss) / state.ss).clamp(0.0, 1.0);
         let errors = Forward::new(model.clone(), Vec::new()).map(|f| position_errors(&f, data)).unwrap_or_default();
         let n = errors.len().max(1) as f64;
         let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
@@ -230,7 +209,12 @@ pub(crate) fn unexplained_from(
 }
 
 /// Sum of squares that each chosen candidate without a name removes, and its site.
-pub(crate) fn unknowns(search: &Search<'_>, start: &Stage, full: &Stage, chosen: &[usize]) -> Vec<(Place, f64)> {
+pub(crate) fn unknowns(
+    search: &Search<'_>,
+    start: &RegressionState,
+    full: &RegressionState,
+    chosen: &[usize],
+) -> Vec<(Place, f64)> {
     let unnamed = chosen.iter().filter(|c| search.candidates[**c].cause == Cause::Unexplained);
     unnamed
         .map(|u| {
@@ -242,22 +226,19 @@ pub(crate) fn unknowns(search: &Search<'_>, start: &Stage, full: &Stage, chosen:
 
 /// Trust in a name that explains `own` while something unknown goes on. A curve only approximates the unknown: what it leaves
 /// can look like a small effect anywhere, and at its own place all the more.
-pub(crate) fn beside_unknown(own: f64, place: Place, unknown: &[(Place, f64)]) -> f64 {
+pub(crate) fn trust_beside_unknown(own: f64, place: Place, unknown: &[(Place, f64)]) -> f64 {
     let leaked: f64 =
-        unknown.iter().map(|(at, dss)| if at.is_same_part(place) { *dss } else { LEAK * dss }).sum::<f64>();
+        unknown.iter().map(|(at, dss)| if at.is_same_part(place) { *dss } else { UNKNOWN_LEAK * dss }).sum::<f64>();
     own / (own + leaked).max(1e-300)
 }
-
-/// Waves of more cycles a turn are a gear's teeth; of fewer, they may be a part of anything that depends on the angle.
-const SLOW_WAVES: f64 = 20.0;
 
 /// Trust in a name that it took several candidates of one kind to uphold: a sum of waves can be anything that depends on an
 /// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name, and so is what
 /// changes there with time and temperature.
-pub(crate) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
+pub(crate) fn trust_of_repeated(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
     let waves = |c: &Candidate| c.cause.effect().is_some_and(|id| id.effect().periodic);
     let repeated = |c: &Candidate| waves(c) || c.step().is_some();
-    let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVES);
+    let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVE_CYCLES);
     let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
     let changes = |c: &Candidate| c.site.joint().is_some() && c.terms.iter().any(in_time);
     let first = &candidates[group.members[0]];
@@ -267,16 +248,21 @@ pub(crate) fn of_one_kind(group: &Group, chosen: &[usize], candidates: &[Candida
         let one = group.members.iter().any(|m| kind(&candidates[*m]));
         if one { chosen.iter().map(|c| &candidates[*c]).filter(alike).count() } else { 0 }
     };
-    0.5_f64.powi(i32::try_from(own + others(&slow) + others(&changes)).unwrap_or(i32::MAX))
+    REPEATED_TRUST.powi(i32::try_from(own + others(&slow) + others(&changes)).unwrap_or(i32::MAX))
 }
 
-/// A mismatch that a probe tells at a stage: where and on what it depends; held-out errors without and with it.
-fn told(judge: &Judge<'_>, stage: &Stage, m: Misfit, [before, after]: [f64; 2]) -> Unexplained {
-    let curve = judge.line(stage, &m);
+/// A mismatch that a probe tells at a state: where and on what it depends; held-out errors without and with it.
+fn unexplained_by_probe(
+    test: &SpecificationTest<'_>,
+    state: &RegressionState,
+    m: LackOfFit,
+    [before, after]: [f64; 2],
+) -> Unexplained {
+    let curve = test.line(state, &m);
     let units = if curve.is_empty() { "" } else { "deg" };
     Unexplained {
         region: m.region,
-        rms_mm: before * (m.dss / stage.ss).clamp(0.0, 1.0).sqrt(),
+        rms_mm: before * (m.dss / state.ss).clamp(0.0, 1.0).sqrt(),
         holdout_rms_before_mm: before,
         holdout_rms_after_mm: after,
         site: m.site,
@@ -286,15 +272,15 @@ fn told(judge: &Judge<'_>, stage: &Stage, m: Misfit, [before, after]: [f64; 2]) 
     }
 }
 
-/// Curves without a name are what the model can hold; a probe may tell better on what the mismatch depends (a joint that remembers
+/// Curves without a name are what the model can hold; a probe may tell better on what the mismatch depends (a joint that depends on
 /// its last moves looks like a curve of time). Beside a place's curves, what its probe tells instead; and what a probe tells of
 /// places whose names are `doubted`. `without` and `held_out_rms_mm` leave out what was chosen at a place: its curves, or all of it.
-pub(crate) fn told_better(
-    judge: &Judge<'_>,
-    full: &Stage,
+pub(crate) fn add_probe_results(
+    test: &SpecificationTest<'_>,
+    full: &RegressionState,
     unexplained: &mut Vec<Unexplained>,
     doubted: &[Place],
-    without: &dyn Fn(Place, bool) -> Stage,
+    without: &dyn Fn(Place, bool) -> RegressionState,
     held_out_rms_mm: &dyn Fn(Place, bool, Option<usize>) -> f64,
 ) {
     let mut sites: Vec<Place> = Vec::new();
@@ -306,27 +292,27 @@ pub(crate) fn told_better(
     for site in sites {
         let here = |u: &Unexplained| u.site == site;
         let curves = unexplained.iter().any(here);
-        let stage = without(site, curves);
-        let own = nats(judge.freedom(&stage), stage.ss, full.ss, full.parameters - stage.parameters);
-        let Some((m, said)) = judge.teller(&stage, site) else { continue };
+        let state = without(site, curves);
+        let own = bic_nats(test.freedom(&state), state.ss, full.ss, full.parameters - state.parameters);
+        let Some((m, said)) = test.best_probe(&state, site) else { continue };
         let known = unexplained.iter().any(|u| here(u) && u.variable == m.variable);
-        let better = if curves { said > own + TELLS } else { m.dss > 0.5 * (stage.ss - full.ss) };
+        let better = if curves { said > own + PROBE_BETTER_NATS } else { m.dss > 0.5 * (state.ss - full.ss) };
         if better && !known {
             let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(site, curves, probe));
-            unexplained.push(told(judge, &stage, m, errors));
+            unexplained.push(unexplained_by_probe(test, &state, m, errors));
         }
     }
 }
 
 /// What probes say is left at places where no curve was good enough to be modelled, beside what is `explained` there.
-pub(crate) fn left_over(
-    judge: &Judge<'_>,
-    stage: &Stage,
+pub(crate) fn remaining_lack_of_fit(
+    test: &SpecificationTest<'_>,
+    state: &RegressionState,
     explained: &dyn Fn(Place) -> f64,
     held_out_rms_mm: &dyn Fn(Option<usize>) -> f64,
 ) -> Vec<Unexplained> {
-    let considerable = |m: &Misfit| m.p_value < SURE_LEFT && m.dss > CONSIDERABLE * explained(m.site);
-    let mut places: Vec<Misfit> = judge.places(stage).into_iter().filter(considerable).collect();
+    let considerable = |m: &LackOfFit| m.p_value < REMAINDER_P && m.dss > CONSIDERABLE_SHARE * explained(m.site);
+    let mut places: Vec<LackOfFit> = test.places(state).into_iter().filter(considerable).collect();
     places.sort_by(|a, b| b.dss.total_cmp(&a.dss));
     if places.is_empty() {
         return Vec::new();
@@ -336,27 +322,27 @@ pub(crate) fn left_over(
         .into_iter()
         .map(|m| {
             let after = held_out_rms_mm(Some(m.probe));
-            told(judge, stage, m, [before, after])
+            unexplained_by_probe(test, state, m, [before, after])
         })
         .collect()
 }
 
 /// Effects and sites whose typical size would leave no trace.
-pub(crate) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Blind> {
-    let variance = (stage.ss / search.freedom(stage)).max(1e-300);
+pub(crate) fn blind(search: &Search<'_>, state: &RegressionState, set: &[usize]) -> Vec<Blind> {
+    let variance = (state.ss / search.freedom(state)).max(1e-300);
     let mut seen: Vec<(usize, f64)> = Vec::new();
     for (k, c) in search.candidates.iter().enumerate() {
         if c.cause == Cause::Unexplained || set.iter().any(|s| search.same_place(*s, k)) {
             continue;
         }
-        let lambda = search.design.lambda_of_size(stage, k, c.typical) * search.temper.sqrt() / variance.sqrt();
+        let lambda = search.design.lambda_of_size(state, k, c.typical) * search.temper.sqrt() / variance.sqrt();
         match seen.iter_mut().find(|(s, _)| search.same_place(*s, k)) {
             Some(entry) => entry.1 = entry.1.max(lambda),
             None => seen.push((k, lambda)),
         }
     }
     seen.into_iter()
-        .filter(|(_, lambda)| *lambda < VISIBLE)
+        .filter(|(_, lambda)| *lambda < VISIBLE_LAMBDA)
         .filter_map(|(k, lambda)| {
             let Candidate { cause, site, .. } = &search.candidates[k];
             Some(Blind { effect: cause.effect()?, site: *site, lambda, lacks: None })
@@ -365,15 +351,15 @@ pub(crate) fn blind(search: &Search<'_>, stage: &Stage, set: &[usize]) -> Vec<Bl
 }
 
 /// Smallest p-value among all candidates, times how many independent questions were asked (Bonferroni).
-pub(crate) fn lack_of_fit(search: &Search<'_>, stage: &Stage, set: &[usize]) -> f64 {
-    let ranked = search.rank(stage);
+pub(crate) fn lack_of_fit(search: &Search<'_>, state: &RegressionState, set: &[usize]) -> f64 {
+    let ranked = search.rank(state);
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let questions = ranked.len() as f64;
     ranked
         .iter()
-        .filter(|r| !(stage.ss < search.design.stage().ss && set.contains(&r.candidate)))
+        .filter(|r| !(state.ss < search.design.start().ss && set.contains(&r.candidate)))
         .take(100)
-        .map(|r| f_test(search, stage, r.dss, r.rank) * questions)
+        .map(|r| f_test_of_effect(state.ss, r.dss, r.rank, search.freedom(state), search.temper) * questions)
         .fold(1.0, f64::min)
 }
 

@@ -1,10 +1,12 @@
 //! Diagnosis: does the model explain the data to within the noise; if not, where does it fail, which physics does that, how
 //! sure is that, and what happens to the error on data that the fit did not see once it is modelled.
 //!
-//! Modules stand in the order of what uses what: each one imports only those above it.
+//! Modules stand in the order of what uses what: each imports only modules above it.
 //!
 //! | module | holds |
 //! |---|---|
+//! | [`settings`] | every threshold with its reason |
+//! | [`statistics`] | tests and criteria |
 //! | [`covariates`] | what the recordings have: time, temperature, loads, senses of motion |
 //! | [`correlated_noise`] | noise that is correlated from one measurement to the next |
 //! | [`effect_id`] | the list of effects |
@@ -16,10 +18,10 @@
 //! | [`selection`] | which candidates the residual asks for |
 //! | [`specification_test`] | whether a name says all that happens at its place |
 //! | [`rejection`] | stale rows and outliers |
-//! | [`diagnosis`], `findings` | what a diagnosis says; from what was chosen to that |
+//! | [`diagnosis`], `findings` | the result; from what was chosen to it |
 //! | [`alternatives`] | between what the data cannot decide |
 //! | `rounds`, [`procedure`] | rounds of selection and refit; the whole of it |
-//! | [`joint_choice`] | the same, as read and as commanded |
+//! | [`joint_choice`] | the same, with joints as read and as commanded |
 //! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 
 pub mod alternatives;
@@ -40,7 +42,9 @@ mod refine;
 pub mod rejection;
 mod rounds;
 pub mod selection;
+pub mod settings;
 pub mod specification_test;
+pub mod statistics;
 pub mod truth;
 
 pub use alternatives::Undecided;

@@ -1,47 +1,17 @@
 //! Locators: what finds a mismatch without knowing its name. A stump (a joint is off where some variable is below a threshold),
 //! growth (it is off more and more beyond one, in proportion or with the square) and a free curve (a linear spline of some
-//! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`PRICE`] nats.
+//! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`UNNAMED_PRICE_NATS`] nats.
 
 use trical_ident::dataset::Dataset;
-use trical_model::{Basis, Beside, Model, Place, Shape, Site, State, Term, Variable};
+use trical_model::{Basis, Beside, Model, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
-use crate::covariates::{is_order, order_of};
+use crate::covariates::{is_order, name, order_of, value};
 use crate::effect_id::{Cause, UNEXPLAINED};
-
-/// A locator must beat every name by this many nats.
-pub const PRICE: f64 = 5.0;
-
-/// How far a joint may be off without a name, rad (0.02 deg): the prior of each knot of a curve.
-pub const LARGE: f64 = 0.02 * std::f64::consts::PI / 180.0;
-
-/// Thresholds tried for each variable.
-const THRESHOLDS: usize = 30;
-
-/// Thresholds tried for growth are the inner ones of so many quantiles.
-const GROWTHS: usize = 9;
-
-/// Places at which something local is looked for, and how far it reaches to either side, as parts of the joint's stroke.
-const PLACES: usize = 32;
-const REACHES: [f64; 3] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0];
-
-/// Values that something local must have.
-const LOCAL_VALUES: usize = 4;
-
-/// Knots of a free curve.
-pub(crate) const KNOTS: usize = 8;
-
-/// Value of a variable that is part of the state itself.
-#[must_use]
-pub fn value(variable: Variable, state: &State) -> f64 {
-    match variable {
-        Variable::Joint { joint } => state.q[joint - 1],
-        Variable::Time => state.t.unwrap_or(0.0),
-        Variable::Seq => state.seq.unwrap_or(0.0),
-        Variable::Temperature { reference_c } => state.temp_c.unwrap_or(reference_c) - reference_c,
-        _ => 0.0,
-    }
-}
+use crate::settings::{
+    CURVE_KNOTS, FINE_CURVE_KNOTS, GROWTH_QUANTILES, LOCAL_CENTRES, LOCAL_REACHES, LOCAL_VALUES, STEP_THRESHOLDS,
+    UNNAMED_PRICE_NATS, UNNAMED_SIZE_RAD, VALUES_PER_KNOT,
+};
 
 fn sorted(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
@@ -58,7 +28,7 @@ pub fn knots(values: &[f64], count: usize) -> Option<Vec<f64>> {
     (sorted.len() >= 20).then(|| (0..count).map(|k| sorted[(k * last) / (count - 1)]).collect())
 }
 
-/// A free curve at a site: a linear spline of a variable, times the sense of a joint's motion if that is given. Without it the
+/// A free curve at a site: a linear spline of a variable, times the sense of a joint's motion if that is given. Downdated it the
 /// first tent is left out, which would repeat the site's own constant.
 #[must_use]
 pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]) -> Vec<Term> {
@@ -85,8 +55,8 @@ fn growths(sorted: &[f64]) -> Vec<Shape> {
     let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
     let up = |at| Shape::Tent { left: at, centre: high, right: f64::INFINITY };
     let down = |at| Shape::Tent { left: f64::NEG_INFINITY, centre: low, right: at };
-    (1..GROWTHS)
-        .map(|k| sorted[(k * (sorted.len() - 1)) / GROWTHS])
+    (1..GROWTH_QUANTILES)
+        .map(|k| sorted[(k * (sorted.len() - 1)) / GROWTH_QUANTILES])
         .filter(|at| *at > low && *at < high)
         .flat_map(|at| [up(at), down(at), Shape::Growth { from: at, to: high }, Shape::Growth { from: at, to: low }])
         .collect()
@@ -96,9 +66,11 @@ fn growths(sorted: &[f64]) -> Vec<Shape> {
 fn locals(sorted: &[f64]) -> Vec<Shape> {
     let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
     let within = |left: f64, right: f64| sorted.iter().filter(|v| **v > left && **v < right).count();
-    let centres = (1..PLACES).map(|k| sorted[(k * (sorted.len() - 1)) / PLACES]);
+    let centres = (1..LOCAL_CENTRES).map(|k| sorted[(k * (sorted.len() - 1)) / LOCAL_CENTRES]);
     centres
-        .flat_map(|centre| REACHES.map(|part| (centre - part * (high - low), centre, centre + part * (high - low))))
+        .flat_map(|centre| {
+            LOCAL_REACHES.map(|part| (centre - part * (high - low), centre, centre + part * (high - low)))
+        })
         .filter(|(left, _, right)| within(*left, *right) >= LOCAL_VALUES)
         .map(|(left, centre, right)| Shape::Tent { left, centre, right })
         .collect()
@@ -120,13 +92,6 @@ fn together(site: Site, joint: usize, other: usize) -> Vec<Term> {
     terms
 }
 
-/// Knots of curves of a joint's own angle that are narrow: the finer ones where there are [`PER_KNOT`] values for each knot. An
-/// encoder's own error has many waves, and is no single one of them.
-const FINE_KNOTS: [usize; 2] = [16, 32];
-
-/// Values of an angle that each knot of the finer curves must have.
-const PER_KNOT: usize = 20;
-
 /// Something at a joint that `what` tells.
 fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
     Candidate {
@@ -135,7 +100,7 @@ fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
         behaviour: format!("joint {joint} is off in a way that {what} tells"),
         signs: vec![0; terms.len()],
         physical: anything,
-        scales: vec![LARGE; terms.len()],
+        scales: vec![UNNAMED_SIZE_RAD; terms.len()],
         terms,
         typical: 0.0,
         log_prior: 0.0,
@@ -156,13 +121,13 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
         let candidate = |terms: Vec<Term>, what: &str| candidate(joint, terms, what);
         for variable in &variables {
             let values = read(*variable);
-            let Some(curve) = knots(&values, KNOTS) else { continue };
+            let Some(curve) = knots(&values, CURVE_KNOTS) else { continue };
             let of = name(*variable);
             let sorted = sorted(&values);
             if !is_order(*variable) {
-                for k in 1..THRESHOLDS {
+                for k in 1..STEP_THRESHOLDS {
                     // nobody was between two values: the step is as likely there as anywhere else between them
-                    let above = ((k * (sorted.len() - 1)) / THRESHOLDS).max(1);
+                    let above = ((k * (sorted.len() - 1)) / STEP_THRESHOLDS).max(1);
                     let between = 0.5 * (sorted[above - 1] + sorted[above]);
                     let basis = Basis::new(*variable, Shape::Step { at: between });
                     out.push(candidate(vec![Term::new(format!("step_{joint}_by_{of}"), UNEXPLAINED, at, basis)], &of));
@@ -182,8 +147,8 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
                     out.push(candidate(vec![term], &of));
                 }
                 let distinct = sorted.len();
-                let enough = |k: &usize| *k == FINE_KNOTS[0] || distinct >= k * PER_KNOT;
-                let fine = FINE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
+                let enough = |k: &usize| *k == FINE_CURVE_KNOTS[0] || distinct >= k * VALUES_PER_KNOT;
+                let fine = FINE_CURVE_KNOTS.into_iter().filter(enough).filter_map(|k| knots(&values, k));
                 out.extend(fine.map(|fine| candidate(tents(at, *variable, None, &fine), &of)));
             }
             if has_direction && (is_order(*variable) || *variable == (Variable::Joint { joint })) {
@@ -200,25 +165,14 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let price = (out.len() as f64).ln() + PRICE;
+    let price = (out.len() as f64).ln() + UNNAMED_PRICE_NATS;
     for c in &mut out {
         c.log_prior = -price;
     }
     out
 }
 
-/// "q2", "time", "seq".
-#[must_use]
-pub fn name(variable: Variable) -> String {
-    match variable {
-        Variable::Joint { joint } => format!("q{joint}"),
-        Variable::Time => "time".into(),
-        Variable::Seq => "seq".into(),
-        other => format!("{other:?}").to_lowercase(),
-    }
-}
-
-/// A mismatch without a name, as it is told.
+/// A mismatch without a name, as it is reported.
 #[derive(Clone, Debug, Default)]
 pub struct Located {
     /// On what it depends.

@@ -9,20 +9,12 @@ use trical_ident::identify::Identified;
 use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
-use crate::correlated_noise::Memory;
+use crate::correlated_noise::CorrelatedNoise;
+use crate::covariates::name;
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::effects::ripple;
 use crate::linear::Linear;
-use crate::locators::{LARGE, PRICE, name};
-
-/// Cycles per turn that gears have.
-pub const GEARS: (u32, u32) = (10, 300);
-
-/// Beyond gears: a period of 0.01 deg, the finest that joint angles tell.
-const FINEST: u32 = 36_000;
-
-/// Strongest frequencies of each joint that are tried.
-const TRIED: usize = 5;
+use crate::settings::{FINEST_CYCLES, GEAR_CYCLES, PEAKS_PER_JOINT, UNNAMED_PRICE_NATS, UNNAMED_SIZE_RAD};
 
 /// A joint's apparent angle error, pose by pose: `sum c r` and `sum c^2` over the rows of a pose, with `c` the joint's column.
 struct Apparent {
@@ -31,14 +23,14 @@ struct Apparent {
     weight: Vec<f64>,
 }
 
-/// Ripples of gears that the residual of a fit suggests, `TRIED` for each joint.
+/// Ripples of gears that the residual of a fit suggests, `PEAKS_PER_JOINT` for each joint.
 ///
 /// # Errors
 /// None for a model that was fitted.
 pub fn ripples(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
     let joints = apparent(fitted, data)?;
-    let (from, to) = GEARS;
-    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(from, to, TRIED)).collect();
+    let (from, to) = GEAR_CYCLES;
+    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(from, to, PEAKS_PER_JOINT)).collect();
     Ok(peaks
         .iter()
         .enumerate()
@@ -56,9 +48,9 @@ fn joints_of(fitted: &Identified) -> usize {
 /// None for a model that was fitted.
 pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
     let joints = apparent(fitted, data)?;
-    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(GEARS.1 + 1, FINEST, 1)).collect();
+    let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(GEAR_CYCLES.1 + 1, FINEST_CYCLES, 1)).collect();
     #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let asked = (joints.len() as f64) * f64::from(FINEST);
+    let asked = (joints.len() as f64) * f64::from(FINEST_CYCLES);
     Ok(peaks
         .iter()
         .enumerate()
@@ -81,8 +73,8 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
                 terms: vec![term("sine", Shape::Sine { cycles }), term("cosine", Shape::Cosine { cycles })],
                 signs: vec![0; 2],
                 typical: 0.0,
-                scales: vec![LARGE; 2],
-                log_prior: -asked.ln() - PRICE,
+                scales: vec![UNNAMED_SIZE_RAD; 2],
+                log_prior: -asked.ln() - UNNAMED_PRICE_NATS,
             }
         })
         .collect())
@@ -102,8 +94,15 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
             log_prior: 0.0,
         })
         .collect();
-    let linear =
-        Linear::new(&fitted.model, [0, fitted.model.terms.len()], &columns, &[], data, &fitted.noise, Memory::NONE)?;
+    let linear = Linear::new(
+        &fitted.model,
+        [0, fitted.model.terms.len()],
+        &columns,
+        &[],
+        data,
+        &fitted.noise,
+        CorrelatedNoise::WHITE,
+    )?;
     let poses = data.used_poses();
     let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
     for o in &data.observations {

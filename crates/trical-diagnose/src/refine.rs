@@ -6,17 +6,8 @@ use trical_ident::dataset::Dataset;
 use trical_model::Term;
 
 use crate::candidate::Candidate;
-use crate::locators::{KNOTS, value};
-
-/// Steps all along a variable are so many.
-const ALONG: usize = 60;
-
-/// Softnesses, kinks and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
-const NEAR: f64 = 1.15;
-const NEAR_SHARE: f64 = 0.05;
-
-/// A step is refined at so many places between its neighbours in the scan.
-const FINER: usize = 20;
+use crate::covariates::value;
+use crate::settings::{CURVE_KNOTS, SAME_POINT_SHARE, SAME_SCALE_RATIO, STEPS_ALONG_CURVE, STEPS_BETWEEN_NEIGHBOURS};
 
 /// Finer candidates around those that were `chosen` of `all`.
 pub(crate) fn finer(chosen: &[&Candidate], all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
@@ -28,7 +19,7 @@ pub(crate) fn finer(chosen: &[&Candidate], all: &[Candidate], data: &Dataset) ->
 fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
     let (variable, at) = match (c.step(), c.curve()) {
         (Some((variable, at)), _) => (variable, Some(at)),
-        (None, Some(variable)) if c.terms.len() < KNOTS => (variable, None),
+        (None, Some(variable)) if c.terms.len() < CURVE_KNOTS => (variable, None),
         _ => return Vec::new(),
     };
     let is_step =
@@ -41,7 +32,7 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
     values.dedup();
     let between: Vec<f64> =
         values.windows(2).map(|w| 0.5 * (w[0] + w[1])).filter(|v| *v > below && *v < above).collect();
-    let every = between.len().div_ceil(if at.is_some() { FINER } else { ALONG }).max(1);
+    let every = between.len().div_ceil(if at.is_some() { STEPS_BETWEEN_NEIGHBOURS } else { STEPS_ALONG_CURVE }).max(1);
     between.iter().step_by(every).map(|at| step.with_step(*at)).collect()
 }
 
@@ -50,7 +41,7 @@ fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
     let alike = || all.iter().filter(|o| (o.cause, o.site) == (c.cause, c.site));
     if let Some(scale) = c.scale() {
         let scan: Vec<f64> = alike().filter(|o| same_curve(c, o)).filter_map(|o| Some(o.scale()?.ln())).collect();
-        let finer: Vec<f64> = halfway(scale.ln(), &scan, NEAR.ln()).map(f64::exp).collect();
+        let finer: Vec<f64> = halfway(scale.ln(), &scan, SAME_SCALE_RATIO.ln()).map(f64::exp).collect();
         return of_rivals(c, all, &[&finer[..], &[scale]].concat())
             .into_iter()
             .chain(finer.iter().map(|s| c.with_scale(*s)))
@@ -58,7 +49,7 @@ fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
     }
     let Some(share) = c.share() else { return Vec::new() };
     let scan: Vec<f64> = alike().filter_map(Candidate::share).chain([0.0, 1.0]).collect();
-    halfway(share, &scan, NEAR_SHARE).map(|share| c.with_share(share)).collect()
+    halfway(share, &scan, SAME_POINT_SHARE).map(|share| c.with_share(share)).collect()
 }
 
 /// Whether two candidates at one site differ by their scale alone, whatever they are called.

@@ -1,4 +1,4 @@
-//! Rows that must not be believed: repeated readings, and measurements far from what any model of the arm says.
+//! Rows to reject: repeated readings, and measurements far from what any model of the arm says.
 
 use std::collections::BTreeMap;
 
@@ -9,21 +9,14 @@ use trical_ident::gross::{right_ball, wrong_ball};
 use trical_ident::identify::Identified;
 use trical_model::{Forward, Measured};
 
-/// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
-const OUTLIER: f64 = 6.0;
-
-/// More than this share of a data set (or four rows of a small one) are not outliers but something that the model lacks.
-const MOST: f64 = 0.03;
-
-/// Repeats that would happen by chance less often than this in the whole data set are stale.
-const BY_CHANCE: f64 = 0.02;
+use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, REPEATS_BY_CHANCE};
 
 /// Leaves out readings that repeat the one before to the last digit although the arm moved: the gauge kept its old value.
 #[must_use]
 pub fn without_stale(data: &Dataset) -> Dataset {
     let mut out = data.clone();
     let mut stale: Vec<usize> = Vec::new();
-    let rare = expected_repeats(data) < BY_CHANCE;
+    let rare = expected_repeats(data) < REPEATS_BY_CHANCE;
     for pair in data.observations.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
         if a.recording != b.recording || a.state.q == b.state.q {
@@ -92,11 +85,11 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
         .iter()
         .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>().sqrt())
         .enumerate()
-        .filter(|(_, length)| *length > OUTLIER)
+        .filter(|(_, length)| *length > OUTLIER_SIGMAS)
         .collect();
     far.sort_by(|a, b| b.1.total_cmp(&a.1));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a count")]
-    let most = ((all.observations.len() as f64 * MOST).ceil() as usize).max(4);
+    let most = ((all.observations.len() as f64 * OUTLIER_SHARE).ceil() as usize).max(4);
     far.truncate(most);
     let errors = position_errors(&forward, all);
     let mut ws = forward.workspace();

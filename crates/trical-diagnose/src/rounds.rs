@@ -1,4 +1,4 @@
-//! The search in progress: what was believed, tried and chosen so far.
+//! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
@@ -12,32 +12,23 @@ use trical_model::{Cell, Measured, Model, Place, Robot, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
-use crate::correlated_noise::Memory;
-use crate::covariates::{Recorded, gives_way};
+use crate::correlated_noise::CorrelatedNoise;
+use crate::covariates::{Covariates, gives_way};
 use crate::effect_id::{Cause, EffectId};
 use crate::linear::Design;
 use crate::locators::locators;
 use crate::refine::finer;
-use crate::selection::{self, Search};
-use crate::specification_test::{CONSIDERABLE, Judge, LEFT, Probes, probes};
+use crate::selection::Search;
+use crate::settings::{
+    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE,
+};
+use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
 
-/// Rounds of search and exact refit until nothing changes.
-const ROUNDS: usize = 5;
-
-/// How often effects and the memory of the noise are chosen in turn.
-const TURNS: usize = 4;
-
-/// So many rows that are explained by one number are no outliers.
-const ALIKE: usize = 3;
-
-/// Robust standard deviations beyond which a row is a gross error before anything is known.
-const GROSS: f64 = 30.0;
-
-pub(crate) struct Work {
-    /// What may be believed, outliers included.
+pub(crate) struct Rounds {
+    /// All rows, outliers included.
     pub(crate) all: Dataset,
-    /// What is believed.
+    /// Without outliers.
     pub(crate) kept: Dataset,
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
     pub(crate) fitted: Identified,
@@ -49,35 +40,35 @@ pub(crate) struct Work {
     pub(crate) candidates: Vec<Candidate>,
     /// Indices into the candidates.
     pub(crate) chosen: Vec<usize>,
-    /// How the noise remembers itself, beside what was chosen.
-    pub(crate) memory: Memory,
+    /// How the noise is correlated, beside what was chosen.
+    pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
     /// Terms about the readings' own noise, and which of them are in the baseline.
-    pub(crate) nuisances: Vec<Candidate>,
-    pub(crate) believed: Vec<bool>,
+    nuisances: Vec<Candidate>,
+    fitted_nuisances: Vec<bool>,
 }
 
 /// What may explain the residuals.
 struct Explanation {
     chosen: Vec<usize>,
-    memory: Memory,
+    correlation: CorrelatedNoise,
     /// How likely the residuals are with it.
     nats: f64,
     /// Memories beside which effects were chosen.
-    tried: Vec<Memory>,
+    tried: Vec<CorrelatedNoise>,
 }
 
 /// What a round of the search came to.
 struct Round {
     chosen: Vec<usize>,
-    memory: Memory,
+    correlation: CorrelatedNoise,
     fitted: Identified,
     known: Vec<Known>,
 }
 
 impl Round {
-    /// How many rows it believed.
-    fn believed(&self) -> usize {
+    /// How many rows it kept.
+    fn rows_kept(&self) -> usize {
         self.fitted.data.observations.len()
     }
 
@@ -87,45 +78,45 @@ impl Round {
             chosen.sort_unstable();
             chosen
         };
-        self.believed() == other.believed() && sorted(self) == sorted(other)
+        self.rows_kept() == other.rows_kept() && sorted(self) == sorted(other)
     }
 }
 
-impl Work {
+impl Rounds {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool) -> Result<Self> {
         let all = rejection::without_stale(data);
         let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
-        let all = reject_gross_errors_beyond(robot, cell, &all, GROSS)?;
+        let all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
         let (start, _) = prepared(robot, cell, &all, &Choice::from(set))?;
         let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
         let sigma = touch_sigma(&fitted);
-        let nuisances = reading_noise(&Recorded::new(&fitted.model, &all, sigma));
-        let mut work = Self {
+        let nuisances = reading_noise(&Covariates::new(&fitted.model, &all, sigma));
+        let mut rounds = Self {
             kept: all.clone(),
             all,
             baseline_terms: fitted.model.terms.len(),
             known: vec![Known::NOTHING; fitted.model.terms.len()],
             candidates: Vec::new(),
             chosen: Vec::new(),
-            memory: Memory::NONE,
+            correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
-            believed: vec![false; nuisances.len()],
+            fitted_nuisances: vec![false; nuisances.len()],
             nuisances,
             fitted,
         };
-        if let Some(term) = device_orientation(&Recorded::new(&work.fitted.model, &work.all, sigma)) {
-            work.fitted.model.terms.push(term);
-            work.baseline_terms += 1;
-            work.refit()?;
+        if let Some(term) = device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma)) {
+            rounds.fitted.model.terms.push(term);
+            rounds.baseline_terms += 1;
+            rounds.refit()?;
         }
-        work.believe()?;
-        (work.candidates, work.untestable) = catalogue(&Recorded::new(&work.fitted.model, &work.all, sigma));
+        rounds.fit_reading_noise()?;
+        (rounds.candidates, rounds.untestable) = catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma));
         if !names_only {
-            work.candidates.extend(locators(&work.fitted.model, &work.all));
+            rounds.candidates.extend(locators(&rounds.fitted.model, &rounds.all));
         }
-        work.resize();
-        Ok(work)
+        rounds.resize();
+        Ok(rounds)
     }
 
     /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now, with a standard deviation
@@ -136,7 +127,7 @@ impl Work {
             t.value = t.value.abs() + t.sd.unwrap_or(0.0);
         }
         let soft = EffectId::NonlinearStiffness.effect();
-        let now = (soft.ask)(&Recorded::new(&model, &self.all, touch_sigma(&self.fitted))).candidates;
+        let now = (soft.ask)(&Covariates::new(&model, &self.all, touch_sigma(&self.fitted))).candidates;
         for c in self.candidates.iter_mut().filter(|c| c.cause == soft.id.into()) {
             if let Some(now) = now.iter().find(|n| n.terms[0].name == c.terms[0].name) {
                 c.scales.clone_from(&now.scales);
@@ -149,27 +140,27 @@ impl Work {
     /// two choices may each lead to the other: then the likelier one is taken.
     pub(crate) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
         let mut rounds: Vec<Round> = Vec::new();
-        for round in 0..ROUNDS {
+        for round in 0..MOST_ROUNDS {
             checkpoint()?;
             #[expect(clippy::cast_precision_loss, reason = "counts")]
-            progress(round as f64 / ROUNDS as f64);
+            progress(round as f64 / MOST_ROUNDS as f64);
             self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
-            let before = (self.chosen.clone(), self.memory);
+            let before = (self.chosen.clone(), self.correlation);
             self.choose(rounds.is_empty())?;
             let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
             self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
                 // the exact fit does not follow the linear picture: what was there before stays
-                (self.chosen, self.memory) = before;
+                (self.chosen, self.correlation) = before;
                 self.refit()?;
                 break;
             }
             self.resize();
             // with the effects out of the way the readings' noise may show
-            if self.believe()? {
+            if self.fit_reading_noise()? {
                 rounds.clear();
                 continue;
             }
@@ -183,10 +174,10 @@ impl Work {
         self.take_likeliest(rounds)
     }
 
-    /// Goes back to the likeliest of some rounds, of those that believed the same rows as the last one.
+    /// Goes back to the likeliest of some rounds, of those that kept the same rows as the last one.
     fn take_likeliest(&mut self, mut rounds: Vec<Round>) -> Result<()> {
         let Some(last) = rounds.pop() else { return Ok(()) };
-        rounds.retain(|r| r.believed() == last.believed() && !r.is_as(&last));
+        rounds.retain(|r| r.rows_kept() == last.rows_kept() && !r.is_as(&last));
         if rounds.is_empty() {
             return Ok(());
         }
@@ -194,7 +185,7 @@ impl Work {
         let mut best = (f64::NEG_INFINITY, 0);
         for (k, round) in rounds.iter().enumerate() {
             // all with the present noise, or they could not be compared
-            let nats = self.nats(&round.fitted.model, &self.members(&round.chosen), round.memory)?;
+            let nats = self.nats(&round.fitted.model, &self.members(&round.chosen), round.correlation)?;
             if nats > best.0 {
                 best = (nats, k);
             }
@@ -207,22 +198,22 @@ impl Work {
     fn round(&self) -> Round {
         Round {
             chosen: self.chosen.clone(),
-            memory: self.memory,
+            correlation: self.correlation,
             fitted: self.fitted.clone(),
             known: self.known.clone(),
         }
     }
 
     fn go_back(&mut self, to: Round) {
-        (self.chosen, self.memory, self.fitted, self.known) = (to.chosen, to.memory, to.fitted, to.known);
+        (self.chosen, self.correlation, self.fitted, self.known) = (to.chosen, to.correlation, to.fitted, to.known);
     }
 
     /// How likely the residuals are if `candidates` are all that happens, in the linear picture at a model that was fitted with effects.
-    fn nats(&self, model: &Model, candidates: &[Candidate], memory: Memory) -> Result<f64> {
-        let design = self.design_at(model, candidates, &[], memory)?;
+    fn nats(&self, model: &Model, candidates: &[Candidate], correlation: CorrelatedNoise) -> Result<f64> {
+        let design = self.design_at(model, candidates, &[], correlation)?;
         let temper = temper(&self.kept);
         let all: Vec<usize> = (0..candidates.len()).collect();
-        Ok(design.nats(temper) + Search::new(&design, candidates, temper).total(&design.stage(), &all))
+        Ok(design.nats(temper) + Search::new(&design, candidates, temper).total(&design.start(), &all))
     }
 
     /// Some of the candidates.
@@ -230,53 +221,53 @@ impl Work {
         set.iter().map(|c| self.candidates[*c].clone()).collect()
     }
 
-    /// Rows that are off alike at one place are no outliers: if one number more explains several of those that were not believed, they are.
+    /// Rows that are off alike at one place are no outliers: if one number more explains several of those that were rejected, they are.
     /// Whether that was so.
-    pub(crate) fn believe_more(&mut self) -> Result<bool> {
-        let unbelieved = |work: &Self| work.all.observations.len() - work.kept.observations.len();
-        let before = unbelieved(self);
-        if before < ALIKE {
+    pub(crate) fn restore_rows(&mut self) -> Result<bool> {
+        let rejected = |rounds: &Self| rounds.all.observations.len() - rounds.kept.observations.len();
+        let before = rejected(self);
+        if before < ROWS_ALIKE {
             return Ok(false);
         }
-        let (round, believed) = (self.round(), std::mem::replace(&mut self.kept, self.all.clone()));
+        let (round, kept) = (self.round(), std::mem::replace(&mut self.kept, self.all.clone()));
         let best = {
-            let design = self.design(&self.candidates, &[], self.memory)?;
+            let design = self.design(&self.candidates, &[], self.correlation)?;
             let search = self.searcher(&design);
-            let stage = search.with(&design.stage(), &self.chosen);
+            let state = search.with(&design.start(), &self.chosen);
             let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
-            search.rank(&stage).into_iter().find(|r| lean(r.candidate) && r.evidence > selection::THRESHOLD)
+            search.rank(&state).into_iter().find(|r| lean(r.candidate) && r.evidence > EVIDENCE_NATS)
         };
         if let Some(best) = best {
             self.chosen.push(best.candidate);
             if self.refit().is_ok() {
                 self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
-                if unbelieved(self) + ALIKE <= before && self.refit().is_ok() {
+                if rejected(self) + ROWS_ALIKE <= before && self.refit().is_ok() {
                     return Ok(true);
                 }
             }
         }
-        self.kept = believed;
+        self.kept = kept;
         self.go_back(round);
         Ok(false)
     }
 
     /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where
     /// it took two terms to say it: two effects at one joint are a coincidence. Whether there is anything new to try.
-    pub(crate) fn look_again(&mut self) -> Result<bool> {
+    pub(crate) fn widen(&mut self) -> Result<bool> {
         let before = self.candidates.len();
         let fast = periodogram::fast(&self.fitted, &self.kept)?;
         self.add(fast);
         let mut new = self.candidates.len() > before;
         let (design, probes) = self.design_with_probes()?;
-        let judge = self.judge(&design, &probes);
+        let test = self.specification_test(&design, &probes);
         let search = self.searcher(&design);
-        let start = design.stage();
-        let stage = search.with(&start, &self.chosen);
+        let start = design.start();
+        let state = search.with(&start, &self.chosen);
         let mut places: Vec<Place> = Vec::new();
-        for m in judge.places(&stage).into_iter().filter(|m| m.p_value < LEFT) {
+        for m in test.places(&state).into_iter().filter(|m| m.p_value < LACK_OF_FIT_P) {
             let rest: Vec<usize> =
                 self.chosen.iter().copied().filter(|c| !m.site.is_same_part(self.candidates[*c].site)).collect();
-            if m.dss > CONSIDERABLE * (search.with(&start, &rest).ss - stage.ss) {
+            if m.dss > CONSIDERABLE_SHARE * (search.with(&start, &rest).ss - state.ss) {
                 places.push(m.site);
             }
         }
@@ -300,13 +291,13 @@ impl Work {
         Ok(new)
     }
 
-    /// Chooses what explains the residuals: effects beside white noise, or fewer beside noise that remembers itself. A slow effect that is not
+    /// Chooses what explains the residuals: effects beside white noise, or fewer beside correlated noise. A slow effect that is not
     /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are.
     fn choose(&mut self, first: bool) -> Result<()> {
-        let mut best = self.explanation(self.memory, &self.chosen)?;
+        let mut best = self.explanation(self.correlation, &self.chosen)?;
         if first {
-            let (bare, _) = self.memory_beside(&[])?;
-            for start in [Memory::NONE, bare] {
+            let (bare, _) = self.noise_beside(&[])?;
+            for start in [CorrelatedNoise::WHITE, bare] {
                 if best.tried.contains(&start) {
                     continue;
                 }
@@ -317,35 +308,36 @@ impl Work {
                 }
             }
         }
-        (self.chosen, self.memory) = (best.chosen, best.memory);
+        (self.chosen, self.correlation) = (best.chosen, best.correlation);
         Ok(())
     }
 
-    /// Effects and memory of the noise, each chosen beside the other in turn from `memory` on.
-    fn explanation(&self, memory: Memory, initial: &[usize]) -> Result<Explanation> {
-        let mut best = Explanation { chosen: initial.to_vec(), memory, nats: f64::NEG_INFINITY, tried: Vec::new() };
-        let mut next = memory;
-        while !best.tried.contains(&next) && best.tried.len() < TURNS {
+    /// Effects and correlation of the noise, each chosen beside the other in turn from `correlation` on.
+    fn explanation(&self, correlation: CorrelatedNoise, initial: &[usize]) -> Result<Explanation> {
+        let mut best =
+            Explanation { chosen: initial.to_vec(), correlation, nats: f64::NEG_INFINITY, tried: Vec::new() };
+        let mut next = correlation;
+        while !best.tried.contains(&next) && best.tried.len() < NOISE_ALTERNATIONS {
             checkpoint()?;
             best.tried.push(next);
             let design = self.design(&self.candidates, &[], next)?;
             checkpoint()?;
-            let chosen = self.searcher(&design).choose(&design.stage(), &best.chosen);
-            let (memory, nats) = self.memory_beside(&chosen)?;
-            next = memory;
+            let chosen = self.searcher(&design).choose(&design.start(), &best.chosen);
+            let (correlation, nats) = self.noise_beside(&chosen)?;
+            next = correlation;
             if nats >= best.nats {
-                (best.chosen, best.memory, best.nats) = (chosen, memory, nats);
+                (best.chosen, best.correlation, best.nats) = (chosen, correlation, nats);
             }
         }
         Ok(best)
     }
 
-    /// How the noise most likely remembers itself if `set` is all that happens, and how likely both are, nats.
-    fn memory_beside(&self, set: &[usize]) -> Result<(Memory, f64)> {
+    /// How the noise is most likely correlated if `set` is all that happens, and how likely both are, nats.
+    fn noise_beside(&self, set: &[usize]) -> Result<(CorrelatedNoise, f64)> {
         let candidates = self.members(set);
-        Memory::likeliest(longest_recording(&self.kept), |memory| {
+        CorrelatedNoise::likeliest(longest_recording(&self.kept), |correlation| {
             checkpoint()?;
-            self.nats(&self.fitted.model, &candidates, memory)
+            self.nats(&self.fitted.model, &candidates, correlation)
         })
     }
 
@@ -371,8 +363,13 @@ impl Work {
     }
 
     /// The linear picture of the baseline with candidates.
-    fn design(&self, candidates: &[Candidate], weights: &[Vec<Vec<f64>>], memory: Memory) -> Result<Design> {
-        self.design_at(&self.fitted.model, candidates, weights, memory)
+    fn design(
+        &self,
+        candidates: &[Candidate],
+        weights: &[Vec<Vec<f64>>],
+        correlation: CorrelatedNoise,
+    ) -> Result<Design> {
+        self.design_at(&self.fitted.model, candidates, weights, correlation)
     }
 
     /// The same where another fit of baseline and effects is.
@@ -381,9 +378,9 @@ impl Work {
         model: &Model,
         candidates: &[Candidate],
         weights: &[Vec<Vec<f64>>],
-        memory: Memory,
+        correlation: CorrelatedNoise,
     ) -> Result<Design> {
-        Design::weighted(model, self.baseline_terms, candidates, weights, &self.kept, &self.fitted.noise, memory)
+        Design::weighted(model, self.baseline_terms, candidates, weights, &self.kept, &self.fitted.noise, correlation)
     }
 
     /// With all candidates, and probes behind them.
@@ -393,15 +390,20 @@ impl Work {
         all.extend(probes.candidates.iter().cloned());
         let mut weights = vec![Vec::new(); self.candidates.len()];
         weights.extend(probes.weights.iter().cloned());
-        Ok((self.design(&all, &weights, self.memory)?, probes))
+        Ok((self.design(&all, &weights, self.correlation)?, probes))
     }
 
     pub(crate) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
         Search::new(design, &self.candidates, temper(&self.kept))
     }
 
-    pub(crate) fn judge<'a>(&self, design: &'a Design, probes: &'a Probes) -> Judge<'a> {
-        Judge { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
+    pub(crate) fn specification_test<'a>(&self, design: &'a Design, probes: &'a Probes) -> SpecificationTest<'a> {
+        SpecificationTest { design, probes, first: self.candidates.len(), temper: temper(&self.kept) }
+    }
+
+    /// Terms about the readings' own noise that were fitted.
+    pub(crate) fn reading_noise(&self) -> impl Iterator<Item = &Candidate> {
+        self.nuisances.iter().zip(&self.fitted_nuisances).filter(|(_, fitted)| **fitted).map(|(n, _)| n)
     }
 
     pub(crate) fn touch_sigma(&self) -> f64 {
@@ -429,22 +431,22 @@ impl Work {
     }
 
     /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
-    fn believe(&mut self) -> Result<bool> {
+    fn fit_reading_noise(&mut self) -> Result<bool> {
         let mut any = false;
         for k in 0..self.nuisances.len() {
-            if self.believed[k] {
+            if self.fitted_nuisances[k] {
                 continue;
             }
             let one = std::slice::from_ref(&self.nuisances[k]);
             let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
             let temper = temper(&self.fitted.data);
             let search = Search::new(&design, one, temper);
-            if search.rank(&design.stage()).first().is_some_and(|r| r.evidence > selection::THRESHOLD) {
+            if search.rank(&design.start()).first().is_some_and(|r| r.evidence > EVIDENCE_NATS) {
                 let new = self.nuisances[k].terms.clone();
                 let at = self.baseline_terms;
                 self.baseline_terms += new.len();
                 self.fitted.model.terms.splice(at..at, new);
-                self.believed[k] = true;
+                self.fitted_nuisances[k] = true;
                 any = true;
                 self.refit()?;
             }

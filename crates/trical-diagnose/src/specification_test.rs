@@ -2,31 +2,20 @@
 //! is asked once more by probes that know nothing of the catalogue: is a joint still off in a way that goes with an angle, with
 //! time, with its load, with where it came from? What a probe finds there speaks against the name that was given.
 
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use trical_ident::dataset::Dataset;
 use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
-use crate::covariates::{is_order, order_of};
+use crate::covariates::{is_order, name, order_of, value};
 use crate::effect_id::{Cause, UNEXPLAINED};
-use crate::linear::{Design, Stage};
-use crate::locators::{knots, name, tents, value};
-
-/// Prior odds that what happens at a place is not in the catalogue.
-const OUTSIDE: f64 = 0.03;
-
-/// Knots of a probe's curve.
-const KNOTS: usize = 7;
-
-/// A place whose probes have a smaller p-value than this does something that was not modelled.
-pub const LEFT: f64 = 1e-3;
-
-/// A rest of this share of what the names of a place explain puts them in even doubt.
-pub const CONSIDERABLE: f64 = 0.1;
+use crate::linear::{Design, RegressionState};
+use crate::locators::{knots, tents};
+use crate::settings::{CONSIDERABLE_SHARE, HISTORY_KEPT, PROBE_KNOTS};
+use crate::statistics::{bic_nats, f_test_of_probe, odds_outside_catalogue};
 
 /// What the most telling probe of a place says.
 #[derive(Clone, Debug)]
-pub struct Misfit {
+pub struct LackOfFit {
     /// Place.
     pub site: Place,
     /// On what the rest depends.
@@ -41,19 +30,6 @@ pub struct Misfit {
     pub probe: usize,
 }
 
-/// Odds that a place does something that is not in the catalogue: prior odds times the largest Bayes factor that the p-value
-/// of a probe allows, `1 / (-e p ln p)` (Sellke, Bayarri & Berger 2001).
-fn odds(p_value: f64) -> f64 {
-    let p = p_value.max(1e-300);
-    if p < (-1.0_f64).exp() { OUTSIDE / (-1.0_f64.exp() * p * p.ln()) } else { OUTSIDE }
-}
-
-/// By how many nats `k` numbers that bring a sum of squares from `before` to `after` are better than none (BIC).
-#[must_use]
-pub fn nats(freedom: f64, before: f64, after: f64, k: f64) -> f64 {
-    0.5 * freedom * (before / after.max(1e-300)).ln() - 0.5 * k * freedom.max(1.0).ln()
-}
-
 /// Questions without names, and how the columns that they borrow are weighed (see [`Design::weighted`]).
 pub struct Probes {
     /// As candidates.
@@ -64,8 +40,8 @@ pub struct Probes {
     pub regions: Vec<String>,
 }
 
-/// A design with probes behind its candidates, at a stage.
-pub struct Judge<'a> {
+/// A design with probes behind its candidates, at a state.
+pub struct SpecificationTest<'a> {
     /// The design, probes last.
     pub design: &'a Design,
     /// The probes.
@@ -76,48 +52,41 @@ pub struct Judge<'a> {
     pub temper: f64,
 }
 
-impl Judge<'_> {
+impl SpecificationTest<'_> {
     /// What a probe would still remove, and with how many numbers.
-    fn gain(&self, stage: &Stage, probe: usize) -> (f64, usize) {
-        self.design.plain_gain(stage, self.first + probe)
+    fn gain(&self, state: &RegressionState, probe: usize) -> (f64, usize) {
+        self.design.plain_gain(state, self.first + probe)
     }
 
-    /// Independent scalars left at a stage.
+    /// Independent scalars left at a state.
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     #[must_use]
-    pub fn freedom(&self, stage: &Stage) -> f64 {
-        self.design.rows as f64 * self.temper - stage.parameters
+    pub fn freedom(&self, state: &RegressionState) -> f64 {
+        self.design.rows as f64 * self.temper - state.parameters
     }
 
-    fn misfit(&self, stage: &Stage, probe: usize, gain: (f64, usize)) -> Misfit {
+    fn lack_of_fit(&self, state: &RegressionState, probe: usize, gain: (f64, usize)) -> LackOfFit {
         let Candidate { site, behaviour, .. } = &self.probes.candidates[probe];
-        Misfit {
+        LackOfFit {
             site: *site,
             variable: behaviour.clone(),
             region: self.probes.regions[probe].clone(),
-            p_value: self.p_value(stage, gain),
+            p_value: self.p_value(state, gain),
             dss: gain.0,
             probe: self.first + probe,
         }
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    fn p_value(&self, stage: &Stage, (dss, rank): (f64, usize)) -> f64 {
-        let k = rank as f64;
-        let freedom = self.freedom(stage);
-        if rank == 0 || freedom <= 2.0 * k {
-            return 1.0;
-        }
-        let f = (dss / k) / ((stage.ss - dss).max(1e-300) / (freedom - k));
-        FisherSnedecor::new(k, freedom - k).map_or(1.0, |d| d.sf(f))
+    fn p_value(&self, state: &RegressionState, (dss, rank): (f64, usize)) -> f64 {
+        f_test_of_probe(state.ss, dss, rank, self.freedom(state))
     }
 
     /// The most telling probe of every place.
     #[must_use]
-    pub fn places(&self, stage: &Stage) -> Vec<Misfit> {
-        let mut places: Vec<(Misfit, f64)> = Vec::new();
+    pub fn places(&self, state: &RegressionState) -> Vec<LackOfFit> {
+        let mut places: Vec<(LackOfFit, f64)> = Vec::new();
         for k in 0..self.probes.candidates.len() {
-            let found = self.misfit(stage, k, self.gain(stage, k));
+            let found = self.lack_of_fit(state, k, self.gain(state, k));
             match places.iter_mut().find(|m| m.0.site == found.site) {
                 Some((best, asked)) => {
                     *asked += 1.0;
@@ -128,50 +97,56 @@ impl Judge<'_> {
                 None => places.push((found, 1.0)),
             }
         }
-        let corrected = |(m, asked): (Misfit, f64)| Misfit { p_value: (m.p_value * asked).min(1.0), ..m };
+        let corrected = |(m, asked): (LackOfFit, f64)| LackOfFit { p_value: (m.p_value * asked).min(1.0), ..m };
         places.into_iter().map(corrected).collect()
     }
 
     /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
     #[must_use]
-    pub fn teller(&self, stage: &Stage, site: Place) -> Option<(Misfit, f64)> {
+    pub fn best_probe(&self, state: &RegressionState, site: Place) -> Option<(LackOfFit, f64)> {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
-        let says = |(dss, rank): (f64, usize)| nats(self.freedom(stage), stage.ss, stage.ss - dss, rank as f64);
+        let says = |(dss, rank): (f64, usize)| bic_nats(self.freedom(state), state.ss, state.ss - dss, rank as f64);
         let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == site);
-        let gains = here.map(|k| (k, self.gain(stage, k)));
+        let gains = here.map(|k| (k, self.gain(state, k)));
         let (probe, gain, nats) = gains.map(|(k, g)| (k, g, says(g))).max_by(|a, b| a.2.total_cmp(&b.2))?;
-        Some((self.misfit(stage, probe, gain), nats))
+        Some((self.lack_of_fit(state, probe, gain), nats))
     }
 
     /// What a probe of one scalar says of it: its least and its largest value and how far the joint is off there, deg. Nothing for
     /// probes of several.
     #[must_use]
-    pub fn line(&self, stage: &Stage, told: &Misfit) -> Vec<(f64, f64)> {
-        let Some([scalar]) = self.probes.weights.get(told.probe - self.first).map(Vec::as_slice) else {
+    pub fn line(&self, state: &RegressionState, found: &LackOfFit) -> Vec<(f64, f64)> {
+        let Some([scalar]) = self.probes.weights.get(found.probe - self.first).map(Vec::as_slice) else {
             return Vec::new();
         };
-        let slope = self.design.coefficients(stage, told.probe)[0];
+        let slope = self.design.coefficients(state, found.probe)[0];
         let ends = [scalar.iter().copied().fold(f64::MAX, f64::min), scalar.iter().copied().fold(f64::MIN, f64::max)];
         ends.map(|u| (u.to_degrees(), (slope * u).to_degrees())).into()
     }
 
-    /// Probability that a name is wrong because its place does something else: a probe finds a rest (`stage` has everything),
+    /// Probability that a name is wrong because its place does something else: a probe finds a rest (`state` has everything),
     /// the rest is considerable beside what the name explains (`own`), and without the name (`without`) the probe would explain
     /// much of the same.
     #[must_use]
-    pub fn doubt(&self, stage: &Stage, without: &Stage, own: f64, is_here: &dyn Fn(Place) -> bool) -> f64 {
+    pub fn doubt(
+        &self,
+        state: &RegressionState,
+        without: &RegressionState,
+        own: f64,
+        is_here: &dyn Fn(Place) -> bool,
+    ) -> f64 {
         let here: Vec<usize> =
             (0..self.probes.candidates.len()).filter(|k| is_here(self.probes.candidates[*k].site)).collect();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let asked = here.len() as f64;
         let mut most = 0.0_f64;
         for k in here {
-            let left = self.gain(stage, k);
-            let odds = odds((self.p_value(stage, left) * asked).min(1.0));
+            let left = self.gain(state, k);
+            let odds = odds_outside_catalogue((self.p_value(state, left) * asked).min(1.0));
             let alone = self.gain(without, k).0;
             let share = left.0 / own.max(1e-300);
             let same = ((alone - left.0) / own.max(1e-300)).clamp(0.0, 1.0);
-            most = most.max(odds / (1.0 + odds) * share / (share + CONSIDERABLE) * same);
+            most = most.max(odds / (1.0 + odds) * share / (share + CONSIDERABLE_SHARE) * same);
         }
         most
     }
@@ -186,12 +161,9 @@ struct Moves {
     fading: f64,
 }
 
-/// How much of its past a fading memory keeps with every move.
-const KEPT: f64 = 0.8;
-
 impl Moves {
     fn then(self, last: f64) -> Self {
-        Self { last, before: self.last, fading: KEPT * self.fading + (1.0 - KEPT) * short(last) }
+        Self { last, before: self.last, fading: HISTORY_KEPT * self.fading + (1.0 - HISTORY_KEPT) * short(last) }
     }
 }
 
@@ -201,18 +173,18 @@ fn short(way: f64) -> f64 {
 }
 
 /// A scalar for every observation that no basis knows: of a joint's moves.
-struct Memory {
+struct MoveHistory {
     name: &'static str,
     /// To what the joint is off in proportion.
     to: &'static str,
     of: fn(Moves) -> f64,
 }
 
-const MEMORIES: [Memory; 4] = [
-    Memory { name: "dir", to: "the last one", of: |m| short(m.last) },
-    Memory { name: "travel", to: "how far the last one went", of: |m| m.last.abs() },
-    Memory { name: "dir", to: "the one before the last", of: |m| short(m.before) },
-    Memory { name: "dir", to: "those before, fading", of: |m| m.fading },
+const MOVE_HISTORIES: [MoveHistory; 4] = [
+    MoveHistory { name: "dir", to: "the last one", of: |m| short(m.last) },
+    MoveHistory { name: "travel", to: "how far the last one went", of: |m| m.last.abs() },
+    MoveHistory { name: "dir", to: "the one before the last", of: |m| short(m.before) },
+    MoveHistory { name: "dir", to: "those before, fading", of: |m| m.fading },
 ];
 
 /// What to ask every joint, the tool, the fixture and the links.
@@ -229,7 +201,7 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
         let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
         variables.extend(order);
         for variable in variables {
-            let Some(knots) = knots(&value_of(data, variable), KNOTS) else { continue };
+            let Some(knots) = knots(&value_of(data, variable), PROBE_KNOTS) else { continue };
             probes.push(probe(site, name(variable), tents(at, variable, None, &knots)));
             if has_direction && (is_order(variable) || variable == (Variable::Joint { joint })) {
                 let named = if is_order(variable) { name(variable) } else { format!("dir{joint}") };
@@ -244,7 +216,7 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
         }
     }
     if let Some(order) = order
-        && let Some(knots) = knots(&value_of(data, order), KNOTS)
+        && let Some(knots) = knots(&value_of(data, order), PROBE_KNOTS)
     {
         let along = |of: fn(Motion) -> Site| {
             Axis::ALL.iter().flat_map(|a| tents(of(Motion::Along(*a)), order, None, &knots)).collect::<Vec<_>>()
@@ -263,10 +235,10 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
     for joint in 1..=n {
         let constant = Term::new("probe", UNEXPLAINED, Site::Joint { joint }, Basis::CONSTANT);
         let site = Place::Joint(joint);
-        for memory in &MEMORIES {
-            probes.push(probe(site, format!("{}{joint}", memory.name), vec![constant.clone()]));
-            weights.push(vec![before(data, joint, memory)]);
-            regions.push(format!("all moves, in proportion to {}", memory.to));
+        for history in &MOVE_HISTORIES {
+            probes.push(probe(site, format!("{}{joint}", history.name), vec![constant.clone()]));
+            weights.push(vec![before(data, joint, history)]);
+            regions.push(format!("all moves, in proportion to {}", history.to));
         }
         for other in (1..=n).filter(|k| *k != joint) {
             let product = |of: fn(f64, f64) -> f64| {
@@ -303,8 +275,8 @@ fn probe(site: Place, variable: String, terms: Vec<Term>) -> Candidate {
     }
 }
 
-/// What a memory says at every observation; moves that are not known (the first of a recording) count as none.
-fn before(data: &Dataset, joint: usize, memory: &Memory) -> Vec<f64> {
+/// What a history says at every observation; moves that are not known (the first of a recording) count as none.
+fn before(data: &Dataset, joint: usize, history: &MoveHistory) -> Vec<f64> {
     struct Last {
         recording: usize,
         pose: usize,
@@ -322,7 +294,7 @@ fn before(data: &Dataset, joint: usize, memory: &Memory) -> Vec<f64> {
                 _ => Moves::default(),
             };
             last = Some(Last { recording: o.recording, pose: o.pose, q, moves });
-            (memory.of)(moves)
+            (history.of)(moves)
         })
         .collect()
 }

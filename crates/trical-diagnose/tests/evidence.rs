@@ -6,11 +6,11 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::candidate::{Candidate, anything};
 use trical_diagnose::catalogue::catalogue;
-use trical_diagnose::{Cause, EffectId};
-use trical_diagnose::covariates::Recorded;
+use trical_diagnose::covariates::Covariates;
 use trical_diagnose::linear::Design;
 use trical_diagnose::locators::{describe, locators};
 use trical_diagnose::selection::Search;
+use trical_diagnose::{Cause, EffectId};
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
     Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
@@ -69,7 +69,7 @@ fn judged(candidate: Candidate) -> (f64, bool) {
     let candidates = [candidate];
     let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
     let mut search = Search::new(&design, &candidates, 1.0);
-    let start = design.stage();
+    let start = design.start();
     let evidence = search.evidence(&start, 0).unwrap().evidence;
     (evidence, !search.choose(&start, &[]).is_empty())
 }
@@ -105,7 +105,7 @@ fn a_step_is_told_by_its_smaller_side() {
 fn an_arm_that_carries_more_gives_way_less() {
     let (mut model, data) = made();
     let of = |model: &Model| {
-        let recorded = Recorded::new(model, &data, 1e-5);
+        let recorded = Covariates::new(model, &data, 1e-5);
         let all = catalogue(&recorded).0;
         let is_it = |c: &&Candidate| c.cause == EffectId::CrossAxisCompliance.into() && c.site == Place::Joint(2);
         (recorded.strength(), all.iter().find(is_it).unwrap().scales[0])
@@ -132,7 +132,7 @@ fn a_curve_is_fine_where_there_are_values_for_it() {
 #[test]
 fn the_softest_gap_is_the_curve_of_a_soft_joint() {
     let (model, data) = made();
-    let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
+    let all = catalogue(&Covariates::new(&model, &data, 1e-5)).0;
     for joint in 2..=3 {
         let of = |effect: EffectId| -> Vec<Basis> {
             let here = |c: &&Candidate| c.cause == effect.into() && c.site == Place::Joint(joint);
@@ -146,7 +146,7 @@ fn the_softest_gap_is_the_curve_of_a_soft_joint() {
 #[test]
 fn a_joint_gives_way_about_any_point_of_its_axis() {
     let (model, data) = made();
-    let all = catalogue(&Recorded::new(&model, &data, 1e-5)).0;
+    let all = catalogue(&Covariates::new(&model, &data, 1e-5)).0;
     let points = |joint| {
         let here = |c: &&Candidate| c.cause == EffectId::CrossAxisCompliance.into() && c.site == Place::Joint(joint);
         all.iter().filter(here).map(|c| (c.share(), c.located())).collect::<Vec<_>>()

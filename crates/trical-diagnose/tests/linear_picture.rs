@@ -7,12 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::candidate::Candidate;
 use trical_diagnose::catalogue::catalogue;
-use trical_diagnose::{Cause, EffectId};
-use trical_diagnose::correlated_noise::Memory;
-use trical_diagnose::covariates::Recorded;
-use trical_diagnose::linear::{Company, Design, Stage};
+use trical_diagnose::correlated_noise::CorrelatedNoise;
+use trical_diagnose::covariates::Covariates;
+use trical_diagnose::linear::{Design, Downdate, RegressionState};
 use trical_diagnose::locators::locators;
 use trical_diagnose::selection::Search;
+use trical_diagnose::{Cause, EffectId};
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
     Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
@@ -56,7 +56,7 @@ fn made() -> (Model, Dataset, Vec<Candidate>) {
         .collect();
     let recording = Recording { name: "made".into(), joints: 6, rows };
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
-    let recorded = Recorded::new(&model, &data, 1e-5);
+    let recorded = Covariates::new(&model, &data, 1e-5);
     let mut candidates = catalogue(&recorded).0;
     candidates.extend(locators(&model, &data));
     (model, data, candidates)
@@ -134,7 +134,7 @@ fn near(a: f64, b: f64, scale: f64) -> bool {
 fn a_candidate_removes_what_a_fit_of_all_rows_with_it_removes() {
     let (model, data, candidates) = made();
     let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
-    let start = design.stage();
+    let start = design.start();
     let (before, _) = fitted(&model, &[], &data);
     assert!(near(start.ss, before, before), "{} {before}", start.ss);
     for k in some(&candidates) {
@@ -155,17 +155,17 @@ fn candidates_together_remove_what_a_fit_of_all_rows_with_them_removes() {
     let (model, data, candidates) = made();
     let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
     let set: Vec<usize> = some(&candidates).into_iter().step_by(5).collect();
-    let mut stage = design.stage();
-    set.iter().for_each(|k| design.add(&mut stage, *k));
+    let mut state = design.start();
+    set.iter().for_each(|k| design.add(&mut state, *k));
     let (after, _) = fitted(&model, &set.iter().map(|k| &candidates[*k]).collect::<Vec<_>>(), &data);
-    assert!((stage.ss - after).abs() < 1e-6 * after, "{} {after}", stage.ss);
+    assert!((state.ss - after).abs() < 1e-6 * after, "{} {after}", state.ss);
 }
 
 /// What every candidate would do at two stages is the same.
-fn same(design: &Design, count: usize, [a, b]: [&Stage; 2]) {
+fn same(design: &Design, count: usize, [a, b]: [&RegressionState; 2]) {
     assert!(near(a.ss, b.ss, a.ss) && near(a.parameters, b.parameters, 1.0), "{} {}", a.parameters, b.parameters);
     for k in 0..count {
-        let [a, b] = [a, b].map(|stage| design.gain(stage, k));
+        let [a, b] = [a, b].map(|state| design.gain(state, k));
         assert!(near(a.dss, b.dss, a.dss.max(1.0)) && near(a.occam, b.occam, 1.0), "{k}: {a:?} {b:?}");
         assert!(near(a.rank, b.rank, 1.0), "{k}: {a:?} {b:?}");
     }
@@ -178,17 +178,17 @@ fn a_set_without_some_of_its_members_is_the_others_added_anew() {
     let design = |candidates: &[Candidate]| Design::new(&model, candidates, &data, &Noise::usual(1)).unwrap();
     let check = |design: &Design, candidates: &[Candidate], set: &[usize], out: &[usize]| {
         let search = Search::new(design, candidates, 1.0);
-        let start = design.stage();
-        let mut company = Company::new(design, &start, set);
+        let start = design.start();
+        let mut downdate = Downdate::new(design, &start, set);
         let rest: Vec<usize> = set.iter().copied().filter(|c| !out.contains(c)).collect();
-        let without = search.without(&company, &start, out);
-        same(design, candidates.len(), [&without.stage, &search.with(&start, &rest)]);
+        let without = search.without(&downdate, &start, out);
+        same(design, candidates.len(), [&without.state, &search.with(&start, &rest)]);
         // and a candidate on top of that, made ready or not
         let anew: Vec<usize> = rest.iter().copied().chain([7]).collect();
         let anew = search.with(&start, &anew);
-        same(design, candidates.len(), [&company.with(&without, 7), &anew]);
-        company.prepare(&[7, 8]);
-        same(design, candidates.len(), [&company.with(&without, 7), &anew]);
+        same(design, candidates.len(), [&downdate.with(&without, 7), &anew]);
+        downdate.prepare(&[7, 8]);
+        same(design, candidates.len(), [&downdate.with(&without, 7), &anew]);
     };
     let plain = design(&candidates);
     for k in 0..set.len() {
@@ -207,25 +207,26 @@ fn a_set_without_some_of_its_members_is_the_others_added_anew() {
 fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
     let (model, data, candidates) = made();
     let gap = |c: &&Candidate| c.cause == EffectId::LostMotionGravity.into() && c.site == Place::Joint(3);
-    let set = [candidates.iter().find(|c| c.cause == EffectId::Payload.into()), candidates.iter().find(gap)].map(Option::unwrap);
+    let set = [candidates.iter().find(|c| c.cause == EffectId::Payload.into()), candidates.iter().find(gap)]
+        .map(Option::unwrap);
     let both: Vec<Candidate> = set.iter().map(|c| (*c).clone()).collect();
     let values = [2.0, 0.05, -0.02, 0.03, 3e-4];
     let mut with = model.clone();
     let terms = both.iter().flat_map(|c| &c.terms).zip(values);
     with.terms.extend(terms.map(|(t, value)| Term { value, ..t.clone() }));
     let p = model.terms.len();
-    let design = Design::weighted(&with, p, &both, &[], &data, &Noise::usual(1), Memory::NONE).unwrap();
+    let design = Design::weighted(&with, p, &both, &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap();
 
     // the same by hand: rows of the whole model, without the part that its effects have in them by their columns
     let (j, r) = rows(&with, &[], &data);
     let left = &r - j.columns(p, values.len()) * DVector::from_row_slice(&values);
     let (expected, x) = least((j.clone(), left), &set);
-    let start = design.stage();
-    let mut stage = start.clone();
-    design.add(&mut stage, 0);
-    let last = design.coefficients(&stage, 1)[0];
-    design.add(&mut stage, 1);
-    assert!(near(stage.ss, expected, start.ss), "{} {expected}", stage.ss);
+    let start = design.start();
+    let mut state = start.clone();
+    design.add(&mut state, 0);
+    let last = design.coefficients(&state, 1)[0];
+    design.add(&mut state, 1);
+    assert!(near(state.ss, expected, start.ss), "{} {expected}", state.ss);
     assert!((last - x[x.len() - 1]).abs() < 1e-8 * last.abs(), "{last} {}", x[x.len() - 1]);
 
     // without the load the gap would be sought elsewhere
@@ -237,7 +238,8 @@ fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
 #[test]
 fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
     let (model, data, candidates) = made();
-    let wave = candidates.iter().find(|c| c.cause == EffectId::JointHarmonic.into() && c.site == Place::Joint(1)).unwrap();
+    let wave =
+        candidates.iter().find(|c| c.cause == EffectId::JointHarmonic.into() && c.site == Place::Joint(1)).unwrap();
     let constant = |t: &Term| Term { basis: Basis::CONSTANT, ..t.clone() };
     let weighed = Candidate { terms: wave.terms.iter().map(constant).collect(), ..wave.clone() };
     let weights: Vec<Vec<f64>> = wave
@@ -253,10 +255,10 @@ fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
         &[Vec::new(), weights],
         &data,
         &Noise::usual(1),
-        Memory::NONE,
+        CorrelatedNoise::WHITE,
     )
     .unwrap();
-    let [a, b] = [0, 1].map(|k| design.gain(&design.stage(), k));
+    let [a, b] = [0, 1].map(|k| design.gain(&design.start(), k));
     assert!(near(a.dss, b.dss, a.dss) && near(a.rank, b.rank, 1.0), "{a:?} {b:?}");
 }
 
@@ -298,7 +300,7 @@ fn held_out_errors_are_those_of_a_fit_without_their_rows_whatever_was_asked_befo
 #[test]
 fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
     let (model, data, candidates) = made();
-    let memory = Memory { kept: 0.7, white: 0.3 };
+    let correlation = CorrelatedNoise { kept: 0.7, white: 0.3 };
     let n = data.observations.len();
     let covariance = DMatrix::from_fn(n, n, |i, j| {
         let apart = i32::try_from(i.abs_diff(j)).unwrap();
@@ -326,8 +328,8 @@ fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
         (all.columns(0, p).into_owned(), all.column(p).into_owned())
     };
     let design =
-        Design::weighted(&model, model.terms.len(), &candidates, &[], &data, &Noise::usual(1), memory).unwrap();
-    let start = design.stage();
+        Design::weighted(&model, model.terms.len(), &candidates, &[], &data, &Noise::usual(1), correlation).unwrap();
+    let start = design.start();
     let (before, _) = least(whitened(&[]), &[]);
     assert!(near(start.ss, before, before), "{} {before}", start.ss);
     for k in some(&candidates).into_iter().step_by(3) {
@@ -343,9 +345,10 @@ fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
 fn held_out_errors_do_not_go_with_the_memory_of_the_noise() {
     let (model, data, candidates) = made();
     let set: Vec<usize> = some(&candidates).into_iter().step_by(9).collect();
-    let told = [Memory::NONE, Memory { kept: 0.8, white: 0.25 }].map(|memory| {
+    let told = [CorrelatedNoise::WHITE, CorrelatedNoise { kept: 0.8, white: 0.25 }].map(|correlation| {
         let design =
-            Design::weighted(&model, model.terms.len(), &candidates, &[], &data, &Noise::usual(1), memory).unwrap();
+            Design::weighted(&model, model.terms.len(), &candidates, &[], &data, &Noise::usual(1), correlation)
+                .unwrap();
         design.held_out(&set, &|p| p % 4 != 0, &|p| p % 4 == 0)
     });
     assert!(!told[0].is_empty() && told[0].len() == told[1].len());

@@ -1,9 +1,9 @@
 //! What a plan could not show: the length of each effect's signature over the planned touches, known before any is measured.
 
 use serde_json::{Value, json};
-use trical_diagnose::catalogue::catalogue;
-use trical_diagnose::covariates::Recorded;
 use trical_diagnose::EffectId;
+use trical_diagnose::catalogue::catalogue;
+use trical_diagnose::covariates::Covariates;
 use trical_diagnose::effects::ripple;
 use trical_diagnose::linear::Design;
 use trical_ident::{Dataset, JointSource, Noise};
@@ -53,18 +53,18 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
         .collect();
     let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let (mut candidates, untestable) = catalogue(&Recorded::new(model, &data, noise));
+    let (mut candidates, untestable) = catalogue(&Covariates::new(model, &data, noise));
     let joints = model.robot.dof();
     candidates.extend((1..=joints).flat_map(|joint| RIPPLES.map(|cycles| ripple(joint, cycles, joints))));
     let weights = Noise::usual(1);
     let sigma = weights.sigma(0, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0);
     let design = Design::new(model, &candidates, &data, &weights)?;
-    let stage = design.stage();
+    let state = design.start();
     let no_torque = no_torque(model, plan)?;
     let mut all: Vec<Seen> = Vec::new();
     for (k, c) in candidates.iter().enumerate() {
         let Some(id) = c.cause.effect() else { continue };
-        let lambda = design.lambda_of_size(&stage, k, c.typical) * sigma / noise;
+        let lambda = design.lambda_of_size(&state, k, c.typical) * sigma / noise;
         match all.iter_mut().find(|s| s.effect == id && s.site == c.site) {
             Some(s) => s.lambda = s.lambda.max(lambda),
             None => {

@@ -4,7 +4,7 @@
 use trical_model::{Basis, Parameter, Place, Site};
 
 use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     let near_parallel = |link: &usize| r.model.robot.joints[*link].alpha.sin().abs() < 0.1;
     let of = |link| {
         EFFECT.candidate(

@@ -4,7 +4,7 @@ use trical_model::{Axis, Basis, Parameter, Place, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Pivot, Remedy, Scope, Size, deg};
 use crate::candidate::Candidate;
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     let mut out = Vec::new();
     for joint in r.joints() {
         for k in 1..=2 {

@@ -4,7 +4,7 @@
 use trical_model::{Axis, Basis, Place, Site};
 
 use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.touches {
         return Asked::default();
     }

@@ -4,7 +4,7 @@
 use trical_model::{Axis, Basis, Place, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, NO_MASSES, Pivot, Remedy, Scope, Size};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -27,7 +27,7 @@ pub const EFFECT: Effect = Effect {
 /// Shares of the way from the origin to the foot at which a tilt is tried; finer ones where one of these is chosen.
 const BETWEEN: [f64; 3] = [0.25, 0.5, 0.75];
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.masses {
         return Asked::lacking(NO_MASSES);
     }

@@ -4,7 +4,7 @@ use serde::Serialize;
 use trical_model::{Axis, Basis, JointKind, Motion, Place, Site, Term};
 
 use crate::candidate::{Candidate, anything};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 /// An effect of the catalogue.
@@ -46,7 +46,7 @@ pub struct Effect {
     pub follows_torque: bool,
     /// What this data can be asked about it.
     #[serde(skip)]
-    pub(crate) ask: fn(&Recorded<'_>) -> Asked,
+    pub(crate) ask: fn(&Covariates<'_>) -> Asked,
 }
 
 /// Effects of one mechanism.
@@ -207,7 +207,7 @@ impl Pivot {
     const BOTH: [Self; 2] = [Self::Origin, Self::Foot];
 
     /// Those that differ at `joint`.
-    pub(crate) fn of(r: &Recorded<'_>, joint: usize) -> &'static [Self] {
+    pub(crate) fn of(r: &Covariates<'_>, joint: usize) -> &'static [Self] {
         let j = &r.model.robot.joints[joint - 1];
         if j.kind == JointKind::Revolute && j.d.abs() > SAME_PLACE { &Self::BOTH } else { &Self::BOTH[..1] }
     }

@@ -3,7 +3,7 @@
 use trical_model::{Basis, Place, Shape, Site};
 
 use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, along};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
     if !r.touches {
         return Asked::default();

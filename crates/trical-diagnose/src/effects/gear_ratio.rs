@@ -3,7 +3,7 @@
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     let of = |joint| {
         let basis = Basis::new(Variable::Joint { joint }, Shape::Linear);
         EFFECT.candidate(

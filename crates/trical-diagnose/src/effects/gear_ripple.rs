@@ -5,9 +5,9 @@ use trical_model::{Basis, Place, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, arcsec};
 use crate::candidate::Candidate;
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
-use crate::periodogram::GEARS;
+use crate::settings::GEAR_CYCLES;
 
 /// The effect.
 pub const EFFECT: Effect = Effect {
@@ -28,13 +28,13 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// Frequencies come later.
-fn ask(_: &Recorded<'_>) -> Asked {
+fn ask(_: &Covariates<'_>) -> Asked {
     Asked::default()
 }
 
 /// A ripple of `cycles` per turn, of a robot with so many `joints`.
 pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
-    let (from, to) = GEARS;
+    let (from, to) = GEAR_CYCLES;
     let q = Variable::Joint { joint };
     let part = |part: &str, shape| (format!("ripple_{part}_{joint}"), Site::Joint { joint }, Basis::new(q, shape), 0);
     let candidate = EFFECT.candidate(

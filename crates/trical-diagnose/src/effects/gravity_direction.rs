@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Place, Site};
 
 use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size, deg};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -26,7 +26,7 @@ pub const EFFECT: Effect = Effect {
 /// m/s2.
 const G: f64 = 9.8;
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.masses {
         return Asked::lacking(NO_MASSES);
     }

@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Motion, Place, Shape, Site};
 
 use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size};
-use crate::covariates::{Recorded, seconds_per};
+use crate::covariates::{Covariates, seconds_per};
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.touches {
         return Asked::default();
     }

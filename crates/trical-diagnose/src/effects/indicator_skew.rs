@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size, deg};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.touches {
         return Asked::default();
     }

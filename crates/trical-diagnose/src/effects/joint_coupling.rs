@@ -3,7 +3,7 @@
 use trical_model::{Basis, Place, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -25,7 +25,7 @@ pub const EFFECT: Effect = Effect {
 
 const PAIRS: [(usize, usize); 4] = [(5, 4), (6, 5), (6, 4), (3, 2)];
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     let of = |(joint, from)| {
         let basis = Basis::new(Variable::Joint { joint: from }, Shape::Linear);
         EFFECT.candidate(

@@ -3,7 +3,7 @@
 use trical_model::{Basis, Place, Site};
 
 use super::effect::{Asked, Effect, Family, NO_SENSE, Remedy, Scope, Size, arcsec};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -23,7 +23,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.direction {
         return Asked::lacking(NO_SENSE);
     }

@@ -5,8 +5,9 @@ use trical_model::{Basis, Place, Shape, Site};
 
 use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size, deg};
 use crate::candidate::Candidate;
-use crate::covariates::{Recorded, SMALL_ARM};
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
+use crate::settings::SMALL_ARM_LOAD_NM;
 
 pub const EFFECT: Effect = Effect {
     id: EffectId::LostMotionGravity,
@@ -32,13 +33,13 @@ const SOFTEST: (f64, f64) = (1.0 / 1.5, 0.2);
 /// T of a small arm, N m.
 const SOFTNESS: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.5];
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.masses {
         return Asked::lacking(NO_MASSES);
     }
     let mut out = Vec::new();
     for joint in r.joints() {
-        let softnesses = SOFTNESS.map(|s| s * (r.load(joint) / SMALL_ARM).max(1.0));
+        let softnesses = SOFTNESS.map(|s| s * (r.load(joint) / SMALL_ARM_LOAD_NM).max(1.0));
         let load = r.load(joint);
         let firm = softnesses[0].max(load / 8.0);
         // the softest gaps are the firmest soft joints (nonlinear_stiffness): rivals, told apart by their size alone

@@ -5,7 +5,7 @@
 use trical_model::{Basis, Place, Shape, Site};
 
 use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -25,7 +25,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if !r.masses {
         return Asked::lacking(NO_MASSES);
     }

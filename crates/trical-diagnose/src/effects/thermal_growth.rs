@@ -3,7 +3,7 @@
 use trical_model::{Place, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
@@ -26,7 +26,7 @@ pub const EFFECT: Effect = Effect {
 /// Kelvin by which an arm without a thermometer warms up: typical, and much.
 const WARM: [f64; 2] = [6.0, 10.0];
 
-fn ask(r: &Recorded<'_>) -> Asked {
+fn ask(r: &Covariates<'_>) -> Asked {
     if r.clocks.is_empty() {
         return Asked::lacking("temperature (temp_c) or time (t_s)");
     }

@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::noise::Noise;
-use trical_model::{Basis, Forward, Measured, Model, Site, residual_rows};
+use trical_model::{Basis, Forward, Measured, Model, Site, Term, residual_rows};
 
 use crate::candidate::Candidate;
-use crate::correlated_noise::{Filter, Memory, in_device_axes};
+use crate::correlated_noise::{CorrelatedNoise, Filter, in_device_axes};
 
 /// Columns of one piece of a product.
 const PIECE: usize = 512;
@@ -73,42 +73,15 @@ impl Linear {
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
-        memory: Memory,
+        correlation: CorrelatedNoise,
     ) -> Result<Self> {
         let own = model.terms.len();
         let p = parameters;
         let values: Vec<f64> = model.terms[effects..].iter().map(|t| t.value).collect();
         let terms: Vec<_> = candidates.iter().flat_map(|c| &c.terms).collect();
         let width = terms.len();
-        let mut kinds: Vec<(Site, bool)> = Vec::new();
-        let mut by_family: Vec<(usize, usize)> = Vec::with_capacity(width);
-        for (column, t) in terms.iter().enumerate() {
-            // what is constant acts through torques too, what is not does not
-            let kind = (t.site, t.basis == Basis::CONSTANT);
-            let family = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
-                kinds.push(kind);
-                kinds.len() - 1
-            });
-            by_family.push((family, column));
-        }
-        by_family.sort_unstable();
-        let mut place = vec![0; width];
-        let mut families = vec![(0, 0); kinds.len()];
-        for (at, (family, column)) in by_family.iter().enumerate() {
-            place[*column] = at;
-            if families[*family].1 == 0 {
-                families[*family].0 = at;
-            }
-            families[*family].1 = at + 1;
-        }
-        let mut factors: Vec<(usize, &[f64])> = Vec::new();
-        let mut column = 0;
-        for (k, c) in candidates.iter().enumerate() {
-            for (j, weights) in weights.get(k).into_iter().flatten().enumerate() {
-                factors.push((place[column + j], weights));
-            }
-            column += c.terms.len();
-        }
+        let Families { by_family, place, families } = Families::of(&terms);
+        let factors = factors(candidates, weights, &place);
         let mut wide = model.clone();
         wide.terms.extend(by_family.iter().map(|(_, column)| terms[*column].clone()));
         let free = (0..p).chain(effects..own + width).collect();
@@ -120,7 +93,7 @@ impl Linear {
         let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
         let mut all = Self {
             residual: vec![0.0; rows],
-            filter: Filter::new(memory, data),
+            filter: Filter::new(correlation, data),
             pose_of_row: vec![0; rows],
             sigma_of_row: Vec::with_capacity(rows),
             jacobian: Mat::zeros(rows, p),
@@ -170,14 +143,19 @@ impl Linear {
             row += n;
             all.first_row.push(row);
         }
+        all.keep_whole(along);
+        Ok(all)
+    }
+
+    /// Keeps the columns that are not along their family's direction.
+    fn keep_whole(&mut self, along: Along) {
         let whole: Vec<(usize, Vec<f64>)> =
             along.whole.into_iter().enumerate().filter_map(|(at, whole)| Some((at, whole?))).collect();
-        all.whole = Mat::zeros(rows, whole.len());
+        self.whole = Mat::zeros(self.rows(), whole.len());
         for (k, (at, column)) in whole.into_iter().enumerate() {
-            all.whole.col_as_slice_mut(k).copy_from_slice(&column);
-            all.whole_of[at] = Some(k);
+            self.whole.col_as_slice_mut(k).copy_from_slice(&column);
+            self.whole_of[at] = Some(k);
         }
-        Ok(all)
     }
 
     /// Takes an observation's part of all columns.
@@ -426,6 +404,57 @@ impl Linear {
         }
         out
     }
+}
+
+/// Columns whose terms are at one site and of one kind stand together.
+struct Families {
+    /// Family and column, by family.
+    by_family: Vec<(usize, usize)>,
+    /// Where each column stands among these.
+    place: Vec<usize>,
+    /// First and one past the last place of each family.
+    families: Vec<(usize, usize)>,
+}
+
+impl Families {
+    fn of(terms: &[&Term]) -> Self {
+        let width = terms.len();
+        let mut kinds: Vec<(Site, bool)> = Vec::new();
+        let mut by_family: Vec<(usize, usize)> = Vec::with_capacity(width);
+        for (column, t) in terms.iter().enumerate() {
+            // what is constant acts through torques too, what is not does not
+            let kind = (t.site, t.basis == Basis::CONSTANT);
+            let family = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
+                kinds.push(kind);
+                kinds.len() - 1
+            });
+            by_family.push((family, column));
+        }
+        by_family.sort_unstable();
+        let mut place = vec![0; width];
+        let mut families = vec![(0, 0); kinds.len()];
+        for (at, (family, column)) in by_family.iter().enumerate() {
+            place[*column] = at;
+            if families[*family].1 == 0 {
+                families[*family].0 = at;
+            }
+            families[*family].1 = at + 1;
+        }
+        Self { by_family, place, families }
+    }
+}
+
+/// Weights by which columns are multiplied, and the places of those columns.
+fn factors<'a>(candidates: &[Candidate], weights: &'a [Vec<Vec<f64>>], place: &[usize]) -> Vec<(usize, &'a [f64])> {
+    let mut factors: Vec<(usize, &[f64])> = Vec::new();
+    let mut column = 0;
+    for (k, c) in candidates.iter().enumerate() {
+        for (j, weights) in weights.get(k).into_iter().flatten().enumerate() {
+            factors.push((place[column + j], weights));
+        }
+        column += c.terms.len();
+    }
+    factors
 }
 
 /// What the parts of all columns at one observation are beside their families' directions.

@@ -1,6 +1,6 @@
 //! The design: the linearized fit of a model with candidates, as inner products.
 
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
@@ -12,9 +12,8 @@ use trical_model::Model;
 
 use super::columns::Linear;
 use super::holdout::HeldOut;
-use super::state::Stage;
 use crate::candidate::Candidate;
-use crate::correlated_noise::Memory;
+use crate::correlated_noise::CorrelatedNoise;
 
 /// A linearized fit with candidates.
 pub struct Design {
@@ -35,7 +34,7 @@ pub struct Design {
     pub(super) projected: Mat<f64>,
     /// `X'X - (Q'X)'(Q'X)` of all columns with those of a candidate, `width x k`, from when it is first asked for.
     pub(super) grams: Vec<OnceLock<Mat<f64>>>,
-    /// Of each column with itself, and of the columns of each candidate with each other (see [`Stage`]).
+    /// Of each column with itself, and of the columns of each candidate with each other (see `state`).
     pub(super) left: Vec<f64>,
     pub(super) beside: Vec<f64>,
     /// Where those of each candidate begin.
@@ -54,12 +53,12 @@ impl Design {
     /// # Errors
     /// A candidate at a site that the arm does not have.
     pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
-        Self::weighted(model, model.terms.len(), candidates, &[], data, noise, Memory::NONE)
+        Self::weighted(model, model.terms.len(), candidates, &[], data, noise, CorrelatedNoise::WHITE)
     }
 
     /// As [`Design::new`], of a model whose terms from `parameters` on are effects: it is linearized with them, and they are taken out of
     /// the residual again by their own columns, so that with them in it the picture is exact. A candidate with weights (for each of its
-    /// columns, one for each observation) has them multiplied in. Noise that remembers itself is made white: rows are then what could
+    /// columns, one for each observation) has them multiplied in. Correlated noise is made white: rows are then what could
     /// not be foreseen from those before.
     ///
     /// # Errors
@@ -71,9 +70,9 @@ impl Design {
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
-        memory: Memory,
+        correlation: CorrelatedNoise,
     ) -> Result<Self> {
-        let linear = Linear::new(model, [parameters, parameters], candidates, weights, data, noise, memory)?;
+        let linear = Linear::new(model, [parameters, parameters], candidates, weights, data, noise, correlation)?;
         let (spans, width) = spans(candidates.iter().map(|c| c.terms.len()));
         let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
         let (rows, p) = (linear.rows(), linear.jacobian.ncols());
@@ -140,7 +139,7 @@ impl Design {
     }
 
     /// Inner products of all columns with those of some candidates, computed together where they are not known yet: it costs
-    /// less than one by one when they are added to a stage.
+    /// less than one by one when they are added to a state.
     pub fn prepare(&self, set: &[usize]) {
         let Some(linear) = &self.linear else { return };
         let mut new: Vec<usize> = set.iter().copied().filter(|c| self.grams[*c].get().is_none()).collect();
@@ -170,7 +169,7 @@ impl Design {
     }
 
     /// How likely the residuals of the fitted parameters alone are, nats (restricted likelihood, Patterson & Thompson 1971): comparable
-    /// between memories of the noise. `temper` is the share of the rows that is independent.
+    /// between correlations of the noise. `temper` is the share of the rows that is independent.
     #[must_use]
     pub fn nats(&self, temper: f64) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
@@ -179,57 +178,32 @@ impl Design {
         -0.5 * (freedom * self.ss.ln() + temper * of_noise) - self.of_parameters
     }
 
-    /// The state with nothing added.
+    /// Position errors (m) of observations whose pose is in `test`, by a linear fit of the parameters and the candidates of
+    /// `set` to the rows whose pose is in `train`.
     #[must_use]
-    pub fn stage(&self) -> Stage {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let parameters = self.parameters as f64;
-        Stage::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, parameters)
-    }
-
-    /// The same picture with the columns of these candidates only, the others without any; and a stage in it. A stage there
-    /// costs what the set costs. It cannot tell rows.
-    #[must_use]
-    pub fn narrowed(&self, stage: &Stage, set: &[usize]) -> (Self, Stage) {
-        let mut spans = vec![(0, 0); self.spans.len()];
-        let mut beside_at = vec![0; self.spans.len()];
-        let mut kept: Vec<usize> = Vec::new();
-        let mut kept_beside: Vec<usize> = Vec::new();
-        for c in set {
-            let (from, to) = self.spans[*c];
-            let k = to - from;
-            spans[*c] = (kept.len(), kept.len() + k);
-            beside_at[*c] = kept_beside.len();
-            kept.extend(from..to);
-            kept_beside.extend(self.beside_at[*c]..self.beside_at[*c] + k * k.saturating_sub(1) / 2);
+    pub fn held_out(&self, set: &[usize], train: &dyn Fn(usize) -> bool, test: &dyn Fn(usize) -> bool) -> Vec<f64> {
+        let Some(linear) = &self.linear else { return Vec::new() };
+        let columns: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
+        let mut precision = vec![0.0; self.parameters];
+        precision.extend(columns.iter().map(|a| self.precision[*a]));
+        let mut known = self.held_out.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut places: Vec<usize> = (0..self.parameters).collect();
+        places.extend(known.take(linear, &columns));
+        let poses = &linear.pose_of_row;
+        let tested = (0..self.rows).filter(|i| test(poses[*i])).collect();
+        let fold = known.fold(linear, poses.iter().map(|p| train(*p)).collect(), tested);
+        let Some(left) = fold.predicted(&places, &precision, &linear.residual) else { return Vec::new() };
+        // the rows of an observation follow each other
+        let mut squares: Vec<(usize, f64)> = Vec::new();
+        for (i, r) in fold.test.iter().zip(left) {
+            let (sigma, observation) = linear.sigma_of_row[*i];
+            let square = (r * sigma).powi(2);
+            match squares.last_mut() {
+                Some((last, sum)) if *last == observation => *sum += square,
+                _ => squares.push((observation, square)),
+            }
         }
-        let of = |v: &[f64]| kept.iter().map(|a| v[*a]).collect::<Vec<f64>>();
-        let beside_of = |v: &[f64]| kept_beside.iter().map(|a| v[*a]).collect::<Vec<f64>>();
-        let grams: Vec<OnceLock<Mat<f64>>> = self.spans.iter().map(|_| OnceLock::new()).collect();
-        self.prepare(set);
-        for c in set {
-            let all = self.gram(*c);
-            grams[*c].get_or_init(|| Mat::from_fn(kept.len(), all.ncols(), |i, j| all[(kept[i], j)]));
-        }
-        let narrow = Self {
-            rows: self.rows,
-            parameters: self.parameters,
-            linear: None,
-            width: kept.len(),
-            spans,
-            squares: of(&self.squares),
-            precision: of(&self.precision),
-            projected: Mat::zeros(0, 0),
-            grams,
-            left: of(&self.left),
-            beside: beside_of(&self.beside),
-            beside_at,
-            b: of(&self.b),
-            ss: self.ss,
-            of_parameters: self.of_parameters,
-            held_out: Mutex::default(),
-        };
-        (narrow, stage.narrowed(&of, &beside_of))
+        squares.into_iter().map(|(_, s)| s.sqrt()).collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! A set of candidates, and the fit with some of them taken out again.
 //!
 //! With `C` the inner products of the set's columns with all, `L L'` those among themselves with the prior's precision, and
-//! `W = L^-1 C`, the set explains `W'W` of all inner products. Without the columns `o` it explains `Z'M^-1 Z` less, where
+//! `W = L^-1 C`, the set explains `W'W` of all inner products. Downdated the columns `o` it explains `Z'M^-1 Z` less, where
 //! `Z` are the rows `o` of `L^-T W` and `M` the rows and columns `o` of `(L L')^-1`: taking out costs what adding one column
 //! costs, not what adding all the others does.
 
@@ -11,14 +11,14 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
 use super::design::Design;
-use super::state::{Part, Stage, cholesky, forward_substitution};
+use super::state::{Part, RegressionState, cholesky, forward_substitution};
 
-/// A set of candidates on a stage.
-pub struct Company<'a> {
+/// A set of candidates on a state.
+pub struct Downdate<'a> {
     design: &'a Design,
-    start: &'a Stage,
+    start: &'a RegressionState,
     set: &'a [usize],
-    full: Stage,
+    full: RegressionState,
     /// Which columns the set added, in order.
     columns: Vec<usize>,
     /// `L^-1`, and `Z'` with all columns in `o`, `width x m`.
@@ -26,22 +26,22 @@ pub struct Company<'a> {
     z: Mat<f64>,
     /// The residual's parts along the columns that were added.
     d: Vec<f64>,
-    /// What the full stage leaves of the inner products of candidates that are not in the set, `width x k`, by candidate.
+    /// What the full state leaves of the inner products of candidates that are not in the set, `width x k`, by candidate.
     others: Vec<(usize, Vec<Vec<f64>>)>,
 }
 
-/// A stage without some of a company.
-pub struct Without {
-    /// The stage.
-    pub stage: Stage,
-    /// So many of what it consists of are the company's.
+/// A state without some of a downdate.
+pub struct Downdated {
+    /// The state.
+    pub state: RegressionState,
+    /// So many of what it consists of are the downdate's.
     common: usize,
 }
 
-impl<'a> Company<'a> {
+impl<'a> Downdate<'a> {
     /// Adds all of `set` to `start`.
     #[must_use]
-    pub fn new(design: &'a Design, start: &'a Stage, set: &'a [usize]) -> Self {
+    pub fn new(design: &'a Design, start: &'a RegressionState, set: &'a [usize]) -> Self {
         design.prepare(set);
         let mut full = start.clone();
         for c in set {
@@ -72,25 +72,25 @@ impl<'a> Company<'a> {
         self.set
     }
 
-    /// The stage with all of the set.
+    /// The state with all of the set.
     #[must_use]
-    pub fn full(&self) -> &Stage {
+    pub fn full(&self) -> &RegressionState {
         &self.full
     }
 
-    /// The stage without the candidates `own`. How many parameters it has depends on the order in which the others were added:
-    /// `like` is a stage of a narrowed design with the others, on a start that was narrowed with it.
+    /// The state without the candidates `own`. How many parameters it has depends on the order in which the others were added:
+    /// `like` is a state of a narrowed design with the others, on a start that was narrowed with it.
     #[must_use]
-    pub fn without(&self, own: &[usize], like: &Stage) -> Without {
+    pub fn without(&self, own: &[usize], like: &RegressionState) -> Downdated {
         let is_own = |a: usize| own.iter().any(|c| (self.design.spans[*c].0..self.design.spans[*c].1).contains(&a));
         let out: Vec<usize> = (0..self.columns.len()).filter(|k| is_own(self.columns[*k])).collect();
         if like.added.len() + out.len() != self.columns.len() {
             // what the set has absorbed of the others is their own now
-            let mut stage = self.start.clone();
+            let mut state = self.start.clone();
             for c in self.set.iter().filter(|c| !own.contains(c)) {
-                self.design.add(&mut stage, *c);
+                self.design.add(&mut state, *c);
             }
-            return Without { stage, common: 0 };
+            return Downdated { state, common: 0 };
         }
         let k = out.len();
         let of = |i: usize| self.inverse.col_as_slice(out[i]);
@@ -98,7 +98,7 @@ impl<'a> Company<'a> {
         let l = cholesky(&m, k);
         let along: Vec<f64> = (0..k).map(|i| of(i).iter().zip(&self.d).map(|(a, d)| a * d).sum()).collect();
         let d = forward_substitution(&l, &along);
-        let mut stage = self.full.clone();
+        let mut state = self.full.clone();
         let mut ws: Vec<Vec<f64>> = Vec::with_capacity(k);
         for i in 0..k {
             let mut w = self.z.col_as_slice(out[i]).to_vec();
@@ -110,11 +110,11 @@ impl<'a> Company<'a> {
             ws.push(w);
         }
         for (w, d) in ws.into_iter().zip(d) {
-            stage.explain(self.design, Part { w: w.into(), taken_out: true }, d);
+            state.explain(self.design, Part { w: w.into(), taken_out: true }, d);
         }
-        stage.added.retain(|a| !is_own(a.column));
-        (stage.ss, stage.parameters) = (like.ss, like.parameters);
-        Without { stage, common: self.full.parts.len() }
+        state.added.retain(|a| !is_own(a.column));
+        (state.ss, state.parameters) = (like.ss, like.parameters);
+        Downdated { state, common: self.full.parts.len() }
     }
 
     /// Makes ready to add candidates to stages without some of the set: what the others of the set leave of them is worked out
@@ -132,14 +132,14 @@ impl<'a> Company<'a> {
 
     /// `without` with a candidate added.
     #[must_use]
-    pub fn with(&self, without: &Without, candidate: usize) -> Stage {
-        let mut stage = without.stage.clone();
+    pub fn with(&self, without: &Downdated, candidate: usize) -> RegressionState {
+        let mut state = without.state.clone();
         match self.others.iter().find(|(c, _)| *c == candidate) {
             Some((_, left)) if without.common > 0 => {
-                self.design.add_left(&mut stage, candidate, left.clone(), without.common);
+                self.design.add_left(&mut state, candidate, left.clone(), without.common);
             }
-            _ => self.design.add(&mut stage, candidate),
+            _ => self.design.add(&mut state, candidate),
         }
-        stage
+        state
     }
 }

@@ -1,14 +1,11 @@
 //! Errors at poses that a linear fit did not see. Inner products over the rows that it sees are kept: most sets that are asked
 //! for have their candidates in common.
 
-use std::sync::PoisonError;
-
 use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::Solve;
 use faer::{Accum, Mat, MatRef, Par, Side};
 
 use super::columns::Linear;
-use super::design::Design;
 
 /// What is known of held-out fits.
 #[derive(Default)]
@@ -20,9 +17,9 @@ pub(crate) struct HeldOut {
 }
 
 /// Rows that are fitted, and rows that are predicted.
-struct Fold {
+pub(super) struct Fold {
     train: Vec<bool>,
-    test: Vec<usize>,
+    pub(super) test: Vec<usize>,
     /// Inner products of each column with those up to itself over the rows that are fitted, and with the residual there.
     gram: Vec<Vec<f64>>,
     residual: Vec<f64>,
@@ -32,7 +29,7 @@ struct Fold {
 
 impl HeldOut {
     /// Takes up columns, and gives their places behind the parameters'.
-    fn take(&mut self, linear: &Linear, columns: &[usize]) -> Vec<usize> {
+    pub(super) fn take(&mut self, linear: &Linear, columns: &[usize]) -> Vec<usize> {
         let p = linear.jacobian.ncols();
         if self.entries.is_empty() {
             self.entries.extend((0..p).flat_map(|j| linear.jacobian.col_as_slice(j)));
@@ -52,7 +49,7 @@ impl HeldOut {
     }
 
     /// Rows to be fitted and to be predicted, with the products of all columns so far.
-    fn fold(&mut self, linear: &Linear, train: Vec<bool>, test: Vec<usize>) -> &Fold {
+    pub(super) fn fold(&mut self, linear: &Linear, train: Vec<bool>, test: Vec<usize>) -> &Fold {
         let at = self.folds.iter().position(|f| f.train == train && f.test == test).unwrap_or_else(|| {
             let (gram, residual, tested) = (Vec::new(), Vec::new(), Vec::new());
             self.folds.push(Fold { train, test, gram, residual, tested });
@@ -87,7 +84,7 @@ impl HeldOut {
 impl Fold {
     /// Residuals of the rows that are predicted, by a fit of the columns at some places with the prior's `precision` (0 where there
     /// is none). Nothing where the fit fails.
-    fn predicted(&self, places: &[usize], precision: &[f64], residual: &[f64]) -> Option<Vec<f64>> {
+    pub(super) fn predicted(&self, places: &[usize], precision: &[f64], residual: &[f64]) -> Option<Vec<f64>> {
         let n = places.len();
         // scaled columns and a trace of damping, so that absorbed columns do no harm
         let scale: Vec<f64> = places
@@ -113,35 +110,5 @@ impl Fold {
             }
         }
         Some(left)
-    }
-}
-
-impl Design {
-    /// Position errors (m) of observations whose pose is in `test`, by a linear fit of the parameters and the candidates of
-    /// `set` to the rows whose pose is in `train`.
-    #[must_use]
-    pub fn held_out(&self, set: &[usize], train: &dyn Fn(usize) -> bool, test: &dyn Fn(usize) -> bool) -> Vec<f64> {
-        let Some(linear) = &self.linear else { return Vec::new() };
-        let columns: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
-        let mut precision = vec![0.0; self.parameters];
-        precision.extend(columns.iter().map(|a| self.precision[*a]));
-        let mut known = self.held_out.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut places: Vec<usize> = (0..self.parameters).collect();
-        places.extend(known.take(linear, &columns));
-        let poses = &linear.pose_of_row;
-        let tested = (0..self.rows).filter(|i| test(poses[*i])).collect();
-        let fold = known.fold(linear, poses.iter().map(|p| train(*p)).collect(), tested);
-        let Some(left) = fold.predicted(&places, &precision, &linear.residual) else { return Vec::new() };
-        // the rows of an observation follow each other
-        let mut squares: Vec<(usize, f64)> = Vec::new();
-        for (i, r) in fold.test.iter().zip(left) {
-            let (sigma, observation) = linear.sigma_of_row[*i];
-            let square = (r * sigma).powi(2);
-            match squares.last_mut() {
-                Some((last, sum)) if *last == observation => *sum += square,
-                _ => squares.push((observation, square)),
-            }
-        }
-        squares.into_iter().map(|(_, s)| s.sqrt()).collect()
     }
 }

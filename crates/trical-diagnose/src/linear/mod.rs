@@ -20,5 +20,5 @@ pub mod state;
 
 pub(crate) use columns::Linear;
 pub use design::Design;
-pub use downdate::{Company, Without};
-pub use state::{Gain, Stage};
+pub use downdate::{Downdate, Downdated};
+pub use state::{Gain, RegressionState};

@@ -1,21 +1,20 @@
 //! A state of the search: the fit with some candidates added, and what others would do then.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, OnceLock};
 
+use faer::Mat;
 use pulp::Arch;
 
 use super::design::Design;
-
-/// Columns whose length after projection is below this fraction of their length are absorbed by the fit.
-const ABSORBED: f64 = 1e-3;
+use crate::settings::ABSORBED_SHARE;
 
 /// Numbers of a vector that are worked on together: what stays near the processor.
 const CHUNK: usize = 1024;
 
-/// A state of the search: the fit with some candidates added. All that is needed are inner products, so a stage costs as
+/// A state of the search: the fit with some candidates added. All that is needed are inner products, so a state costs as
 /// much as there are columns, however many rows there were.
 #[derive(Clone)]
-pub struct Stage {
+pub struct RegressionState {
     /// What the basis explains of inner products.
     pub(crate) parts: Vec<Part>,
     /// Columns that were added.
@@ -68,7 +67,7 @@ impl Gain {
     }
 }
 
-impl Stage {
+impl RegressionState {
     pub(crate) fn bare(left: Vec<f64>, beside: Vec<f64>, b: Vec<f64>, ss: f64, parameters: f64) -> Self {
         Self { parts: Vec::new(), added: Vec::new(), left, beside, b, ss, parameters }
     }
@@ -106,15 +105,68 @@ impl Stage {
 }
 
 impl Design {
+    /// The state with nothing added.
+    #[must_use]
+    pub fn start(&self) -> RegressionState {
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let parameters = self.parameters as f64;
+        RegressionState::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, parameters)
+    }
+
+    /// The same picture with the columns of these candidates only, the others without any; and a state in it. A state there
+    /// costs what the set costs. It cannot tell rows.
+    #[must_use]
+    pub fn narrowed(&self, state: &RegressionState, set: &[usize]) -> (Self, RegressionState) {
+        let mut spans = vec![(0, 0); self.spans.len()];
+        let mut beside_at = vec![0; self.spans.len()];
+        let mut kept: Vec<usize> = Vec::new();
+        let mut kept_beside: Vec<usize> = Vec::new();
+        for c in set {
+            let (from, to) = self.spans[*c];
+            let k = to - from;
+            spans[*c] = (kept.len(), kept.len() + k);
+            beside_at[*c] = kept_beside.len();
+            kept.extend(from..to);
+            kept_beside.extend(self.beside_at[*c]..self.beside_at[*c] + k * k.saturating_sub(1) / 2);
+        }
+        let of = |v: &[f64]| kept.iter().map(|a| v[*a]).collect::<Vec<f64>>();
+        let beside_of = |v: &[f64]| kept_beside.iter().map(|a| v[*a]).collect::<Vec<f64>>();
+        let grams: Vec<OnceLock<Mat<f64>>> = self.spans.iter().map(|_| OnceLock::new()).collect();
+        self.prepare(set);
+        for c in set {
+            let all = self.gram(*c);
+            grams[*c].get_or_init(|| Mat::from_fn(kept.len(), all.ncols(), |i, j| all[(kept[i], j)]));
+        }
+        let narrow = Self {
+            rows: self.rows,
+            parameters: self.parameters,
+            linear: None,
+            width: kept.len(),
+            spans,
+            squares: of(&self.squares),
+            precision: of(&self.precision),
+            projected: Mat::zeros(0, 0),
+            grams,
+            left: of(&self.left),
+            beside: beside_of(&self.beside),
+            beside_at,
+            b: of(&self.b),
+            ss: self.ss,
+            of_parameters: self.of_parameters,
+            held_out: Mutex::default(),
+        };
+        (narrow, state.narrowed(&of, &beside_of))
+    }
+
     /// Whether the fit has not absorbed a column.
-    fn is_left(&self, stage: &Stage, column: usize) -> bool {
-        self.squares[column] > 0.0 && stage.left[column] > ABSORBED * ABSORBED * self.squares[column]
+    fn is_left(&self, state: &RegressionState, column: usize) -> bool {
+        self.squares[column] > 0.0 && state.left[column] > ABSORBED_SHARE * ABSORBED_SHARE * self.squares[column]
     }
 
     /// Adds a candidate to the basis.
-    pub fn add(&self, stage: &mut Stage, candidate: usize) {
-        let left = self.orthogonal(&stage.parts, candidate);
-        self.add_left(stage, candidate, left, stage.parts.len());
+    pub fn add(&self, state: &mut RegressionState, candidate: usize) {
+        let left = self.orthogonal(&state.parts, candidate);
+        self.add_left(state, candidate, left, state.parts.len());
     }
 
     /// What some parts leave of the inner products with each column of a candidate.
@@ -127,35 +179,35 @@ impl Design {
         left
     }
 
-    /// Adds a candidate, of whose inner products the first `done` parts of a stage have left `left`.
-    pub(crate) fn add_left(&self, stage: &mut Stage, candidate: usize, left: Vec<Vec<f64>>, done: usize) {
+    /// Adds a candidate, of whose inner products the first `done` parts of a state have left `left`.
+    pub(crate) fn add_left(&self, state: &mut RegressionState, candidate: usize, left: Vec<Vec<f64>>, done: usize) {
         let from = self.spans[candidate].0;
         for (a, mut w) in (from..).zip(left) {
             // those of the same candidate before it may have taken all of it
-            if !self.is_left(stage, a) {
+            if !self.is_left(state, a) {
                 continue;
             }
-            let rest = Orthogonal { w: std::slice::from_mut(&mut w), at: &[a], known: &stage.parts[done..] };
+            let rest = Orthogonal { w: std::slice::from_mut(&mut w), at: &[a], known: &state.parts[done..] };
             Arch::new().dispatch(rest);
-            let square = stage.left[a] + self.precision[a];
+            let square = state.left[a] + self.precision[a];
             let norm = square.sqrt();
             w.iter_mut().for_each(|v| *v /= norm);
-            let d = stage.b[a] / norm;
-            stage.explain(self, Part { w: w.into(), taken_out: false }, d);
-            stage.parameters += 1.0 - self.precision[a] / square;
-            stage.added.push(Added { column: a, norm, d });
+            let d = state.b[a] / norm;
+            state.explain(self, Part { w: w.into(), taken_out: false }, d);
+            state.parameters += 1.0 - self.precision[a] / square;
+            state.added.push(Added { column: a, norm, d });
         }
     }
 
     /// `G` of a candidate (k x k, row by row) and the columns that the fit does not absorb.
-    fn gram_of(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>) {
+    fn gram_of(&self, state: &RegressionState, candidate: usize) -> (Vec<usize>, Vec<f64>) {
         let (from, to) = self.spans[candidate];
-        let kept: Vec<usize> = (from..to).filter(|a| self.is_left(stage, *a)).collect();
+        let kept: Vec<usize> = (from..to).filter(|a| self.is_left(state, *a)).collect();
         let k = kept.len();
-        let beside = &stage.beside[self.beside_at[candidate]..];
+        let beside = &state.beside[self.beside_at[candidate]..];
         let mut g = vec![0.0; k * k];
         for i in 0..k {
-            g[i * k + i] = stage.left[kept[i]];
+            g[i * k + i] = state.left[kept[i]];
             let row = kept[i] - from;
             for j in 0..i {
                 let v = beside[row * row.saturating_sub(1) / 2 + kept[j] - from];
@@ -167,29 +219,29 @@ impl Design {
     }
 
     /// The columns that the fit does not absorb, Cholesky's factor of `G` with the prior's precision, and `y = L^-1 b`.
-    fn solved(&self, stage: &Stage, candidate: usize) -> (Vec<usize>, Vec<f64>, Vec<f64>) {
-        let (kept, mut g) = self.gram_of(stage, candidate);
+    fn solved(&self, state: &RegressionState, candidate: usize) -> (Vec<usize>, Vec<f64>, Vec<f64>) {
+        let (kept, mut g) = self.gram_of(state, candidate);
         let k = kept.len();
         for (i, a) in kept.iter().enumerate() {
             g[i * k + i] += self.precision[*a];
         }
         let l = cholesky(&g, k);
-        let y = forward_substitution(&l, &kept.iter().map(|a| stage.b[*a]).collect::<Vec<f64>>());
+        let y = forward_substitution(&l, &kept.iter().map(|a| state.b[*a]).collect::<Vec<f64>>());
         (kept, l, y)
     }
 
     /// What a candidate would remove from the sum of squares.
     #[must_use]
-    pub fn gain(&self, stage: &Stage, candidate: usize) -> Gain {
+    pub fn gain(&self, state: &RegressionState, candidate: usize) -> Gain {
         let (from, to) = self.spans[candidate];
         if to == from + 1 {
-            return if self.is_left(stage, from) {
-                Gain::of_one(stage.left[from] + self.precision[from], self.precision[from], stage.b[from])
+            return if self.is_left(state, from) {
+                Gain::of_one(state.left[from] + self.precision[from], self.precision[from], state.b[from])
             } else {
                 Gain { dss: 0.0, rank: 0.0, occam: 0.0 }
             };
         }
-        let (kept, l, y) = self.solved(stage, candidate);
+        let (kept, l, y) = self.solved(state, candidate);
         let k = kept.len();
         let mut gain = Gain { dss: y.iter().map(|v| v * v).sum(), rank: 0.0, occam: 0.0 };
         for (i, a) in kept.iter().enumerate() {
@@ -202,8 +254,8 @@ impl Design {
 
     /// What a candidate would remove without any prior, and how many of its columns are independent.
     #[must_use]
-    pub fn plain_gain(&self, stage: &Stage, candidate: usize) -> (f64, usize) {
-        let (kept, g) = self.gram_of(stage, candidate);
+    pub fn plain_gain(&self, state: &RegressionState, candidate: usize) -> (f64, usize) {
+        let (kept, g) = self.gram_of(state, candidate);
         let k = kept.len();
         let mut dss = 0.0;
         // Gram-Schmidt in the metric of G: rows of L, one for every column that is not a sum of those before
@@ -220,7 +272,7 @@ impl Design {
                     (g[i * k + j] - coordinates[i].iter().zip(&coordinates[j]).map(|(a, b)| a * b).sum::<f64>()) / norm
                 })
                 .collect();
-            let y = (stage.b[kept[j]] - coordinates[j].iter().zip(&ys).map(|(c, y)| c * y).sum::<f64>()) / norm;
+            let y = (state.b[kept[j]] - coordinates[j].iter().zip(&ys).map(|(c, y)| c * y).sum::<f64>()) / norm;
             dss += y * y;
             ys.push(y);
             for (c, v) in coordinates.iter_mut().zip(&along) {
@@ -232,9 +284,9 @@ impl Design {
 
     /// Coefficients (SI, zero for absorbed columns) of a candidate, were it added now.
     #[must_use]
-    pub fn coefficients(&self, stage: &Stage, candidate: usize) -> Vec<f64> {
+    pub fn coefficients(&self, state: &RegressionState, candidate: usize) -> Vec<f64> {
         let (from, to) = self.spans[candidate];
-        let (kept, l, y) = self.solved(stage, candidate);
+        let (kept, l, y) = self.solved(state, candidate);
         let k = kept.len();
         let mut x = vec![0.0; k];
         for i in (0..k).rev() {
@@ -251,9 +303,9 @@ impl Design {
 
     /// lambda of a candidate of coefficients `size` each (root mean square over its columns' directions).
     #[must_use]
-    pub fn lambda_of_size(&self, stage: &Stage, candidate: usize, size: f64) -> f64 {
+    pub fn lambda_of_size(&self, state: &RegressionState, candidate: usize, size: f64) -> f64 {
         let (from, to) = self.spans[candidate];
-        let (kept, g) = self.gram_of(stage, candidate);
+        let (kept, g) = self.gram_of(state, candidate);
         let k = kept.len();
         let trace: f64 = (0..k).map(|i| g[i * k + i]).sum();
         #[expect(clippy::cast_precision_loss, reason = "a count")]

@@ -3,10 +3,10 @@
 use trical_ident::dataset::{Dataset, JointSource};
 use trical_model::{Joints, MAX_JOINTS, Measured, Model, Recording, Row, State, Term};
 
-use super::{Result, TruthError};
+use super::error::{Result, TruthError};
 use crate::candidate::Candidate;
 use crate::catalogue::catalogue;
-use crate::covariates::Recorded;
+use crate::covariates::Covariates;
 use crate::effect_id::{Cause, EffectId};
 use crate::effects::ripple;
 
@@ -109,7 +109,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
         .collect();
     let recording = Recording { name: "catalogue".into(), joints: dof, rows };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    Ok(catalogue(&Recorded::new(model, &data, 1e-5)).0)
+    Ok(catalogue(&Covariates::new(model, &data, 1e-5)).0)
 }
 
 #[cfg(test)]

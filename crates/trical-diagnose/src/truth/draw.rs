@@ -1,50 +1,19 @@
-//! Arms for a virtual cell: true ones, drawn by chance, with effects hidden in them.
-
-mod hidden;
+//! True arms for a virtual cell, drawn by chance.
 
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-use thiserror::Error;
 use trical_ident::dataset::{Dataset, JointSource};
-use trical_ident::error::IdentError;
 use trical_ident::identifiability::{Choice, ParameterSet, independent_terms};
 use trical_ident::rigid::rigid_from_points;
 use trical_model::ik::nearest_solution;
 use trical_model::pose::{angles_zyx, rotation_x, rotation_z};
 use trical_model::{
-    Forward, Joints, MAX_JOINTS, Measured, Model, ModelError, Motion, Parameter, Pose, Recording, Row, Site, State,
+    Forward, Joints, MAX_JOINTS, Measured, Model, Motion, Parameter, Pose, Recording, Row, Site, State,
 };
 
-pub use hidden::hide;
-
-/// Why there is no such arm.
-#[derive(Debug, Error)]
-pub enum TruthError {
-    /// The arm or what it is asked about is at fault.
-    #[error(transparent)]
-    Ident(#[from] IdentError),
-    /// The base cannot be set up.
-    #[error("the device reaches the three balls in no common orientation")]
-    OutOfReach,
-    /// What is to be hidden is not known.
-    #[error("{wish}: {problem}")]
-    Wish {
-        /// What was asked for.
-        wish: String,
-        /// What was expected.
-        problem: String,
-    },
-}
-
-impl From<ModelError> for TruthError {
-    fn from(e: ModelError) -> Self {
-        Self::Ident(e.into())
-    }
-}
-
-type Result<T> = std::result::Result<T, TruthError>;
+use super::error::{Result, TruthError};
 
 /// A true arm drawn by chance: errors as arms of this size have them (0.3 mm and 0.1 deg in the chain, more in base and tool,
 /// compliances of 0.002 to 0.02 deg/Nm), on the paper's parameters, the twist of axis 3 and nothing else.

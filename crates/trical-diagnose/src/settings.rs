@@ -1,0 +1,209 @@
+//! Every threshold of a diagnosis, with its reason. Sizes that are an effect's own stand in its file.
+
+// What the recordings have
+
+/// Moments at which a change is looked for.
+pub const CHANGE_POINTS: usize = 60;
+
+/// Loads below this (N m) are none.
+pub const NO_LOAD_NM: f64 = 0.1;
+
+/// What the most loaded joint of a small arm carries (root mean square, N m): sizes of effects that go with torque are known of such.
+pub const SMALL_ARM_LOAD_NM: f64 = 25.0;
+
+/// Time constants with which an arm may warm up, s; longer ones by doubling, as long as the recording is.
+pub const WARM_UP_S: [f64; 5] = [400.0, 800.0, 1600.0, 3200.0, 6400.0];
+
+/// The same where nothing tells how long a pose took, as parts of the recording.
+pub const WARM_UP_PARTS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 0.125, 0.25, 0.5, 1.0, 2.0];
+
+/// How long a touch takes, s: what a rate in time is at each pose where there is no clock.
+pub const SECONDS_PER_TOUCH: f64 = 20.0;
+
+/// Indicator readings must spread this many times beyond the residual noise before their gain can be asked for. The noise of
+/// a reading stands in the residual and in the regressor, which biases a gain by -(noise / spread)^2: by 1 % at ten.
+pub const READING_SPREAD: f64 = 10.0;
+
+// Rejected rows
+
+/// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
+pub const OUTLIER_SIGMAS: f64 = 6.0;
+
+/// More than this share of a data set (or four rows of a small one) are no outliers but something that the model lacks.
+pub const OUTLIER_SHARE: f64 = 0.03;
+
+/// Repeats that would happen by chance less often than this in the whole data set are stale.
+pub const REPEATS_BY_CHANCE: f64 = 0.02;
+
+// Correlated noise
+
+/// Correlated noise must better the likelihood of white noise by so many nats, as what has no name must that of names.
+pub const CORRELATED_NATS: f64 = 5.0;
+
+/// A process is noise where recordings hold so many of its correlation lengths; beyond, it is a drift, and the effects say of what.
+pub const CORRELATION_LENGTHS: f64 = 10.0;
+
+/// Correlations from one measurement to the next that are tried.
+pub const AUTOCORRELATIONS: [f64; 10] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98];
+
+/// Shares of the noise's variance that may be white.
+pub const WHITE_SHARES: [f64; 6] = [0.0, 0.25, 0.5, 0.7, 0.85, 0.95];
+
+// The linear fit
+
+/// Columns whose length after projection is below this fraction of their length are absorbed by the fit.
+pub const ABSORBED_SHARE: f64 = 1e-3;
+
+// Locators
+
+/// A locator must beat every name by this many nats.
+pub const UNNAMED_PRICE_NATS: f64 = 5.0;
+
+/// How far a joint may be off without a name, rad (0.02 deg): the prior of each knot of a curve.
+pub const UNNAMED_SIZE_RAD: f64 = 0.02 * std::f64::consts::PI / 180.0;
+
+/// Thresholds tried for each variable.
+pub const STEP_THRESHOLDS: usize = 30;
+
+/// Thresholds tried for growth are the inner ones of so many quantiles.
+pub const GROWTH_QUANTILES: usize = 9;
+
+/// Places at which something local is looked for, and how far it reaches to either side, as parts of the joint's stroke.
+pub const LOCAL_CENTRES: usize = 32;
+
+/// How far something local reaches to either side of its centre, as parts of the joint's stroke.
+pub const LOCAL_REACHES: [f64; 3] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0];
+
+/// Values that something local must have.
+pub const LOCAL_VALUES: usize = 4;
+
+/// Knots of a free curve.
+pub const CURVE_KNOTS: usize = 8;
+
+/// Knots of curves of a joint's own angle that are narrow: the finer ones where there are [`VALUES_PER_KNOT`] values for each knot. An
+/// encoder's own error has many waves, and is no single one of them.
+pub const FINE_CURVE_KNOTS: [usize; 2] = [16, 32];
+
+/// Values of an angle that each knot of the finer curves must have.
+pub const VALUES_PER_KNOT: usize = 20;
+
+// Frequencies
+
+/// Cycles per turn that gears have.
+pub const GEAR_CYCLES: (u32, u32) = (10, 300);
+
+/// Beyond gears: a period of 0.01 deg, the finest that joint angles tell.
+pub const FINEST_CYCLES: u32 = 36_000;
+
+/// Strongest frequencies of each joint that are tried.
+pub const PEAKS_PER_JOINT: usize = 5;
+
+// Finer scans
+
+/// Steps all along a variable are so many.
+pub const STEPS_ALONG_CURVE: usize = 60;
+
+/// Softnesses, kinks and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
+pub const SAME_SCALE_RATIO: f64 = 1.15;
+
+/// Points of an axis that are nearer to each other than this share of its offset are not told apart.
+pub const SAME_POINT_SHARE: f64 = 0.05;
+
+/// A step is refined at so many places between its neighbours in the scan.
+pub const STEPS_BETWEEN_NEIGHBOURS: usize = 20;
+
+// Selection
+
+/// A candidate must better the criterion by this many nats. With the prior spread over all candidates, of 300 effect-free data sets of the
+/// proof none passes it.
+pub const EVIDENCE_NATS: f64 = 2.0;
+
+/// Most effects that are looked for.
+pub const MOST_EFFECTS: usize = 40;
+
+/// Candidates looked at as second members of a pair.
+pub const PAIR_SHORTLIST: usize = 24;
+
+/// Pairs are merged among at most so many.
+pub const MERGED_AMONG: usize = 12;
+
+/// Evidence that differs by less, nats, is the same: rounding must not decide between columns that are (steps between which no row
+/// is left).
+pub const SAME_EVIDENCE_NATS: f64 = 1e-6;
+
+/// Leaner candidates that are tried, with another one, in the place of a rich one.
+pub const LEANER_TRIED: usize = 3;
+
+// Rounds
+
+/// Rounds of selection and exact refit at most; most data settle in two or three.
+pub const MOST_ROUNDS: usize = 5;
+
+/// How often effects and the correlation of the noise are chosen in turn.
+pub const NOISE_ALTERNATIONS: usize = 4;
+
+/// So many rejected rows that one number explains are no outliers.
+pub const ROWS_ALIKE: usize = 3;
+
+/// Robust standard deviations beyond which a row is a gross error before anything is identified: far, since an effect may move rows by ten.
+pub const GROSS_ERROR_SIGMAS: f64 = 30.0;
+
+// Specification test
+
+/// Prior odds that what happens at a place is not in the catalogue.
+pub const OUTSIDE: f64 = 0.03;
+
+/// Knots of a probe's curve.
+pub const PROBE_KNOTS: usize = 7;
+
+/// A place whose probes have a smaller p-value than this lacks something: names lose their privilege there.
+pub const LACK_OF_FIT_P: f64 = 1e-3;
+
+/// What is left at a place is considerable if it is this share of what its names explain: it then puts them in even doubt.
+pub const CONSIDERABLE_SHARE: f64 = 0.1;
+
+/// The share of its past that a fading history of moves keeps with every move.
+pub const HISTORY_KEPT: f64 = 0.8;
+
+// Findings
+
+/// Evidence is multiplied by this before it is turned into a probability: the noise is never quite what its model says.
+pub const TEMPERING: f64 = 0.7;
+
+/// Trust is multiplied by this for each further wave or step that it took to uphold a name.
+pub const REPEATED_TRUST: f64 = 0.5;
+
+/// Rivals of a finding that are told at most.
+pub const MOST_RIVALS: usize = 8;
+
+/// Signatures shorter than this many standard deviations of the noise cannot be seen.
+pub const VISIBLE_LAMBDA: f64 = 3.0;
+
+/// Candidates within this many nats of a finding are rivals.
+pub const RIVAL_NATS: f64 = 5.0;
+
+/// What probes find at a place where nothing was modelled is told where it is less likely than this to be chance.
+pub const REMAINDER_P: f64 = 1e-5;
+
+/// The share of an unknown effect that its approximation may leave to be taken for something else.
+pub const UNKNOWN_LEAK: f64 = 0.05;
+
+/// A probe that is better by so many nats than the curves of its place is told beside them.
+pub const PROBE_BETTER_NATS: f64 = 3.0;
+
+/// No claim is surer than this.
+pub const LARGEST_CONFIDENCE: f64 = 0.99;
+
+/// Waves of more cycles a turn are a gear's teeth; of fewer, they may be a part of anything that depends on the angle.
+pub const SLOW_WAVE_CYCLES: f64 = 20.0;
+
+/// A name that its place's probes trust no more than this is doubted: what the probe found there is told too.
+pub const DOUBTED_BELOW: f64 = 0.9;
+
+// Rivals
+
+/// Rivals of one finding that are set against it.
+pub const RIVALS_COMPARED: usize = 4;
+
+/// A finding surer than this needs no more measurements.
+pub const SURE_ENOUGH: f64 = 0.9;

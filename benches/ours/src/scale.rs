@@ -5,8 +5,8 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde_json::json;
 use trical_diagnose::catalogue::catalogue;
-use trical_diagnose::linear::Design;
 use trical_diagnose::covariates::Covariates;
+use trical_diagnose::linear::Design;
 use trical_ident::{Dataset, Noise, ParameterSet, fit_model, identify};
 use trical_model::{Basis, Shape, Site, Term, Variable};
 

@@ -68,7 +68,7 @@ pub const STEP_THRESHOLDS: usize = 30;
 /// Thresholds tried for growth are the inner ones of so many quantiles.
 pub const GROWTH_QUANTILES: usize = 9;
 
-/// Places at which something local is looked for, and how far it reaches to either side, as parts of the joint's stroke.
+/// Places at which something local is looked for.
 pub const LOCAL_CENTRES: usize = 32;
 
 /// How far something local reaches to either side of its centre, as parts of the joint's stroke.
@@ -100,10 +100,10 @@ pub const PEAKS_PER_JOINT: usize = 5;
 
 // Finer scans
 
-/// Steps all along a variable are so many.
+/// A free curve may stand for a step that the scan missed: so many steps are tried all along its variable.
 pub const STEPS_ALONG_CURVE: usize = 60;
 
-/// Softnesses, kinks and time constants of a smaller ratio are not told apart, nor points of an axis at a smaller share of its offset.
+/// Softnesses, kinks and time constants of a smaller ratio are not told apart.
 pub const SAME_SCALE_RATIO: f64 = 1.15;
 
 /// Points of an axis that are nearer to each other than this share of its offset are not told apart.
@@ -136,7 +136,7 @@ pub const LEANER_TRIED: usize = 3;
 
 // Rounds
 
-/// Rounds of selection and exact refit at most; most data settle in two or three.
+/// Rounds of selection and exact refit at most: two choices that lead to each other would never end.
 pub const MOST_ROUNDS: usize = 5;
 
 /// How often effects and the correlation of the noise are chosen in turn.
@@ -145,7 +145,7 @@ pub const NOISE_ALTERNATIONS: usize = 4;
 /// So many rejected rows that one number explains are no outliers.
 pub const ROWS_ALIKE: usize = 3;
 
-/// Robust standard deviations beyond which a row is a gross error before anything is identified: far, since an effect may move rows by ten.
+/// Robust standard deviations beyond which a row is a gross error before anything is identified.
 pub const GROSS_ERROR_SIGMAS: f64 = 30.0;
 
 // Specification test

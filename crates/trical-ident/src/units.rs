@@ -69,7 +69,7 @@ pub fn unit(term: &Term) -> Unit {
 pub struct Shown {
     /// Name.
     pub name: String,
-    /// Where it acts, as the contract writes sites.
+    /// Where it acts, as `docs/formats.md` has sites.
     pub site: serde_json::Value,
     /// Value in `unit`.
     pub value: f64,
@@ -81,7 +81,7 @@ pub struct Shown {
     pub nominal: Option<f64>,
 }
 
-/// A site of the contract in words: "joint 3", "joint 5 from joint 4", "fixture".
+/// A site of `docs/formats.md` in words: "joint 3", "joint 5 from joint 4", "fixture".
 #[must_use]
 pub fn site_words(site: &serde_json::Value) -> String {
     let Some(map) = site.as_object() else { return String::new() };
@@ -98,7 +98,7 @@ pub fn site_words(site: &serde_json::Value) -> String {
         .join(" ")
 }
 
-/// A site as the contract writes it: `{"joint": 3}`, `{"link": 2}`, `{"frame": true}` ...
+/// A site as `docs/formats.md` has it: `{"joint": 3}`, `{"link": 2}`, `{"frame": true}` ...
 #[must_use]
 pub fn site_json(site: Site) -> serde_json::Value {
     use serde_json::json;

@@ -13,7 +13,7 @@ use trical_ident::{
     ParameterSet, Refit, cautions, clean, cross_validate, diagnose_recordings, forward_in_time, identify,
     identify_stream, repeatability, shown, validate,
 };
-use trical_model::{Cell, Forward, Robot};
+use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{RecordError, open_large};
 use trical_report::deciding::plan_next;
@@ -21,7 +21,7 @@ use trical_report::identify_report::{of_folds, of_last};
 
 use crate::designs::{Touches, touches};
 use crate::errors::{RecordingError, Result, bad};
-use crate::long::{Say, long};
+use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, read_all};
@@ -100,8 +100,8 @@ fn of_fit(fitted: &Identified) -> Value {
     })
 }
 
-fn in_memory(robot: &Robot, cell: &Cell, data: &Dataset, asked: &Asked, say: Say<'_>) -> Result<Found> {
-    say(0.2, "fitting");
+fn in_memory(robot: &Robot, cell: &Cell, data: &Dataset, asked: &Asked, task: &Task<'_>) -> Result<Found> {
+    task.step(0.2, "fitting")?;
     let fitted = identify(robot, cell, data, asked.choice.clone())?;
     let nominal = identify(robot, cell, data, ParameterSet::Nominal)?;
     let (before, after) = (nominal.errors()?, fitted.errors()?);
@@ -112,13 +112,13 @@ fn in_memory(robot: &Robot, cell: &Cell, data: &Dataset, asked: &Asked, say: Say
     summary["errors"] = json!(ErrorSummary::of(&after));
     let mut unseen = Vec::new();
     if let Some(percent) = asked.hold_out_last {
-        say(0.4, "forward in time");
+        task.step(0.4, "forward in time")?;
         let errors = ErrorSummary::of(&forward_in_time(robot, cell, data, asked.choice.clone(), percent)?);
         summary["forward_in_time"] = json!(errors);
         unseen.push((of_last(percent), errors));
     }
     if let Some(folds) = asked.folds {
-        say(0.5, "cross-validating");
+        task.step(0.5, "cross-validating")?;
         let errors = ErrorSummary::of(&cross_validate(robot, cell, data, asked.choice.clone(), folds)?);
         summary["cross_validation"] = json!(errors);
         // the verdict of a report names the first
@@ -142,10 +142,10 @@ fn in_memory(robot: &Robot, cell: &Cell, data: &Dataset, asked: &Asked, say: Say
     })
 }
 
-fn in_passes(robot: &Robot, cell: &Cell, stream: &CsvStream, asked: &Asked, say: Say<'_>) -> Result<Found> {
+fn in_passes(robot: &Robot, cell: &Cell, stream: &CsvStream, asked: &Asked, task: &Task<'_>) -> Result<Found> {
     let sample = stream.sample()?;
     let data = clean(robot, cell, &sample.recordings, asked.joints, asked.set, asked.keep_outliers)?;
-    say(0.2, "fitting in passes");
+    task.step(0.2, "fitting in passes")?;
     let s = identify_stream(robot, cell, stream, &data, asked.choice.clone(), asked.keep_outliers)?;
     let mut summary = of_fit(&s.identified);
     summary["observations"] = json!(s.observations);
@@ -219,7 +219,7 @@ pub fn _identify<'py>(
             bad("known with stream=True; expected one of them, since files are read in passes without priors").into()
         );
     }
-    let found = long(py, progress, |say| -> Result<Found> {
+    let found = long(py, progress, |task| -> Result<Found> {
         let (robot, cell) = read(&robot, &cell)?;
         if set >= ParameterSet::Compliance {
             robot.require_masses()?;
@@ -228,17 +228,17 @@ pub fn _identify<'py>(
             .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?
             .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
         let asked = Asked { joints, set, choice, folds, hold_out_last, keep_outliers };
-        say(0.0, "reading");
+        task.step(0.0, "reading")?;
         if known.is_none()
             && let Some(stream) = stream(&recordings, robot.dof(), &asked, in_stream)?
         {
-            return in_passes(&robot, &cell, &stream, &asked, say);
+            return in_passes(&robot, &cell, &stream, &asked, task);
         }
         let recordings = read_all(&recordings, robot.dof())?;
-        say(0.05, "looking for gross errors");
+        task.step(0.05, "looking for gross errors")?;
         let data = clean(&robot, &cell, &recordings, joints, set, keep_outliers)?;
-        let found = in_memory(&robot, &cell, &data, &asked, say)?;
-        say(1.0, "done");
+        let found = in_memory(&robot, &cell, &data, &asked, task)?;
+        task.step(1.0, "done")?;
         Ok(found)
     })?;
     let errors = found.errors_mm.map(|e| e.into_pyarray(py));
@@ -252,10 +252,10 @@ fn next_touches(
     cell: &Cell,
     found: &Diagnosis,
     count: usize,
-    say: Say<'_>,
+    task: &Task<'_>,
 ) -> Result<Option<(Next, Value)>> {
     let Some(undecided) = found.undecided()? else { return Ok(None) };
-    let next = plan_next(robot, cell, &undecided, count, &mut |_| say(1.0, "planning what would decide"))?;
+    let next = plan_next(robot, cell, &undecided, count, task)?;
     let said = json!({
         "effect": undecided.finding.effect,
         "site": undecided.finding.site,
@@ -266,7 +266,7 @@ fn next_touches(
     Ok(Some((next, said)))
 }
 
-/// The extended model, the contract's JSON, position errors before and after (n, 2) in mm, deciding touches with JSON, what the
+/// The extended model, the JSON of `docs/formats.md`, position errors before and after (n, 2) in mm, deciding touches with JSON, what the
 /// report is made of.
 type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>, PyTold);
 
@@ -291,9 +291,10 @@ pub fn _diagnose<'py>(
     if next.is_some_and(|n| !(1..=1000).contains(&n)) {
         return Err(bad("next: expected 1 to 1000 touches").into());
     }
-    let (file, text, errors, planned, told) = long(py, progress, |say| -> Result<_> {
+    let (file, text, errors, planned, told) = long(py, progress, |task| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
-        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, names_only, say)?;
+        let (found, source) =
+            diagnose_recordings(&robot, &cell, &recordings, joints, names_only, &mut |f, what| task.report(f, what))?;
         let mut value = serde_json::to_value(&found)?;
         value["recordings"] = json!(found.data.names);
         value["joints"] = json!(source);
@@ -301,7 +302,7 @@ pub fn _diagnose<'py>(
             |model| -> Result<Vec<f64>> { Ok(position_errors(&Forward::new(model, Vec::new())?, &found.data)) };
         let pairs = pairs_mm(&errors(found.before.clone())?, &errors(found.model.clone())?);
         let planned = match next {
-            Some(count) => next_touches(&robot, &cell, &found, count, say)?,
+            Some(count) => next_touches(&robot, &cell, &found, count, task)?,
             None => None,
         };
         let file = ModelFile {
@@ -337,19 +338,19 @@ pub fn _validate<'py>(
     let has = |what: &str| refit.iter().any(|w| w == what);
     let again = refit.clone();
     let refit = (!refit.is_empty()).then(|| Refit { frame: has("frame"), targets: has("targets") });
-    let (text, errors, told) = long(py, progress, |say| -> Result<_> {
+    let (text, errors, told) = long(py, progress, |task| -> Result<_> {
         let (robot, cell) = read(&robot, &cell)?;
         file.require_robot(&robot, "the model")?;
-        say(0.0, "reading");
+        task.step(0.0, "reading")?;
         let recordings = read_all(&recordings, robot.dof())?;
         let known = refit.is_none().then_some(file.references.as_slice());
         let data = Dataset::build(&recordings, joints, known)?;
-        say(0.3, "scoring");
+        task.step(0.3, "scoring")?;
         let v = validate(&robot, &cell, &file.model, &data, refit)?;
         let mut value = serde_json::to_value(&v)?;
         value["rejected"] = json!(data.rejected);
         let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
-        say(1.0, "done");
+        task.step(1.0, "done")?;
         let told = Kept::Scored(Box::new((v, file, again, data.rejected)));
         Ok((value.to_string(), pairs_mm(&before, &after), told))
     })

@@ -91,7 +91,7 @@ impl Bench {
             start: Some([0.0; 9]),
             ..PlanOptions::default()
         };
-        let planned = plan_touches(&robot, &cell, &options, &mut |_| ()).unwrap();
+        let planned = plan_touches(&robot, &cell, &options, &trical_model::Task::silent()).unwrap();
         let plan = planned
             .entries
             .iter()

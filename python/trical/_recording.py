@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
 PathLike = str | os.PathLike[str]
 
 _KINDS = ("touch", "point", "reference", "distance", "pose")
-_KNOWN = ("commanded", "directions", "time", "temperature", "payload", "pose")
+_KNOWN = ("commanded", "directions", "torques", "time", "temperature", "payload", "pose", "place")
 _MEASURED = ("ball", "indicators", "target", "reference", "position", "orientation", "anchor", "distance")
 
 
@@ -36,10 +36,12 @@ class Recording:
         q: joint values that the controller reported, (n, joints).
         commanded: joint values that were commanded, (n, joints).
         directions: sense of each joint's last motion before the reading, (n, joints): -1, 0 or 1.
+        torques: measured joint torques, (n, joints), N m (N for prismatic joints).
         time: (n,), s since the recording began, never falling.
         temperature: (n,), degC.
         payload: (n,), kg on the flange beyond the cell's tool.
         pose: (n,), number of the pose, where a pose has several rows.
+        place: (n,), names or numbers: where the set of balls stood; "" where not known.
         ball: (n,), the ball that was touched; with `indicators`.
         indicators: (n, 3), m: the ball's centre relative to the TCP, in the device's axes.
         target: (n,), which target of the tool the tracker saw at `position`; 1 where not given.
@@ -63,10 +65,12 @@ class Recording:
         q: npt.ArrayLike,
         commanded: npt.ArrayLike | None = None,
         directions: npt.ArrayLike | None = None,
+        torques: npt.ArrayLike | None = None,
         time: npt.ArrayLike | None = None,
         temperature: npt.ArrayLike | None = None,
         payload: npt.ArrayLike | None = None,
         pose: npt.ArrayLike | None = None,
+        place: npt.ArrayLike | None = None,
         ball: npt.ArrayLike | None = None,
         indicators: npt.ArrayLike | None = None,
         target: npt.ArrayLike | None = None,
@@ -80,6 +84,11 @@ class Recording:
         """See the class."""
         given = locals()
         columns = {k: given[k] for k in ("q", *_KNOWN, *_MEASURED) if given[k] is not None}
+        if place is not None:
+            import numpy as np
+
+            names = np.asarray(place).astype(str)
+            columns["place"] = np.broadcast_to(names, (len(np.atleast_2d(q)),)).tolist() if names.ndim == 0 else names.tolist()
         self._rows = Rows.build(name, columns)
 
     @classmethod
@@ -171,6 +180,23 @@ class Recording:
         return self._column("directions")  # type: ignore[no-any-return]
 
     @cached_property
+    def torques(self) -> Floats | None:
+        """Measured joint torques, (n, joints), N m (N for prismatic joints); None where no row has them."""
+        return self._column("torques")  # type: ignore[no-any-return]
+
+    @cached_property
+    def place(self) -> npt.NDArray[np.str_] | None:
+        """Where the set of balls stood, (n,): names, "" where a row has none; None where no row has one."""
+        names = self._rows.column("place")
+        if names is None:
+            return None
+        import numpy as np
+
+        place: npt.NDArray[np.str_] = np.array(names)
+        place.flags.writeable = False
+        return place
+
+    @cached_property
     def time(self) -> Floats | None:
         """Time since the recording began, (n,), s."""
         return self._column("time")  # type: ignore[no-any-return]
@@ -256,7 +282,7 @@ class Recording:
 
     def __reduce__(self) -> tuple[Any, tuple[str, dict[str, Any]]]:
         """Pickle as arrays."""
-        names = ("q", *_KNOWN, *_MEASURED, "line")
+        names = ("q", *_KNOWN, *_MEASURED, "line", "prismatic")
         columns = {k: c for k in names if (c := self._rows.column(k)) is not None}
         return Recording._restore, (self.name, columns)
 

@@ -3,10 +3,10 @@
 use trical_ident::dataset::{Dataset, JointSource};
 use trical_ident::error::Result;
 use trical_ident::joint_choice::all_commanded;
-use trical_model::{Cell, Recording, Robot};
+use trical_model::{Cell, Recording, Robot, Task};
 
 use crate::diagnosis::Diagnosis;
-use crate::procedure::{Progress, diagnose};
+use crate::procedure::diagnose;
 
 /// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out.
 /// Also says which joints that were.
@@ -19,11 +19,11 @@ pub fn diagnose_recordings(
     recordings: &[Recording],
     joints: Option<JointSource>,
     names_only: bool,
-    progress: Progress<'_>,
+    task: &Task<'_>,
 ) -> Result<(Diagnosis, JointSource)> {
-    let mut of = |source| -> Result<(Diagnosis, JointSource)> {
+    let of = |source| -> Result<(Diagnosis, JointSource)> {
         let data = Dataset::build(recordings, source, None)?;
-        Ok((diagnose(robot, cell, &data, names_only, progress)?, source))
+        Ok((diagnose(robot, cell, &data, names_only, task)?, source))
     };
     if let Some(source) = joints {
         return of(source);

@@ -51,4 +51,4 @@ pub use alternatives::Undecided;
 pub use diagnosis::{Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Rival, Unexplained};
 pub use effect_id::{Cause, EffectId};
 pub use joint_choice::diagnose_recordings;
-pub use procedure::{Progress, diagnose};
+pub use procedure::diagnose;

@@ -5,7 +5,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::ErrorSummary;
-use trical_model::{Cell, Forward, Model, Place, Robot, Site};
+use trical_model::{Cell, Forward, Model, Place, Robot, Site, Task};
 
 use crate::candidate::Candidate;
 use crate::catalogue::Untestable;
@@ -21,26 +21,17 @@ use crate::selection::Search;
 use crate::settings::DOUBTED_BELOW;
 use crate::specification_test::{Probes, SpecificationTest};
 
-/// Progress: a fraction and what is being done.
-pub type Progress<'a> = &'a mut dyn FnMut(f64, &str);
-
 /// Diagnoses recordings of one arm. With `names_only` what has no name is told but not modelled.
 ///
 /// # Errors
 /// As [`trical_ident::identify::identify`].
-pub fn diagnose(
-    robot: &Robot,
-    cell: &Cell,
-    data: &Dataset,
-    names_only: bool,
-    progress: Progress<'_>,
-) -> Result<Diagnosis> {
-    progress(0.0, "hygiene");
+pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool, task: &Task<'_>) -> Result<Diagnosis> {
+    task.step(0.0, "checking rows")?;
     let mut rounds = Rounds::begin(robot, cell, data, names_only)?;
     let baseline = rounds.fitted.model.clone();
-    select(&mut rounds, names_only, progress)?;
+    select(&mut rounds, names_only, task)?;
 
-    progress(0.75, "proving");
+    task.step(0.75, "proving")?;
     let Rounds { kept, fitted, chosen, .. } = &rounds;
     let (design, probes) = rounds.design_with_probes()?;
     let start = design.start();
@@ -49,10 +40,10 @@ pub fn diagnose(
     let last = ErrorSummary::of(&held_out(&design, chosen, &proving.poses));
     let forward = forward_in_time(&design, chosen, &proving.poses);
     let none = prove(&design, &[], &proving.poses);
-    let Found { findings, grounds, mut unexplained, doubted } = proving.findings(none, progress);
+    let Found { findings, grounds, mut unexplained, doubted } = proving.findings(none, task)?;
     proving.ask_probes(&mut unexplained, &doubted);
 
-    progress(0.95, "what the data cannot show");
+    task.step(0.95, "what the data cannot show")?;
     let errors = fitted.errors()?;
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, kept);
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
@@ -92,20 +83,20 @@ pub fn diagnose(
             sigma: rounds.touch_sigma(),
         },
     };
-    progress(1.0, "done");
+    task.step(1.0, "done")?;
     Ok(diagnosis)
 }
 
 /// Selection until nothing changes; then with rows restored that one number explains, then with more to choose from where names do
 /// not say all.
-fn select(rounds: &mut Rounds, names_only: bool, progress: Progress<'_>) -> Result<()> {
-    rounds.settle(&mut |part| progress(0.1 + 0.35 * part, "searching"))?;
+fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
+    rounds.settle(&task.part(0.1, 0.45))?;
     if rounds.restore_rows()? {
-        rounds.settle(&mut |part| progress(0.45 + 0.05 * part, "searching"))?;
+        rounds.settle(&task.part(0.45, 0.5))?;
     }
-    progress(0.5, "looking again without names");
+    task.step(0.5, "looking again without names")?;
     if !names_only && rounds.widen()? {
-        rounds.settle(&mut |part| progress(0.55 + 0.2 * part, "searching"))?;
+        rounds.settle(&task.part(0.55, 0.75))?;
     }
     Ok(())
 }
@@ -149,7 +140,7 @@ impl<'a> Proving<'a> {
 
     /// Findings in the order of what they remove, each with its evidence, its rivals and how far it is trusted; `none` is the proof
     /// of the baseline.
-    fn findings(&self, none: Proof, progress: Progress<'_>) -> Found {
+    fn findings(&self, none: Proof, task: &Task<'_>) -> Result<Found> {
         let Self { search, start, downdate, .. } = self;
         let Rounds { kept, fitted, candidates, chosen, .. } = self.rounds;
         let full = downdate.full();
@@ -161,7 +152,7 @@ impl<'a> Proving<'a> {
         let mut before = none;
         for (k, group) in groups.iter().enumerate() {
             #[expect(clippy::cast_precision_loss, reason = "counts")]
-            progress(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving");
+            task.step(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving")?;
             so_far.extend(&group.members);
             let after = prove(self.design, &so_far, &self.poses);
             let others: Vec<usize> = chosen.iter().filter(|c| !group.members.contains(c)).copied().collect();
@@ -185,7 +176,7 @@ impl<'a> Proving<'a> {
             }
             before = after;
         }
-        found
+        Ok(found)
     }
 
     /// What was chosen but for what is at a place: only its curves without a name, or all of it.

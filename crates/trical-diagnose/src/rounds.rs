@@ -8,7 +8,7 @@ use trical_ident::identify::{Identified, fit_model, fit_model_knowing, prepared}
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Cell, Measured, Model, Place, Robot, Term};
+use trical_model::{Cell, Measured, Model, Place, Robot, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
@@ -138,12 +138,12 @@ impl Rounds {
 
     /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
     /// two choices may each lead to the other: then the likelier one is taken.
-    pub(crate) fn settle(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
+    pub(crate) fn settle(&mut self, task: &Task<'_>) -> Result<()> {
         let mut rounds: Vec<Round> = Vec::new();
         for round in 0..MOST_ROUNDS {
             checkpoint()?;
             #[expect(clippy::cast_precision_loss, reason = "counts")]
-            progress(round as f64 / MOST_ROUNDS as f64);
+            task.step(round as f64 / MOST_ROUNDS as f64, "searching")?;
             self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);

@@ -2,7 +2,7 @@
 //! at poses, blocks and sessions that it did not see. Command line, Python and reports show what this returns.
 
 use serde::Serialize;
-use trical_model::{Cell, Motion, Recording, Robot, Site};
+use trical_model::{Cell, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
 use crate::caution::cautions;
@@ -10,11 +10,12 @@ use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::folds::{FOLDS, Folds};
-use crate::identifiability::{Choice, OwnSetup, ParameterSet};
+use crate::identifiability::{Choice, Observability, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
+use crate::solver::LmReport;
 use crate::stream::identify_stream;
-use crate::units::shown;
+use crate::units::{Shown, shown};
 
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for.
 const SCORED: usize = 40_000;
@@ -165,62 +166,110 @@ impl Calibration {
     }
 }
 
-impl Serialize for Calibration {
-    /// In the shape of the contract (`docs/formats.md`).
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-        use serde_json::json;
-        let f = &self.fitted;
-        let parameters: Vec<_> = f.free.iter().map(|k| shown(&f.model, &f.model.terms[*k])).collect();
-        let not_identifiable: Vec<Vec<&str>> =
-            f.dependent.iter().map(|d| std::iter::once(&d.name).chain(&d.with).map(String::as_str).collect()).collect();
-        let with = |what: &str, count: usize, errors: &ErrorSummary| {
-            let mut entry = json!(errors);
-            entry[what] = json!(count);
-            entry
-        };
-        let mut out = json!({
-            "cautions": self.cautions(),
-            "recordings": f.data.names,
-            "joints": f.data.joints,
-            "observations": self.observations,
-            "outliers": self.named.iter().map(|r| r.row).collect::<Vec<_>>(),
-            "rejected": self.named,
-            "rejected_rows": self.rejected,
-            "poses": self.poses,
-            "blocks": self.blocks,
-            "parameters": parameters,
-            "not_identifiable": not_identifiable,
-            "correlated": f.correlated(0.9),
-            "at_limit": f.stopped(),
-            "observability": f.observability,
-            "fit": f.report,
-            "before": self.before,
-            "errors": self.errors,
-            "rms_mm": self.errors.rms_mm,
-            "max_mm": self.errors.max_mm,
-            "mean_mm": self.errors.mean_mm,
-            "rms_nominal_mm": self.before.rms_mm,
-            "max_nominal_mm": self.before.max_mm,
-            "mean_nominal_mm": self.before.mean_mm,
-            "held_out": self.held_out,
-            "worst_held_out": self.held_out.worst().map(|(how, e)| json!({ "how": how, "mean_mm": e.mean_mm, "rms_mm": e.rms_mm })),
-            "sessions": self.sessions,
-        });
-        if let Some(passes) = self.passes {
-            out["passes"] = json!(passes);
-        }
-        if let Some((percent, errors)) = &self.forward_in_time {
-            out["forward_in_time"] = with("last_percent", *percent, errors);
-        }
-        if let Some((folds, errors)) = &self.cross_validation {
-            out["cross_validation"] = with("folds", *folds, errors);
-        }
-        out.serialize(serializer)
-    }
+/// A calibration in the shape of `docs/formats.md`.
+#[derive(Serialize)]
+struct Summary<'a> {
+    cautions: Vec<String>,
+    recordings: &'a [String],
+    joints: JointSource,
+    observations: usize,
+    outliers: Vec<usize>,
+    rejected: &'a [Rejected],
+    rejected_rows: usize,
+    poses: usize,
+    blocks: usize,
+    parameters: Vec<Shown>,
+    not_identifiable: Vec<Vec<&'a str>>,
+    correlated: Vec<(String, String, f64)>,
+    at_limit: Vec<&'a str>,
+    observability: &'a Observability,
+    fit: &'a LmReport,
+    before: ErrorSummary,
+    errors: ErrorSummary,
+    rms_mm: f64,
+    max_mm: f64,
+    mean_mm: f64,
+    rms_nominal_mm: f64,
+    max_nominal_mm: f64,
+    mean_nominal_mm: f64,
+    held_out: &'a HeldOut,
+    worst_held_out: Option<WorstHeldOut>,
+    sessions: &'a [SessionSetup],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    passes: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    forward_in_time: Option<LastPercent>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cross_validation: Option<InFolds>,
 }
 
-/// How far the work is (0 to 1), and what is being done.
-pub type Progress<'a> = &'a mut dyn FnMut(f64, &str);
+#[derive(Serialize)]
+struct WorstHeldOut {
+    how: &'static str,
+    mean_mm: f64,
+    rms_mm: f64,
+}
+
+#[derive(Serialize)]
+struct LastPercent {
+    #[serde(flatten)]
+    errors: ErrorSummary,
+    last_percent: usize,
+}
+
+#[derive(Serialize)]
+struct InFolds {
+    #[serde(flatten)]
+    errors: ErrorSummary,
+    folds: usize,
+}
+
+impl Serialize for Calibration {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let f = &self.fitted;
+        let (after, before) = (self.errors, self.before);
+        Summary {
+            cautions: self.cautions(),
+            recordings: &f.data.names,
+            joints: f.data.joints,
+            observations: self.observations,
+            outliers: self.named.iter().map(|r| r.row).collect(),
+            rejected: &self.named,
+            rejected_rows: self.rejected,
+            poses: self.poses,
+            blocks: self.blocks,
+            parameters: f.free.iter().map(|k| shown(&f.model, &f.model.terms[*k])).collect(),
+            not_identifiable: f
+                .dependent
+                .iter()
+                .map(|d| std::iter::once(&d.name).chain(&d.with).map(String::as_str).collect())
+                .collect(),
+            correlated: f.correlated(0.9),
+            at_limit: f.stopped(),
+            observability: &f.observability,
+            fit: &f.report,
+            before,
+            errors: after,
+            rms_mm: after.rms_mm,
+            max_mm: after.max_mm,
+            mean_mm: after.mean_mm,
+            rms_nominal_mm: before.rms_mm,
+            max_nominal_mm: before.max_mm,
+            mean_nominal_mm: before.mean_mm,
+            held_out: &self.held_out,
+            worst_held_out: self.held_out.worst().map(|(how, e)| WorstHeldOut {
+                how,
+                mean_mm: e.mean_mm,
+                rms_mm: e.rms_mm,
+            }),
+            sessions: &self.sessions,
+            passes: self.passes,
+            forward_in_time: self.forward_in_time.map(|(last_percent, errors)| LastPercent { errors, last_percent }),
+            cross_validation: self.cross_validation.map(|(folds, errors)| InFolds { errors, folds }),
+        }
+        .serialize(serializer)
+    }
+}
 
 /// Calibrates an arm from recordings of it, one session each.
 ///
@@ -231,15 +280,15 @@ pub fn calibrate(
     cell: &Cell,
     recordings: &[Recording],
     options: &Options,
-    progress: Progress<'_>,
+    task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
     if set >= ParameterSet::Compliance {
         robot.require_masses()?;
     }
-    progress(0.05, "looking for gross errors");
+    task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
-    progress(0.2, "fitting");
+    task.step(0.2, "fitting")?;
     let own = own_setup(robot, cell, &data, &options.choice, options.tool)?;
     let choice = options.choice.clone().with_own(own);
     let fitted = identify(robot, cell, &data, choice.clone())?;
@@ -249,22 +298,22 @@ pub fn calibrate(
     let forward_in_time = options
         .hold_out_last
         .map(|percent| -> Result<_> {
-            progress(0.4, "forward in time");
+            task.step(0.4, "forward in time")?;
             let errors = forward_in_time(robot, cell, &data, choice.clone(), percent)?;
             Ok((percent, ErrorSummary::of(&errors)))
         })
         .transpose()?;
-    progress(0.5, "scoring poses that the fit did not see");
+    task.step(0.5, "scoring poses that the fit did not see")?;
     let cross_validation = options
         .folds
         .map(|k| cross_validate(robot, cell, &data, choice.clone(), k).map(|e| (k, ErrorSummary::of(&e))))
         .transpose()?;
     let held_out = if data.observations.len() <= SCORED {
-        held_out(robot, cell, &data, &folds, &choice, progress)
+        held_out(robot, cell, &data, &folds, &choice, task)?
     } else {
         HeldOut::default()
     };
-    progress(1.0, "done");
+    task.step(1.0, "done")?;
     Ok(Calibration {
         before: ErrorSummary::of(&each_before),
         errors: ErrorSummary::of(&after),
@@ -293,7 +342,7 @@ pub fn calibrate_stream(
     cell: &Cell,
     stream: &CsvStream,
     options: &Options,
-    progress: Progress<'_>,
+    task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
     if set >= ParameterSet::Compliance {
@@ -301,11 +350,11 @@ pub fn calibrate_stream(
     }
     let sample = stream.sample()?;
     let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
-    progress(0.2, "fitting in passes");
+    task.step(0.2, "fitting in passes")?;
     let streamed = identify_stream(robot, cell, stream, &data, options.choice.clone(), options.keep_outliers)?;
     // of what is drawn: the sample
     let each_before = identify(robot, cell, &streamed.identified.data, ParameterSet::Nominal)?.errors()?;
-    progress(1.0, "done");
+    task.step(1.0, "done")?;
     Ok(Calibration {
         each_before,
         before: streamed.before,
@@ -458,8 +507,8 @@ fn held_out(
     data: &Dataset,
     folds: &Folds,
     choice: &Choice,
-    progress: Progress<'_>,
-) -> HeldOut {
+    task: &Task<'_>,
+) -> Result<HeldOut> {
     let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
     let summary = |errors: Result<Vec<f64>>| errors.ok().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e));
     let by_pose = || -> Result<Vec<f64>> {
@@ -470,11 +519,11 @@ fn held_out(
         Ok(errors)
     };
     let pose = summary(by_pose());
-    progress(0.65, "scoring blocks of poses");
+    task.step(0.65, "scoring blocks of poses")?;
     let block = summary(cross_validate(robot, cell, data, choice.clone(), FOLDS));
-    progress(0.8, "scoring later poses");
+    task.step(0.8, "scoring later poses")?;
     let later = summary(forward_in_time(robot, cell, data, choice.clone(), LAST));
-    progress(0.9, "scoring sessions");
+    task.step(0.9, "scoring sessions")?;
     let by_session = || -> Result<Vec<f64>> {
         let mut errors = Vec::new();
         for session in 0..data.names.len() {
@@ -483,7 +532,7 @@ fn held_out(
         Ok(errors)
     };
     let by_session = (data.names.len() > 1).then(|| summary(by_session())).flatten();
-    HeldOut { by_pose: pose, by_block: block, forward: later, by_session }
+    Ok(HeldOut { by_pose: pose, by_block: block, forward: later, by_session })
 }
 
 /// Errors (m) of one session by the arm that the others say; what is its own is identified from every fourth of its poses, the others are

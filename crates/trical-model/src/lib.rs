@@ -16,7 +16,7 @@
 //! | [`touch`] | what the device reads at a ball |
 //! | [`rigid`] | the rigid part of a calibrated model, for others |
 //! | [`ik`] | inverse kinematics on the full model |
-//! | [`interrupt`] | long work that can be asked to stop |
+//! | [`task`], [`interrupt`] | long work: how far it is, and whether it is still wanted |
 //! | [`pose`] | rigid transforms |
 
 pub mod basis;
@@ -33,6 +33,7 @@ pub mod recording;
 pub mod rigid;
 pub mod robot;
 pub mod scope;
+pub mod task;
 pub mod term;
 pub mod touch;
 mod trig;
@@ -49,4 +50,5 @@ pub use recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
 pub use rigid::Rigid;
 pub use robot::{Joint, JointKind, Robot};
 pub use scope::Scope;
+pub use task::Task;
 pub use term::{Axis, Motion, Parameter, Payload, Site, Term};

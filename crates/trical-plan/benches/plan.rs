@@ -116,7 +116,7 @@ fn choice_of_45_from_900(bencher: divan::Bencher, criterion: Criterion) {
     let options = PlanOptions { pool_per_ball: 300, criterion, ..PlanOptions::default() };
     let mut pool = Vec::new();
     for ball in 0..3 {
-        pool.extend(generate::generate(&model, ball, &options, &mut |_| {}).unwrap().0);
+        pool.extend(generate::generate(&model, ball, &options, &trical_model::Task::silent()).unwrap().0);
     }
     let forward = nominal_forward(&robot, &cell, &options).unwrap();
     let region = tool_rows(&forward, &poses(&model));
@@ -128,12 +128,12 @@ fn pool_of_300_at_each_ball() -> usize {
     let (robot, cell) = irb120();
     let model = CollisionModel::new(&robot, &cell).unwrap();
     let options = PlanOptions { pool_per_ball: 300, ..PlanOptions::default() };
-    (0..3).map(|ball| generate::generate(&model, ball, &options, &mut |_| {}).unwrap().0.len()).sum()
+    (0..3).map(|ball| generate::generate(&model, ball, &options, &trical_model::Task::silent()).unwrap().0.len()).sum()
 }
 
 #[divan::bench(sample_count = 5, args = [100, 300])]
 fn plan_of_15_a_ball_from_a_pool_of(pool: usize) -> usize {
     let (robot, cell) = irb120();
     let options = PlanOptions { pool_per_ball: pool, ..PlanOptions::default() };
-    plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap().entries.len()
+    plan_touches(&robot, &cell, &options, &trical_model::Task::silent()).unwrap().entries.len()
 }

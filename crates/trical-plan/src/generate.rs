@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use trical_model::ik::continue_from;
 use trical_model::pose::rotation_zyx;
 use trical_model::robot::tidy;
-use trical_model::{IkError, JointKind, Joints, MAX_JOINTS, Pose, Robot, State, inverse_kinematics};
+use trical_model::{IkError, JointKind, Joints, MAX_JOINTS, Pose, Robot, State, Task, inverse_kinematics};
 
 use crate::collision::{CollisionModel, Contact, MotionWorkspace};
 use crate::error::{PlanError, Result};
@@ -140,7 +140,7 @@ const TOUCH: u64 = 1;
 const CHUNK: usize = 128;
 
 /// `options.pool_per_ball` candidates at `ball` (0-based), in the order in which they were found. Same options, same result, for
-/// any number of threads. `progress` hears how many there are.
+/// any number of threads.
 ///
 /// # Errors
 /// [`PlanError::TooFew`] where the attempts are used up.
@@ -148,7 +148,7 @@ pub fn generate(
     model: &CollisionModel,
     ball: usize,
     options: &PlanOptions,
-    progress: &mut dyn FnMut(usize),
+    task: &Task<'_>,
 ) -> Result<(Vec<Candidate>, Rejected)> {
     let wanted = options.pool_per_ball;
     let most = wanted.saturating_mul(options.attempts_per_candidate);
@@ -156,7 +156,8 @@ pub fn generate(
     let mut rejected = Rejected::default();
     let stream = TOUCH | ((ball as u64) << 8);
     while pool.len() < wanted && rejected.attempts < most {
-        trical_model::interrupt::checkpoint()?;
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        task.step(pool.len() as f64 / wanted.max(1) as f64, "looking for touches")?;
         let first = rejected.attempts;
         let results: Vec<std::result::Result<Candidate, Refusal>> = (first..(first + CHUNK).min(most))
             .into_par_iter()
@@ -175,7 +176,6 @@ pub fn generate(
                 Err(refusal) => rejected.count(refusal, model),
             }
         }
-        progress(pool.len());
     }
     if pool.len() < options.per_ball {
         return Err(PlanError::TooFew {

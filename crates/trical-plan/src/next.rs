@@ -1,6 +1,6 @@
 //! Touches that decide between explanations of what was measured so far.
 
-use trical_model::{Cell, Forward, Measured, Robot, State};
+use trical_model::{Cell, Forward, Measured, Robot, State, Task};
 
 use crate::choose::Candidates;
 use crate::collision::CollisionModel;
@@ -52,7 +52,7 @@ pub fn plan_to_discriminate(
     options: &PlanOptions,
     question: &Question<'_>,
     count: usize,
-    progress: &mut dyn FnMut(f64),
+    task: &Task<'_>,
 ) -> Result<Next> {
     let options = PlanOptions { per_ball: 1, ..options.clone() };
     options.check()?;
@@ -64,10 +64,9 @@ pub fn plan_to_discriminate(
     let mut pool: Vec<Candidate> = Vec::new();
     let mut rejected = Vec::new();
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let share = |done: usize| 0.8 * done as f64 / (cell.balls.len() * options.pool_per_ball) as f64;
+    let share = |ball: usize| 0.8 * ball as f64 / cell.balls.len() as f64;
     for ball in 0..cell.balls.len() {
-        let before = pool.len();
-        let (candidates, refused) = generate(&model, ball, &options, &mut |found| progress(share(before + found)))?;
+        let (candidates, refused) = generate(&model, ball, &options, &task.part(share(ball), share(ball + 1)))?;
         pool.extend(candidates);
         rejected.push(refused);
     }
@@ -94,7 +93,7 @@ pub fn plan_to_discriminate(
                     })
                     .collect();
                 random.sort_by(f64::total_cmp);
-                progress(1.0);
+                task.report(1.0, "done");
                 let random_lambda = random.get(random.len() / 2).copied().unwrap_or(f64::NAN);
                 return Ok(Next { entries, lambda: chosen.lambda, random_lambda, pairs: chosen.pairs, rejected });
             }

@@ -1,7 +1,7 @@
 //! From a cell to a list of touches that the arm can do one after the other: everything of this crate in one function.
 
 use rayon::prelude::*;
-use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Measured, Model, Robot, State};
+use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Measured, Model, Robot, State, Task};
 
 use crate::choose::{Candidates, Observability, choose_for};
 use crate::collision::{CollisionModel, MotionWorkspace};
@@ -84,41 +84,37 @@ pub struct Plan {
 /// Plans touches: generates candidates at every ball, chooses the most informative, and orders them.
 ///
 /// The parameters to identify are `options.parameters` on the nominal arm. Same input, same seed: same plan, for any number of
-/// threads. `progress` hears numbers rising from 0 to 1.
+/// threads.
 ///
 /// # Errors
 /// [`PlanError`]: bad geometry or options, too few configurations at a ball, or no way between two of them.
-pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress: &mut dyn FnMut(f64)) -> Result<Plan> {
+pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, task: &Task<'_>) -> Result<Plan> {
     options.check()?;
     if cell.balls.is_empty() {
         return Err(PlanError::NoBalls);
     }
     let model = CollisionModel::new(robot, cell)?;
     check_start(&model, options)?;
-    progress(0.0);
     let mut pool = Vec::new();
     let mut rejected = Vec::new();
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let share = |done: usize, of: usize| done as f64 / of.max(1) as f64;
     for ball in 0..cell.balls.len() {
-        let (candidates, refused) = generate(&model, ball, options, &mut |found| {
-            progress(0.7 * share(ball * options.pool_per_ball + found, cell.balls.len() * options.pool_per_ball));
-        })?;
+        let part = |ball| 0.7 * share(ball, cell.balls.len());
+        let (candidates, refused) = generate(&model, ball, options, &task.part(part(ball), part(ball + 1)))?;
         pool.extend(candidates);
         rejected.push(refused);
     }
     let forward = nominal_forward(robot, cell, options)?;
     let regions = Regions::new(&model, &forward, options);
-    progress(0.75);
     // a term that looks at the sense of a motion has been chosen for by these very approaches
     let senses_matter = forward.model().terms.iter().any(|t| t.basis.sense.is_some());
     let mut last_error = PlanError::NoBalls;
     let mut planned = None;
     for round in 0..ROUNDS {
-        trical_model::interrupt::checkpoint()?;
+        task.step(0.75 + 0.2 * share(2 * round, 2 * ROUNDS), "choosing")?;
         let chosen = choose_touches(&forward, &pool, options, regions.wanted(options)?)?;
-        progress(0.75 + 0.2 * share(2 * round + 1, 2 * ROUNDS));
-        trical_model::interrupt::checkpoint()?;
+        task.step(0.75 + 0.2 * share(2 * round + 1, 2 * ROUNDS), "looking for a way")?;
         let touches = chosen.touches.clone();
         let touches = if senses_matter { touches } else { balance_senses(&model, touches, options) };
         match visit(&model, &touches, options) {
@@ -162,7 +158,7 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, progress:
             .collect(),
         travel_rad: length,
     };
-    progress(1.0);
+    task.report(1.0, "done");
     Ok(Plan { entries, rejected, expected })
 }
 

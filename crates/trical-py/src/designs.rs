@@ -110,9 +110,9 @@ pub fn _plan<'py>(
         start: Some(start),
         ..PlanOptions::default()
     };
-    let told = long(py, progress, |say| -> Result<Told> {
-        let plan = plan_touches(&robot, &cell, &options, &mut |f| say(f, "planning"))?;
-        say(1.0, "what it would show");
+    let told = long(py, progress, |task| -> Result<Told> {
+        let plan = plan_touches(&robot, &cell, &options, task)?;
+        task.step(1.0, "what it would show")?;
         Ok(Told::new(&model, plan, options)?)
     })?;
     let arrays = touches(py, &robot, &told.plan.entries);

@@ -13,14 +13,14 @@ use trical_ident::{
     Calibration, Choice, JointSource, KnownParameters, ModelFile, Options, ParameterSet, Refit, ToolSharing, calibrate,
     calibrate_stream, repeatability, validate,
 };
-use trical_model::{Cell, Forward, Robot};
+use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
 
 use crate::designs::{Touches, touches};
 use crate::errors::{RecordingError, Result, bad};
-use crate::long::{Say, long};
+use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, read_all};
@@ -106,20 +106,20 @@ pub fn _identify<'py>(
             bad("known with stream=True; expected one of them, since files are read in passes without priors").into()
         );
     }
-    let found = long(py, progress, |say| -> Result<Calibration> {
+    let found = long(py, progress, |task| -> Result<Calibration> {
         let (robot, cell) = read(&robot, &cell)?;
         let choice = Choice::new(set, &compliant, robot.dof())
             .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?
             .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
         let options = Options { choice, joints, folds, hold_out_last, keep_outliers, tool };
-        say(0.0, "reading");
+        task.step(0.0, "reading")?;
         if known.is_none()
             && let Some(passes) = stream(&recordings, robot.dof(), &options, in_stream)?
         {
-            return Ok(calibrate_stream(&robot, &cell, &passes, &options, say)?);
+            return Ok(calibrate_stream(&robot, &cell, &passes, &options, task)?);
         }
         let recordings = read_all(&recordings, robot.dof())?;
-        Ok(calibrate(&robot, &cell, &recordings, &options, say)?)
+        Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     let text = serde_json::to_string(&found)?;
     let file = ModelFile::of(found.fitted.model.clone(), &found.fitted.data);
@@ -147,10 +147,10 @@ fn next_touches(
     cell: &Cell,
     found: &Diagnosis,
     count: usize,
-    say: Say<'_>,
+    task: &Task<'_>,
 ) -> Result<Option<(Next, Value)>> {
     let Some(undecided) = found.undecided()? else { return Ok(None) };
-    let next = plan_next(robot, cell, &undecided, count, &mut |_| say(1.0, "planning what would decide"))?;
+    let next = plan_next(robot, cell, &undecided, count, task)?;
     let said = json!({
         "effect": undecided.finding.effect,
         "site": undecided.finding.site,
@@ -161,7 +161,7 @@ fn next_touches(
     Ok(Some((next, said)))
 }
 
-/// The extended model, the contract's JSON, position errors before and after (n, 2) in mm, deciding touches with JSON, what the
+/// The extended model, the JSON of `docs/formats.md`, position errors before and after (n, 2) in mm, deciding touches with JSON, what the
 /// report is made of.
 type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>, PyTold);
 
@@ -186,9 +186,9 @@ pub fn _diagnose<'py>(
     if next.is_some_and(|n| !(1..=1000).contains(&n)) {
         return Err(bad("next: expected 1 to 1000 touches").into());
     }
-    let (file, text, errors, planned, told) = long(py, progress, |say| -> Result<_> {
+    let (file, text, errors, planned, told) = long(py, progress, |task| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
-        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, names_only, say)?;
+        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, names_only, task)?;
         let mut value = serde_json::to_value(&found)?;
         value["recordings"] = json!(found.data.names);
         value["joints"] = json!(source);
@@ -196,7 +196,7 @@ pub fn _diagnose<'py>(
             |model| -> Result<Vec<f64>> { Ok(position_errors(&Forward::new(model, Vec::new())?, &found.data)) };
         let pairs = pairs_mm(&errors(found.before.clone())?, &errors(found.model.clone())?);
         let planned = match next {
-            Some(count) => next_touches(&robot, &cell, &found, count, say)?,
+            Some(count) => next_touches(&robot, &cell, &found, count, task)?,
             None => None,
         };
         let file = ModelFile::of(found.model.clone(), &found.data);
@@ -226,16 +226,16 @@ pub fn _validate<'py>(
     }
     let has = |what: &str| refit.iter().any(|w| w == what);
     let refit = (!refit.is_empty()).then(|| Refit { frame: has("frame"), targets: has("targets") });
-    let (text, errors, told) = long(py, progress, |say| -> Result<_> {
+    let (text, errors, told) = long(py, progress, |task| -> Result<_> {
         let (robot, cell) = read(&robot, &cell)?;
         file.require_robot(&robot, "the model")?;
-        say(0.0, "reading");
+        task.step(0.0, "reading")?;
         let recordings = read_all(&recordings, robot.dof())?;
-        say(0.3, "scoring");
+        task.step(0.3, "scoring")?;
         let v = validate(&robot, &cell, &file, &recordings, joints, refit)?;
         let text = serde_json::to_string(&v)?;
         let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
-        say(1.0, "done");
+        task.step(1.0, "done")?;
         Ok((text, pairs_mm(&before, &after), Kept::Scored(Box::new((v, file)))))
     })?;
     Ok((text, errors.into_pyarray(py), PyTold(told)))

@@ -5,22 +5,19 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use trical_model::interrupt::stoppable;
+use trical_model::Task;
 
 use crate::errors::{Failed, Result};
 
 /// Ctrl-C is looked for this often.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// How work says how far it is.
-pub type Say<'a> = &'a mut dyn FnMut(f64, &str);
-
 /// Runs `work` while other threads of Python run too. `progress` is a callable of a fraction and what is being done, or None.
 /// Ctrl-C, and whatever `progress` raises, stops the work at its next step.
 pub fn long<T: Send, E>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    work: impl FnOnce(Say<'_>) -> std::result::Result<T, E> + Send,
+    work: impl FnOnce(&Task<'_>) -> std::result::Result<T, E> + Send,
 ) -> PyResult<T>
 where
     Failed: From<E>,
@@ -45,7 +42,7 @@ where
                 raised.replace(signal.err()).is_some() || raised.borrow().is_some()
             }
         };
-        let mut say = {
+        let report = {
             let raised = Rc::clone(&raised);
             move |fraction: f64, what: &str| {
                 let Some(callable) = &progress else { return };
@@ -56,7 +53,7 @@ where
                 }
             }
         };
-        let result = stoppable(ask, || work(&mut say));
+        let result = Task::run(&report, ask, work);
         match raised.take() {
             Some(e) => Err(e.into()),
             None => Ok(result?),

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use numpy::ndarray::{Array1, Array2};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use trical_ident::write_whole;
 use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{open, open_damaged, to_csv};
+use trical_recording::{Places, open, open_damaged, to_csv};
 
 use crate::arrays::floats;
 use crate::errors::{RecordingError, Result, bad};
@@ -153,6 +153,16 @@ impl PyRows {
         let all_q = given.values("q", joints)?.ok_or_else(|| wrong("q is missing".into()))?;
         let commanded = given.values("commanded", joints)?;
         let directions = given.values("directions", joints)?;
+        let torques = given.values("torques", joints)?;
+        let place: Option<Vec<String>> = columns.get_item("place")?.map(|names| names.extract()).transpose()?;
+        if let Some(found) = place.as_ref().map(Vec::len).filter(|found| *found != n) {
+            return Err(wrong(format!("place has {found} names, expected {n}")));
+        }
+        let mut places = Places::default();
+        let mut prismatic = [false; MAX_JOINTS];
+        if let Some(slides) = columns.get_item("prismatic")? {
+            prismatic.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
+        }
         let [time, temperature, payload, pose, ball, target, reference, anchor, distance, line] =
             ["time", "temperature", "payload", "pose", "ball", "target", "reference", "anchor", "distance", "line"]
                 .map(|name| given.values(name, 1));
@@ -183,6 +193,13 @@ impl PyRows {
                     };
                 }
                 state.dir = Some(dir);
+            }
+            if let Some(t) = torques.as_ref().filter(|t| !t.empty(k)) {
+                finite(t.row(k), 1e9, "torques", k)?;
+                state.torques = Some(State::at(t.row(k)).q);
+            }
+            if let Some(name) = place.as_ref().map(|names| names[k].trim()).filter(|name| !name.is_empty()) {
+                state.place = Some(places.index_of(name).map_err(|e| wrong(format!("place, row {k}: {e}")))?);
             }
             for (v, name) in [(&time, "time"), (&temperature, "temperature"), (&payload, "payload")] {
                 if let Some(x) = number(v, k) {
@@ -254,7 +271,7 @@ impl PyRows {
             let line = count(line.as_ref(), "line", k)?.map_or(k + 2, |l| l + 1);
             rows.push(Row { state, measured, seq, line });
         }
-        Ok(Self(Arc::new(Recording { name, joints, rows, ..Recording::default() })))
+        Ok(Self(Arc::new(Recording { name, joints, prismatic, places: places.into_names(), rows })))
     }
 
     /// Where it came from.
@@ -304,6 +321,14 @@ impl PyRows {
         Ok(match name {
             "q" => joints(&|r| Some(r.state.q)),
             "commanded" => joints(&|r| r.state.q_commanded),
+            "torques" => joints(&|r| r.state.torques),
+            "place" if self.0.places.is_empty() => None,
+            "place" => {
+                let name = |r: &Row| r.state.place.and_then(|k| self.0.places.get(k)).cloned().unwrap_or_default();
+                Some(PyList::new(py, rows.iter().map(name))?.into_any())
+            }
+            "prismatic" if !self.0.prismatic.contains(&true) => None,
+            "prismatic" => Some(PyList::new(py, self.0.prismatic.iter().take(n))?.into_any()),
             "directions" if rows.iter().all(|r| r.state.dir.is_some()) => {
                 let all = Array2::from_shape_fn((rows.len(), n), |(k, j)| rows[k].state.dir.map_or(0, |d| d[j]));
                 Some(all.into_pyarray(py).into_any())

@@ -69,7 +69,7 @@ pub fn _study_touches(
 ) -> Result<Told> {
     let common = common.read()?;
     let (robot, cell) = read(&robot, &cell)?;
-    Ok(told(long(py, progress, |say| touches(&robot, &cell, &common, &per_ball, say))?))
+    Ok(told(long(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
 }
 
 /// Platforms of balls compared.
@@ -90,5 +90,5 @@ pub fn _study_platforms(
     let common = common.read()?;
     let (robot, cell) = read(&robot, &cell)?;
     let asked = Platforms { touches, balls, side_mm, height_mm, raise_mm };
-    Ok(told(long(py, progress, |say| platforms(&robot, &cell, &common, &asked, say))?))
+    Ok(told(long(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
 }

@@ -287,7 +287,7 @@ pub const COLUMNS: [Column; FIELDS] = [
         kinds: &[],
         required: false,
         meaning: "a name or number: where the set of balls (or sockets, or the bar) stood. Balls keep their distances, the \
-                  place of the set is unknown. Without the column there is one place",
+                  place of the set is unknown and identified for each `place`. Without the column there is one place",
     },
     Column {
         field: Field::Joints,
@@ -319,7 +319,8 @@ pub const COLUMNS: [Column; FIELDS] = [
         units: &[Unit::NewtonMetre],
         kinds: &[],
         required: false,
-        meaning: "measured joint torques (N for a joint that slides), where the arm has sensors",
+        meaning: "measured joint torques (N for a joint that slides), where the arm has sensors; with them elastic effects go by what was \
+                  measured, and no masses are needed",
     },
     Column {
         field: Field::Ball,

@@ -4,7 +4,7 @@
 //! ```
 //! use trical_recording::{parse_csv, to_csv};
 //!
-//! let text = "seq,q1_deg,q2_deg,place,ball,ix_mm,iy_mm,iz_mm\n1,0,90,left,1,0.01,-0.02,0\n";
+//! let text = "seq,place,q1_deg,q2_deg,ball,ix_mm,iy_mm,iz_mm\n1,left,0,90,1,0.01,-0.02,0\n";
 //! let recording = parse_csv(text.as_bytes(), "touches.csv", 2)?;
 //! assert_eq!(recording.places, ["left"]);
 //! assert_eq!(to_csv(&recording)?, text.as_bytes());

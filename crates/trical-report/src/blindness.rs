@@ -121,7 +121,7 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
         .collect()
 }
 
-/// As the contract writes it.
+/// As `docs/formats.md` has it.
 pub fn blind_json(seen: &[Seen], lacking: &[Lacking]) -> Vec<Value> {
     seen.iter()
         .filter(|s| s.lambda < VISIBLE)

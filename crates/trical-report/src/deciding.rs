@@ -1,7 +1,7 @@
 //! Touches that would decide between the least sure finding of a diagnosis and its rivals.
 
 use trical_diagnose::Undecided;
-use trical_model::{Cell, Robot};
+use trical_model::{Cell, Robot, Task};
 use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate};
 
 use crate::error::Result;
@@ -13,13 +13,7 @@ const POOL: usize = 150;
 ///
 /// # Errors
 /// Where the arm can touch no ball of this cell, or there is no way to one.
-pub fn plan_next(
-    robot: &Robot,
-    cell: &Cell,
-    undecided: &Undecided<'_>,
-    count: usize,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Next> {
+pub fn plan_next(robot: &Robot, cell: &Cell, undecided: &Undecided<'_>, count: usize, task: &Task<'_>) -> Result<Next> {
     let rivals = undecided.forwards()?;
     let question = Question {
         rivals: &rivals,
@@ -28,5 +22,5 @@ pub fn plan_next(
         state: &undecided.state,
     };
     let options = PlanOptions { pool_per_ball: POOL, noise_m: undecided.sigma, ..PlanOptions::default() };
-    Ok(plan_to_discriminate(robot, cell, &options, &question, count, progress)?)
+    Ok(plan_to_discriminate(robot, cell, &options, &question, count, task)?)
 }

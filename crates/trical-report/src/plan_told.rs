@@ -57,7 +57,7 @@ impl Told {
         self.plan.rejected.iter().map(|r| r.attempts).sum::<usize>() - refused
     }
 
-    /// The contract's summary.
+    /// The summary of `--json`.
     pub fn json(&self) -> serde_json::Value {
         let e = &self.plan.expected;
         let error = |p: &Option<PredictedError>| {

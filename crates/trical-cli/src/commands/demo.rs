@@ -12,7 +12,7 @@ use trical_diagnose::truth::draw_truth;
 use trical_ident::{
     Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
 };
-use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State};
+use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State, Task};
 use trical_plan::{
     CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
     write_plan,
@@ -122,15 +122,13 @@ pub fn run(args: &Args) -> Result<()> {
     tell(format!("   indicators on {} and a controller on {}.", running.terminal().display(), running.address()))?;
 
     // 2. the plan
-    let bar = progress::bar("planning");
     let options = PlanOptions {
         seed: args.seed,
         parameters: Some(nominal.terms.clone()),
         start: Some([0.0; MAX_JOINTS]),
         ..PlanOptions::default()
     };
-    let planned = plan_touches(&robot, &cell, &options, &mut |f| progress::at(&bar, f, ""))?;
-    bar.finish_and_clear();
+    let planned = progress::with_bar("planning", |task| plan_touches(&robot, &cell, &options, task))?;
     let entries = plan::entries(&planned.entries);
     write_whole(&file("plan.csv"), write_plan(&robot, &planned.entries).as_bytes())?;
     let dropped: usize = plan_told::rejected(&planned).values().sum();
@@ -211,9 +209,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
 
     // 5. validation against the unsealed truth
-    let bar = progress::bar("validating");
-    let validation = validate(&file("truth.sealed.toml"), &before, &fitted, &cell, args.seed, &bar)?;
-    bar.finish_and_clear();
+    let sealed = file("truth.sealed.toml");
+    let validation =
+        progress::with_bar("validating", |task| validate(&sealed, &before, &fitted, &cell, args.seed, task))?;
     tell("5. The truth is unsealed. Position error, mm, at poses that were never measured:".into())?;
     let summary = |e: &[f64]| ErrorSummary::of(e);
     let (sphere, whole) = (&validation.0, &validation.1);
@@ -286,14 +284,14 @@ fn validate(
     fitted: &Identified,
     cell: &Cell,
     seed: u64,
-    bar: &indicatif::ProgressBar,
+    task: &Task<'_>,
 ) -> Result<(Scored, Scored)> {
     let truth = ModelFile::load(sealed)?.model;
     let centre = cell.balls.iter().sum::<Vector3<f64>>() / 3.0 + Vector3::new(0.0, 0.0, 0.1);
     let model = CollisionModel::new(&truth.robot, cell)?;
     let options = ValidationOptions { seed, ..ValidationOptions::default() };
     let sphere = poses_in_sphere(&model, &centre, SPHERE, 100, &options)?;
-    progress::at(bar, 0.5, "");
+    task.step(0.5, "")?;
     let whole = poses_in_workspace(&model, 500, &options)?;
     let truth = Forward::new(truth, Vec::new())?;
     let before = Forward::new(before.model.clone(), Vec::new())?;

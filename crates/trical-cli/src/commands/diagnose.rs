@@ -60,22 +60,20 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(CliError::Input("--next: found no [balls] in the cell, expected balls that can be touched".into()));
     }
     let recordings = input::recordings(&args.recordings, robot.dof())?;
-    let bar = progress::bar("diagnosing");
-    let mut at = |fraction: f64, what: &str| progress::at(&bar, fraction, what);
-    let (diagnosis, source) =
-        diagnose_recordings(&robot, &cell, &recordings, args.joints.source(), args.names_only, &mut at)?;
+    let (diagnosis, source) = progress::with_bar("diagnosing", |task| {
+        let joints = args.joints.source();
+        diagnose_recordings(&robot, &cell, &recordings, joints, args.names_only, task)
+    })?;
     // rivals are fitted anew only for those who ask
     let undecided = args.next.map(|_| diagnosis.undecided()).transpose()?.flatten();
     let next = match (args.next, undecided) {
         (Some(n), Some(undecided)) => {
-            let mut at = |f: f64| progress::at(&bar, f, "planning what would decide");
-            at(0.0);
-            let planned = plan_next(&robot, &cell, &undecided, usize::from(n), &mut at)?;
+            let count = usize::from(n);
+            let planned = progress::with_bar("deciding", |task| plan_next(&robot, &cell, &undecided, count, task))?;
             Some((undecided, planned))
         }
         _ => None,
     };
-    bar.finish_and_clear();
     if let Some(out) = &args.out {
         ModelFile::of(diagnosis.model.clone(), &diagnosis.data).save(out)?;
     }

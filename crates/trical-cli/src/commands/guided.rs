@@ -323,7 +323,7 @@ impl Guided<'_> {
                 start: Some(start),
                 ..PlanOptions::default()
             };
-            match plan_touches(self.robot, &self.cell, &options, &mut |_| ()) {
+            match plan_touches(self.robot, &self.cell, &options, &trical_model::Task::silent()) {
                 Ok(found) => {
                     let path = self.beside("plan.csv");
                     write_whole(&path, write_plan(self.robot, &found.entries).as_bytes())?;

@@ -98,17 +98,14 @@ pub fn run(args: &Args) -> Result<()> {
         hold_out_last: args.hold_out_last,
         tool: args.tool.sharing(),
     };
-    let bar = progress::bar("identifying");
-    let mut at = |fraction: f64, what: &str| progress::at(&bar, fraction, what);
     let all_at_once = args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some();
-    let found = match input::passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
-        Some(stream) => calibrate_stream(&robot, &cell, &stream, &options, &mut at)?,
-        None => {
-            let recordings = input::recordings(&args.recordings, robot.dof())?;
-            calibrate(&robot, &cell, &recordings, &options, &mut at)?
+    let found = progress::with_bar("identifying", |task| -> Result<Calibration> {
+        if let Some(stream) = input::passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
+            return Ok(calibrate_stream(&robot, &cell, &stream, &options, task)?);
         }
-    };
-    bar.finish_and_clear();
+        let recordings = input::recordings(&args.recordings, robot.dof())?;
+        Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
+    })?;
     if let Some(out) = &args.out {
         ModelFile::of(found.fitted.model.clone(), &found.fitted.data).save(out)?;
     }

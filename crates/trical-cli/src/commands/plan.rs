@@ -216,14 +216,14 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let model = model_to_identify(&robot, &cell)?;
     let options = args.options(&robot, &model)?;
-    let bar = progress::bar("planning");
-    let plan = plan_touches(&robot, &cell, &options, &mut |f| progress::at(&bar, f, "")).map_err(|e| match e {
-        PlanError::BadStart { .. } => CliError::Input(format!("{e}; --start-deg says where the arm stands")),
-        e => e.into(),
+    let told = progress::with_bar("planning", |task| -> Result<Told> {
+        let plan = plan_touches(&robot, &cell, &options, task).map_err(|e| match e {
+            PlanError::BadStart { .. } => CliError::Input(format!("{e}; --start-deg says where the arm stands")),
+            e => e.into(),
+        })?;
+        task.step(1.0, "what it would show")?;
+        Ok(Told::new(&model, plan, options)?)
     })?;
-    progress::at(&bar, 1.0, "what it would show");
-    let told = Told::new(&model, plan, options)?;
-    bar.finish_and_clear();
     if let Some(path) = &args.report {
         write_whole(path, plan_report::render(&robot, &cell, &told, &input::made(&args.cell.files()))?.as_bytes())?;
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use trical_ident::{ParameterSet, write_whole};
-use trical_model::{Cell, Robot};
+use trical_model::{Cell, Robot, Task};
 use trical_report::study::{self, Platforms, Study as Done};
 use trical_report::table;
 
@@ -114,8 +114,8 @@ pub fn run(args: &Args) -> Result<()> {
     match &args.study {
         Study::Touches(a) => a
             .common
-            .perform("study", |robot, cell, say| study::touches(robot, cell, &a.common.asked(), &a.per_ball, say)),
-        Study::Platform(a) => a.common.perform("platforms", |robot, cell, say| {
+            .perform("study", |robot, cell, task| study::touches(robot, cell, &a.common.asked(), &a.per_ball, task)),
+        Study::Platform(a) => a.common.perform("platforms", |robot, cell, task| {
             let platforms = Platforms {
                 touches: a.touches,
                 balls: a.balls.clone(),
@@ -123,13 +123,10 @@ pub fn run(args: &Args) -> Result<()> {
                 height_mm: a.height_mm.clone(),
                 raise_mm: a.raise_mm.clone(),
             };
-            study::platforms(robot, cell, &a.common.asked(), &platforms, say)
+            study::platforms(robot, cell, &a.common.asked(), &platforms, task)
         }),
     }
 }
-
-/// How far the work is.
-type Say<'a> = &'a mut dyn FnMut(f64, &str);
 
 impl Common {
     fn asked(&self) -> study::Common {
@@ -157,15 +154,13 @@ impl Common {
     fn perform(
         &self,
         what: &str,
-        work: impl FnOnce(&Robot, &Cell, Say<'_>) -> trical_report::Result<Done>,
+        work: impl FnOnce(&Robot, &Cell, &Task<'_>) -> trical_report::Result<Done>,
     ) -> Result<()> {
         self.asked().check().map_err(as_option)?;
         let (robot, cell) = self.cell.load()?;
         std::fs::create_dir_all(&self.out)
             .map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", self.out.display())))?;
-        let bar = progress::bar(what);
-        let done = work(&robot, &cell, &mut |f, what| progress::at(&bar, f, what)).map_err(as_option)?;
-        bar.finish_and_clear();
+        let done = progress::with_bar(what, |task| work(&robot, &cell, task)).map_err(as_option)?;
         write_whole(&self.out.join("study.csv"), done.csv.as_bytes())?;
         write_whole(&self.out.join("study.svg"), done.svg.as_bytes())?;
         write_whole(&self.out.join("study.html"), done.html(&made(&self.cell.files()))?.as_bytes())?;

@@ -6,7 +6,7 @@ use crate::plan::tests::irb120;
 fn pool(options: &PlanOptions) -> (CollisionModel, Vec<Candidate>, Rejected) {
     let (robot, cell) = irb120();
     let model = CollisionModel::new(&robot, &cell).unwrap();
-    let (pool, rejected) = generate(&model, 1, options, &mut |_| {}).unwrap();
+    let (pool, rejected) = generate(&model, 1, options, &Task::silent()).unwrap();
     (model, pool, rejected)
 }
 

@@ -23,7 +23,7 @@ fn bare_cell() -> Cell {
 }
 
 fn quiet(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Plan {
-    plan_touches(robot, cell, options, &mut |_| {}).unwrap()
+    plan_touches(robot, cell, options, &Task::silent()).unwrap()
 }
 
 /// Follows a plan as the arm would, looking everywhere, by `clearance` (not by the proof that the plan was made with).
@@ -146,7 +146,7 @@ fn the_chosen_touches_beat_random_ones_in_o1() {
     let model = CollisionModel::new(&robot, &cell).unwrap();
     let mut pool = Vec::new();
     for ball in 0..3 {
-        pool.extend(generate(&model, ball, &options, &mut |_| {}).unwrap().0);
+        pool.extend(generate(&model, ball, &options, &Task::silent()).unwrap().0);
     }
     let forward = nominal_forward(&robot, &cell, &options).unwrap();
     let chosen = choose_touches(&forward, &pool, &options, &[]).unwrap();
@@ -155,7 +155,7 @@ fn the_chosen_touches_beat_random_ones_in_o1() {
         let other = PlanOptions { seed: 100 + seed, pool_per_ball: 15, ..PlanOptions::default() };
         let mut random = Vec::new();
         for ball in 0..3 {
-            random.extend(generate(&model, ball, &other, &mut |_| {}).unwrap().0);
+            random.extend(generate(&model, ball, &other, &Task::silent()).unwrap().0);
         }
         let o1 = choose_touches(&forward, &random, &other, &[]).unwrap().observability.o1;
         assert!(o1 < chosen.observability.o1, "{o1} {}", chosen.observability.o1);
@@ -170,7 +170,7 @@ fn the_quick_choice_is_as_good_as_twenty_long_ones() {
     let model = CollisionModel::new(&robot, &cell).unwrap();
     let mut pool = Vec::new();
     for ball in 0..3 {
-        pool.extend(generate(&model, ball, &options, &mut |_| {}).unwrap().0);
+        pool.extend(generate(&model, ball, &options, &Task::silent()).unwrap().0);
     }
     let forward = nominal_forward(&robot, &cell, &options).unwrap();
     let o1 = |options: &PlanOptions| choose_touches(&forward, &pool, options, &[]).unwrap().observability.o1;
@@ -248,7 +248,7 @@ fn a_region_out_of_reach_is_refused_where_it_matters() {
     let options = PlanOptions { sphere: Some(far), per_ball: 8, pool_per_ball: 20, ..PlanOptions::default() };
     assert_eq!(quiet(&robot, &cell, &options).expected.in_sphere, None);
     let options = PlanOptions { criterion: Criterion::Region, ..options };
-    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    let e = plan_touches(&robot, &cell, &options, &Task::silent()).unwrap_err();
     assert!(e.to_string().starts_with("option criterion: found region, but the arm reaches no pose of the sphere"));
 }
 
@@ -257,7 +257,7 @@ fn a_ball_out_of_reach_says_which_and_why() {
     let (robot, mut cell) = irb120();
     cell.balls[1].x = 3.0;
     let options = PlanOptions { attempts_per_candidate: 3, ..PlanOptions::default() };
-    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    let e = plan_touches(&robot, &cell, &options, &Task::silent()).unwrap_err();
     assert_eq!(
         e.to_string(),
         "ball 2: 0 collision-free configurations found in 300 attempts, expected 15; refused were 300 out of reach"
@@ -269,7 +269,7 @@ fn bad_options_are_named() {
     let (robot, mut cell) = irb120();
     let with = |options: PlanOptions| {
         let (robot, cell) = irb120();
-        plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err().to_string()
+        plan_touches(&robot, &cell, &options, &Task::silent()).unwrap_err().to_string()
     };
     assert_eq!(
         with(PlanOptions { pool_per_ball: 3, ..PlanOptions::default() }),
@@ -283,7 +283,7 @@ fn bad_options_are_named() {
         "the start configuration is not usable: it is beyond joint limits"
     );
     cell.balls.clear();
-    assert_eq!(plan_touches(&robot, &cell, &PlanOptions::default(), &mut |_| {}).unwrap_err(), PlanError::NoBalls);
+    assert_eq!(plan_touches(&robot, &cell, &PlanOptions::default(), &Task::silent()).unwrap_err(), PlanError::NoBalls);
 }
 
 #[test]
@@ -307,10 +307,10 @@ fn what_a_plan_cannot_know_is_no_parameter() {
     let site = Site::Joint { joint: 2 };
     let term = Term::new("drift", "drift", site, Basis::new(Variable::Time, Shape::Linear));
     let options = PlanOptions { parameters: Some(vec![term]), ..PlanOptions::default() };
-    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    let e = plan_touches(&robot, &cell, &options, &Task::silent()).unwrap_err();
     assert_eq!(e.to_string(), "term 'drift' needs time (t_s), which the recording does not contain");
     let options = PlanOptions { parameters: Some(vec![]), ..PlanOptions::default() };
-    let e = plan_touches(&robot, &cell, &options, &mut |_| {}).unwrap_err();
+    let e = plan_touches(&robot, &cell, &options, &Task::silent()).unwrap_err();
     assert_eq!(e, PlanError::NothingObservable { parameters: 0 });
 }
 
@@ -318,8 +318,9 @@ fn what_a_plan_cannot_know_is_no_parameter() {
 fn progress_rises_to_one() {
     let (robot, cell) = irb120();
     let options = PlanOptions { per_ball: 8, pool_per_ball: 20, ..PlanOptions::default() };
-    let mut heard = vec![];
-    plan_touches(&robot, &cell, &options, &mut |x| heard.push(x)).unwrap();
+    let heard = std::cell::RefCell::new(vec![]);
+    plan_touches(&robot, &cell, &options, &Task::new(&|x, _| heard.borrow_mut().push(x))).unwrap();
+    let heard = heard.into_inner();
     assert!(heard.windows(2).all(|w| w[0] <= w[1]));
     assert_eq!((heard[0], *heard.last().unwrap()), (0.0, 1.0));
 }

@@ -158,11 +158,11 @@ impl Study {
     }
 }
 
-/// Says how far the work is, and asks whether it is still wanted.
-fn tick(say: &mut dyn FnMut(f64, &str), done: usize, of: usize, what: &str) -> Result<()> {
+/// The part of the work that is done when `done` of `of` are.
+fn share(done: usize, of: usize) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    say(done as f64 / of.max(1) as f64, what);
-    Ok(checkpoint()?)
+    let share = done as f64 / of.max(1) as f64;
+    share
 }
 
 /// Trials on all processors, in order; each is asked whether it is still wanted.
@@ -194,7 +194,7 @@ fn pool(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Result<Vec<Candida
     let model = CollisionModel::new(robot, cell)?;
     let mut pool = Vec::new();
     for ball in 0..cell.balls.len() {
-        pool.extend(generate::generate(&model, ball, options, &mut |_| {})?.0);
+        pool.extend(generate::generate(&model, ball, options, &trical_model::Task::silent())?.0);
     }
     Ok(pool)
 }

@@ -5,11 +5,11 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use serde_json::json;
 use trical_ident::{ParameterSet, model_of_touches};
-use trical_model::{Cell, Robot};
+use trical_model::{Cell, Robot, Task};
 use trical_plan::{choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick, trials};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, share, trials};
 use crate::error::{Error, Result};
 use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
@@ -97,13 +97,7 @@ struct Platform {
 ///
 /// # Errors
 /// Numbers that make no sense; a cell whose balls have no middle. A platform that cannot be used is a result.
-pub fn platforms(
-    robot: &Robot,
-    cell: &Cell,
-    common: &Common,
-    args: &Platforms,
-    say: &mut dyn FnMut(f64, &str),
-) -> Result<Study> {
+pub fn platforms(robot: &Robot, cell: &Cell, common: &Common, args: &Platforms, task: &Task<'_>) -> Result<Study> {
     let nature = common.nature()?;
     if let Some(n) = args.balls.iter().find(|n| **n < 3 || **n > args.touches) {
         return Err(Error::Input(format!(
@@ -133,7 +127,7 @@ pub fn platforms(
     }
     let mut done = Vec::with_capacity(layouts.len());
     for layout in &layouts {
-        tick(say, done.len(), layouts.len(), &layout.name())?;
+        task.step(share(done.len(), layouts.len()), &layout.name())?;
         let result = try_layout(common, args.touches, robot, cell, layout, &nature, set, &poses)?;
         done.push(Platform { layout: *layout, result });
     }

@@ -4,11 +4,11 @@ use std::fmt::Write;
 
 use serde_json::json;
 use trical_ident::model_of_touches;
-use trical_model::{Cell, Model, Robot};
+use trical_model::{Cell, Model, Robot, Task};
 use trical_plan::{Candidate, PlanOptions, choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, calibrate, draw_arm, draw_known, random_touches, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, tick, trials};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, share, trials};
 use crate::error::{Error, Result};
 use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
@@ -43,13 +43,7 @@ const RANDOM: &str = "random";
 ///
 /// # Errors
 /// Numbers that make no sense; a cell without balls, or whose balls the arm cannot touch.
-pub fn touches(
-    robot: &Robot,
-    cell: &Cell,
-    common: &Common,
-    per_ball: &[usize],
-    say: &mut dyn FnMut(f64, &str),
-) -> Result<Study> {
+pub fn touches(robot: &Robot, cell: &Cell, common: &Common, per_ball: &[usize], task: &Task<'_>) -> Result<Study> {
     let nature = common.nature()?;
     let most = per_ball.iter().copied().max().unwrap_or(0);
     if per_ball.is_empty() || per_ball.contains(&0) || most > common.pool {
@@ -89,7 +83,7 @@ pub fn touches(
                 _ => trial(arm, &random_touches(&pool, cell.balls.len(), *per_ball, common.seed, k)?, &nature, k),
             })?;
             settings.push(Setting { arm, noisy: true, design, per_ball: *per_ball, outcomes });
-            tick(say, settings.len(), jobs, "")?;
+            task.step(share(settings.len(), jobs), "")?;
         }
     }
     // without noise, with the most touches: what remains is what the parameters cannot describe
@@ -97,7 +91,7 @@ pub fn touches(
     for arm in [DESCRIBED, ANY] {
         let outcomes = trials(common.trials, |k| trial(arm, &chosen, &nature.silent(), k))?;
         settings.push(Setting { arm, noisy: false, design: CHOSEN, per_ball: most, outcomes });
-        tick(say, settings.len(), jobs, "")?;
+        task.step(share(settings.len(), jobs), "")?;
     }
     tell_touches(common, &settings, &known)
 }

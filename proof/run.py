@@ -2,7 +2,7 @@
 """Runs the plain binary on concealed cases: each alone in a directory of its own, with nothing but robot, cell,
 recording.
 
-    run.py --binary target/release/trical --dir DIR
+    run.py --dir DIR
 
 stores DIR/answers/ID.json: the exit code, the seconds it took, what it said.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -19,16 +20,19 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-INPUTS = ("robot.toml", "cell.toml", "recording.csv")
+BINARY = Path(os.environ.get("TRICAL_BINARY", Path(__file__).resolve().parents[1] / "target" / "release" / "trical"))
 
 
 def diagnose(binary: Path, case: Path, timeout: float) -> dict:
     """What the program says of one case; the case's id and kind are out of its sight."""
     with tempfile.TemporaryDirectory(prefix="proof-") as name:
         here = Path(name)
-        for f in INPUTS:
+        inputs = sorted(f.name for f in case.iterdir())
+        for f in inputs:
             shutil.copy(case / f, here / f)
-        command = [str(binary), "diagnose", "recording.csv", "--robot", "robot.toml", "--cell", "cell.toml", "--json"]
+        robot = next(f for f in inputs if f.startswith("robot."))
+        recordings = [f for f in inputs if f.endswith(".csv")]
+        command = [str(binary), "diagnose", *recordings, "--robot", robot, "--cell", "cell.toml", "--json"]
         start = time.monotonic()
         try:
             done = subprocess.run(
@@ -54,12 +58,16 @@ def run(binary: Path, where: Path, processes: int = 2, timeout: float = 300.0) -
         results = list(pool.map(lambda c: diagnose(binary, c, timeout), cases))
     for case, result in zip(cases, results, strict=True):
         (answers / f"{case.name}.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
+    if (where / "backgrounds").is_dir():
+        import real
+
+        real.answers_without(binary, where)
     return sum(r["answer"] is None for r in results)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--binary", type=Path, required=True)
+    parser.add_argument("--binary", type=Path, default=BINARY, help="default: $TRICAL_BINARY or the release build")
     parser.add_argument("--dir", type=Path, required=True)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--timeout", type=float, default=300.0)

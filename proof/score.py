@@ -550,6 +550,9 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_holdout(by["single"] + points, t)
     score_confidence(by["none"] + by["single"] + by["pair"] + by["tracker"], t)
     score_blind(by["none"] + by["single"] + by["tracker"], t)
+    import proper
+
+    proper.score_proper(by, t)
     silent = [c for c in cases if c.answer is None]
     seconds = [c.seconds for c in cases] or [0.0]
     sealed = ["| kind | seed | cases | SHA-256 of the sealed truth |", "|---|---|---|---|"]
@@ -577,14 +580,19 @@ def main() -> int:
     parser.add_argument("dirs", nargs="+", type=Path)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--failures", type=Path, help="where to list every case that is not plainly right")
+    parser.add_argument("--findings", type=Path, help="where to write a line of JSON for every finding that was told")
     a = parser.parse_args()
-    text, wrong, _ = score(a.dirs)
+    text, wrong, cases = score(a.dirs)
     if a.out:
         a.out.write_text(text)
     else:
         print(text)
     if a.failures:
         a.failures.write_text(wrong)
+    if a.findings:
+        import proper
+
+        proper.write_lines(cases, a.findings)
     return 0
 
 

@@ -48,7 +48,7 @@ from plant import (
 from visible import Design, Invisible, context, survey
 
 KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco", "arms")
-KINDS += ("curves", "real")
+KINDS += ("curves", "real", "many", "sessions", "clusters")
 VISIBLE, STRONG = 6.0, 15.0
 
 
@@ -334,6 +334,8 @@ def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> 
     model = list(arms.OTHERS)[index % len(arms.OTHERS)] if kind == "arms" else "small"
     points = [300, 450, 600] if kind == "curves" else [100, 200, 300]
     n = int(touches[index % len(touches)]) if touch else pick(rng, points)
+    if kind == "many":
+        n = max(n, 300)
     if kind == "curves":  # joints of more than a turn, half of the time
         model = "universal" if index % 2 else "small"
     nominal, s = cell(rng, n, touch, arms.OTHERS.get(model, arms.SMALL))
@@ -349,6 +351,10 @@ def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> 
         machine = mujoco_plant.experiment
         if rng.random() < 0.8:
             effects = [mujoco_plant.draw(rng, arm, s, VISIBLE)]
+    elif kind == "many":
+        import sessions
+
+        effects, s = sessions.many(rng, arm, s, VISIBLE)
     elif kind == "curves":
         what, family = CURVES[pick(rng, list(CURVES))]
         e, s, _ = draw_effect(rng, arm, s, Design(arm, s), {what: family}, VISIBLE)
@@ -437,7 +443,11 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
 
 
 def _job(args):
-    return real.make_case(*args[1:]) if args[0] == "real" else make_case(*args)
+    import sessions
+
+    kind, *rest = args
+    maker = {"real": real.make_case, "sessions": sessions.make_sessions, "clusters": sessions.make_clusters}.get(kind)
+    return maker(*rest) if maker else make_case(*args)
 
 
 def on_real_backgrounds(binary: Path | None, names: list[str], seed: int, count: int, out: Path) -> list[tuple]:
@@ -480,7 +490,10 @@ def make(
         where = out / "cases" / case_id
         where.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
-            (where / name).write_text(text)
+            # what is kept back lies where the diagnosis does not look
+            path = out / "fresh" / case_id / name[6:] if name.startswith("fresh/") else where / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
         truths[case_id] = truth
     salt = np.random.default_rng([seed, count, 7]).bytes(16).hex()
     digest = write.seal({"seed": seed, "kind": kind, "salt": salt, "cases": truths}, out / "sealed" / "truth.json")

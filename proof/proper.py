@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,8 @@ def values(finding: dict | None, wanted: dict) -> tuple[np.ndarray, np.ndarray]:
 
 def sized(found: dict, before: dict | None, truth: dict, case: dict) -> tuple[bool, bool] | None:
     """Whether what was told, less what is told without the addition, is the true size: within 3 sd, within 20 %."""
+    if not found["coefficients"]:
+        return None
     if "n" in truth["p"] and truth["effect"] in ("joint_harmonic", "gear_ripple", "encoder_error"):
         n = [float(x) for x in np.atleast_1d(truth["p"]["n"])]
         true = np.stack([np.atleast_1d(truth["p"][k]) for k in ("sin", "cos")], 1) / DEG
@@ -126,8 +129,15 @@ def changed(found: dict, before: dict | None) -> bool:
     """Whether a finding says something else than without the addition: another coefficient, or by more than 3 sd."""
     if before is None:
         return True
+    if not found["coefficients"]:  # the naive selection's
+        return abs(found["lambda"] - before["lambda"]) > 0.2 * before["lambda"]
     a, b = ({c["name"]: c for c in f["coefficients"]} for f in (found, before))
     return set(a) != set(b) or any(abs(a[k]["value"] - b[k]["value"]) > 3 * np.hypot(a[k]["sd"], b[k]["sd"]) for k in a)
+
+
+def session_of(finding: dict) -> int | None:
+    """The session (from 1) that a finding belongs to, where it is one's alone."""
+    return finding.get("session") or finding["site"].get("session")
 
 
 def without(case: Case) -> list[dict]:
@@ -139,9 +149,9 @@ def without(case: Case) -> list[dict]:
     return json.loads(path.read_text())["answer"]["findings"] if path.is_file() else []
 
 
-def told(case: Case) -> list[dict]:
-    """Every finding of a case, with what it answers for."""
-    was, out = without(case), []
+def told(case: Case, was: list[dict] | None = None) -> list[dict]:
+    """Every finding of a case, with what it answers for; `was`: findings without the addition."""
+    was, out = without(case) if was is None else was, []
     left = list(case.effects)
     total = sum(f["lambda"] ** 2 for f in case.findings) or 1.0
     for f in case.findings:
@@ -180,6 +190,7 @@ def told(case: Case) -> list[dict]:
                 "measurements": case.truth["measurements"],
                 "parameters": case.answer["final"]["parameters"],
                 **evidence,
+                "session": session_of(f),
                 "role": role,
                 "true_lambda": (exact or (kin or here or [{}])[0]).get("lambda"),
                 "size_3sd": size[0] if size and exact else None,
@@ -258,7 +269,15 @@ def on_truth(case: Case, lines: list[dict], effect: dict) -> tuple[float, float,
     return tuple(max(x, default=0.0) for x in (exact, kin, [x["place_confidence"] for x in at]))
 
 
-def score_added(cases: list[Case], lines: dict[str, list[dict]], title: str, t: Tables, by: str = "background"):
+def score_added(
+    cases: list[Case],
+    lines: dict[str, list[dict]],
+    title: str,
+    t: Tables,
+    by: str = "background",
+    aim: bool = True,
+    brief: bool = False,
+):
     """Effects one by one: named, place and family, place, size; by lambda and by what they were added to."""
     groups = defaultdict(list)
     for c in cases:
@@ -268,8 +287,9 @@ def score_added(cases: list[Case], lines: dict[str, list[dict]], title: str, t: 
             groups[f"lambda >= {low}" if low == 30 else f"lambda {low} to {({0: 6, 6: 10, 10: 30})[low]}"].append(
                 (c, e)
             )
-            groups[f"{by} {c.truth.get(by, '')}"].append((c, e))
-            groups[f"effect {e['effect']}"].append((c, e))
+            if not brief:
+                groups[f"{by} {c.truth.get(by, '')}"].append((c, e))
+                groups[f"effect {e['effect']}"].append((c, e))
     rows = []
     for name, xs in sorted(groups.items()):
         hits, sizes, p, at_left = np.zeros(3, int), [], [], 0
@@ -286,7 +306,7 @@ def score_added(cases: list[Case], lines: dict[str, list[dict]], title: str, t: 
         p = np.array(p).mean(0)
         size = [f"{sum(x[k] for x in sizes)} of {len(sizes)}" for k in (0, 1)]
         rows.append([name, n, *(share(h, n) for h in hits), at_left, *size, *(number(x, 2) for x in p), number(log, 2)])
-        if name == "all":
+        if name == "all" and aim:
             loud = [(c, e) for c, e in xs if e["lambda"] >= 10]
             right = [any(x["right"] and same(x, e) for x in lines[c.id]) for c, e in loud]
             kin = [on_truth(c, lines[c.id], e)[1] > 0 or r for (c, e), r in zip(loud, right, strict=True)]
@@ -308,6 +328,103 @@ def score_knowing(cases: list[Case], title: str, t: Tables):
         )
 
 
+def score_many(cases: list[Case], lines: dict[str, list[dict]], t: Tables):
+    """Recall and precision where each effect is seen well beside the others."""
+    loud = [(c, e) for c in cases for e in c.effects if e["lambda_apart"] >= 10]
+    right = sum(any(x["right"] and same(x, e) for x in lines[c.id]) for c, e in loud)
+    told_loud = [x for c in cases for x in lines[c.id] if x["lambda"] >= 10]
+    t.target("Six to twelve effects, lambda >= 10: recall", ">= 97 %", right, len(loud), at_least=0.97)
+    precise = sum(x["right"] for x in told_loud)
+    t.target("Six to twelve effects, lambda >= 10: precision", ">= 95 %", precise, len(told_loud), at_least=0.95)
+
+
+def tried(case: Case) -> dict:
+    """Name -> mean error (mm) of models on recordings that were kept back; errors left out."""
+    path = case.where / "answers" / f"{case.id}.json"
+    said = json.loads(path.read_text()).get("tried", {}) if path.is_file() else {}
+    return {k: v for k, v in said.items() if isinstance(v, float)}
+
+
+def score_sessions(cases: list[Case], lines: dict[str, list[dict]], t: Tables):
+    """What belongs to the arm named once and called the arm's, what belongs to a day called so, and what travels."""
+    rows, day_right, day = [], 0, 0
+    for scope in ("arm", "setup", "course"):
+        xs = [(c, e) for c in cases for e in c.effects if e["scope"] == scope]
+        at = [[x for x in lines[c.id] if same(x, e)] for c, e in xs]
+        named, once = [bool(x) for x in at], [len(x) == 1 for x in at]
+        scoped = [any(x["scope"] == scope for x in f) for f in at]
+        # of two sessions that differ, which one is off is convention
+        days = [any(x["session"] == e["session"] for x in f) for f, (_, e) in zip(at, xs, strict=True)]
+        n = len(xs)
+        rows.append([scope, n, *(share(sum(k), n) for k in (named, once, scoped, days))])
+        if scope != "arm":
+            seen = [(s and d) for s, d, f in zip(scoped, days, at, strict=True) if f]
+            day_right, day = day_right + sum(seen), day + len(seen)
+    head = ["scope", "effects", "named", "named once", "scope said", "session said"]
+    t.table("Sessions: whose effect it is", head, rows)
+    t.target("Sessions: what is named and belongs to the day, called so", ">= 95 %", day_right, day, at_least=0.95)
+    pairs = [(r["diagnose"], r["identify"]) for c in cases if {"diagnose", "identify"} <= (r := tried(c)).keys()]
+    if pairs:
+        ratio = np.array([a / b for a, b in pairs])
+        q = " / ".join(f"{x:.2f}" for x in np.quantile(ratio, [0.1, 0.5, 0.9]))
+        head = ["cases", "tried", "diagnosis over plain calibration, 10 / 50 / 90 %", "worse"]
+        t.table(
+            "Sessions: the last, by models of the others", head, [[len(cases), len(pairs), q, int((ratio > 1).sum())]]
+        )
+        # a thousandth is the last digit's
+        good = int((ratio <= 1.001).sum())
+        t.target("Sessions: never worse than plain calibration", "all", good, len(cases), at_least=1.0)
+
+
+def score_clusters(cases: list[Case], t: Tables):
+    """The error that is said to be held out over the error on fresh poses of the same arm."""
+    rows = []
+    for name in ("inside", "anywhere"):
+        for key in ("holdout_mean_mm", "forward_mean_mm", "worst"):
+            ratio = []
+            for c in cases:
+                final = c.answer["final"] if c.answer else {}
+                means = {k: v for k, v in final.items() if k.endswith("_mean_mm") and isinstance(v, float)}
+                said = max(means.values(), default=None) if key == "worst" else means.get(key)
+                if said and name in tried(c):
+                    ratio.append(said / tried(c)[name])
+            if ratio:
+                q = " / ".join(f"{x:.2f}" for x in np.quantile(ratio, [0.1, 0.5, 0.9]))
+                rows.append([name, key, len(ratio), q])
+                if (name, key) == ("inside", "worst"):
+                    good = sum(x >= 0.9 for x in ratio)
+                    what = "Clusters: the worst held-out error at least 0.9 of that on fresh poses inside"
+                    t.target(what, ">= 90 %", good, len(ratio), at_least=0.9)
+    t.table("Clusters: said over found on fresh poses", ["fresh poses", "said", "cases", "10 / 50 / 90 %"], rows)
+    false = [x for c in cases for x in told(c) if not x["right"]]
+    sure = sum(x["confidence"] >= 0.9 for x in false)
+    effects = sum(len(c.effects) for c in cases)
+    head = ["cases", "effects", "named", "false names", "at 0.9 or more"]
+    named = sum(x["right"] for c in cases for x in told(c))
+    t.table("Clusters: names", head, [[len(cases), effects, named, len(false), sure]])
+
+
+def naively(case: Case) -> tuple[Case, list[dict]] | None:
+    """The case as the naive selection answers it, and its lines."""
+    kept = case.where / "naive"
+    if not (kept / f"{case.id}.json").is_file():
+        return None
+    background = kept / f"{case.truth.get('background')}.json"
+    was = json.loads(background.read_text()) if background.is_file() else []
+    answer = {"findings": json.loads((kept / f"{case.id}.json").read_text()), "final": {"parameters": 0}}
+    other = replace(case, answer=answer)
+    return other, told(other, was)
+
+
+def score_naive(cases: list[Case], title: str, t: Tables):
+    """Forward selection by BIC on the same cases."""
+    both = [x for c in cases if (x := naively(c))]
+    if both:
+        lines = {c.id: x for c, x in both}
+        score_added([c for c, _ in both], lines, f"{title}, naive selection by BIC", t, aim=False, brief=True)
+        score_probabilities([y for x in lines.values() for y in x], f"{title}, naive selection by BIC", t)
+
+
 def score_proper(by: dict[str, list[Case]], t: Tables) -> None:
     lines = {c.id: told(c) for cases in by.values() for c in cases}
     if by.get("real"):
@@ -319,11 +436,20 @@ def score_proper(by: dict[str, list[Case]], t: Tables) -> None:
         t.target(
             "Curves that differ from turn to turn: called encoder_error", "<= 5 %", named, len(wrong), at_most=0.05
         )
+    if by.get("many"):
+        score_many(by["many"], lines, t)
+        score_added(by["many"], lines, "Six to twelve effects, one by one", t, "kind", False)
+    if by.get("sessions"):
+        score_sessions(by["sessions"], lines, t)
+        score_added(by["sessions"], lines, "Sessions", t, "sessions", False)
+    if by.get("clusters"):
+        score_clusters(by["clusters"], t)
     known = [c for kind in ("single", "tracker", "outside", "curves", "arms") for c in by.get(kind, []) if c.effects]
     score_knowing(known, "Drawn arms", t)
-    drawn = [x for kind, cases in by.items() if kind != "real" for c in cases for x in lines[c.id]]
-    score_probabilities(drawn, "Drawn arms", t)
-    score_probabilities([x for c in by.get("real", []) for x in lines[c.id]], "Real recordings", t)
+    drawn = [c for kind, cases in by.items() if kind != "real" for c in cases]
+    for title, cases in (("Drawn arms", drawn), ("Real recordings", by.get("real", []))):
+        score_probabilities([x for c in cases for x in lines[c.id]], title, t)
+        score_naive(cases, title, t)
 
 
 def write_lines(cases: list[Case], path: Path) -> None:

@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 import make
+import naive
 import proper
 import real
 import run
@@ -30,16 +31,28 @@ FULL = dict(
     none=150, single=500, tracker=150, mujoco=60, pair=120, five=30, outside=150, nonwhite=120, dirty=60, arms=200
 )
 # beside them: recordings that cost the program ten times as much
-FULL |= dict(curves=80, real=300)
+FULL |= dict(curves=80, many=60, sessions=60, clusters=40, real=300)
 COUNTS = {
     "small": dict(
-        none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5, arms=6, curves=4
+        none=12,
+        single=20,
+        tracker=8,
+        mujoco=5,
+        pair=6,
+        five=2,
+        outside=8,
+        nonwhite=6,
+        dirty=5,
+        arms=6,
+        curves=4,
+        many=2,
+        clusters=2,
     ),
     # where three quarters of an hour of two cores are too much
     "large": {
         **FULL,
         **dict(tracker=90, mujoco=24, pair=80, five=20, nonwhite=90, dirty=45, arms=120),
-        **dict(curves=40, real=48),
+        **dict(curves=40, many=30, sessions=30, clusters=20, real=48),
     },
     "full": FULL,
 }
@@ -112,6 +125,9 @@ def prove(
     for d in dirs:
         failed = run.run(binary, d, processes)
         print(f"{d.name:9} diagnosed{f', {failed} without an answer' if failed else ''}", flush=True)
+    for kind in ("single", "curves", "many", "real"):
+        if kind in counts:
+            naive.run(out / kind, processes)
     text, wrong, cases = score.score(dirs)
     proper.write_lines(cases, out / "findings.jsonl")
     minutes = (time.monotonic() - clock) / 60

@@ -25,7 +25,7 @@ import numpy as np
 import configurations
 import run
 from effects import CURVES, FAMILIES, log_uniform
-from plant import DEG, MM, Arm, Session, simulate
+from plant import DEG, MM, Arm, Session, simulate, triangle
 from visible import Design, Invisible, jacobian, parameters, survey
 
 HERE = Path(__file__).resolve().parent
@@ -56,10 +56,10 @@ def data() -> Path | None:
 
 def arm_of(folder: Path) -> Arm:
     """The nominal arm of a folder with robot.toml or robot.urdf, and cell.toml. Without masses there are no torques."""
-    import tomllib
+    import tomllib  # Python 3.10 has none
 
-    cell = tomllib.loads((folder / "cell.toml").read_text())
-    tool = cell["tool"]
+    cell = cell_of(folder)
+    tool, balls = cell["tool"], cell.get("balls", {})
     if (folder / "robot.toml").is_file():
         robot = tomllib.loads((folder / "robot.toml").read_text())["joint"]
         of = lambda key: np.array([j[key] for j in robot], float)  # noqa: E731
@@ -70,16 +70,24 @@ def arm_of(folder: Path) -> Arm:
     weighty = bool(chain["mass"].any())
     arm = Arm(
         **chain,
-        base_xyz=np.zeros(3),
-        base_zyx=np.zeros(3),
+        base_xyz=np.array(cell["base"]["xyz_mm"]) * MM,
+        base_zyx=np.array(cell["base"]["zyx_deg"]) * DEG,
         tcp=np.array(tool["tcp_mm"]) * MM,
         tool_mass=float(tool.get("mass_kg", 0.0)) if weighty else 0.0,
         tool_cog=np.array(tool.get("cog_mm", [0.0] * 3)) * MM,
-        balls=np.zeros((0, 3)),
+        balls=triangle(*(np.array([d[k] for k in ("d12", "d13", "d23")]) * MM))
+        if (d := balls.get("distances_mm"))
+        else np.array(balls.get("positions_mm", [])).reshape(-1, 3) * MM,
         compliance=np.zeros(len(chain["alpha"])),
         name=folder.name,
     )
     return arm.but(weight=max(1.0, float(arm.mass.sum()) / 12.0)) if weighty else arm
+
+
+def cell_of(folder: Path) -> dict:
+    import tomllib
+
+    return tomllib.loads((folder / "cell.toml").read_text())
 
 
 def urdf_axes(path: Path) -> tuple[np.ndarray, np.ndarray, tuple[bool, ...], np.ndarray]:
@@ -170,14 +178,30 @@ def load(name: str) -> Real:
     root = data()
     if root is None:
         raise SystemExit("real backgrounds need the shared recordings")
-    with open(root / file) as f:
-        columns, *text = csv.reader(f)
+    columns, text = rows_of(root / file)
     poses = {seq: i for i, seq in enumerate(dict.fromkeys(r[columns.index("seq")] for r in text))}
     text = [r for r in text if poses[r[columns.index("seq")]] % every == start]
     # measured torques are left out: elastic effects here are of torques that the plant computes
     kept = [i for i, c in enumerate(columns) if not c.startswith("tau")]
     columns, text = [columns[i] for i in kept], [[r[i] for i in kept] for r in text]
     folder = (root / file).parent
+    arm, s, measured, rows = parsed(folder, columns, text)
+    arm, s, where, rest = aligned(arm, s, measured)
+    rms = float(np.sqrt(np.mean(np.sum(rest**2, 1))))
+    return Real(name, folder, columns, text, rows, giving_way(arm, s), s, where, rms)
+
+
+def rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
+    with open(path) as f:
+        columns, *text = csv.reader(f)
+    return columns, text
+
+
+def parsed(
+    folder: Path, columns: list[str], text: list[list[str]], prefer: tuple[str, ...] = ("qc", "q")
+) -> tuple[Arm, Session, np.ndarray, np.ndarray]:
+    """Nominal arm, what is known of the rows that measure the tool, measured points (N, 3) m, and which rows these
+    are. `prefer`: on a real arm the tool is where the joints were sent to rather than where they were read."""
     arm = arm_of(folder)
     measures = [not (("reference" in columns) and r[columns.index("reference")]) for r in text]
     rows = np.flatnonzero(measures)
@@ -189,32 +213,38 @@ def load(name: str) -> Real:
         return np.array([float(text[i][k]) for i in rows])
 
     joints = range(1, len(arm.alpha) + 1)
-    # where both were recorded, the arm stands where it was sent to
-    name_of = lambda j: next(c for c in (f"qc{j}_deg", f"q{j}_deg", f"q{j}_mm") if c in columns)  # noqa: E731
-    q = np.stack([column(name_of(j)) * (DEG if name_of(j).endswith("deg") else MM) for j in joints], 1)
+
+    def angles(*names: str) -> np.ndarray:
+        units = {"deg": DEG, "mm": MM}
+        kept = [next(c for x in names for u in units if (c := f"{x}{j}_{u}") in columns) for j in joints]
+        return np.stack([column(c) * units[c.split("_")[1]] for c in kept], 1)
+
+    q = angles(*prefer)
     point = None
     if "target" in columns:
-        import tomllib
-
-        targets = np.array(tomllib.loads((folder / "cell.toml").read_text())["tool"]["targets_mm"]) * MM
+        targets = np.array(cell_of(folder)["tool"]["targets_mm"]) * MM
         point = (targets - arm.tcp)[column("target").astype(int) - 1]
+    touch = "ball" in columns
+    order = column("seq") if "seq" in columns else np.arange(len(rows))
+    measured = np.stack([column(f"{'i' * touch}{a}_mm") for a in "xyz"], 1) * MM
     s = Session(
-        touch=False,
+        touch=touch,
         q=q,
-        t=12.0 * (column("seq") - column("seq")[0]),
+        t=column("t_s") if "t_s" in columns else 12.0 * (order - order[0]),
         temp=column("temp_c", 20.0),
         dirs=np.stack([column(f"dir{j}") for j in joints], 1),
-        ball=np.zeros(len(rows), int),
+        ball=np.maximum(column("ball").astype(int) - 1, 0),
         sigma=1e-4,
-        spread=0.0,
-        lag=np.zeros_like(q),
+        spread=float(np.abs(measured).mean()) if touch else 0.0,
+        lag=angles("qc", "q") - angles("q"),
         rest=np.zeros_like(q),
+        has_commanded="qc1_deg" in columns,
         has_thermometer="temp_c" in columns,
+        load=column("payload_kg") if "payload_kg" in columns else None,
+        reading=measured if touch else None,
         point=point,
     )
-    measured = np.stack([column(f"{a}_mm") for a in "xyz"], 1) * MM
-    arm, s, where, rms = aligned(arm, s, measured)
-    return Real(name, folder, columns, text, rows, arm, s, where, rms)
+    return arm, s, measured, rows
 
 
 def rigid(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -226,9 +256,9 @@ def rigid(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def moved(arm: Arm, s: Session, step: np.ndarray) -> tuple[Arm, Session]:
     """Arm and tool points after a step in the columns of `visible.jacobian` (without a tracker's frame)."""
-    moves = [m for m in parameters(arm) if not m[0].startswith("base")]
+    moves = [m for m in parameters(arm) if s.touch or not m[0].startswith("base")]
     new = {}
-    for name in ("tcp", "alpha", "a", "d", "offset", "compliance"):
+    for name in ("base_xyz", "base_zyx", "tcp", "alpha", "a", "d", "offset", "compliance"):
         new[name] = getattr(arm, name) + sum(
             x * (getattr(above, name) - getattr(below, name)) / (2 * h)
             for x, (_, below, above, h) in zip(step, moves, strict=False)
@@ -241,11 +271,17 @@ def moved(arm: Arm, s: Session, step: np.ndarray) -> tuple[Arm, Session]:
 
 
 def aligned(arm: Arm, s: Session, measured: np.ndarray, steps: int = 4):
-    """Nominal arm, tool points and frame fitted to points (N, 3) m in the measuring frame; what is left, rms m."""
+    """The paper's parameters, tool points and frame fitted to a recording; `measured` (N, 3) m are points in the
+    measuring frame, or readings. Returns arm, session, measuring_from_world, and residuals (N, 3) m in the world, gross
+    errors set to zero."""
+    where = np.eye(3), np.zeros(3)
     for k in range(steps + 1):
-        tcp = simulate(arm, s).tcp
-        r, o = rigid(tcp, measured)
-        rest = (measured - o) @ r - tcp
+        poses = simulate(arm, s)
+        if s.touch:
+            rest = poses.ball - poses.tcp - np.einsum("nij,nj->ni", poses.r, measured)
+        else:
+            where = rigid(poses.tcp, measured)
+            rest = (measured - where[1]) @ where[0] - poses.tcp
         far = np.linalg.norm(rest, axis=1)
         near = far < 6 * np.median(far)
         if k == steps:
@@ -257,13 +293,18 @@ def aligned(arm: Arm, s: Session, measured: np.ndarray, steps: int = 4):
         scaled, y = jac[keep] / size, rest.ravel()[keep]
         step = np.linalg.solve(scaled.T @ scaled + 1e-7 * np.eye(len(size)), scaled.T @ y) / size
         arm, s = moved(arm, s, step)
+    return arm, s, where, np.where(near[:, None], rest, 0.0)
+
+
+def giving_way(arm: Arm, s: Session) -> Arm:
+    """The arm with compliances that effects of torque can act on, and in units of the IRB 120's torques."""
     tau = np.abs(simulate(arm, s).machine.tau).max(0)
-    if tau.any():
-        arm = arm.but(pull=max(1.0, float(tau.max()) / 15.0))
-        # a joint may seem to be lifted by its load where something else acts: effects need one that gives way
-        usual = 2e-3 * DEG / arm.pull
-        arm = arm.but(compliance=np.where(tau > 1e-9, np.maximum(arm.compliance, usual), 0.0))
-    return arm, s, (r, o), float(np.sqrt(np.mean(np.sum(rest[near] ** 2, 1))))
+    if not tau.any():
+        return arm
+    arm = arm.but(pull=max(1.0, float(tau.max()) / 15.0))
+    # a joint may seem to be lifted by its load where something else acts
+    usual = 2e-3 * DEG / arm.pull
+    return arm.but(compliance=np.where(tau > 1e-9, np.maximum(arm.compliance, usual), 0.0))
 
 
 def displaced(real: Real, s: Session, effects: list[dict]) -> list[list[str]]:

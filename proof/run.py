@@ -83,15 +83,19 @@ def run(binary: Path, where: Path, processes: int = 2, timeout: float = 300.0) -
     kept_back = lambda c: fresh if (fresh := where / "fresh" / c.name).is_dir() else None  # noqa: E731
     answers = where / "answers"
     answers.mkdir(exist_ok=True)
-    with ThreadPoolExecutor(processes) as pool:
-        results = list(pool.map(lambda c: diagnose(binary, c, timeout, kept_back(c)), cases))
-    for case, result in zip(cases, results, strict=True):
+
+    def answered(case: Path) -> bool:
+        result = diagnose(binary, case, timeout, kept_back(case))
         (answers / f"{case.name}.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
+        return result["answer"] is not None
+
+    with ThreadPoolExecutor(processes) as pool:
+        failed = len(cases) - sum(pool.map(answered, cases))
     if (where / "backgrounds").is_dir():
         import real
 
         real.answers_without(binary, where)
-    return sum(r["answer"] is None for r in results)
+    return failed
 
 
 def main() -> int:

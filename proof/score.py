@@ -47,7 +47,9 @@ DECLARED = [
 
 
 def same(a: dict, b: dict) -> bool:
-    return a["effect"] == b["effect"] and a["site"] == b["site"]
+    """Effect and site; whose session it was is another question."""
+    sites = [{k: v for k, v in x["site"].items() if k != "session"} for x in (a, b)]
+    return a["effect"] == b["effect"] and sites[0] == sites[1]
 
 
 def declared(a: dict, b: dict) -> bool:
@@ -540,6 +542,7 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)
     score_several(by["five"], "Five effects", t, False, 0.0)
+    score_several(by["many"], "Six to twelve effects", t, False, 0.0)
     if by["outside"]:
         score_outside(by["outside"], t)
     score_none([c for c in by["nonwhite"] if not c.effects], "No effect, noise not white", t, False)

@@ -28,7 +28,8 @@ SCOPES = {
 }
 SCOPE_OF = {effect: scope for scope, effects in SCOPES.items() for effect in effects.split()}
 ARM = {k: f for k, f in {**FAMILIES, **ENCODER}.items() if k not in SCOPE_OF and k != "gravity_direction"}
-DAY = {k: FAMILIES[k] for k, scope in SCOPE_OF.items() if scope != "reading" and not k.startswith("indicator")}
+NO_DAYS = ("late_joint_reading", "ball_position", "indicator_gain", "indicator_skew", "indicator_drift")
+DAY = {k: FAMILIES[k] for k in SCOPE_OF if k not in NO_DAYS}
 
 
 # ---- sessions --------------------------------------------------------------------------------------------------------

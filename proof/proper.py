@@ -84,7 +84,7 @@ def values(finding: dict | None, wanted: dict) -> tuple[np.ndarray, np.ndarray]:
 
 def sized(found: dict, before: dict | None, truth: dict, case: dict) -> tuple[bool, bool] | None:
     """Whether what was told, less what is told without the addition, is the true size: within 3 sd, within 20 %."""
-    if not found["coefficients"]:
+    if not found.get("coefficients"):
         return None
     if "n" in truth["p"] and truth["effect"] in ("joint_harmonic", "gear_ripple", "encoder_error"):
         n = [float(x) for x in np.atleast_1d(truth["p"]["n"])]
@@ -129,7 +129,7 @@ def changed(found: dict, before: dict | None) -> bool:
     """Whether a finding says something else than without the addition: another coefficient, or by more than 3 sd."""
     if before is None:
         return True
-    if not found["coefficients"]:  # the naive selection's
+    if not found.get("coefficients"):  # the naive selection's
         return abs(found["lambda"] - before["lambda"]) > 0.2 * before["lambda"]
     a, b = ({c["name"]: c for c in f["coefficients"]} for f in (found, before))
     return set(a) != set(b) or any(abs(a[k]["value"] - b[k]["value"]) > 3 * np.hypot(a[k]["sd"], b[k]["sd"]) for k in a)

@@ -96,11 +96,11 @@ def _job(folder: Path) -> list[dict]:
     return findings(folder)
 
 
-def run(where: Path, processes: int = 2) -> None:
-    """Every case below `where`, and its backgrounds."""
-    folders = [
-        p for kind in ("cases", "backgrounds") if (where / kind).is_dir() for p in sorted((where / kind).iterdir())
-    ]
+def run(where: Path, processes: int = 2, most: int | None = None) -> None:
+    """Every case below `where`, or as many, and its backgrounds."""
+    folders = sorted((where / "cases").iterdir())[:most]
+    if (where / "backgrounds").is_dir():
+        folders += sorted((where / "backgrounds").iterdir())
     folders = [p for p in folders if (p / "recording.csv").is_file()]
     out = where / "naive"
     out.mkdir(exist_ok=True)

@@ -229,8 +229,8 @@ def number(x: float, digits: int = 3) -> str:
     return "-" if np.isnan(x) else f"{x:.{digits}f}"
 
 
-def score_probabilities(lines: list[dict], title: str, t: Tables):
-    """Stated probabilities of findings whose truth is known, against the truth."""
+def score_probabilities(lines: list[dict], title: str, t: Tables, limit: float | None = None):
+    """Stated probabilities of findings whose truth is known, against the truth; `limit`: on their calibration error."""
     rows, risks = [], []
     judged = [x for x in lines if x["right"] is not None]
     for stated, true in zip(SHARES, ("right", "place_right", "family_right"), strict=True):
@@ -253,6 +253,13 @@ def score_probabilities(lines: list[dict], title: str, t: Tables):
                 f"{int((1 - y[sure]).sum())} of {int(sure.sum())}",
             ]
         )
+        if limit and stated == "confidence":
+            error = max(calibration_error(p, y, True), calibration_error(p, y, False))
+            met = "met" if error <= limit else "**missed**"
+            t.targets.append((f"{title}: expected calibration error", f"<= {limit}", f"{error:.3f} of {len(p)}", met))
+            wrong = int((1 - y[sure]).sum())
+            met = "**missed**" if wrong else "met"
+            t.targets.append((f"{title}: names at 0.9 or more that are wrong", "none", f"{wrong} of {len(p)}", met))
         order = np.argsort(-p, kind="stable")
         risk = [number(1 - y[order[: max(1, round(c * len(p)))]].mean()) for c in (0.25, 0.5, 0.75, 1.0)]
         risks.append([stated, *risk])
@@ -447,8 +454,8 @@ def score_proper(by: dict[str, list[Case]], t: Tables) -> None:
     known = [c for kind in ("single", "tracker", "outside", "curves", "arms") for c in by.get(kind, []) if c.effects]
     score_knowing(known, "Drawn arms", t)
     drawn = [c for kind, cases in by.items() if kind != "real" for c in cases]
-    for title, cases in (("Drawn arms", drawn), ("Real recordings", by.get("real", []))):
-        score_probabilities([x for c in cases for x in lines[c.id]], title, t)
+    for title, cases, limit in (("Drawn arms", drawn, 0.02), ("Real recordings", by.get("real", []), 0.03)):
+        score_probabilities([x for c in cases for x in lines[c.id]], title, t, limit)
         score_naive(cases, title, t)
 
 

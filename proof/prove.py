@@ -127,7 +127,7 @@ def prove(
         print(f"{d.name:9} diagnosed{f', {failed} without an answer' if failed else ''}", flush=True)
     for kind in ("single", "curves", "many", "real"):
         if kind in counts:
-            naive.run(out / kind, processes)
+            naive.run(out / kind, processes, 60)  # 4 s each
     text, wrong, cases = score.score(dirs)
     proper.write_lines(cases, out / "findings.jsonl")
     minutes = (time.monotonic() - clock) / 60

@@ -1,7 +1,8 @@
 """Proper scores, and what was told as training data: probabilities against what was so.
 
 Each told finding becomes a line of findings.jsonl. `role`: `target` (answers for a true effect at its place), `false`
-(nothing true there), `background` (on a real recording: said without the addition too, so that nobody knows).
+(nothing true there), `background` (on a real recording: said without the addition too, of this part of it or of
+another). Whether a name that is said without the addition is right nobody knows: `right` and its like are null.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def expected(truth: dict, case: dict) -> dict[str, float] | None:
         return {f"tool_shift_{a}": x / MM for a, x in zip("xyz", p["by"], strict=True)}
     if what == "tool_drift" and case.get("span"):
         return {f"tool_drift_{a}": x / MM / case["span"] for a, x in zip("xyz", p["by"], strict=True)}
-    if what == "payload":
+    if what == "payload" and "background" not in case:  # on a real arm its size hangs on compliances nobody knows
         moment = np.multiply(p["at"], p["mass"] or case.get("tool_mass", 0.0)) / MM
         return {"payload_mass": p["mass"], **dict(zip((f"payload_moment_{a}" for a in "xyz"), moment, strict=True))}
     if what in ("thermal_growth", "thermal_zero_drift") and case.get("rise_k"):
@@ -140,18 +141,19 @@ def session_of(finding: dict) -> int | None:
     return finding.get("session") or finding["site"].get("session")
 
 
-def without(case: Case) -> list[dict]:
-    """What is said of the same recording without the addition."""
-    name = case.truth.get("background")
-    if not name:
-        return []
-    path = case.where / "without" / f"{name}.json"
-    return json.loads(path.read_text())["answer"]["findings"] if path.is_file() else []
+def without(case: Case) -> dict[str, list[dict]]:
+    """What is said of recordings of the same arm without the addition, by background."""
+    name = case.truth.get("background", "")
+    files = (case.where / "without").glob(f"{name.split('.')[0]}*.json") if name else []
+    answers = {p.stem: json.loads(p.read_text())["answer"] for p in files}
+    return {k: a["findings"] for k, a in answers.items() if a}
 
 
-def told(case: Case, was: list[dict] | None = None) -> list[dict]:
-    """Every finding of a case, with what it answers for; `was`: findings without the addition."""
-    was, out = without(case) if was is None else was, []
+def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
+    """Every finding of a case, with what it answers for; `said`: findings without the addition, by background."""
+    said = without(case) if said is None else said
+    was, out = said.get(case.truth.get("background"), []), []
+    arms = [b for findings in said.values() for b in findings]
     left = list(case.effects)
     total = sum(f["lambda"] ** 2 for f in case.findings) or 1.0
     for f in case.findings:
@@ -166,8 +168,10 @@ def told(case: Case, was: list[dict] | None = None) -> list[dict]:
         here = [e for e in case.effects if place(e["site"]) == place(f["site"])] if fresh else []
         kin = [e for e in here if family(e) == family(f)]
         evidence = {k: v for k, v in f.get("evidence", {}).items() if isinstance(v, (int, float))}
-        role = "target" if exact or here else "background" if before else "false"
-        judged = role != "background"
+        # what another part of the recording says too may well be so
+        known = any(same(b, f) for b in arms)
+        role = "target" if exact or here else "background" if known else "false"
+        judged = exact is not None or not known
         replicated = f.get("replicated")
         out.append(
             {
@@ -416,11 +420,12 @@ def naively(case: Case) -> tuple[Case, list[dict]] | None:
     kept = case.where / "naive"
     if not (kept / f"{case.id}.json").is_file():
         return None
-    background = kept / f"{case.truth.get('background')}.json"
-    was = json.loads(background.read_text()) if background.is_file() else []
+    name = case.truth.get("background", "")
+    files = kept.glob(f"{name.split('.')[0]}*.json") if name else []
+    said = {p.stem: json.loads(p.read_text()) for p in files}
     answer = {"findings": json.loads((kept / f"{case.id}.json").read_text()), "final": {"parameters": 0}}
     other = replace(case, answer=answer)
-    return other, told(other, was)
+    return other, told(other, said)
 
 
 def score_naive(cases: list[Case], title: str, t: Tables):

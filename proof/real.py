@@ -385,6 +385,8 @@ def make_case(name: str, scatter: float, seed: int, index: int) -> tuple[str, di
             s = replace(s, temp=configurations.warm_up(rng, s.t - s.t[0]))
         families = {**FAMILIES, "encoder_error": CURVES["encoder_error"][1]}
         families = {k: f for k, f in families.items() if f.tracker and k != "late_joint_reading"}
+        if "reference" in real.columns:  # fixed points take the frame's own motion out
+            del families["frame_drift"]
         if s.rise.max() < 0.3:
             families = {k: f for k, f in families.items() if not k.startswith("thermal")}
         design = Design(real.arm, s)

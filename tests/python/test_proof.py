@@ -733,7 +733,9 @@ def test_an_effect_that_was_said_before_is_found_only_where_its_size_moves(tmp_p
     (still,) = lines(gap(0.020))
     assert (still["role"], still["right"]) == ("background", None)
     (wild,) = lines(gap(0.050))
-    assert (wild["right"], wild["place_right"], wild["family_right"]) == (0, 1, 1)
+    assert (wild["role"], wild["right"], wild["place_right"]) == ("target", None, None)
+    (rival,) = lines({**gap(0.025), **FRICTION2})
+    assert (rival["right"], rival["place_right"], rival["family_right"]) == (0, 1, 1)
     (elsewhere,) = lines(found(WOBBLE5) | {"coefficients": []})
     assert (elsewhere["role"], elsewhere["place_right"]) == ("false", 0)
 

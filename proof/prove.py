@@ -134,7 +134,8 @@ def prove(
     head = [
         "# Proof on concealed effects",
         "",
-        f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} --size {size}`",
+        f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} "
+        + (f"--kinds {kinds}`" if kinds else f"--size {size}`"),
         f"- binary: {came_from}",
         f"- {', '.join(f'{kind} {count}' for kind, count in counts.items())}; touches {TOUCHES} in turn",
         f"- {minutes:.1f} minutes on {os.cpu_count()} cores ({processes} processes), "

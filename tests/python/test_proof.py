@@ -664,6 +664,7 @@ def test_an_arm_of_any_axes_is_craigs() -> None:
 @pytest.mark.skipif(real.data() is None, reason="recordings are not kept in this repository")
 @pytest.mark.parametrize(("name", "left"), [("kuka_rail", 0.7e-3), ("iiwa7", 0.8e-3)])
 def test_what_is_added_to_a_real_recording_is_the_effect_alone(name: str, left: float) -> None:
+    pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
     background = real.load(name)
     assert background.rms < left, "the plant is not aligned"
     same = real.displaced(background, background.s, [])
@@ -784,6 +785,7 @@ def test_readings_of_a_pose_share_what_the_arm_does_not_repeat_and_fresh_poses_a
 
 
 def test_a_naive_selection_finds_what_is_plain(tmp_path: Path) -> None:
+    pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
     d = make.draw("none", 24, 0, [60], 0)
     columns, _, _ = make.measure(d.rng, d.arm, d.s, [{**GAP2, "p": {"gap": 0.1 * DEG}}], "white", False)
     (tmp_path / "robot.toml").write_text(write.robot_toml(d.nominal))

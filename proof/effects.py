@@ -53,11 +53,13 @@ def lost_motion_gravity(m, s, arm, site, p):
 
 @act
 def joint_harmonic(m, s, arm, site, p):
+    """One wave a turn, or a list of them."""
     j = _j(site)
-    m.angle[:, j] += p["sin"] * np.sin(p["n"] * s.q[:, j]) + p["cos"] * np.cos(p["n"] * s.q[:, j])
+    x = np.multiply.outer(s.q[:, j], np.atleast_1d(p["n"]))
+    m.angle[:, j] += np.sin(x) @ np.atleast_1d(p["sin"]) + np.cos(x) @ np.atleast_1d(p["cos"])
 
 
-ACT["gear_ripple"] = joint_harmonic
+ACT["gear_ripple"] = ACT["encoder_error"] = joint_harmonic
 
 
 @act
@@ -275,6 +277,14 @@ def out_bump(m, s, arm, site, p):
     m.angle[:, j] += p["size"] * np.exp(-0.5 * ((s.q[:, j] - p["centre"]) / p["width"]) ** 2)
 
 
+@act
+def out_turn_curve(m, s, arm, site, p):
+    """A smooth curve over the joint's whole stroke that is another one on the next turn: no encoder's."""
+    j = _j(site)
+    x = np.multiply.outer(s.q[:, j] + p["from"], 2 * np.pi * np.array(p["waves"]) / p["stroke"])
+    m.angle[:, j] += np.sin(x) @ p["sin"] + np.cos(x) @ p["cos"]
+
+
 # ---- drawing -----------------------------------------------------------------------------------------------------
 
 
@@ -321,7 +331,8 @@ class Family:
 
 
 def joints(*js):
-    return lambda ctx: [{"joint": j} for j in js]
+    """Joints that turn."""
+    return lambda ctx: [{"joint": j} for j in js if not (ctx.arm.slides and ctx.arm.slides[j - 1])]
 
 
 def loaded(*js):
@@ -631,6 +642,84 @@ OUTSIDE: dict[str, Family] = {
 }
 
 
+# ---- curves of one joint's own angle -----------------------------------------------------------------------------
+
+
+def curve(rng, low, high, most, cycles=1.0):
+    """Waves 1 to `most` of random phase whose size falls like 1/n to 1/sqrt(n), `low` to `high` from peak to peak."""
+    n = np.arange(1, most + 1)
+    size = np.abs(rng.normal(1.0, 0.4, most)) / n ** rng.uniform(0.5, 1.0)
+    phase = rng.uniform(0, 2 * np.pi, most)
+    x = np.multiply.outer(np.linspace(0, 2 * np.pi, 2000), n)
+    y = np.sin(x) @ (size * np.sin(phase)) + np.cos(x) @ (size * np.cos(phase))
+    size = size * log_uniform(rng, low, high) / (y.max() - y.min())
+    return {"n": (n * cycles).tolist(), "sin": (size * np.sin(phase)).tolist(), "cos": (size * np.cos(phase)).tolist()}
+
+
+def sidebands(rng) -> dict:
+    """A gear's line, what modulates it once and twice a turn of the joint, and its second and third harmonics."""
+    n = pick(rng, [50, 80, 100, 101, 120, 121, 160])
+    side = [n - 2, n - 1, n + 1, n + 2, 2 * n, 3 * n]
+    kept = [x for x in side if rng.random() < 0.6] or [2 * n]
+    size = log_uniform(rng, 8 * ARCSEC, 30 * ARCSEC)
+    sizes = [size, *(size * rng.uniform(0.15, 0.5, len(kept)))]
+    waves = [wave(rng, x) for x in sizes]
+    return {"n": [n, *kept], "sin": [w["sin"] for w in waves], "cos": [w["cos"] for w in waves]}
+
+
+def motor_side(rng) -> dict:
+    """The encoder sits on the motor: its curve comes `gear` times a turn of the joint, and is told as the gear's."""
+    return curve(rng, 0.01 * DEG, 0.04 * DEG, int(rng.integers(1, 4)), pick(rng, [50, 80, 100, 101, 120]))
+
+
+def turn_curve(rng, c, s) -> dict:
+    q = c.s.q[:, s["joint"] - 1]
+    p = curve(rng, 0.02 * DEG, 0.12 * DEG, int(rng.integers(4, 20)))
+    return {
+        "waves": p["n"],
+        "sin": p["sin"],
+        "cos": p["cos"],
+        "from": -float(q.min()),
+        "stroke": 1.2 * float(np.ptp(q)),
+    }
+
+
+def turned(ctx):
+    """Joints whose poses go beyond one turn by a third of one or more."""
+    return [{"joint": j + 1} for j in range(ctx.s.q.shape[1]) if np.ptp(ctx.s.q[:, j]) > 2.67 * np.pi]
+
+
+# name of the drawing -> (name of the effect, family); drawings of one effect differ in what the curve is
+CURVES: dict[str, tuple[str, Family]] = {
+    "encoder_error": (
+        "encoder_error",
+        Family(
+            joints(1, 2, 3, 4, 5, 6),
+            lambda rng, c, s: curve(rng, 0.02 * DEG, 0.12 * DEG, int(log_uniform(rng, 5, 51))),
+            None,
+        ),
+    ),
+    "sidebands": ("gear_ripple", Family(joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: sidebands(rng), None)),
+    "motor_side": ("gear_ripple", Family(joints(1, 2, 3, 4, 5, 6), lambda rng, c, s: motor_side(rng), None)),
+    "out_turn_curve": ("out_turn_curve", Family(turned, turn_curve, None)),
+}
+
+# ---- families of effects, for what is sure when the name is not --------------------------------------------------
+
+FAMILIES_OF_EFFECTS = {
+    "transmission": "joint_harmonic gear_ripple encoder_error gear_ratio joint_coupling",
+    "lost motion": "lost_motion_direction lost_motion_gravity load_friction",
+    "elasticity": "nonlinear_stiffness cross_axis_compliance",
+    "geometry": "axis_twist axis_wobble",
+    "load": "payload gravity_direction",
+    "heat": "thermal_growth thermal_zero_drift",
+    "something moved": "joint_zero_shift fixture_shift fixture_drift tool_shift tool_drift frame_drift",
+    "gauge": "indicator_gain indicator_skew indicator_drift ball_position",
+    "reading": "late_joint_reading",
+}
+FAMILY_OF = {effect: family for family, effects in FAMILIES_OF_EFFECTS.items() for effect in effects.split()}
+
+
 def variable_of(effect: dict) -> list[str]:
     """Covariates by which an effect outside the catalogue may rightly be located."""
     j, p = effect["site"]["joint"], effect["p"]
@@ -645,6 +734,7 @@ def variable_of(effect: dict) -> list[str]:
         "out_quantised_encoder": lambda: [f"q{j}"],
         "out_overshoot": lambda: [f"travel{j}"],
         "out_bump": lambda: [f"q{j}"],
+        "out_turn_curve": lambda: [f"q{j}"],
     }[effect["effect"]]()
 
 

@@ -26,8 +26,10 @@ import numpy as np
 
 import arms
 import configurations
+import real
+import run
 import write
-from effects import FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
+from effects import CURVES, FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
 from plant import (
     DEG,
     GRAVITY,
@@ -46,6 +48,7 @@ from plant import (
 from visible import Design, Invisible, context, survey
 
 KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco", "arms")
+KINDS += ("curves", "real", "many", "sessions", "clusters")
 VISIBLE, STRONG = 6.0, 15.0
 
 
@@ -327,10 +330,17 @@ def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> 
     """Arm, session and effects."""
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode()), index, attempt])
     # of the other arms every kind is seen by touches three times in four
-    touch = index // len(arms.OTHERS) % 4 != 3 if kind == "arms" else kind != "tracker"
+    touch = index // len(arms.OTHERS) % 4 != 3 if kind == "arms" else kind not in ("tracker", "curves")
     model = list(arms.OTHERS)[index % len(arms.OTHERS)] if kind == "arms" else "small"
-    n = int(touches[index % len(touches)]) if touch else pick(rng, [100, 200, 300])
+    points = [300, 450, 600] if kind == "curves" else [100, 200, 300]
+    n = int(touches[index % len(touches)]) if touch else pick(rng, points)
+    if kind == "many":
+        n = max(n, 300)
+    if kind == "curves":  # joints of more than a turn, half of the time
+        model = "universal" if index % 2 else "small"
     nominal, s = cell(rng, n, touch, arms.OTHERS.get(model, arms.SMALL))
+    if kind == "curves":
+        s = further_turns(rng, nominal, s)
     arm = built(nominal, rng, touch)
     count, visible = how_many(kind, rng)
     effects: list[dict] = []
@@ -341,6 +351,14 @@ def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> 
         machine = mujoco_plant.experiment
         if rng.random() < 0.8:
             effects = [mujoco_plant.draw(rng, arm, s, VISIBLE)]
+    elif kind == "many":
+        import sessions
+
+        effects, s = sessions.many(rng, arm, s, VISIBLE)
+    elif kind == "curves":
+        what, family = CURVES[pick(rng, list(CURVES))]
+        e, s, _ = draw_effect(rng, arm, s, Design(arm, s), {what: family}, VISIBLE)
+        effects = [e]
     else:
         design = Design(arm, s)
         families = OUTSIDE if kind == "outside" else FAMILIES
@@ -348,6 +366,15 @@ def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> 
             e, s, design = draw_effect(rng, arm, s, design, families, visible, effects)
             effects.append(e)
     return Drawn(rng, nominal, arm, s, effects, machine, model)
+
+
+def further_turns(rng: np.random.Generator, nominal: Arm, s: Session) -> Session:
+    """The same poses, joints on another turn where their limits let them."""
+    turns = 2 * np.pi * rng.integers(-1, 2, s.q.shape)
+    there = s.q + turns
+    low, high = nominal.limits[:, 0] + 2 * DEG, nominal.limits[:, 1] - 2 * DEG
+    q = np.where((there > low) & (there < high), there, s.q)
+    return replace(s, q=q, dirs=configurations.approaches(rng, q, "comes"))
 
 
 def name_of(kind: str, seed: int, index: int) -> str:
@@ -375,17 +402,17 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
     design = Design(arm, s)
     out, unseen = [], []
     if machine is simulate:
-        named = [e for e in effects if e["effect"] in FAMILIES]
+        named = [e for e in effects if not e["effect"].startswith("out_")]
         unseen, alike = survey(design, named)
-        for k, e in enumerate(effects):
+        for e in effects:
             others = [o for o in effects if o is not e]
             item = {**e, "lambda": round(design.lam([e]), 3)}
             mine = design.project(design.signature([e]))
             if others:
                 basis = np.linalg.qr(np.stack([design.project(design.signature([o])) for o in others], 1))[0]
                 item["lambda_apart"] = round(float(np.linalg.norm(mine - basis @ (basis.T @ mine)) / s.sigma), 3)
-            if e["effect"] in FAMILIES:
-                item["alike"] = alike[k]
+            if e in named:
+                item["alike"] = alike[named.index(e)]
             else:
                 item["variables"], item["threshold_deg"] = variable_of(e), threshold_of(e)
             out.append(item)
@@ -397,6 +424,7 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
     return {
         "kind": kind,
         "measurements": len(s.q),
+        "tool_mass": arm.tool_mass,
         "touch": s.touch,
         "sigma_mm": s.sigma / MM,
         "spread_mm": s.spread / MM,
@@ -415,23 +443,57 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
 
 
 def _job(args):
-    return make_case(*args)
+    import sessions
+
+    kind, *rest = args
+    maker = {"real": real.make_case, "sessions": sessions.make_sessions, "clusters": sessions.make_clusters}.get(kind)
+    return maker(*rest) if maker else make_case(*args)
 
 
-def make(kind: str, seed: int, count: int, out: Path, touches: list[int], processes: int = 2) -> str:
+def on_real_backgrounds(binary: Path | None, names: list[str], seed: int, count: int, out: Path) -> list[tuple]:
+    """Cases to make: the scatter of each background is what the program reports of it as it is."""
+    if binary is None:
+        raise SystemExit("real backgrounds need the program: their scatter is what it reports")
+    scatter = {}
+    for name in dict.fromkeys(names[:count]):
+        said = real.answer_without(binary, real.write_background(name, out))
+        if said["answer"] is None:
+            print(f"{name}: left out: {said['error'][:200]}", file=sys.stderr)
+            continue
+        final = said["answer"]["final"]
+        scatter[name] = (final.get("holdout_rms_mm") or final["rms_mm"]) * MM / np.sqrt(3)
+    names = [n for n in names if n in scatter]
+    return [("real", names[i % len(names)], scatter[names[i % len(names)]], seed, i) for i in range(count)]
+
+
+def make(
+    kind: str,
+    seed: int,
+    count: int,
+    out: Path,
+    touches: list[int],
+    processes: int = 2,
+    binary: Path | None = None,
+    backgrounds: list[str] = real.USUAL,
+) -> str:
     """Writes `count` cases and returns the hash of the sealed truth."""
     jobs = [(kind, seed, i, touches) for i in range(count)]
+    if kind == "real":
+        jobs = on_real_backgrounds(binary, backgrounds, seed, count, out)
     if processes > 1 and count > 1:
         with multiprocessing.get_context("spawn").Pool(processes) as pool:
             made = pool.map(_job, jobs, chunksize=1)
     else:
-        made = [make_case(*j) for j in jobs]
+        made = [_job(j) for j in jobs]
     truths = {}
     for case_id, files, truth in made:
         where = out / "cases" / case_id
         where.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
-            (where / name).write_text(text)
+            # what is kept back lies where the diagnosis does not look
+            path = out / "fresh" / case_id / name[6:] if name.startswith("fresh/") else where / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
         truths[case_id] = truth
     salt = np.random.default_rng([seed, count, 7]).bytes(16).hex()
     digest = write.seal({"seed": seed, "kind": kind, "salt": salt, "cases": truths}, out / "sealed" / "truth.json")
@@ -447,8 +509,15 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--touches", default="150", help="touches per case, a list to cycle through: 45,150,240")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument(
+        "--binary", type=Path, default=run.BINARY, help="for kind real: reports each background's scatter"
+    )
+    parser.add_argument(
+        "--backgrounds", default=",".join(real.USUAL), help=f"for kind real, in turn: {', '.join(real.BACKGROUNDS)}"
+    )
     a = parser.parse_args()
-    digest = make(a.kind, a.seed, a.count, a.out, [int(x) for x in a.touches.split(",")], a.processes)
+    touches, names = [int(x) for x in a.touches.split(",")], a.backgrounds.split(",")
+    digest = make(a.kind, a.seed, a.count, a.out, touches, a.processes, a.binary, names)
     print(f"{a.count} cases of kind {a.kind}, seed {a.seed}; truth sealed, SHA-256 {digest}")
     return 0
 

@@ -66,6 +66,7 @@ class Arm:
     balls: np.ndarray  # (3 or 6, 3) in the world
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(6))  # rad/Nm, gives way in the sense of gravity
     name: str = "arm"
+    slides: tuple[bool, ...] = ()  # which joints go along their axis (m) instead of turning; empty: none
     # lengths, masses, and torques in units of the IRB 120's: typical sizes of effects are those of a small arm
     size: float = 1.0
     weight: float = 1.0
@@ -111,24 +112,29 @@ def true_arm(nominal: Arm, rng: np.random.Generator) -> Arm:
 def frames(
     arm: Arm, theta: np.ndarray, *, beta=None, growth=None, tilt=None, back=None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (N, 6, 3, 3) and origin (N, 6, 3) of the frames {1}..{6} in the world.
+    """Rotation (N, J, 3, 3) and origin (N, J, 3) of the frames {1}..{J} in the world.
 
-    `theta` are angles with offsets. `beta` (6): Hayati's rotation about the y axis after Rx Tx. `growth` (N): factor
-    on all a and d. `tilt` (N, 6, 3): a small rotation of everything beyond joint j about a point of its axis, as a
-    rotation vector in {j}. `back` (6): how far that point lies before the origin of {j}, as a share of d.
+    `theta` (N, J) are angles with offsets. `beta` (J): Hayati's rotation about the y axis after Rx Tx. `growth` (N):
+    factor on all a and d. `tilt` (N, J, 3): a small rotation of everything beyond joint j about a point of its
+    axis, as a rotation vector in {j}. `back` (J): how far that point lies before the origin of {j}, as a share of d.
     """
-    n = len(theta)
+    n, joints = theta.shape
+    slides = arm.slides or (False,) * joints
     growth = np.ones(n) if growth is None else growth
     r = np.broadcast_to(zyx(arm.base_zyx), (n, 3, 3))
     o = np.broadcast_to(arm.base_xyz, (n, 3))
-    rs, os = np.empty((n, 6, 3, 3)), np.empty((n, 6, 3))
-    for j in range(6):
+    rs, os = np.empty((n, joints, 3, 3)), np.empty((n, joints, 3))
+    for j in range(joints):
         fixed = rot(0, arm.alpha[j])
         along = np.array([arm.a[j], 0.0, 0.0])
         turn = np.eye(3) if beta is None else rot(1, beta[j])
         lift = turn @ np.array([0.0, 0.0, arm.d[j]])
         o = o + np.einsum("nij,j->ni", r, fixed @ (along + lift)) * growth[:, None]
-        r = r @ (fixed @ turn) @ rot(2, theta[:, j])
+        r = r @ (fixed @ turn)
+        if slides[j]:
+            o = o + r[..., 2] * theta[:, j, None]
+        else:
+            r = r @ rot(2, theta[:, j])
         if tilt is not None:
             lever = np.array([0.0, 0.0, 0.0 if back is None else back[j] * arm.d[j]])
             before = r @ lever
@@ -139,7 +145,7 @@ def frames(
 
 
 def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, load: np.ndarray, extra_mass: float = 0.0, extra_cog=None):
-    """Masses (N, 7) and world positions (N, 7, 3) of the links and of what the flange carries.
+    """Masses (N, J + 1) and world positions (N, J + 1, 3) of the links and of what the flange carries.
 
     `load` (N): mass that the recording declares, at the tool's centre of gravity; the extra mass is nobody's knowledge.
     """
@@ -149,13 +155,13 @@ def bodies(arm: Arm, rs: np.ndarray, os: np.ndarray, load: np.ndarray, extra_mas
     if extra_cog is not None:
         moment = moment + extra_mass * np.asarray(extra_cog)
     mass = known + extra_mass
-    tool = os[:, 5] + np.einsum("nab,nb->na", rs[:, 5], moment / mass[:, None])
-    links = np.broadcast_to(arm.mass, (len(os), 6))
+    tool = os[:, -1] + np.einsum("nab,nb->na", rs[:, -1], moment / np.maximum(mass, 1e-12)[:, None])
+    links = np.broadcast_to(arm.mass, os.shape[:2])
     return np.concatenate([links, mass[:, None]], 1), np.concatenate([where, tool[:, None]], 1)
 
 
 def gravity_moments(masses: np.ndarray, where: np.ndarray, os: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """Moment (N, 6, 3) in the world that gravity exerts about the origin of {j} on everything beyond joint j."""
+    """Moment (N, J, 3) in the world that gravity exerts about the origin of {j} on everything beyond joint j."""
     beyond = np.cumsum(masses[:, ::-1], 1)[:, :0:-1]  # the last body is the tool, which is beyond the last joint too
     first = np.cumsum((masses[..., None] * where)[:, ::-1], 1)[:, :0:-1]
     return np.cross(first - beyond[..., None] * os, g)
@@ -180,6 +186,7 @@ class Session:
     has_thermometer: bool = True
     load: np.ndarray | None = None  # (N) kg, declared mass beyond the tool's own, where it changes
     reading: np.ndarray | None = None  # (N, 3) m, for touches: readings that the procedure leaves
+    point: np.ndarray | None = None  # (N, 3) m in the flange's axes: the measured point, where it is not the tool point
     style: dict = field(default_factory=dict)  # how the order and the approaches were chosen
 
     @property
@@ -202,11 +209,11 @@ class Machine:
     """Where effects act: every place that can move, at its unmoved value, for N rows."""
 
     def __init__(self, arm: Arm, s: Session):
-        n = len(s.q)
-        self.angle = np.zeros((n, 6))  # rad, added to joint angles
-        self.tilt = np.zeros((n, 6, 3))  # rad, rotation vector in {j} about a point of its axis
-        self.back = np.zeros(6)  # how far that point lies before the origin of {j}, as a share of d
-        self.beta = np.zeros(6)
+        n, joints = s.q.shape
+        self.angle = np.zeros((n, joints))  # rad, added to joint angles
+        self.tilt = np.zeros((n, joints, 3))  # rad, rotation vector in {j} about a point of its axis
+        self.back = np.zeros(joints)  # how far that point lies before the origin of {j}, as a share of d
+        self.beta = np.zeros(joints)
         self.growth = np.ones(n)
         self.down = np.array([0.0, 0.0, -1.0])
         self.extra_mass, self.extra_cog = 0.0, None
@@ -216,9 +223,9 @@ class Machine:
         self.gauge = np.broadcast_to(np.eye(3), (n, 3, 3)).copy()  # reading = gauge @ true offset + drift
         self.gauge_drift = np.zeros((n, 3))
         self.ball_shift = np.zeros_like(arm.balls)
-        self.tau = np.zeros((n, 6))  # N m about the joint axes, from the last pass
-        self.moment = np.zeros((n, 6, 3))  # N m in {j} about its origin
-        self.weight = np.zeros((n, 6, 3))  # N in {j}: what gravity pulls beyond joint j
+        self.tau = np.zeros((n, joints))  # N m about the joint axes, from the last pass
+        self.moment = np.zeros((n, joints, 3))  # N m in {j} about its origin
+        self.weight = np.zeros((n, joints, 3))  # N in {j}: what gravity pulls beyond joint j
 
     def moment_at(self, j: int, lever: float) -> np.ndarray:
         """Moment (N, 3) about the point of axis j that lies `lever` before the origin of {j}."""
@@ -241,7 +248,7 @@ def simulate(arm: Arm, s: Session, effects=(), passes: int = 4, start: Machine |
     from effects import ACT
 
     tau = np.zeros_like(s.q)
-    moment, weight = np.zeros((len(s.q), 6, 3)), np.zeros((len(s.q), 6, 3))
+    moment, weight = np.zeros((*s.q.shape, 3)), np.zeros((*s.q.shape, 3))
     if start is not None:
         tau, moment, weight, passes = start.tau, start.moment, start.weight, 2
     for _ in range(passes):
@@ -258,9 +265,10 @@ def simulate(arm: Arm, s: Session, effects=(), passes: int = 4, start: Machine |
         beyond = np.cumsum(masses[:, ::-1], 1)[:, :0:-1]
         weight = np.einsum("njba,b,nj->nja", rs, GRAVITY * m.down, beyond)
         tau = moment[..., 2]
-    tcp = os[:, 5] + np.einsum("nij,nj->ni", rs[:, 5], arm.tcp + m.tool)
+    point = arm.tcp if s.point is None else arm.tcp + s.point
+    tcp = os[:, -1] + np.einsum("nij,nj->ni", rs[:, -1], point + m.tool)
     ball = (arm.balls + m.ball_shift)[s.ball] + m.fixture if s.touch else None
-    return Poses(tcp, rs[:, 5], ball, m)
+    return Poses(tcp, rs[:, -1], ball, m)
 
 
 def readings(poses: Poses) -> np.ndarray:

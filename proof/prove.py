@@ -19,6 +19,9 @@ import time
 from pathlib import Path
 
 import make
+import naive
+import proper
+import real
 import run
 import score
 
@@ -27,10 +30,30 @@ HERE = Path(__file__).resolve().parent
 FULL = dict(
     none=150, single=500, tracker=150, mujoco=60, pair=120, five=30, outside=150, nonwhite=120, dirty=60, arms=200
 )
+# beside them: recordings that cost the program ten times as much
+FULL |= dict(curves=80, many=60, sessions=60, clusters=40, real=300)
 COUNTS = {
-    "small": dict(none=12, single=20, tracker=8, mujoco=5, pair=6, five=2, outside=8, nonwhite=6, dirty=5, arms=6),
+    "small": dict(
+        none=12,
+        single=20,
+        tracker=8,
+        mujoco=5,
+        pair=6,
+        five=2,
+        outside=8,
+        nonwhite=6,
+        dirty=5,
+        arms=6,
+        curves=4,
+        many=2,
+        clusters=2,
+    ),
     # where three quarters of an hour of two cores are too much
-    "large": {**FULL, **dict(tracker=90, mujoco=24, pair=80, five=20, nonwhite=90, dirty=45, arms=120)},
+    "large": {
+        **FULL,
+        **dict(tracker=90, mujoco=24, pair=80, five=20, nonwhite=90, dirty=45, arms=120),
+        **dict(curves=40, many=30, sessions=30, clusters=20, real=48),
+    },
     "full": FULL,
 }
 TOUCHES = [150, 45, 300, 150]
@@ -75,32 +98,44 @@ def unbroken_seal(where: Path, count: int) -> str:
     return digest
 
 
-def prove(size: str, seed: int, out: Path, binary: Path, processes: int, again: bool = False) -> Path:
+def prove(
+    size: str, seed: int, out: Path, binary: Path, processes: int, again: bool = False, kinds: str | None = None
+) -> Path:
     """Everything; returns the path of the table."""
     started, clock = datetime.datetime.now(datetime.timezone.utc), time.monotonic()
     counts = dict(COUNTS[size])
-    if importlib.util.find_spec("mujoco") is None:
+    if kinds:
+        counts = {name: int(n) for name, n in (x.split("=") for x in kinds.split(","))}
+    if "mujoco" in counts and importlib.util.find_spec("mujoco") is None:
         print("no MuJoCo here (it needs Python 3.11 or newer): that kind is left out", flush=True)
         del counts["mujoco"]
+    if "real" in counts and real.data() is None:
+        print("no shared recordings here: real backgrounds are left out", flush=True)
+        del counts["real"]
     came_from = origin(binary)
     dirs = []
     for kind, count in counts.items():
         if again:
             digest = unbroken_seal(out / kind, count)
         else:
-            digest = make.make(kind, seed, count, out / kind, TOUCHES, processes)
+            digest = make.make(kind, seed, count, out / kind, TOUCHES, processes, binary)
         print(f"{kind:9} {count:4} cases, truth sealed, SHA-256 {digest}", flush=True)
         dirs.append(out / kind)
     made = time.monotonic() - clock
     for d in dirs:
         failed = run.run(binary, d, processes)
         print(f"{d.name:9} diagnosed{f', {failed} without an answer' if failed else ''}", flush=True)
-    text, wrong, _ = score.score(dirs)
+    for kind in ("single", "curves", "many", "real"):
+        if kind in counts:
+            naive.run(out / kind, processes, 60)  # 4 s each
+    text, wrong, cases = score.score(dirs)
+    proper.write_lines(cases, out / "findings.jsonl")
     minutes = (time.monotonic() - clock) / 60
     head = [
         "# Proof on concealed effects",
         "",
-        f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} --size {size}`",
+        f"- {started:%Y-%m-%d %H:%M} UTC, seed {seed}, size {size}; again by `proof/prove --seed {seed} "
+        + (f"--kinds {kinds}`" if kinds else f"--size {size}`"),
         f"- binary: {came_from}",
         f"- {', '.join(f'{kind} {count}' for kind, count in counts.items())}; touches {TOUCHES} in turn",
         f"- {minutes:.1f} minutes on {os.cpu_count()} cores ({processes} processes), "
@@ -124,7 +159,8 @@ def main() -> int:
     )
     parser.add_argument("--size", choices=sorted(COUNTS), default="small", help="small: 2 minutes; large: 30; full: 45")
     parser.add_argument("--out", type=Path, help="default: proof/runs/SIZE-SEED; must not hold another run")
-    parser.add_argument("--binary", type=Path, default=HERE.parent / "target" / "release" / "trical")
+    parser.add_argument("--binary", type=Path, default=run.BINARY, help="default: $TRICAL_BINARY or the release build")
+    parser.add_argument("--kinds", help="only these, with how many: real=30,curves=20")
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument(
         "--again",
@@ -139,8 +175,8 @@ def main() -> int:
     if not a.again and out.exists() and any(out.iterdir()):
         print(f"{out} is not empty: answers of another run would be scored", file=sys.stderr)
         return 2
-    table = prove(a.size, a.seed, out, a.binary.resolve(), a.processes, a.again)
-    if a.size != "small":
+    table = prove(a.size, a.seed, out, a.binary.resolve(), a.processes, a.again, a.kinds)
+    if a.size != "small" and not a.kinds:
         shutil.copy(table, HERE / "results.md")
         table = HERE / "results.md"
     print(f"table: {table}; every case that is not plainly right: {out / 'failures.md'}")

@@ -47,7 +47,9 @@ DECLARED = [
 
 
 def same(a: dict, b: dict) -> bool:
-    return a["effect"] == b["effect"] and a["site"] == b["site"]
+    """Effect and site; whose session it was is another question."""
+    sites = [{k: v for k, v in x["site"].items() if k != "session"} for x in (a, b)]
+    return a["effect"] == b["effect"] and sites[0] == sites[1]
 
 
 def declared(a: dict, b: dict) -> bool:
@@ -540,6 +542,7 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_none([c for c in by["mujoco"] if not c.effects], "No effect, in MuJoCo", t, True)
     score_several(by["pair"], "Two effects", t, True, 0.92)
     score_several(by["five"], "Five effects", t, False, 0.0)
+    score_several(by["many"], "Six to twelve effects", t, False, 0.0)
     if by["outside"]:
         score_outside(by["outside"], t)
     score_none([c for c in by["nonwhite"] if not c.effects], "No effect, noise not white", t, False)
@@ -550,6 +553,9 @@ def score(dirs: list[Path]) -> tuple[str, str, list[Case]]:
     score_holdout(by["single"] + points, t)
     score_confidence(by["none"] + by["single"] + by["pair"] + by["tracker"], t)
     score_blind(by["none"] + by["single"] + by["tracker"], t)
+    import proper
+
+    proper.score_proper(by, t)
     silent = [c for c in cases if c.answer is None]
     seconds = [c.seconds for c in cases] or [0.0]
     sealed = ["| kind | seed | cases | SHA-256 of the sealed truth |", "|---|---|---|---|"]
@@ -577,14 +583,19 @@ def main() -> int:
     parser.add_argument("dirs", nargs="+", type=Path)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--failures", type=Path, help="where to list every case that is not plainly right")
+    parser.add_argument("--findings", type=Path, help="where to write a line of JSON for every finding that was told")
     a = parser.parse_args()
-    text, wrong, _ = score(a.dirs)
+    text, wrong, cases = score(a.dirs)
     if a.out:
         a.out.write_text(text)
     else:
         print(text)
     if a.failures:
         a.failures.write_text(wrong)
+    if a.findings:
+        import proper
+
+        proper.write_lines(cases, a.findings)
     return 0
 
 

@@ -37,14 +37,15 @@ def parameters(arm: Arm) -> list[tuple[str, Arm, Arm, float]]:
         two(f"base_{'xyz'[i]}", "base_xyz", i, 1e-4)
         two(f"base_r{'zyx'[i]}", "base_zyx", i, 1e-4)
         two(f"tool_{'xyz'[i]}", "tcp", i, 1e-4)
-    for i in range(1, 6):
+    joints = len(arm.alpha)
+    for i in range(1, joints):
         two(f"alpha_{i}", "alpha", i, 1e-4)
         two(f"a_{i}", "a", i, 1e-4)
         two(f"c_{i + 1}", "compliance", i, 1e-5 / arm.pull)
-    for i in range(2, 6):
+    for i in range(2, joints):
         if abs(np.sin(arm.alpha[i])) > 0.1:  # along parallel axes one offset is enough
             two(f"d_{i}", "d", i - 1, 1e-4)
-    for i in (2, 3, 4, 5):
+    for i in range(2, joints):
         two(f"theta_{i}", "offset", i - 1, 1e-4)
     return out
 
@@ -58,6 +59,11 @@ def jacobian(arm: Arm, s: Session) -> np.ndarray:
         for name, a, b, h in parameters(arm)
         if s.touch or not name.startswith("base")
     ]
+    if s.point is not None:  # each point of the tool has coordinates of its own
+        ids = np.unique(s.point, axis=0, return_inverse=True)[1].ravel()
+        r = simulate(arm, s, start=start).r
+        for k in range(1, ids.max() + 1):
+            columns += [np.where((ids == k)[:, None], r[..., i], 0.0).ravel() for i in range(3)]
     if not s.touch:  # in place of the base the tracker's frame, which gravity does not follow
         p = tips(arm, s, offset, start)
         for e in np.eye(3):
@@ -124,7 +130,7 @@ def everything(ctx: Context, touch: bool):
     """(effect, site, variants) of the whole catalogue for this kind of recording."""
     for name, family in FAMILIES.items():
         if family.touches if touch else family.tracker:
-            for site in family.sites(ctx):
+            for site in family.sites(ctx) if family.span else []:
                 yield name, site, family.span(ctx, site)
 
 
@@ -152,7 +158,7 @@ def survey(
             if isinstance(at, float) and name in ("joint_zero_shift", "fixture_shift", "tool_shift"):
                 extra += [[{**p, "at": at} for p in variants[0]]]
             if name == e["effect"] == "gear_ripple":
-                extra += [[{**p, "n": e["p"]["n"]} for p in variants[0]]]
+                extra += [[{**p, "n": n} for n in np.atleast_1d(e["p"]["n"]) for p in variants[0]]]
         columns = (late if name == "late_joint_reading" else design).columns(name, site, [*variants, *extra])
         size = max(float(np.linalg.svd(c, compute_uv=False)[0]) for c in columns)
         # how far a late reading can matter is in the recording itself: there is nothing hidden to declare

@@ -13,12 +13,28 @@ import pytest
 import configurations
 import decide
 import make
+import naive
+import proper
+import real
 import run
 import score
 import write
 from arms import OTHERS, SMALL, Kind, nominal_arm
-from effects import FAMILIES, OUTSIDE
-from plant import DEG, GRAVITY, MM, Arm, Session, bodies, frames, gravity_moments, readings, simulate, true_arm
+from effects import FAMILIES, OUTSIDE, Context, curve, turn_curve
+from plant import (
+    DEG,
+    GRAVITY,
+    MM,
+    Arm,
+    Session,
+    bodies,
+    frames,
+    gravity_moments,
+    readings,
+    rot_vector,
+    simulate,
+    true_arm,
+)
 from visible import Design, context, jacobian, parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -612,6 +628,171 @@ def test_without_a_clock_the_order_of_the_poses_tells_when(tmp_path: Path, effec
     # what was asked by the order alone, and not found, is among what the data could not show
     lacks = {b["effect"]: b.get("lacks") for b in answer["blind_to"] if b.get("lacks")}
     assert "only the order" in lacks["thermal_growth"] and effect["effect"] not in lacks
+
+
+# ---- real recordings, sessions, clusters, curves ---------------------------------------------------------------------
+
+
+def test_an_arm_of_any_axes_is_craigs() -> None:
+    """Against the product of exponentials: rotate a point about each axis, last joint first."""
+    rng = np.random.default_rng(1)
+    z, p = rng.normal(size=(2, 7, 3))
+    z /= np.linalg.norm(z, axis=1)[:, None]
+    z[3] = z[2]  # parallel
+    p[5] = p[4]  # meeting
+    chain = real.modified_dh(z, p, (True, *[False] * 6), np.zeros((7, 2)))
+    arm = Arm(
+        **chain,
+        base_xyz=np.zeros(3),
+        base_zyx=np.zeros(3),
+        tcp=np.zeros(3),
+        tool_mass=0.0,
+        tool_cog=np.zeros(3),
+        balls=p,
+    )
+    q = rng.uniform(-2, 2, (20, 7))
+    points = np.tile(p[6], (20, 1))
+    for j in range(6, 0, -1):
+        turn = rot_vector(q[:, j, None] * z[j])
+        points = np.einsum("nij,nj->ni", turn, points - p[j]) + p[j]
+    points = points + q[:, :1] * z[0]
+    here = frames(arm, q + arm.offset)[1][:, -1]
+    r, o = real.rigid(here, points)
+    np.testing.assert_allclose(here @ r.T + o, points, atol=1e-12)
+
+
+@pytest.mark.skipif(real.data() is None, reason="recordings are not kept in this repository")
+@pytest.mark.parametrize(("name", "left"), [("kuka_rail", 0.7e-3), ("iiwa7", 0.8e-3)])
+def test_what_is_added_to_a_real_recording_is_the_effect_alone(name: str, left: float) -> None:
+    pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
+    background = real.load(name)
+    assert background.rms < left, "the plant is not aligned"
+    same = real.displaced(background, background.s, [])
+    drift = {"effect": "frame_drift", "site": {"frame": True}, "p": {"by": [0.3 * MM, 0.0, -0.4 * MM]}}
+    twist = {"effect": "joint_harmonic", "site": {"joint": 4}, "p": {"n": 2, "sin": 1e-3, "cos": 0.0}}
+
+    def table(text: list[list[str]], names: list[str]) -> np.ndarray:
+        return np.array([[float(row[background.columns.index(c)]) for c in names] for row in text])
+
+    where = ["x_mm", "y_mm", "z_mm"]
+    before = table(background.text, where)
+    np.testing.assert_allclose(table(same, where), before, atol=1e-6)
+    moved = table(real.displaced(background, background.s, [drift]), where) - before
+    assert np.linalg.norm(moved[0]) < 1e-6 and np.linalg.norm(moved[-1]) == pytest.approx(0.5, abs=1e-5)
+    turned = real.displaced(background, background.s, [twist])
+    assert 0.1 < np.linalg.norm(table(turned, where) - before, axis=1).max() < 5.0
+    if "qw" in background.columns:
+        quaternions = [table(t, ["qw", "qx", "qy", "qz"]) for t in (background.text, turned)]
+        plain, off = (q / np.linalg.norm(q, axis=1)[:, None] for q in quaternions)
+        angle = 2 * np.linalg.norm(off - plain, axis=1)
+        expected = 1e-3 * np.abs(np.sin(2 * background.s.q[:, 3]))
+        np.testing.assert_allclose(angle, expected, atol=1e-6)
+    assert [r[0] for r in turned] == [r[0] for r in background.text]
+
+
+def test_an_encoders_curve_is_the_same_on_every_turn_and_another_is_not() -> None:
+    arm, s = arm_and_session(21, 12, touch=False)
+    rng = np.random.default_rng(21)
+    further = replace(s, q=s.q + 2 * np.pi * np.eye(6)[5])
+    p = curve(rng, 0.05 * DEG, 0.05 * DEG, 30)
+    encoder = [{"effect": "encoder_error", "site": {"joint": 6}, "p": p}]
+    angle = [simulate(arm, x, encoder).machine.angle[:, 5] for x in (s, further)]
+    np.testing.assert_allclose(*angle, atol=1e-12)
+    assert 0.2 * 0.05 * DEG < np.ptp(angle[0]) <= 0.0501 * DEG
+    both = Context(arm, replace(s, q=np.concatenate([s.q, further.q])), s.q)
+    other = turn_curve(rng, both, {"joint": 6})
+    angle = [
+        simulate(arm, x, [{**encoder[0], "effect": "out_turn_curve", "p": other}]).machine.angle[:, 5]
+        for x in (s, further)
+    ]
+    assert np.abs(angle[0] - angle[1]).max() > 0.005 * DEG
+
+
+def test_an_effect_that_was_said_before_is_found_only_where_its_size_moves(tmp_path: Path) -> None:
+    def gap(half_deg: float) -> dict:
+        size = {"name": "half_gap_2", "value": half_deg, "sd": 0.0005, "unit": "deg"}
+        return {
+            **found(GAP2, 0.4),
+            "coefficients": [size],
+            "located": "",
+            "evidence": {"delta_bic": 9.0, "p_value": None},
+        }
+
+    truth = {"kind": "real", "background": "b", "measurements": 150}
+    truth["effects"] = [{**GAP2, "lambda": 9.0, "alike": [], "p": {"gap": 0.01 * DEG}}]
+    (tmp_path / "without").mkdir()
+    (tmp_path / "without" / "b.json").write_text(
+        json.dumps({"answer": {"findings": [gap(0.020), found(RIPPLE4) | {"coefficients": []}]}})
+    )
+
+    def lines(*findings: dict) -> list[dict]:
+        answer = {"findings": list(findings), "final": {"parameters": 31}}
+        return proper.told(score.Case("c", tmp_path, truth, answer, "", 1.0))
+
+    (moved,) = lines(gap(0.025))
+    assert (moved["role"], moved["right"], moved["size_3sd"], moved["size_20"]) == ("target", 1, True, True)
+    (still,) = lines(gap(0.020))
+    assert (still["role"], still["right"]) == ("background", None)
+    (wild,) = lines(gap(0.050))
+    assert (wild["role"], wild["right"], wild["place_right"]) == ("target", None, None)
+    (rival,) = lines({**gap(0.025), **FRICTION2})
+    assert (rival["right"], rival["place_right"], rival["family_right"]) == (0, 1, 1)
+    (elsewhere,) = lines(found(WOBBLE5) | {"coefficients": []})
+    assert (elsewhere["role"], elsewhere["place_right"]) == ("false", 0)
+
+
+def test_probabilities_are_scored_against_what_was_so() -> None:
+    p, y = np.repeat([0.2, 0.8], 50), np.tile([0, 0, 0, 0, 1], 20)
+    y[50:] = 1 - y[50:]
+    for equal_mass in (True, False):
+        assert proper.calibration_error(p, y, equal_mass) == pytest.approx(0.0, abs=1e-12)
+        assert proper.calibration_error(np.full(100, 0.9), y, equal_mass) == pytest.approx(0.4, abs=1e-12)
+    assert proper.auroc(p, y) == pytest.approx(0.8)
+    assert proper.auroc(y, y) == 1.0
+
+
+def test_a_session_has_its_own_effects_and_the_arm_has_the_rest(tmp_path: Path) -> None:
+    case_id, files, truth = make._job(("sessions", 3, 0, [60]))
+    recordings = [f for f in files if f.endswith(".csv")]
+    assert recordings == [f"case.s{k + 1}.csv" for k in range(truth["sessions"])] and 2 <= len(recordings) <= 4
+    assert len(set(files.values())) == len(files)
+    scopes = {(e["scope"] == "arm", e["session"] is None) for e in truth["effects"]}
+    assert scopes == {(True, True), (False, False)}
+    where = tmp_path / "cases" / case_id
+    where.mkdir(parents=True)
+    for name, text in files.items():
+        (where / name).write_text(text)
+    spy = tmp_path / "spy"
+    spy.write_text('#!/bin/sh\necho \'{"findings": [], "after": {"mean_mm": 0.5}, "args": "\'"$*"\'"}\'\n')
+    spy.chmod(0o755)
+    assert run.run(spy, tmp_path, 1) == 0
+    answer = json.loads((tmp_path / "answers" / f"{case_id}.json").read_text())
+    assert all(f in answer["answer"]["args"] for f in recordings)
+    assert answer["tried"] == {"diagnose": 0.5, "identify": 0.5}
+
+
+def test_readings_of_a_pose_share_what_the_arm_does_not_repeat_and_fresh_poses_are_kept_back() -> None:
+    _, files, truth = make._job(("clusters", 4, 0, []))
+    assert {f for f in files if f.endswith(".csv")} == {"recording.csv", "fresh/inside.csv", "fresh/anywhere.csv"}
+    head, *rows = [line.split(",") for line in files["recording.csv"].splitlines()]
+    assert "seq" not in head and "t_s" not in head and len(rows) == 3 * truth["poses"]
+    table = np.array(rows, float).reshape(truth["poses"], 3, -1)
+    assert (table[:, :, :6] == table[:, :1, :6]).all()
+    scatter = table[:, :, 6:].std(1, ddof=1).mean()
+    assert 0.6 * truth["sigma_mm"] < scatter < 1.2 * truth["sigma_mm"] < truth["repeats_mm"]
+    inside = {line.rsplit(",", 3)[0] for line in files["fresh/inside.csv"].splitlines()[1:]}
+    assert not inside & {",".join(r[:6]) for r in rows}
+
+
+def test_a_naive_selection_finds_what_is_plain(tmp_path: Path) -> None:
+    pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
+    d = make.draw("none", 24, 0, [60], 0)
+    columns, _, _ = make.measure(d.rng, d.arm, d.s, [{**GAP2, "p": {"gap": 0.1 * DEG}}], "white", False)
+    (tmp_path / "robot.toml").write_text(write.robot_toml(d.nominal))
+    (tmp_path / "cell.toml").write_text(write.cell_toml(d.nominal))
+    (tmp_path / "recording.csv").write_text(write.csv(columns))
+    first, *_ = naive.findings(tmp_path)
+    assert (first["effect"], first["site"]) == (GAP2["effect"], GAP2["site"]) and first["confidence"] > 0.5
 
 
 # ---- touches that decide ---------------------------------------------------------------------------------------------

@@ -135,6 +135,7 @@ def diagnose(
     cell: PathLike | Cell,
     joints: str = "read",
     names_only: bool = False,
+    tool: str = "auto",
     next: int | None = None,
     progress: Progress = False,
 ) -> Diagnosis:
@@ -145,7 +146,7 @@ def diagnose(
     has no name is told but not modelled. The other arguments and errors are those of `identify`.
     """
     model, text, errors, planned, told = _native._diagnose(
-        _sources(recordings), _file(robot), _file(cell), joints, names_only, next, listener(progress, "diagnosing")
+        _sources(recordings), _file(robot), _file(cell), joints, names_only, tool, next, listener(progress, "diagnosing")
     )
     answer: dict[str, Any] = json.loads(text)
     nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
@@ -170,6 +171,7 @@ def diagnose(
             cell=cell,
             joints=joints,
             names_only=names_only,
+            tool=tool,
             next=next,
             files=("robot", "cell"),
         ),

@@ -365,6 +365,7 @@ def _diagnose(
     cell: _Path | Cell,
     joints: str,
     names_only: bool,
+    tool: str,
     next: int | None,
     progress: _Listener,
 ) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None, Told]: ...

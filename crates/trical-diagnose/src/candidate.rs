@@ -45,6 +45,33 @@ impl Candidate {
         }
     }
 
+    /// Whether both are one cause at one place, of one session where it is of one.
+    #[must_use]
+    pub fn is_alike(&self, other: &Self) -> bool {
+        (self.cause, self.site, self.session()) == (other.cause, other.site, other.session())
+    }
+
+    /// Whether it happens in the course of a session.
+    #[must_use]
+    pub fn is_course(&self) -> bool {
+        self.terms.iter().any(|t| is_order(t.basis.of))
+    }
+
+    /// The same in one session only.
+    #[must_use]
+    pub fn in_session(mut self, session: u32) -> Self {
+        for t in &mut self.terms {
+            t.basis = t.basis.in_session(session);
+        }
+        self
+    }
+
+    /// The only session in which it happens, if it is of one.
+    #[must_use]
+    pub fn session(&self) -> Option<u32> {
+        self.terms.first()?.basis.session
+    }
+
     /// Variable and place of a step, if it is one (all its terms step together).
     #[must_use]
     pub fn step(&self) -> Option<(Variable, f64)> {

@@ -20,9 +20,10 @@ pub struct Untestable {
 const ORDER_ONLY: &str = "time (t_s): only the order of the poses could be asked";
 
 /// All candidates that this data can be asked about, with priors, and the effects that it cannot test. The prior is uniform over
-/// effects, then over sites, then over scan points; of these, effects may hold some for less likely.
+/// effects, then over sites, then over scan points; of these, effects may hold some for less likely. What happens in the course of a
+/// session is asked of each of the `sessions` by itself; without any, of all the data at once.
 #[must_use]
-pub fn catalogue(recorded: &Covariates<'_>) -> (Vec<Candidate>, Vec<Untestable>) {
+pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) -> (Vec<Candidate>, Vec<Untestable>) {
     let mut all = Vec::new();
     let mut untestable = Vec::new();
     for effect in EFFECTS {
@@ -31,6 +32,13 @@ pub fn catalogue(recorded: &Covariates<'_>) -> (Vec<Candidate>, Vec<Untestable>)
         let lacks = asked.lacks.or(by_order.then_some(ORDER_ONLY));
         untestable.extend(lacks.map(|lacks| Untestable { effect: effect.id, lacks }));
         let mut list = asked.candidates;
+        if !sessions.is_empty() {
+            list.retain(|c| !c.is_course());
+            for (session, own) in sessions {
+                let course = (effect.ask)(own).candidates.into_iter().filter(Candidate::is_course);
+                list.extend(course.map(|c| c.in_session(*session)));
+            }
+        }
         let mut sites: Vec<(Place, usize)> = Vec::new();
         for c in &list {
             match sites.iter_mut().find(|s| s.0 == c.site) {

@@ -93,11 +93,14 @@ pub struct Covariates<'a> {
     pub lags: bool,
     /// Measures of warmth, if any.
     pub clocks: Vec<Clock>,
+    /// Number of poses.
+    pub poses: usize,
     /// Duration, in units of what tells earlier from later.
     pub span: f64,
     loads: Vec<f64>,
     changes: Vec<f64>,
-    frames: usize,
+    /// Measuring frames of optical instruments, from 1.
+    frames: Vec<usize>,
 }
 
 impl<'a> Covariates<'a> {
@@ -108,7 +111,6 @@ impl<'a> Covariates<'a> {
         let any = |f: &dyn Fn(&Observation) -> bool| data.observations.iter().any(f);
         let masses = model.robot.require_masses().is_ok();
         let order = order_of(data);
-        let optical = any(&|o| matches!(o.measured, Measured::Point { .. } | Measured::Pose { .. }));
         Self {
             model,
             direction: all(&|o| o.state.dir.is_some())
@@ -120,11 +122,22 @@ impl<'a> Covariates<'a> {
             spread: std::array::from_fn(|k| reading_spread(data, k) > READING_SPREAD * sigma),
             lags: lag_follows_motion(data),
             clocks: clocks(data, order),
+            poses: data.used_poses().len(),
             span: order.map_or(1.0, |order| span(data, order)),
             loads: if masses { usual_loads(model, data) } else { vec![1.0; model.robot.dof()] },
             changes: order.map_or_else(Vec::new, |order| change_points(data, order, CHANGE_POINTS)),
-            frames: if optical { data.frames() } else { 0 },
+            frames: seen_frames(data),
         }
+    }
+
+    /// The same of each session alone, with its number: what happens in the course of one is asked there.
+    #[must_use]
+    pub fn of_sessions(model: &'a Model, data: &Dataset, sigma: f64) -> Vec<(u32, Self)> {
+        let mut sessions: Vec<u32> = data.observations.iter().filter_map(|o| o.state.session).collect();
+        sessions.sort_unstable();
+        sessions.dedup();
+        let of = |s: u32| (s, Self::new(model, &data.filtered(|o| o.state.session == Some(s)), sigma));
+        sessions.into_iter().map(of).collect()
     }
 
     /// Number of joints.
@@ -139,8 +152,8 @@ impl<'a> Covariates<'a> {
     }
 
     /// Frames of optical instruments, from 1.
-    pub fn frames(&self) -> std::ops::RangeInclusive<usize> {
-        1..=self.frames
+    pub fn frames(&self) -> impl Iterator<Item = usize> + '_ {
+        self.frames.iter().copied()
     }
 
     /// Moments at which something may have changed at once.
@@ -173,6 +186,15 @@ impl<'a> Covariates<'a> {
         let fitted = self.model.terms.iter().find(|t| gives_way(t) == Some(joint));
         fitted.map_or(0.0, |t| t.value.abs()).max(3e-5 / self.strength())
     }
+}
+
+/// Measuring frames in which something was seen, from 1.
+fn seen_frames(data: &Dataset) -> Vec<usize> {
+    let mut frames: Vec<usize> =
+        data.observations.iter().filter(|o| o.measured.is_framed()).map(|o| o.frame + 1).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    frames
 }
 
 /// The joint of which a term is the compliance about its axis.

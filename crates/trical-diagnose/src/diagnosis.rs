@@ -1,13 +1,15 @@
 //! What a diagnosis says, in the shape of the contract.
 
 use serde::Serialize;
+use trical_ident::HeldOut;
 use trical_ident::dataset::{Dataset, Rejected};
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
-use trical_model::{Model, Place};
+use trical_model::{Model, Place, Scope};
 
 use crate::candidate::Candidate;
 use crate::effect_id::EffectId;
+use crate::effects::Family;
 
 /// A coefficient in its unit.
 #[derive(Clone, Debug, Serialize)]
@@ -59,8 +61,27 @@ pub struct Finding {
     pub site: Place,
     /// In words.
     pub located: String,
+    /// What is sure where the name is not.
+    pub family: Family,
+    /// What of it goes to other sessions.
+    pub scope: Scope,
+    /// The session (from 1) in whose course it happened, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub session: Option<u32>,
     /// Probability that effect and site are right.
     pub confidence: f64,
+    /// Probability that the place is right.
+    pub place_confidence: f64,
+    /// Probability that place and family are right.
+    pub family_confidence: f64,
+    /// How much it takes of the squared error that can be explained.
+    pub share: f64,
+    /// Whether parts of the data that have nothing in common say the same.
+    pub replicated: Replicated,
+    /// In a plain sentence.
+    pub summary: String,
+    /// What the owner of the arm can do.
+    pub action: &'static str,
     /// Length of its signature after projection, in units of the noise.
     pub lambda: f64,
     /// Coefficients.
@@ -92,6 +113,28 @@ impl Finding {
     pub fn in_words(&self) -> String {
         in_words(self.effect, self.site)
     }
+}
+
+/// Coefficients from disjoint parts of the poses, compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Replicated {
+    /// Parts that determine the coefficients.
+    pub parts: usize,
+    /// Those of them that say what the others say, in sign and size.
+    pub agree: usize,
+}
+
+/// What a diagnosis comes to. Nothing that is less than half sure is said as a fact.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Verdict {
+    /// In plain sentences.
+    pub summary: String,
+    /// Share of the squared error that can be explained, of findings whose effect is more likely right than not.
+    pub named_share: f64,
+    /// And of the rest.
+    pub unnamed_share: f64,
+    /// What the owner of the arm can do.
+    pub actions: Vec<String>,
 }
 
 /// An effect that this data set could not show at a typical size.
@@ -153,7 +196,15 @@ pub struct Final {
     pub parameters: usize,
     /// Root of the mean square position error.
     pub rms_mm: f64,
-    /// Held-out error, 4-fold by pose.
+    /// Those of them that the data determine rather than their priors: effective degrees of freedom.
+    pub effective_parameters: f64,
+    /// Poses, and blocks of neighbouring ones: so many independent places of the arm were visited.
+    pub poses: usize,
+    /// See [`trical_ident::folds::Folds::blocks`].
+    pub blocks: usize,
+    /// Errors at poses that the fit did not see, each way that the data allow.
+    pub held_out: HeldOut,
+    /// Held-out error, in four folds that cut no block of neighbouring poses.
     pub holdout_rms_mm: f64,
     /// Mean held-out error.
     pub holdout_mean_mm: f64,
@@ -166,6 +217,8 @@ pub struct Final {
 /// The answer.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
+    /// What it comes to.
+    pub verdict: Verdict,
     /// Before.
     pub baseline: Baseline,
     /// What was found, most important first.

@@ -16,6 +16,7 @@ macro_rules! for_each_effect {
             load_friction LoadFriction,
             joint_harmonic JointHarmonic,
             gear_ripple GearRipple,
+            encoder_error EncoderError,
             gear_ratio GearRatio,
             joint_coupling JointCoupling,
             nonlinear_stiffness NonlinearStiffness,

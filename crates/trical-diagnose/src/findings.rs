@@ -2,20 +2,19 @@
 
 use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
+use trical_ident::folds::{FOLDS, Folds, Split};
 use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
-use trical_model::{Forward, Model, Place, Term, Variable};
+use trical_model::{Forward, Model, Place, Scope};
 
 use crate::candidate::Candidate;
-use crate::covariates::is_order;
-use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
+use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Replicated, Rival, Unexplained};
 use crate::effect_id::{Cause, EffectId};
 use crate::linear::{Design, RegressionState};
 use crate::locators;
-use crate::selection::{Ranked, Search};
+use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, LARGEST_CONFIDENCE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, REPEATED_TRUST, RIVAL_NATS,
-    SLOW_WAVE_CYCLES, TEMPERING, UNKNOWN_LEAK, VISIBLE_LAMBDA,
+    CONSIDERABLE_SHARE, LAST_PERCENT, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA,
 };
 use crate::specification_test::{LackOfFit, SpecificationTest};
 use crate::statistics::{bic_nats, f_test_of_effect};
@@ -30,7 +29,7 @@ pub(crate) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
     for c in set {
         let same = |g: &&mut Group| {
             let o = &local[g.members[0]];
-            o.cause == local[*c].cause && o.site == local[*c].site
+            o.is_alike(&local[*c])
         };
         match groups.iter_mut().find(same) {
             Some(g) => g.members.push(*c),
@@ -64,21 +63,22 @@ pub(crate) struct Proof {
 }
 
 /// How well the baseline with the candidates of `set` predicts what it was not fitted to.
-pub(crate) fn prove(design: &Design, set: &[usize], poses: &[usize]) -> Proof {
+pub(crate) fn prove(design: &Design, set: &[usize], folds: &Folds) -> Proof {
     let rms = |errors: &[f64]| ErrorSummary::of(errors).rms_mm;
-    Proof { blocks: rms(&held_out(design, set, poses)), forward: rms(&forward_in_time(design, set, poses)) }
+    Proof {
+        blocks: rms(&held_out(design, set, &folds.by_block(FOLDS))),
+        forward: rms(&forward_in_time(design, set, folds)),
+    }
 }
 
-/// Position errors of the last quarter of the poses, by a fit to those before.
-pub(crate) fn forward_in_time(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
-    let three_quarters = poses[(poses.len() * 3) / 4];
-    design.held_out(set, &|p| p < three_quarters, &|p| p >= three_quarters)
+/// Position errors of the last quarter of each session's poses, by a fit to those before.
+pub(crate) fn forward_in_time(design: &Design, set: &[usize], folds: &Folds) -> Vec<f64> {
+    folds.forward(LAST_PERCENT).map(|split| held_out(design, set, &[split])).unwrap_or_default()
 }
 
-/// Position errors of all poses, each scored by a fit without its fold: pose k is in fold k mod 4.
-pub(crate) fn held_out(design: &Design, set: &[usize], poses: &[usize]) -> Vec<f64> {
-    let fold = |p: usize| poses.binary_search(&p).map_or(0, |i| i % 4);
-    (0..4).flat_map(|f| design.held_out(set, &|p| fold(p) != f, &|p| fold(p) == f)).collect()
+/// Position errors of the poses of each split, scored by a fit to all others.
+pub(crate) fn held_out(design: &Design, set: &[usize], splits: &[Split<'_>]) -> Vec<f64> {
+    splits.iter().flat_map(|split| design.held_out(set, &|p| !split(p), &|p| split(p))).collect()
 }
 
 pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {
@@ -100,7 +100,7 @@ pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient>
         .collect()
 }
 
-/// A finding of an effect, and the best candidate of each of its rivals.
+/// A finding of an effect, and the best candidate of each of its rivals; probabilities and words come later.
 pub(crate) fn finding(
     effect: EffectId,
     search: &Search<'_>,
@@ -119,34 +119,23 @@ pub(crate) fn finding(
         let n = search.freedom(state);
         n * (state.ss / with.ss).ln() - rank * n.ln()
     };
-    let ranked: Vec<Ranked> = search.rank(state).into_iter().filter(|r| !others.contains(&r.candidate)).collect();
     let own = search.total(state, &group.members);
     let mut rivals: Vec<Rival> = Vec::new();
     let mut best: Vec<Candidate> = Vec::new();
-    let mut rival_weight = 0.0;
-    let mut own_weight = 1.0;
-    for r in &ranked {
-        // tempered: the noise is never quite what the model of it says
-        let weight = (TEMPERING * (r.evidence - own)).exp();
-        if search.same_place(r.candidate, first) {
-            if !group.members.contains(&r.candidate) {
-                own_weight += weight;
-            }
-            continue;
-        }
-        rival_weight += weight;
+    for r in search.rank(state) {
         let c = &local[r.candidate];
-        if r.evidence > own - RIVAL_NATS
+        let known = others.contains(&r.candidate) || search.same_place(r.candidate, first);
+        if r.evidence < own - RIVAL_NATS || rivals.len() == MOST_RIVALS {
+            break;
+        }
+        if !known
             && let Some(effect) = c.cause.effect()
             && !rivals.iter().any(|v| v.effect == effect && v.site == c.site)
-            && rivals.len() < MOST_RIVALS
         {
             best.push(c.clone());
             rivals.push(Rival { effect, site: c.site, delta_bic: (2.0 * (own - r.evidence)).max(0.0) });
         }
     }
-    let nothing = (TEMPERING * -own).exp();
-    let confidence = (own_weight / (own_weight + rival_weight + nothing)).min(LARGEST_CONFIDENCE);
     let next_measurements = (!rivals.is_empty()).then(|| {
         format!(
             "touches that tell {} from {}: trical diagnose --next 8 plans them",
@@ -155,11 +144,21 @@ pub(crate) fn finding(
         )
     });
     let variance = with.ss / search.freedom(&with);
+    let described = effect.effect();
     let finding = Finding {
         effect,
         site: local[first].site,
-        located: group.members.iter().map(|m| local[*m].located()).collect::<Vec<_>>().join("; "),
-        confidence: (confidence * 1e4).round() / 1e4,
+        located: located(group, local),
+        family: described.family,
+        scope: if local[first].is_course() { Scope::Course } else { described.scope },
+        session: None,
+        confidence: 0.0,
+        place_confidence: 0.0,
+        family_confidence: 0.0,
+        share: 0.0,
+        replicated: Replicated::default(),
+        summary: String::new(),
+        action: described.action,
         lambda: (dss * search.temper / variance).max(0.0).sqrt(),
         coefficients: group.members.iter().flat_map(|m| coefficients(model, &local[*m])).collect(),
         evidence: Evidence {
@@ -174,6 +173,21 @@ pub(crate) fn finding(
         next_measurements,
     };
     (finding, best)
+}
+
+/// What the members of a group do, in words. Ripples are told together, with the number of their gear.
+fn located(group: &Group, local: &[Candidate]) -> String {
+    let each = || group.members.iter().map(|m| &local[*m]);
+    let ripple = |c: &Candidate| c.cause == EffectId::GearRipple.into();
+    match each().filter_map(Candidate::cycles).min_by(f64::total_cmp) {
+        Some(_) if group.members.len() > 1 && each().all(ripple) => {
+            let mut cycles: Vec<f64> = each().filter_map(Candidate::cycles).collect();
+            cycles.sort_by(f64::total_cmp);
+            let numbers: Vec<String> = cycles.iter().map(|n| format!("{n:.0}")).collect();
+            format!("{} cycles per turn of {}", numbers.join(", "), each().next().map_or(Place::All, |c| c.site))
+        }
+        _ => each().map(Candidate::located).collect::<Vec<_>>().join("; "),
+    }
 }
 
 pub(crate) fn unexplained_from(
@@ -206,49 +220,6 @@ pub(crate) fn unexplained_from(
         curve: located.curve,
         curve_units: located.units,
     }
-}
-
-/// Sum of squares that each chosen candidate without a name removes, and its site.
-pub(crate) fn unknowns(
-    search: &Search<'_>,
-    start: &RegressionState,
-    full: &RegressionState,
-    chosen: &[usize],
-) -> Vec<(Place, f64)> {
-    let unnamed = chosen.iter().filter(|c| search.candidates[**c].cause == Cause::Unexplained);
-    unnamed
-        .map(|u| {
-            let others: Vec<usize> = chosen.iter().copied().filter(|c| c != u).collect();
-            (search.candidates[*u].site, search.with(start, &others).ss - full.ss)
-        })
-        .collect()
-}
-
-/// Trust in a name that explains `own` while something unknown goes on. A curve only approximates the unknown: what it leaves
-/// can look like a small effect anywhere, and at its own place all the more.
-pub(crate) fn trust_beside_unknown(own: f64, place: Place, unknown: &[(Place, f64)]) -> f64 {
-    let leaked: f64 =
-        unknown.iter().map(|(at, dss)| if at.is_same_part(place) { *dss } else { UNKNOWN_LEAK * dss }).sum::<f64>();
-    own / (own + leaked).max(1e-300)
-}
-
-/// Trust in a name that it took several candidates of one kind to uphold: a sum of waves can be anything that depends on an
-/// angle, and steps up and down anything that depends on time. Slow waves of a joint are of one kind by whatever name, and so is what
-/// changes there with time and temperature.
-pub(crate) fn trust_of_repeated(group: &Group, chosen: &[usize], candidates: &[Candidate]) -> f64 {
-    let waves = |c: &Candidate| c.cause.effect().is_some_and(|id| id.effect().periodic);
-    let repeated = |c: &Candidate| waves(c) || c.step().is_some();
-    let slow = |c: &Candidate| waves(c) && c.cycles().is_some_and(|n| n <= SLOW_WAVE_CYCLES);
-    let in_time = |t: &Term| is_order(t.basis.of) || matches!(t.basis.of, Variable::Temperature { .. });
-    let changes = |c: &Candidate| c.site.joint().is_some() && c.terms.iter().any(in_time);
-    let first = &candidates[group.members[0]];
-    let own = group.members.iter().skip(1).filter(|m| repeated(&candidates[**m])).count();
-    let others = |kind: &dyn Fn(&Candidate) -> bool| {
-        let alike = |c: &&Candidate| kind(c) && c.cause != first.cause && c.site == first.site;
-        let one = group.members.iter().any(|m| kind(&candidates[*m]));
-        if one { chosen.iter().map(|c| &candidates[*c]).filter(alike).count() } else { 0 }
-    };
-    REPEATED_TRUST.powi(i32::try_from(own + others(&slow) + others(&changes)).unwrap_or(i32::MAX))
 }
 
 /// A mismatch that a probe tells at a state: where and on what it depends; held-out errors without and with it.

@@ -6,9 +6,10 @@ use trical_ident::joint_choice::all_commanded;
 use trical_model::{Cell, Recording, Robot, Task};
 
 use crate::diagnosis::Diagnosis;
+use crate::options::Options;
 use crate::procedure::diagnose;
 
-/// Diagnoses recordings as [`diagnose`] does; without `joints` as read and as commanded, and takes what leaves less, held out.
+/// Diagnoses recordings as [`diagnose`] does; without joints asked for as read and as commanded, and takes what leaves less, held out.
 /// Also says which joints that were.
 ///
 /// # Errors
@@ -17,15 +18,14 @@ pub fn diagnose_recordings(
     robot: &Robot,
     cell: &Cell,
     recordings: &[Recording],
-    joints: Option<JointSource>,
-    names_only: bool,
+    options: &Options,
     task: &Task<'_>,
 ) -> Result<(Diagnosis, JointSource)> {
     let of = |source| -> Result<(Diagnosis, JointSource)> {
         let data = Dataset::build(recordings, source, None)?;
-        Ok((diagnose(robot, cell, &data, names_only, task)?, source))
+        Ok((diagnose(robot, cell, &data, options, task)?, source))
     };
-    if let Some(source) = joints {
+    if let Some(source) = options.joints {
         return of(source);
     }
     let read = of(JointSource::Read)?;

@@ -5,6 +5,7 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | [`options`] | what is asked |
 //! | [`settings`] | every threshold with its reason |
 //! | [`statistics`] | tests and criteria |
 //! | [`covariates`] | what the recordings have: time, temperature, loads, senses of motion |
@@ -18,7 +19,9 @@
 //! | [`selection`] | which candidates the residual asks for |
 //! | [`specification_test`] | whether a name says all that happens at its place |
 //! | [`rejection`] | stale rows and outliers |
+//! | [`probability`], `parts` | how probable a name is: shares of what could be said, replication, recalibration; scores of unseen blocks |
 //! | [`diagnosis`], `findings` | the result; from what was chosen to it |
+//! | [`verdict`] | what it comes to, in plain sentences |
 //! | [`alternatives`] | between what the data cannot decide |
 //! | `rounds`, [`procedure`] | rounds of selection and refit; the whole of it |
 //! | [`joint_choice`] | the same, with joints as read and as commanded |
@@ -36,7 +39,10 @@ mod findings;
 pub mod joint_choice;
 pub mod linear;
 pub mod locators;
+pub mod options;
+mod parts;
 pub mod periodogram;
+pub mod probability;
 pub mod procedure;
 mod refine;
 pub mod rejection;
@@ -46,9 +52,13 @@ pub mod settings;
 pub mod specification_test;
 pub mod statistics;
 pub mod truth;
+pub mod verdict;
 
 pub use alternatives::Undecided;
-pub use diagnosis::{Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Rival, Unexplained};
+pub use diagnosis::{
+    Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Replicated, Rival, Unexplained, Verdict,
+};
 pub use effect_id::{Cause, EffectId};
 pub use joint_choice::diagnose_recordings;
+pub use options::Options;
 pub use procedure::diagnose;

@@ -35,8 +35,11 @@ pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]
     let first = usize::from(sense.is_none());
     (first..knots.len())
         .map(|k| {
-            let left = if k == 0 { f64::NEG_INFINITY } else { knots[k - 1] };
-            let right = if k + 1 < knots.len() { knots[k + 1] } else { f64::INFINITY };
+            // beyond the ends, where nothing was visited, the curve returns to zero, which is its prior
+            let reach = |a: usize, b: usize| (knots[a] - knots[b]).max(f64::MIN_POSITIVE);
+            let last = knots.len() - 1;
+            let left = if k == 0 { knots[0] - reach(1, 0) } else { knots[k - 1] };
+            let right = if k < last { knots[k + 1] } else { knots[last] + reach(last, last - 1) };
             let shape = Shape::Tent { left, centre: knots[k], right };
             let basis = Basis { sense, ..Basis::new(variable, shape) };
             let of = sense.map_or_else(|| name(variable), |j| format!("dir{j}_{}", name(variable)));
@@ -111,16 +114,24 @@ fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
 #[must_use]
 pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     let n = model.robot.dof();
-    let read = |variable: Variable| data.observations.iter().map(|o| value(variable, &o.state)).collect::<Vec<f64>>();
-    let mut variables: Vec<Variable> = (1..=n).map(|joint| Variable::Joint { joint }).collect();
-    variables.extend(order_of(data));
+    let mut variables: Vec<(Variable, Option<u32>)> = (1..=n).map(|joint| (Variable::Joint { joint }, None)).collect();
+    if let Some(order) = order_of(data) {
+        let mut sessions: Vec<Option<u32>> = data.observations.iter().map(|o| o.state.session).collect();
+        sessions.sort_unstable();
+        sessions.dedup();
+        variables.extend(sessions.into_iter().map(|session| (order, session)));
+    }
     let has_direction = data.observations.iter().all(|o| o.state.dir.is_some());
     let mut out = Vec::new();
     for joint in 1..=n {
         let at = Site::Joint { joint };
-        let candidate = |terms: Vec<Term>, what: &str| candidate(joint, terms, what);
-        for variable in &variables {
-            let values = read(*variable);
+        for (variable, session) in &variables {
+            let candidate = |mut terms: Vec<Term>, what: &str| {
+                terms.iter_mut().for_each(|t| t.basis.session = *session);
+                candidate(joint, terms, what)
+            };
+            let here = data.observations.iter().filter(|o| session.is_none() || o.state.session == *session);
+            let values: Vec<f64> = here.map(|o| value(*variable, &o.state)).collect();
             let Some(curve) = knots(&values, CURVE_KNOTS) else { continue };
             let of = name(*variable);
             let sorted = sorted(&values);
@@ -210,7 +221,8 @@ pub fn describe<'a>(
     let counted = variable == Variable::Seq;
     let bare = |v: f64| if counted { format!("{:.0}", v.ceil()) } else { format!("{v:.1}") };
     let shown = |v: f64| if counted { bare(v) } else { format!("{} {units}", bare(v)) };
-    let values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
+    let here = data.observations.iter().filter(|o| !basis.is_elsewhere(&o.state));
+    let values: Vec<f64> = here.map(|o| value(variable, &o.state)).collect();
     let (low, high) =
         (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));
     let terms: Vec<&Term> = members

@@ -1,45 +1,58 @@
 //! The procedure: rejection, baseline, rounds of selection and exact refit, proof, findings.
 
-use trical_ident::caution::cautions;
+use trical_ident::HeldOut;
+use trical_ident::caution::{cautions, too_many};
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
+use trical_ident::folds::{FOLDS, Folds};
 use trical_ident::identify::ErrorSummary;
 use trical_model::{Cell, Forward, Model, Place, Robot, Site, Task};
 
 use crate::candidate::Candidate;
 use crate::catalogue::Untestable;
-use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Unexplained};
-use crate::effect_id::Cause;
+use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Replicated, Unexplained};
+use crate::effect_id::{Cause, EffectId};
 use crate::findings::{
-    Proof, add_probe_results, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, noise_of, ordered,
-    prove, remaining_lack_of_fit, trust_beside_unknown, trust_of_repeated, unexplained_from, unknowns,
+    Group, Proof, add_probe_results, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, noise_of,
+    ordered, prove, remaining_lack_of_fit, unexplained_from,
 };
 use crate::linear::{Design, Downdate, RegressionState};
+use crate::options::Options;
+use crate::parts::Parts;
+use crate::probability::{Alternative, Replication, Says, Shares, probabilities, shares};
 use crate::rounds::Rounds;
 use crate::selection::Search;
-use crate::settings::DOUBTED_BELOW;
+use crate::settings::{ALTERNATIVES, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
 use crate::specification_test::{Probes, SpecificationTest};
+use crate::verdict;
 
-/// Diagnoses recordings of one arm. With `names_only` what has no name is told but not modelled.
+/// Diagnoses recordings of one arm, one session each.
 ///
 /// # Errors
 /// As [`trical_ident::identify::identify`].
-pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool, task: &Task<'_>) -> Result<Diagnosis> {
+pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, task: &Task<'_>) -> Result<Diagnosis> {
     task.step(0.0, "checking rows")?;
-    let mut rounds = Rounds::begin(robot, cell, data, names_only)?;
+    let mut rounds = Rounds::begin(robot, cell, data, options)?;
     let baseline = rounds.fitted.model.clone();
-    select(&mut rounds, names_only, task)?;
+    select(&mut rounds, options.names_only, task)?;
 
     task.step(0.75, "proving")?;
     let Rounds { kept, fitted, chosen, .. } = &rounds;
     let (design, probes) = rounds.design_with_probes()?;
     let start = design.start();
     let proving = Proving::new(&rounds, &design, &probes, &start);
+    let folds = &proving.folds;
     // first of all: fits of fewer find their sums in it
-    let last = ErrorSummary::of(&held_out(&design, chosen, &proving.poses));
-    let forward = forward_in_time(&design, chosen, &proving.poses);
-    let none = prove(&design, &[], &proving.poses);
+    let by_block = ErrorSummary::of(&held_out(&design, chosen, &folds.by_block(FOLDS)));
+    let summary = |errors: Vec<f64>| (!errors.is_empty()).then(|| ErrorSummary::of(&errors));
+    let held_out = HeldOut {
+        by_pose: summary(held_out(&design, chosen, &folds.by_pose(FOLDS))),
+        by_block: Some(by_block),
+        forward: summary(forward_in_time(&design, chosen, folds)),
+        by_session: rounds.by_session().and_then(summary),
+    };
+    let none = prove(&design, &[], folds);
     let Found { findings, grounds, mut unexplained, doubted } = proving.findings(none, task)?;
     proving.ask_probes(&mut unexplained, &doubted);
 
@@ -47,7 +60,9 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool, ta
     let errors = fitted.errors()?;
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, kept);
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
+    let effective = rounds.effective_parameters();
     let diagnosis = Diagnosis {
+        verdict: verdict::of(&findings, &unexplained),
         baseline: Baseline {
             parameters: arm_parameters(&baseline),
             rms_mm: ErrorSummary::of(&before_errors).rms_mm,
@@ -60,16 +75,21 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool, ta
         findings,
         after: Final {
             parameters: arm_parameters(&fitted.model),
+            effective_parameters: effective,
+            poses: folds.poses().len(),
+            blocks: folds.blocks(),
             rms_mm: ErrorSummary::of(&errors).rms_mm,
-            holdout_rms_mm: last.rms_mm,
-            holdout_mean_mm: last.mean_mm,
-            forward_mean_mm: ErrorSummary::of(&forward).mean_mm,
+            holdout_rms_mm: by_block.rms_mm,
+            holdout_mean_mm: by_block.mean_mm,
+            forward_mean_mm: held_out.forward.map_or(0.0, |e| e.mean_mm),
+            held_out,
             lack_of_fit_p: lack_of_fit_p(proving.downdate.full()),
         },
         unexplained: (!unexplained.is_empty()).then(|| unexplained.remove(0)),
         more_unexplained: unexplained,
         cautions: cautions(&fitted.model, fitted.observability.rows, fitted.free.len())
             .into_iter()
+            .chain(too_many(effective, folds))
             .chain(rounds.correlation.caution())
             .collect(),
         rejected: kept.rejected.clone(),
@@ -88,17 +108,21 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool, ta
 }
 
 /// Selection until nothing changes; then with rows restored that one number explains, then with more to choose from where names do
-/// not say all.
+/// not say all; then only what pays at poses that the fit did not see.
 fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
+    task.step(0.05, "curves of the joints")?;
+    rounds.hold_curves()?;
     rounds.settle(&task.part(0.1, 0.45))?;
     if rounds.restore_rows()? {
         rounds.settle(&task.part(0.45, 0.5))?;
     }
     task.step(0.5, "looking again without names")?;
     if !names_only && rounds.widen()? {
-        rounds.settle(&task.part(0.55, 0.75))?;
+        rounds.settle(&task.part(0.55, 0.7))?;
     }
-    Ok(())
+    task.step(0.7, "what pays at unseen poses")?;
+    rounds.release_curves()?;
+    rounds.keep_what_pays()
 }
 
 /// What was chosen, as findings and as what has no name.
@@ -121,12 +145,15 @@ struct Proving<'a> {
     start: &'a RegressionState,
     /// Everything that was chosen, and what it is without some of it.
     downdate: Downdate<'a>,
-    /// Poses of the rows that were kept.
-    poses: Vec<usize>,
+    /// Poses and blocks of the rows that were kept.
+    folds: Folds,
+    /// The joint fit in parts; `None` where the data do not allow it.
+    parts: Option<Parts<'a>>,
 }
 
 impl<'a> Proving<'a> {
     fn new(rounds: &'a Rounds, design: &'a Design, probes: &'a Probes, start: &'a RegressionState) -> Self {
+        let folds = Folds::of(&rounds.kept);
         Self {
             rounds,
             design,
@@ -134,49 +161,114 @@ impl<'a> Proving<'a> {
             test: rounds.specification_test(design, probes),
             start,
             downdate: Downdate::new(design, start, &rounds.chosen),
-            poses: rounds.kept.used_poses(),
+            parts: Parts::new(design, &rounds.chosen, &folds, rounds.temper()),
+            folds,
         }
     }
 
-    /// Findings in the order of what they remove, each with its evidence, its rivals and how far it is trusted; `none` is the proof
-    /// of the baseline.
+    /// Findings in the order of importance, each with its evidence, its rivals and how probable it is; `none` is the proof of the baseline.
     fn findings(&self, none: Proof, task: &Task<'_>) -> Result<Found> {
         let Self { search, start, downdate, .. } = self;
         let Rounds { kept, fitted, candidates, chosen, .. } = self.rounds;
         let full = downdate.full();
         let groups = search.among(start, chosen, |few, start| ordered(few, start, grouped(candidates, chosen)));
-        let unknown = search.among(start, chosen, |few, start| unknowns(few, start, full, chosen));
         let mut found =
             Found { findings: Vec::new(), grounds: Vec::new(), unexplained: Vec::new(), doubted: Vec::new() };
         let mut so_far: Vec<usize> = Vec::new();
-        let mut before = none;
+        let (mut before, mut left) = (none, start.ss);
+        let explained = (start.ss - full.ss).max(1e-300);
         for (k, group) in groups.iter().enumerate() {
             #[expect(clippy::cast_precision_loss, reason = "counts")]
             task.step(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving")?;
             so_far.extend(&group.members);
-            let after = prove(self.design, &so_far, &self.poses);
+            let after = prove(self.design, &so_far, &self.folds);
+            let share = search.among(start, &so_far, |few, start| left - few.with(start, &so_far).ss) / explained;
+            left -= share * explained;
             let others: Vec<usize> = chosen.iter().filter(|c| !group.members.contains(c)).copied().collect();
             let state = search.without(downdate, start, &group.members).state;
             if let Some(effect) = candidates[group.members[0]].cause.effect() {
                 let (mut f, rivals) = finding(effect, search, &state, group, &others, &fitted.model, [before, after]);
-                let own = state.ss - full.ss;
-                let doubt = self.test.doubt(full, &state, own, &|place| place.is_same_part(f.site));
-                let trust = (1.0 - doubt)
-                    * trust_beside_unknown(own, f.site, &unknown)
-                    * trust_of_repeated(group, chosen, candidates);
-                f.confidence = (f.confidence * trust * 1e4).round() / 1e4;
-                if trust <= DOUBTED_BELOW {
+                let (probability, replicated) = self.probability(group, effect, &others, &state);
+                let round = |p: f64| (p * 1e4).round() / 1e4;
+                f.place_confidence = round(probability.place);
+                f.family_confidence = round(probability.family);
+                f.confidence = round(probability.effect);
+                f.replicated = Replicated { parts: replicated.parts, agree: replicated.agree };
+                f.share = round(share.max(0.0));
+                f.session = candidates[group.members[0]].session().filter(|_| kept.names.len() > 1);
+                f.summary = verdict::summary(&f);
+                if f.confidence <= DOUBTED_BELOW {
                     found.doubted.extend(f.site.part().filter(|place| !found.doubted.contains(place)));
                 }
-                found.findings.push(f);
                 let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
+                found.findings.push(f);
                 found.grounds.push((members, rivals));
             } else {
                 found.unexplained.push(unexplained_from(search, &state, group, &fitted.model, [before, after], kept));
             }
             before = after;
         }
+        let mut both: Vec<_> = found.findings.into_iter().zip(found.grounds).collect();
+        both.sort_by(|(a, _), (b, _)| (b.share * b.confidence).total_cmp(&(a.share * a.confidence)));
+        (found.findings, found.grounds) = both.into_iter().unzip();
         Ok(found)
+    }
+
+    /// How probable it is that a group says the right thing at the right place; `state` has everything else.
+    fn probability(
+        &self,
+        group: &Group,
+        effect: EffectId,
+        others: &[usize],
+        state: &RegressionState,
+    ) -> (Shares, Replication) {
+        let Some(parts) = &self.parts else { return (Shares::default(), Replication::default()) };
+        let candidates = &self.rounds.candidates;
+        let first = &candidates[group.members[0]];
+        let says = |c: &Candidate| {
+            let family = c.cause.effect().map(|id| id.effect().family);
+            match (c.site.is_same_part(first.site), family == Some(effect.effect().family)) {
+                (true, true) => Says::Family,
+                (true, false) => Says::Place,
+                _ => Says::Elsewhere,
+            }
+        };
+        let mut alternatives = vec![Alternative {
+            says: Says::Same,
+            log_prior: group.members.iter().map(|m| candidates[*m].log_prior).sum(),
+            scores: parts.scores(&[], None),
+        }];
+        let instead = |c: Option<usize>| parts.scores(&group.members, c);
+        let mut told: Vec<usize> = Vec::new();
+        for r in self.search.rank(state) {
+            let c = &candidates[r.candidate];
+            let known =
+                others.contains(&r.candidate) || c.is_alike(first) || told.iter().any(|t| candidates[*t].is_alike(c));
+            let nameless_here = c.cause == Cause::Unexplained && c.site.is_same_part(first.site);
+            if known || (told.len() >= ALTERNATIVES && !nameless_here) {
+                continue;
+            }
+            told.push(r.candidate);
+            let scores = instead(Some(r.candidate));
+            alternatives.push(Alternative { says: says(c), log_prior: c.log_prior, scores });
+            if told.len() >= ALTERNATIVES && nameless_here || told.len() > ALTERNATIVES {
+                break;
+            }
+        }
+        if let Some((probe, _)) = first.site.part().and_then(|place| self.test.best_probe(state, place)) {
+            let scores = instead(Some(probe.probe));
+            alternatives.push(Alternative { says: Says::Place, log_prior: -2.0 * UNNAMED_PRICE_NATS, scores });
+        }
+        alternatives.push(Alternative { says: Says::Nothing, log_prior: 0.0, scores: instead(None) });
+        let mut shares = shares(&alternatives);
+        // a rest at this place that the name leaves speaks for something that is not in the catalogue
+        let full = self.downdate.full();
+        let own = state.ss - full.ss;
+        let doubt = self.test.doubt(full, state, own, &|place| place.is_same_part(first.site));
+        shares.effect *= 1.0 - doubt;
+        shares.family *= 1.0 - doubt;
+        let replicated = parts.replication(&group.members, self.design.parameters);
+        (probabilities(&shares, &replicated), replicated)
     }
 
     /// What was chosen but for what is at a place: only its curves without a name, or all of it.
@@ -189,7 +281,7 @@ impl<'a> Proving<'a> {
     /// Held-out error of a set, with a probe where one is given, mm rms.
     fn rms_mm(&self, mut set: Vec<usize>, probe: Option<usize>) -> f64 {
         set.extend(probe);
-        ErrorSummary::of(&held_out(self.design, &set, &self.poses)).rms_mm
+        ErrorSummary::of(&held_out(self.design, &set, &self.folds.by_block(FOLDS))).rms_mm
     }
 
     /// Adds what probes find beside curves without a name, at doubted places, and where nothing was modelled; the largest first.

@@ -22,12 +22,12 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
         (None, Some(variable)) if c.terms.len() < CURVE_KNOTS => (variable, None),
         _ => return Vec::new(),
     };
-    let is_step =
-        |o: &&Candidate| (o.cause, o.site) == (c.cause, c.site) && o.step().is_some_and(|(of, _)| of == variable);
+    let is_step = |o: &&Candidate| o.is_alike(c) && o.step().is_some_and(|(of, _)| of == variable);
     let Some(step) = all.iter().find(is_step) else { return Vec::new() };
     let scan: Vec<f64> = all.iter().filter(is_step).filter_map(|o| Some(o.step()?.1)).collect();
     let [below, above] = at.map_or([f64::NEG_INFINITY, f64::INFINITY], |at| neighbours(at, &scan));
-    let mut values: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
+    let here = data.observations.iter().filter(|o| c.session().is_none() || o.state.session == c.session());
+    let mut values: Vec<f64> = here.map(|o| value(variable, &o.state)).collect();
     values.sort_by(f64::total_cmp);
     values.dedup();
     let between: Vec<f64> =
@@ -38,7 +38,7 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
 
 /// A softness, a kink or a time constant, or a point of an axis, halfway to its neighbours on either side, unless they are near.
 fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
-    let alike = || all.iter().filter(|o| (o.cause, o.site) == (c.cause, c.site));
+    let alike = || all.iter().filter(|o| o.is_alike(c));
     if let Some(scale) = c.scale() {
         let scan: Vec<f64> = alike().filter(|o| same_curve(c, o)).filter_map(|o| Some(o.scale()?.ln())).collect();
         let finer: Vec<f64> = halfway(scale.ln(), &scan, SAME_SCALE_RATIO.ln()).map(f64::exp).collect();

@@ -1,7 +1,9 @@
 //! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
+use trical_ident::calibration::{own_setup, score_sessions};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
+use trical_ident::folds::Folds;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
 use trical_ident::identify::{Identified, fit_model, fit_model_knowing, prepared};
@@ -15,12 +17,16 @@ use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise}
 use crate::correlated_noise::CorrelatedNoise;
 use crate::covariates::{Covariates, gives_way};
 use crate::effect_id::{Cause, EffectId};
+use crate::findings::{Group, grouped};
 use crate::linear::Design;
 use crate::locators::locators;
+use crate::options::Options;
+use crate::parts::Parts;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE,
+    CONSIDERABLE_SHARE, CURVE_COEFFICIENTS, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, HELD_OUT_NATS, LACK_OF_FIT_P,
+    MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE, TRIED_WITH_CURVES,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -40,6 +46,8 @@ pub(crate) struct Rounds {
     pub(crate) candidates: Vec<Candidate>,
     /// Indices into the candidates.
     pub(crate) chosen: Vec<usize>,
+    /// Curves with many coefficients that were chosen first: in the fit, but not asked about while leaner candidates are searched.
+    held: Vec<usize>,
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
@@ -84,11 +92,13 @@ impl Round {
 
 impl Rounds {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
-    pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, names_only: bool) -> Result<Self> {
+    pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
         let all = rejection::without_stale(data);
         let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
         let all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
-        let (start, _) = prepared(robot, cell, &all, &Choice::from(set))?;
+        let choice = Choice::from(set);
+        let own = own_setup(robot, cell, &all, &choice, options.tool)?;
+        let (start, _) = prepared(robot, cell, &all, &choice.with_own(own))?;
         let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
         let sigma = touch_sigma(&fitted);
         let nuisances = reading_noise(&Covariates::new(&fitted.model, &all, sigma));
@@ -99,6 +109,7 @@ impl Rounds {
             known: vec![Known::NOTHING; fitted.model.terms.len()],
             candidates: Vec::new(),
             chosen: Vec::new(),
+            held: Vec::new(),
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
             fitted_nuisances: vec![false; nuisances.len()],
@@ -111,8 +122,10 @@ impl Rounds {
             rounds.refit()?;
         }
         rounds.fit_reading_noise()?;
-        (rounds.candidates, rounds.untestable) = catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma));
-        if !names_only {
+        let of_sessions = Covariates::of_sessions(&rounds.fitted.model, &rounds.all, sigma);
+        (rounds.candidates, rounds.untestable) =
+            catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma), &of_sessions);
+        if !options.names_only {
             rounds.candidates.extend(locators(&rounds.fitted.model, &rounds.all));
         }
         rounds.resize();
@@ -380,7 +393,9 @@ impl Rounds {
         weights: &[Vec<Vec<f64>>],
         correlation: CorrelatedNoise,
     ) -> Result<Design> {
-        Design::weighted(model, self.baseline_terms, candidates, weights, &self.kept, &self.fitted.noise, correlation)
+        let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
+        let effects = [self.baseline_terms, self.baseline_terms + held];
+        Design::weighted(model, effects, candidates, weights, &self.kept, &self.fitted.noise, correlation)
     }
 
     /// With all candidates, and probes behind them.
@@ -394,7 +409,7 @@ impl Rounds {
     }
 
     pub(crate) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        Search::new(design, &self.candidates, temper(&self.kept))
+        Search::new(design, &self.candidates, temper(&self.kept)).without_candidates(&self.held)
     }
 
     pub(crate) fn specification_test<'a>(&self, design: &'a Design, probes: &'a Probes) -> SpecificationTest<'a> {
@@ -414,7 +429,7 @@ impl Rounds {
     fn refit(&mut self) -> Result<()> {
         let mut model = self.bare();
         let mut known = vec![Known::NOTHING; model.terms.len()];
-        for c in self.chosen.iter().map(|c| &self.candidates[*c]) {
+        for c in self.held.iter().chain(&self.chosen).map(|c| &self.candidates[*c]) {
             for (t, sd) in c.terms.iter().zip(&c.scales) {
                 let mut term: Term = t.clone();
                 if model.terms.iter().any(|o| o.name == term.name) {
@@ -428,6 +443,120 @@ impl Rounds {
         self.fitted = fit_model_knowing(model, &self.kept, &self.fitted.noise, &known, Vec::new())?;
         self.known = known;
         Ok(())
+    }
+
+    /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
+    /// worth most where they are, and stay in the fit while leaner candidates are searched, which then costs what these cost.
+    pub(crate) fn hold_curves(&mut self) -> Result<()> {
+        let curve = |c: &Candidate| c.cause.effect().is_some() && c.terms.len() > CURVE_COEFFICIENTS;
+        if !self.candidates.iter().any(curve) {
+            return Ok(());
+        }
+        let chosen = {
+            let design = self.design(&self.candidates, &[], CorrelatedNoise::WHITE)?;
+            let search = self.searcher(&design);
+            search.first(&design.start(), TRIED_WITH_CURVES)
+        };
+        self.held = chosen.into_iter().filter(|c| curve(&self.candidates[*c])).collect();
+        if !self.held.is_empty() {
+            self.refit()?;
+        }
+        Ok(())
+    }
+
+    /// Held curves become as every other effect.
+    pub(crate) fn release_curves(&mut self) -> Result<()> {
+        let mut held = std::mem::take(&mut self.held);
+        held.append(&mut self.chosen);
+        self.chosen = held;
+        Ok(())
+    }
+
+    /// Drops what does not pay at blocks of poses that the fit did not see, one finding after the other, the worst first; and takes the
+    /// simpler of two nested effects where what tells them apart is nothing.
+    pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
+        let before = self.chosen.clone();
+        self.simplify();
+        let members = self.members(&self.chosen);
+        let dropped: Vec<usize> = {
+            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+            let all: Vec<usize> = (0..members.len()).collect();
+            match Parts::new(&design, &all, &Folds::of(&self.kept), self.temper()) {
+                Some(parts) => what_does_not_pay(&parts, grouped(&members, &all)),
+                None => Vec::new(),
+            }
+        };
+        let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();
+        self.chosen.retain(|c| !dropped.contains(c));
+        if self.chosen != before { self.refit() } else { Ok(()) }
+    }
+
+    /// Nested effects (a gap within friction that grows with the load): where all that the larger one adds is within two standard
+    /// deviations of nothing, the smaller one takes its place.
+    fn simplify(&mut self) {
+        for k in 0..self.chosen.len() {
+            let own = &self.candidates[self.chosen[k]];
+            let is_part = |o: &Candidate| {
+                o.terms.len() < own.terms.len()
+                    && o.cause.effect().is_some()
+                    && o.terms.iter().all(|t| own.terms.iter().any(|u| u.site == t.site && u.basis == t.basis))
+            };
+            let nothing = |t: &Term| {
+                let fitted = self.fitted.model.terms.iter().find(|m| m.does_as(t));
+                fitted.is_some_and(|m| m.sd.is_some_and(|sd| m.value.abs() < 2.0 * sd))
+            };
+            let simpler = self.candidates.iter().position(|o| {
+                let beside = |t: &&Term| !o.terms.iter().any(|u| u.site == t.site && u.basis == t.basis);
+                is_part(o) && own.terms.iter().filter(beside).all(nothing)
+            });
+            if let Some(simpler) = simpler.filter(|s| !self.chosen.contains(s)) {
+                self.chosen[k] = simpler;
+            }
+        }
+    }
+
+    /// Share of the rows that is independent.
+    pub(crate) fn temper(&self) -> f64 {
+        temper(&self.kept)
+    }
+
+    /// How many of the fitted coefficients of the arm the data determine: one for each without a prior, for each with one the share of
+    /// its prior's variance that the data removed.
+    pub(crate) fn effective_parameters(&self) -> f64 {
+        let of_arm = |t: &Term| !matches!(t.site, trical_model::Site::Frame { .. } | trical_model::Site::Target { .. });
+        let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| of_arm(t));
+        terms
+            .map(|(t, k)| match (k.prior, t.sd) {
+                (Some(prior), Some(sd)) => 1.0 - (sd / prior.sd).powi(2).min(1.0),
+                _ => 1.0,
+            })
+            .sum()
+    }
+
+    /// Errors (m) of each session by the arm that the others say, with what was chosen; `None` for one session.
+    pub(crate) fn by_session(&self) -> Option<Vec<f64>> {
+        (self.kept.names.len() > 1).then(|| {
+            let fit = |data: &Dataset| self.fit_of_sessions(data);
+            score_sessions(&self.kept, &fit).unwrap_or_default()
+        })
+    }
+
+    /// The fit of some of the sessions, with those of the terms that act there.
+    fn fit_of_sessions(&self, data: &Dataset) -> Result<Identified> {
+        let acts = |t: &Term| {
+            let here = |o: &Observation| !t.basis.is_elsewhere(&o.state);
+            data.observations.iter().any(here)
+                && match t.site {
+                    trical_model::Site::Frame { frame, .. } => data.observations.iter().any(|o| o.frame + 1 == frame),
+                    _ => true,
+                }
+        };
+        let mut model = self.fitted.model.clone();
+        let kept: Vec<bool> = model.terms.iter().map(acts).collect();
+        let mut at = kept.iter();
+        model.terms.retain(|_| at.next().copied().unwrap_or(false));
+        let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
+        fit_model_knowing(model, data, &self.fitted.noise, &known, Vec::new())
     }
 
     /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
@@ -453,6 +582,24 @@ impl Rounds {
         }
         Ok(any)
     }
+}
+
+/// Members of the groups that do not better the log score of unseen blocks beside those that stay.
+fn what_does_not_pay(parts: &Parts<'_>, mut groups: Vec<Group>) -> Vec<usize> {
+    let sum = |out: &[usize]| parts.scores(out, None).iter().sum::<f64>();
+    let mut out: Vec<usize> = Vec::new();
+    let mut now = sum(&out);
+    while !groups.is_empty() {
+        let without = |g: &Group| sum(&[&out[..], &g.members[..]].concat());
+        let scores: Vec<f64> = groups.iter().map(without).collect();
+        let Some((worst, best)) = scores.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if now - best > HELD_OUT_NATS {
+            break;
+        }
+        out.extend(groups.swap_remove(worst).members);
+        now = best;
+    }
+    out
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.

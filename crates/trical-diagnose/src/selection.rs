@@ -55,6 +55,29 @@ impl<'a> Search<'a> {
         Self { design, candidates, temper, banned: Vec::new() }
     }
 
+    /// The same without some candidates.
+    #[must_use]
+    pub fn without_candidates(self, out: &[usize]) -> Self {
+        Self { banned: out.to_vec(), ..self }
+    }
+
+    /// The first `count` candidates at most that forward selection takes, less those that do not earn their place beside the others.
+    #[must_use]
+    pub fn first(&self, start: &RegressionState, count: usize) -> Vec<usize> {
+        let mut chosen: Vec<usize> = Vec::new();
+        let mut state = start.clone();
+        while chosen.len() < count && !stop_wanted() {
+            let Some(best) = self.best(&state).find(|r| !chosen.contains(&r.candidate)) else { break };
+            if best.evidence < EVIDENCE_NATS {
+                break;
+            }
+            self.design.add(&mut state, best.candidate);
+            chosen.push(best.candidate);
+        }
+        self.backward(start, &mut chosen);
+        chosen
+    }
+
     /// Independent scalars left at a state.
     #[must_use]
     pub fn freedom(&self, state: &RegressionState) -> f64 {
@@ -140,7 +163,7 @@ impl<'a> Search<'a> {
     /// Whether two candidates are one effect at one site, differing in a scan point only.
     #[must_use]
     pub fn same_place(&self, a: usize, b: usize) -> bool {
-        self.candidates[a].cause == self.candidates[b].cause && self.candidates[a].site == self.candidates[b].site
+        self.candidates[a].is_alike(&self.candidates[b])
     }
 
     /// Evidence of a whole set over the start, nats.

@@ -87,6 +87,20 @@ pub const FINE_CURVE_KNOTS: [usize; 2] = [16, 32];
 /// Values of an angle that each knot of the finer curves must have.
 pub const VALUES_PER_KNOT: usize = 20;
 
+// Encoder curves
+
+/// Waves of an encoder's curve: fewer than the first are no curve, more than the second were not seen on real arms.
+pub const ENCODER_WAVES: (usize, usize) = (6, 50);
+
+/// Poses for every wave: fewer do not determine its two coefficients.
+pub const POSES_PER_WAVE: usize = 12;
+
+/// Candidates with more coefficients than this are chosen first, then held while leaner ones are searched.
+pub const CURVE_COEFFICIENTS: usize = 10;
+
+/// Candidates that are tried beside each other before curves are held.
+pub const TRIED_WITH_CURVES: usize = 14;
+
 // Frequencies
 
 /// Cycles per turn that gears have.
@@ -167,11 +181,30 @@ pub const HISTORY_KEPT: f64 = 0.8;
 
 // Findings
 
-/// Evidence is multiplied by this before it is turned into a probability: the noise is never quite what its model says.
-pub const TEMPERING: f64 = 0.7;
+/// A name less probable than this is doubted: what probes find at its place is told too.
+pub const DOUBTED_BELOW: f64 = 0.9;
 
-/// Trust is multiplied by this for each further wave or step that it took to uphold a name.
-pub const REPEATED_TRUST: f64 = 0.5;
+/// The last so many percent of each session's poses are predicted by a fit to those before.
+pub const LAST_PERCENT: usize = 25;
+
+/// Draws of the Bayesian bootstrap over blocks of poses: shares are then known to 3 %.
+pub const BOOTSTRAP_DRAWS: usize = 400;
+
+/// Alternatives that are set against a finding, beside what has no name at its place and nothing.
+pub const ALTERNATIVES: usize = 8;
+
+/// A part of the data agrees with the others where it says the same by more than this many standard deviations.
+pub const AGREES_SIGMAS: f64 = 1.0;
+
+/// Rows that a part of the data must have for each parameter, or halves are compared instead of quarters.
+pub const PARTS_BY_ROWS: usize = 3;
+
+/// A finding must better the log score of unseen blocks by this many nats; else modelling it does not pay.
+pub const HELD_OUT_NATS: f64 = 0.0;
+
+/// Logistic curves from shares to probabilities, of place, of place and family, of place and effect: constant, factor of the share's logit,
+/// factor of the share of parts that agree. Learnt by `proof/recalibrate.py`.
+pub const RECALIBRATION: [[f64; 3]; 3] = [[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// Rivals of a finding that are told at most.
 pub const MOST_RIVALS: usize = 8;
@@ -185,20 +218,11 @@ pub const RIVAL_NATS: f64 = 5.0;
 /// What probes find at a place where nothing was modelled is told where it is less likely than this to be chance.
 pub const REMAINDER_P: f64 = 1e-5;
 
-/// The share of an unknown effect that its approximation may leave to be taken for something else.
-pub const UNKNOWN_LEAK: f64 = 0.05;
-
 /// A probe that is better by so many nats than the curves of its place is told beside them.
 pub const PROBE_BETTER_NATS: f64 = 3.0;
 
 /// No claim is surer than this.
 pub const LARGEST_CONFIDENCE: f64 = 0.99;
-
-/// Waves of more cycles a turn are a gear's teeth; of fewer, they may be a part of anything that depends on the angle.
-pub const SLOW_WAVE_CYCLES: f64 = 20.0;
-
-/// A name that its place's probes trust no more than this is doubted: what the probe found there is told too.
-pub const DOUBTED_BELOW: f64 = 0.9;
 
 // Rivals
 

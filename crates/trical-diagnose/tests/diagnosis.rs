@@ -7,7 +7,7 @@ mod arm;
 use arm::{build, touch, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use trical_diagnose::{EffectId, diagnose};
+use trical_diagnose::{EffectId, Options, diagnose};
 use trical_ident::ParameterSet;
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Site, Task, Term};
 
@@ -22,7 +22,7 @@ fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
 
 fn diagnosed(model: &Model, seed: u64) -> trical_diagnose::Diagnosis {
     let data = build(touch(model, 150, 8e-6, seed));
-    diagnose(&model.robot, &model.cell, &data, false, &Task::silent()).unwrap()
+    diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap()
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn the_noise_of_nulled_readings_is_no_gain_error() {
         row.state.q = trical_model::ik::continue_from(&forward, &on, &row.state, &mut ws).unwrap();
         *reading = std::array::from_fn(|_| rand_distr::Distribution::sample(&normal, &mut rng));
     }
-    let d = diagnose(&model.robot, &model.cell, &build(recording), false, &Task::silent()).unwrap();
+    let d = diagnose(&model.robot, &model.cell, &build(recording), &Options::default(), &Task::silent()).unwrap();
     assert!(d.findings.is_empty(), "{:?}", d.findings);
     assert_eq!(d.baseline.reading_noise.len(), 1);
     assert!(d.blind_to.iter().any(|b| b.effect == EffectId::IndicatorGain && b.lacks.is_some()));

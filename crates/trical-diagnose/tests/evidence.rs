@@ -106,7 +106,7 @@ fn an_arm_that_carries_more_gives_way_less() {
     let (mut model, data) = made();
     let of = |model: &Model| {
         let recorded = Covariates::new(model, &data, 1e-5);
-        let all = catalogue(&recorded).0;
+        let all = catalogue(&recorded, &[]).0;
         let is_it = |c: &&Candidate| c.cause == EffectId::CrossAxisCompliance.into() && c.site == Place::Joint(2);
         (recorded.strength(), all.iter().find(is_it).unwrap().scales[0])
     };
@@ -132,7 +132,7 @@ fn a_curve_is_fine_where_there_are_values_for_it() {
 #[test]
 fn the_softest_gap_is_the_curve_of_a_soft_joint() {
     let (model, data) = made();
-    let all = catalogue(&Covariates::new(&model, &data, 1e-5)).0;
+    let all = catalogue(&Covariates::new(&model, &data, 1e-5), &[]).0;
     for joint in 2..=3 {
         let of = |effect: EffectId| -> Vec<Basis> {
             let here = |c: &&Candidate| c.cause == effect.into() && c.site == Place::Joint(joint);
@@ -146,7 +146,7 @@ fn the_softest_gap_is_the_curve_of_a_soft_joint() {
 #[test]
 fn a_joint_gives_way_about_any_point_of_its_axis() {
     let (model, data) = made();
-    let all = catalogue(&Covariates::new(&model, &data, 1e-5)).0;
+    let all = catalogue(&Covariates::new(&model, &data, 1e-5), &[]).0;
     let points = |joint| {
         let here = |c: &&Candidate| c.cause == EffectId::CrossAxisCompliance.into() && c.site == Place::Joint(joint);
         all.iter().filter(here).map(|c| (c.share(), c.located())).collect::<Vec<_>>()

@@ -57,7 +57,7 @@ fn made() -> (Model, Dataset, Vec<Candidate>) {
     let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     let recorded = Covariates::new(&model, &data, 1e-5);
-    let mut candidates = catalogue(&recorded).0;
+    let mut candidates = catalogue(&recorded, &[]).0;
     candidates.extend(locators(&model, &data));
     (model, data, candidates)
 }
@@ -215,7 +215,7 @@ fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
     let terms = both.iter().flat_map(|c| &c.terms).zip(values);
     with.terms.extend(terms.map(|(t, value)| Term { value, ..t.clone() }));
     let p = model.terms.len();
-    let design = Design::weighted(&with, p, &both, &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap();
+    let design = Design::weighted(&with, [p; 2], &both, &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap();
 
     // the same by hand: rows of the whole model, without the part that its effects have in them by their columns
     let (j, r) = rows(&with, &[], &data);
@@ -250,7 +250,7 @@ fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
     let both = [wave.clone(), weighed];
     let design = Design::weighted(
         &model,
-        model.terms.len(),
+        [model.terms.len(); 2],
         &both,
         &[Vec::new(), weights],
         &data,
@@ -328,7 +328,8 @@ fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
         (all.columns(0, p).into_owned(), all.column(p).into_owned())
     };
     let design =
-        Design::weighted(&model, model.terms.len(), &candidates, &[], &data, &Noise::usual(1), correlation).unwrap();
+        Design::weighted(&model, [model.terms.len(); 2], &candidates, &[], &data, &Noise::usual(1), correlation)
+            .unwrap();
     let start = design.start();
     let (before, _) = least(whitened(&[]), &[]);
     assert!(near(start.ss, before, before), "{} {before}", start.ss);
@@ -347,7 +348,7 @@ fn held_out_errors_do_not_go_with_the_memory_of_the_noise() {
     let set: Vec<usize> = some(&candidates).into_iter().step_by(9).collect();
     let told = [CorrelatedNoise::WHITE, CorrelatedNoise { kept: 0.8, white: 0.25 }].map(|correlation| {
         let design =
-            Design::weighted(&model, model.terms.len(), &candidates, &[], &data, &Noise::usual(1), correlation)
+            Design::weighted(&model, [model.terms.len(); 2], &candidates, &[], &data, &Noise::usual(1), correlation)
                 .unwrap();
         design.held_out(&set, &|p| p % 4 != 0, &|p| p % 4 == 0)
     });

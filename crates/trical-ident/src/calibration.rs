@@ -5,7 +5,7 @@ use serde::Serialize;
 use trical_model::{Cell, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::caution::cautions;
+use crate::caution::{cautions, too_many};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
@@ -16,6 +16,7 @@ use crate::joint_choice::clean;
 use crate::solver::LmReport;
 use crate::stream::identify_stream;
 use crate::units::{Shown, shown};
+use crate::validate::score_session;
 
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for.
 const SCORED: usize = 40_000;
@@ -154,13 +155,9 @@ impl Calibration {
     pub fn cautions(&self) -> Vec<String> {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
-        if 3 * f.free.len() > self.blocks && self.passes.is_none() {
-            out.push(format!(
-                "{} parameters were fitted to {} independent places of the arm ({} poses): more than a third",
-                f.free.len(),
-                self.blocks,
-                self.poses
-            ));
+        if self.passes.is_none() {
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));
         }
         out
     }
@@ -437,7 +434,8 @@ fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {
     data.names.iter().enumerate().map(setup).collect()
 }
 
-type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
+/// A fit to some of the data.
+pub type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
 
 /// Errors (m) of the observations whose pose is in `scored`, by a fit to the others.
 fn unseen(data: &Dataset, scored: &dyn Fn(usize) -> bool, fit: Fit<'_>) -> Result<Vec<f64>> {
@@ -524,20 +522,19 @@ fn held_out(
     task.step(0.8, "scoring later poses")?;
     let later = summary(forward_in_time(robot, cell, data, choice.clone(), LAST));
     task.step(0.9, "scoring sessions")?;
-    let by_session = || -> Result<Vec<f64>> {
-        let mut errors = Vec::new();
-        for session in 0..data.names.len() {
-            errors.extend(by_other_sessions(data, session, &fit)?);
-        }
-        Ok(errors)
-    };
-    let by_session = (data.names.len() > 1).then(|| summary(by_session())).flatten();
+    let by_session = (data.names.len() > 1).then(|| summary(score_sessions(data, &fit))).flatten();
     Ok(HeldOut { by_pose: pose, by_block: block, forward: later, by_session })
 }
 
-/// Errors (m) of one session by the arm that the others say; what is its own is identified from every fourth of its poses, the others are
-/// scored.
-fn by_other_sessions(data: &Dataset, session: usize, fit: Fit<'_>) -> Result<Vec<f64>> {
-    let fitted = fit(&data.filtered(|o| o.recording != session))?;
-    crate::validate::score_session(&fitted.model, &data.filtered(|o| o.recording == session))
+/// Errors (m) of every session by a fit to the others; what is its own is identified from every fourth of its poses, the others are scored.
+///
+/// # Errors
+/// As the fit.
+pub fn score_sessions(data: &Dataset, fit: Fit<'_>) -> Result<Vec<f64>> {
+    let mut errors = Vec::new();
+    for session in 0..data.names.len() {
+        let others = fit(&data.filtered(|o| o.recording != session))?;
+        errors.extend(score_session(&others.model, &data.filtered(|o| o.recording == session))?);
+    }
+    Ok(errors)
 }

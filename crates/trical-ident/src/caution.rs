@@ -39,6 +39,19 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
     out
 }
 
+/// What to say where more parameters were determined than a third of the independent places of the arm.
+#[must_use]
+pub fn too_many(parameters: f64, folds: &crate::folds::Folds) -> Option<String> {
+    let blocks = folds.blocks();
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    (3.0 * parameters > blocks as f64).then(|| {
+        format!(
+            "{parameters:.0} parameters were determined from {blocks} independent places of the arm ({} poses): more than a third",
+            folds.poses().len()
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]

@@ -175,10 +175,11 @@ pub fn _diagnose<'py>(
     cell: CellArgument,
     joints: &str,
     names_only: bool,
+    tool: &str,
     next: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Diagnosed<'py>> {
-    let joints = source(joints)?;
+    let options = trical_diagnose::Options { joints: source(joints)?, names_only, tool: sharing(tool)? };
     let (robot, cell) = read(&robot, &cell)?;
     if next.is_some() && cell.balls.is_empty() {
         return Err(bad("next: found no [balls] in the cell, expected balls that can be touched").into());
@@ -188,7 +189,7 @@ pub fn _diagnose<'py>(
     }
     let (file, text, errors, planned, told) = long(py, progress, |task| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
-        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, joints, names_only, task)?;
+        let (found, source) = diagnose_recordings(&robot, &cell, &recordings, &options, task)?;
         let mut value = serde_json::to_value(&found)?;
         value["recordings"] = json!(found.data.names);
         value["joints"] = json!(source);

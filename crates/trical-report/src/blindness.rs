@@ -53,7 +53,7 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
         .collect();
     let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let (mut candidates, untestable) = catalogue(&Covariates::new(model, &data, noise));
+    let (mut candidates, untestable) = catalogue(&Covariates::new(model, &data, noise), &[]);
     let joints = model.robot.dof();
     candidates.extend((1..=joints).flat_map(|joint| RIPPLES.map(|cycles| ripple(joint, cycles, joints))));
     let weights = Noise::usual(1);

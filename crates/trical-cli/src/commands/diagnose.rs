@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_diagnose::{Diagnosis, Finding, Rival, Undecided, diagnose_recordings};
+use trical_diagnose::{Diagnosis, Finding, Options, Rival, Undecided, diagnose_recordings};
 use trical_ident::{JointSource, ModelFile, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
 use trical_report::{diagnosis_report, table};
 
 use crate::error::{CliError, Result};
-use crate::input::{self, Joints, RobotAndCell};
+use crate::input::{self, Joints, RobotAndCell, Tool};
 use crate::{progress, say};
 
 /// So many findings are told in full on the terminal.
@@ -33,6 +33,8 @@ pub struct Args {
     /// Model what has a name alone: what has none is told, but not corrected
     #[arg(long)]
     names_only: bool,
+    #[command(flatten)]
+    tool: Tool,
     /// Where to write the extended model
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -61,8 +63,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let recordings = input::recordings(&args.recordings, robot.dof())?;
     let (diagnosis, source) = progress::with_bar("diagnosing", |task| {
-        let joints = args.joints.source();
-        diagnose_recordings(&robot, &cell, &recordings, joints, args.names_only, task)
+        let options = Options { joints: args.joints.source(), names_only: args.names_only, tool: args.tool.sharing() };
+        diagnose_recordings(&robot, &cell, &recordings, &options, task)
     })?;
     // rivals are fitted anew only for those who ask
     let undecided = args.next.map(|_| diagnosis.undecided()).transpose()?.flatten();

@@ -1,9 +1,9 @@
 //! Near-parallel axes are twisted against each other about y: Hayati's beta, which the four parameters of Denavit and Hartenberg lack
 //! (Hayati and Mirmirani 1985).
 
-use trical_model::{Basis, Parameter, Place, Site};
+use trical_model::{Basis, Parameter, Place, Scope, Site};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Size, deg};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

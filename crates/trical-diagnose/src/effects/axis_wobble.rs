@@ -1,8 +1,8 @@
 //! Bearing run-out: the axis tilts as the joint turns, once or twice a turn.
 
-use trical_model::{Axis, Basis, Parameter, Place, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Parameter, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Pivot, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, Pivot, Remedy, Size, deg};
 use crate::candidate::Candidate;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;

@@ -1,9 +1,9 @@
 //! A ball is not where the ballbar says. Of three balls, each could be the wrong one: two of their three distances change the same
 //! way for all, and the third is the arm's own scale.
 
-use trical_model::{Axis, Basis, Place, Site};
+use trical_model::{Axis, Basis, Place, Scope, Site};
 
-use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, Part, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,9 +1,9 @@
 //! Bearing and link give way across the axis: a rotation about a point of it, in proportion to the moment there. The point may be the
 //! joint's origin, its foot or between them; at joint 1 it is the foot, since base and table are what gives way.
 
-use trical_model::{Axis, Basis, Place, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Pivot, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Pivot, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

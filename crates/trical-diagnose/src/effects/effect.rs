@@ -1,7 +1,7 @@
 //! What an effect is: its words, and the candidates that it asks for.
 
 use serde::Serialize;
-use trical_model::{Axis, Basis, JointKind, Motion, Place, Site, Term};
+use trical_model::{Axis, Basis, JointKind, Motion, Place, Scope, Site, Term};
 
 use crate::candidate::{Candidate, anything};
 use crate::covariates::Covariates;
@@ -14,13 +14,10 @@ pub struct Effect {
     #[serde(rename = "name")]
     pub id: EffectId,
     /// What people call it: a few words, without an article.
-    #[serde(skip)]
     pub title: &'static str,
     /// What is sure where the name is not.
-    #[serde(skip)]
     pub family: Family,
     /// Whose it is: what of it goes to other sessions.
-    #[serde(skip)]
     pub scope: Scope,
     /// The kind of place at which it acts.
     pub site: &'static str,
@@ -33,7 +30,6 @@ pub struct Effect {
     /// What it is easily taken for.
     pub rivals: &'static str,
     /// What the owner of the arm can do: one sentence.
-    #[serde(skip)]
     pub action: &'static str,
     /// What would make it visible, where touches do not show it.
     #[serde(skip)]
@@ -50,7 +46,8 @@ pub struct Effect {
 }
 
 /// Effects of one mechanism.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Family {
     /// Gears and encoders.
     Transmission,
@@ -69,19 +66,6 @@ pub enum Family {
     /// The measuring device.
     Gauge,
     /// How the joints were read.
-    Reading,
-}
-
-/// Whose an effect is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Scope {
-    /// The arm's: the same in every session.
-    Arm,
-    /// Of what was set up for a session: tool, balls, load, gauge.
-    Setup,
-    /// Of what happened in the course of one session.
-    Course,
-    /// Of how it was recorded.
     Reading,
 }
 

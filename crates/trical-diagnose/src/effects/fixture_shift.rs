@@ -1,8 +1,8 @@
 //! The platform of the balls (or the base) slips at one moment, which is scanned.
 
-use trical_model::{Basis, Place, Shape, Site};
+use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, along};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Size, along};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,8 +1,8 @@
 //! The measuring instrument's own frame moves.
 
-use trical_model::{Basis, Motion, Place, Shape, Site};
+use trical_model::{Basis, Motion, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

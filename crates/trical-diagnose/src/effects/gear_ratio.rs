@@ -1,8 +1,8 @@
 //! The gear ratio is not what the controller believes.
 
-use trical_model::{Basis, Place, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

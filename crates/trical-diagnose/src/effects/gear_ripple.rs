@@ -1,9 +1,9 @@
 //! A strain-wave or cycloidal drive, or the motor's encoder: many cycles a turn. Three hundred frequencies at six joints are too
 //! many candidates: a periodogram says which are worth a try (see [`crate::periodogram`]), the prior counts all.
 
-use trical_model::{Basis, Place, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, arcsec};
+use super::effect::{Asked, Effect, Family, Remedy, Size, arcsec};
 use crate::candidate::Candidate;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;

@@ -1,8 +1,8 @@
 //! The base is not level: gravity does not point along -z of the cell, and every joint gives way accordingly.
 
-use trical_model::{Axis, Basis, Place, Site};
+use trical_model::{Axis, Basis, Place, Scope, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size, deg};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,8 +1,8 @@
 //! An indicator drifts with time.
 
-use trical_model::{Axis, Basis, Motion, Place, Shape, Site};
+use trical_model::{Axis, Basis, Motion, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Size};
 use crate::covariates::{Covariates, seconds_per};
 use crate::effect_id::EffectId;
 

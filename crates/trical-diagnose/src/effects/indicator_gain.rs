@@ -1,9 +1,9 @@
 //! An indicator reads too much or too little. Where every touch was nulled its gain cannot be asked for: the noise of a reading
 //! stands in the residual and in the regressor.
 
-use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Motion, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,8 +1,8 @@
 //! An indicator is not square to the others, and sees some of what they read.
 
-use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Variable};
+use trical_model::{Axis, Basis, Motion, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, Part, Remedy, Size, deg};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,8 +1,8 @@
 //! One joint moves another: bevel gears of a wrist (5 by 4, 6 by 5, 6 by 4), a parallelogram (3 by 2).
 
-use trical_model::{Basis, Place, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

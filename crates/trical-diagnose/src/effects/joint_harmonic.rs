@@ -1,8 +1,8 @@
 //! An eccentric gear or encoder: the joint runs ahead and behind a few times a turn.
 
-use trical_model::{Basis, Place, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Size, deg};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,8 +1,8 @@
 //! An encoder loses its zero, or a belt jumps: from one moment on the joint is off. The moment is scanned.
 
-use trical_model::{Basis, Place, Shape, Site};
+use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, NO_TIME, Remedy, Size, deg};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,9 +1,9 @@
 //! Joints were read before the arm had settled: read angles lag behind commanded ones in the sense of motion. All joints together, or
 //! one.
 
-use trical_model::{Basis, Place, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Part, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, Part, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

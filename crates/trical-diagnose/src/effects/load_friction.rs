@@ -1,8 +1,8 @@
 //! Friction that grows with the load: the joint stops short, more so the more it bears.
 
-use trical_model::{Basis, Place, Shape, Site};
+use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, NO_SENSE, Remedy, Scope, arcsec};
+use super::effect::{Asked, Effect, Family, NO_MASSES, NO_SENSE, Remedy, arcsec};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

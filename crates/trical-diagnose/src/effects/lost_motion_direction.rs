@@ -1,8 +1,8 @@
 //! Friction winds the drive up, or teeth change flank with the sense of motion: the joint stops short by half a gap.
 
-use trical_model::{Basis, Place, Site};
+use trical_model::{Basis, Place, Scope, Site};
 
-use super::effect::{Asked, Effect, Family, NO_SENSE, Remedy, Scope, Size, arcsec};
+use super::effect::{Asked, Effect, Family, NO_SENSE, Remedy, Size, arcsec};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,9 +1,9 @@
 //! Teeth rest on the flank that gravity presses: half a gap this way or that, changing where the torque changes sign. How softly it
 //! changes is scanned: friction and preload, a small part of what the joint bears, do that.
 
-use trical_model::{Basis, Place, Shape, Site};
+use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size, deg};
 use crate::candidate::Candidate;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;

@@ -7,8 +7,9 @@
 
 mod effect;
 
-pub use effect::{Effect, Family, Remedy, Scope};
+pub use effect::{Effect, Family, Remedy};
 pub use gear_ripple::ripple;
+pub use trical_model::Scope;
 
 use crate::effect_id::{EffectId, for_each_effect};
 

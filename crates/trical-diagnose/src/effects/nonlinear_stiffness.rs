@@ -2,9 +2,9 @@
 //! strain-wave gears have it), or the other way round. Shapes are scanned;
 //! a size is half of what the joint gives way in proportion to its torque, at the torque that it usually bears.
 
-use trical_model::{Basis, Place, Shape, Site};
+use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

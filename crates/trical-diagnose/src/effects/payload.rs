@@ -1,8 +1,8 @@
 //! Mass or centre of gravity of the tool are not what the cell file says: every joint gives way accordingly.
 
-use trical_model::{Axis, Basis, Payload, Place, Site};
+use trical_model::{Axis, Basis, Payload, Place, Scope, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Part, Remedy, Scope};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Part, Remedy};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

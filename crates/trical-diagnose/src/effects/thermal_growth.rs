@@ -1,8 +1,8 @@
 //! All lengths grow with temperature, or with a warm-up clock where there is no thermometer.
 
-use trical_model::{Place, Site, Variable};
+use trical_model::{Place, Scope, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size};
+use super::effect::{Asked, Effect, Family, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -1,8 +1,8 @@
 //! A joint's zero moves with temperature, or with a warm-up clock where there is no thermometer.
 
-use trical_model::{Place, Site};
+use trical_model::{Place, Scope, Site};
 
-use super::effect::{Asked, Effect, Family, Remedy, Scope, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Size, deg};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 

@@ -53,10 +53,11 @@ impl Design {
     /// # Errors
     /// A candidate at a site that the arm does not have.
     pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
-        Self::weighted(model, model.terms.len(), candidates, &[], data, noise, CorrelatedNoise::WHITE)
+        Self::weighted(model, [model.terms.len(); 2], candidates, &[], data, noise, CorrelatedNoise::WHITE)
     }
 
-    /// As [`Design::new`], of a model whose terms from `parameters` on are effects: it is linearized with them, and they are taken out of
+    /// As [`Design::new`], of a model whose terms before `parameters` are fitted, whose terms from there up to `effects` are held as they are, and
+    /// whose terms from `effects` on are effects: it is linearized with them, and they are taken out of
     /// the residual again by their own columns, so that with them in it the picture is exact. A candidate with weights (for each of its
     /// columns, one for each observation) has them multiplied in. Correlated noise is made white: rows are then what could
     /// not be foreseen from those before.
@@ -65,14 +66,14 @@ impl Design {
     /// As [`Design::new`].
     pub fn weighted(
         model: &Model,
-        parameters: usize,
+        [parameters, effects]: [usize; 2],
         candidates: &[Candidate],
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
         correlation: CorrelatedNoise,
     ) -> Result<Self> {
-        let linear = Linear::new(model, [parameters, parameters], candidates, weights, data, noise, correlation)?;
+        let linear = Linear::new(model, [parameters, effects], candidates, weights, data, noise, correlation)?;
         let (spans, width) = spans(candidates.iter().map(|c| c.terms.len()));
         let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
         let (rows, p) = (linear.rows(), linear.jacobian.ncols());
@@ -136,6 +137,21 @@ impl Design {
             of_parameters,
             held_out: Mutex::default(),
         })
+    }
+
+    /// The rows; `None` for a narrowed design.
+    pub(super) fn linear(&self) -> Option<&Linear> {
+        self.linear.as_ref()
+    }
+
+    /// First and one past the last column of a candidate.
+    pub(super) fn span(&self, candidate: usize) -> (usize, usize) {
+        self.spans[candidate]
+    }
+
+    /// 1 / (prior standard deviation)^2 of a column's coefficient.
+    pub(super) fn prior_precision(&self, column: usize) -> f64 {
+        self.precision[column]
     }
 
     /// Inner products of all columns with those of some candidates, computed together where they are not known yet: it costs

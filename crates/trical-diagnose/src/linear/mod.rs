@@ -11,14 +11,17 @@
 //! | [`state`] | the fit with some candidates added, and what others would do then |
 //! | [`downdate`] | the same with some of those taken out again |
 //! | `holdout` | errors at poses that a fit did not see |
+//! | [`partition`] | a set fitted without each part of the poses, and on each part alone |
 
 mod columns;
 pub mod design;
 pub mod downdate;
 mod holdout;
+pub mod partition;
 pub mod state;
 
 pub(crate) use columns::Linear;
 pub use design::Design;
 pub use downdate::{Downdate, Downdated};
+pub use partition::{Apart, Partition};
 pub use state::{Gain, RegressionState};

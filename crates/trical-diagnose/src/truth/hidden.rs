@@ -110,7 +110,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
         .collect();
     let recording = Recording { name: "catalogue".into(), joints: dof, rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    Ok(catalogue(&Covariates::new(model, &data, 1e-5)).0)
+    Ok(catalogue(&Covariates::new(model, &data, 1e-5), &[]).0)
 }
 
 #[cfg(test)]

@@ -1,0 +1,56 @@
+//! The joint's output encoder is not linear: what it reads is off by a smooth curve of the joint's own angle that repeats every turn, and
+//! is the same in every session. Its waves are held together by one prior that falls with their number, so that the curve costs
+//! what it is worth (a Gaussian process on the circle, by its Fourier series), and returns to zero where no angle was visited.
+
+use trical_model::{Basis, JointKind, Place, Scope, Shape, Site, Variable};
+
+use super::effect::{Asked, Effect, Family, Part, Remedy, deg};
+use crate::covariates::Covariates;
+use crate::effect_id::EffectId;
+use crate::settings::{ENCODER_WAVES, POSES_PER_WAVE};
+
+pub const EFFECT: Effect = Effect {
+    id: EffectId::EncoderError,
+    title: "encoder error",
+    family: Family::Transmission,
+    scope: Scope::Arm,
+    site: "joint",
+    form: "the output encoder is not linear: D = sum over n of (a_n sin(n q_j) + b_n cos(n q_j)), n = 1 to 50, the standard deviation \
+           of a_n and b_n falling as 1/sqrt(n); the same on every turn and in every session",
+    needs: "joints, six poses and more for every wave",
+    typical: "0.02 to 0.12 deg peak to peak",
+    rivals: "joint_harmonic (its first waves), gear_ripple (a line at the gear's number), a curve over one stroke",
+    action: "Let the calibrated model correct it; the maker can linearise the encoder.",
+    remedy: Remedy::WiderRange,
+    periodic: true,
+    follows_torque: false,
+    ask,
+};
+
+/// Standard deviation of the first wave's coefficients, rad: with 50 waves some 0.1 deg peak to peak.
+const FIRST_WAVE: f64 = deg(0.012);
+
+fn ask(r: &Covariates<'_>) -> Asked {
+    let waves = (r.poses / POSES_PER_WAVE).min(ENCODER_WAVES.1);
+    if waves < ENCODER_WAVES.0 {
+        return Asked::lacking("poses: an encoder's curve needs seventy and more");
+    }
+    let of = |joint: usize| {
+        let at = Site::Joint { joint };
+        let q = Variable::Joint { joint };
+        let mut parts: Vec<Part> = Vec::with_capacity(2 * waves);
+        let mut scales = Vec::with_capacity(2 * waves);
+        for n in 1..=waves {
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            let cycles = n as f64;
+            for (name, shape) in [("sine", Shape::Sine { cycles }), ("cosine", Shape::Cosine { cycles })] {
+                parts.push((format!("encoder_{name}_{n}_{joint}"), at, Basis::new(q, shape), 0));
+                scales.push(FIRST_WAVE / cycles.sqrt());
+            }
+        }
+        let behaviour = format!("a curve of joint {joint}'s own angle that repeats every turn");
+        EFFECT.candidate_of_scales(Place::Joint(joint), behaviour, deg(0.004), scales, parts)
+    };
+    let turns = |joint: &usize| r.model.robot.joints[joint - 1].kind == JointKind::Revolute;
+    r.joints().filter(turns).map(of).collect::<Vec<_>>().into()
+}

@@ -1,0 +1,292 @@
+//! A set of candidates fitted without each part of the poses in turn, and on each part alone: what its coefficients say apart, and what
+//! the poses of a part say of it when it was learnt on the others.
+//!
+//! With `H` the normal matrix of the fitted rows (priors included), `x` the solution and `E = X_t H^-1` for the rows `X_t` that are
+//! predicted, columns `o` are taken out by `x' = x - H^-1[:, o] y`, `y = H^-1[o, o]^-1 x[o]`, which changes the predicted residual by
+//! `-E[:, o] y`; columns `A` are added by the Schur complement of `H`. Another set costs what its difference costs.
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::solvers::{DenseSolveCore, Solve};
+use faer::{Accum, Mat, MatRef, Par, Side};
+use rayon::prelude::*;
+
+use super::columns::Linear;
+use super::design::Design;
+
+/// Keeps columns that the data absorb from doing harm: beside a length of one.
+const DAMPING: f64 = 1e-10;
+
+/// A joint fit in parts.
+pub struct Partition<'a> {
+    design: &'a Design,
+    linear: &'a Linear,
+    /// Candidates of the set, each with its columns in `fits`.
+    set: Vec<(usize, std::ops::Range<usize>)>,
+    /// Factor of each column that makes its length one.
+    scale: Vec<f64>,
+    /// Prior precisions of the scaled columns.
+    precision: Vec<f64>,
+    /// Rows of each part.
+    rows: Vec<Vec<usize>>,
+    /// All columns, scaled, one after the other.
+    entries: Vec<f64>,
+    /// Products of the columns, and with the residual, over each part.
+    grams: Vec<Mat<f64>>,
+    pushes: Vec<Vec<f64>>,
+    /// The fit without each part.
+    fits: Vec<Fit>,
+}
+
+/// A fit to the rows of the other parts.
+struct Fit {
+    inverse: Mat<f64>,
+    x: Mat<f64>,
+    /// `X_t H^-1`.
+    hat: Mat<f64>,
+    /// Residual of the predicted rows.
+    left: Mat<f64>,
+}
+
+/// Coefficients of some candidates from one part of the data alone, SI, and their covariance for unit noise.
+pub struct Apart {
+    /// Coefficients.
+    pub value: Vec<f64>,
+    /// `k x k`.
+    pub covariance: Mat<f64>,
+}
+
+impl<'a> Partition<'a> {
+    /// Fits `set` in `count` parts; `part_of` says of each pose to which it belongs. `None` where a fit fails, or the design has no rows.
+    #[must_use]
+    pub fn new(design: &'a Design, set: &[usize], count: usize, part_of: &dyn Fn(usize) -> usize) -> Option<Self> {
+        let linear = design.linear()?;
+        let (p, m) = (design.parameters, linear.rows());
+        let mut at = p;
+        let set: Vec<(usize, std::ops::Range<usize>)> = set
+            .iter()
+            .map(|c| {
+                let (from, to) = design.span(*c);
+                at += to - from;
+                (*c, at - (to - from)..at)
+            })
+            .collect();
+        let n = at;
+        let mut entries = vec![0.0; m * n];
+        for j in 0..p {
+            entries[j * m..(j + 1) * m].copy_from_slice(linear.jacobian.col_as_slice(j));
+        }
+        let mut precision = vec![0.0; n];
+        for (c, range) in &set {
+            let (from, to) = design.span(*c);
+            for (a, j) in (from..to).zip(range.clone()) {
+                linear.column(a, &mut entries[j * m..(j + 1) * m]);
+                precision[j] = design.prior_precision(a);
+            }
+        }
+        let mut scale = vec![0.0; n];
+        for j in 0..n {
+            let column = &mut entries[j * m..(j + 1) * m];
+            let square: f64 = column.iter().map(|v| v * v).sum();
+            scale[j] = if square > 0.0 { 1.0 / square.sqrt() } else { 1.0 };
+            column.iter_mut().for_each(|v| *v *= scale[j]);
+            precision[j] = precision[j] * scale[j] * scale[j] + DAMPING;
+        }
+        let mut rows = vec![Vec::new(); count];
+        for (i, pose) in linear.pose_of_row.iter().enumerate() {
+            rows[part_of(*pose) % count].push(i);
+        }
+        let mut this = Self {
+            design,
+            linear,
+            set,
+            scale,
+            precision,
+            rows,
+            entries,
+            grams: Vec::new(),
+            pushes: Vec::new(),
+            fits: Vec::new(),
+        };
+        let sums = |part: usize| {
+            let x = this.rows_of(part);
+            let r = Mat::from_fn(x.nrows(), 1, |i, _| linear.residual[this.rows[part][i]]);
+            let mut gram = Mat::<f64>::zeros(n, n);
+            matmul(gram.as_mut(), Accum::Replace, x.transpose(), x.as_ref(), 1.0, Par::Seq);
+            let push = x.transpose() * &r;
+            (gram, (0..n).map(|j| push[(j, 0)]).collect())
+        };
+        (this.grams, this.pushes) = (0..count).into_par_iter().map(sums).unzip();
+        let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
+        this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;
+        Some(this)
+    }
+
+    /// The scaled columns in the rows of a part.
+    fn rows_of(&self, part: usize) -> Mat<f64> {
+        let (m, n) = (self.linear.rows(), self.scale.len());
+        Mat::from_fn(self.rows[part].len(), n, |i, j| self.entries[j * m + self.rows[part][i]])
+    }
+
+    /// Normal matrix and right side over some parts, with the priors.
+    fn normal(&self, parts: impl Iterator<Item = usize>) -> (Mat<f64>, Mat<f64>) {
+        let n = self.scale.len();
+        let (mut h, mut g) = (Mat::<f64>::zeros(n, n), Mat::<f64>::zeros(n, 1));
+        for k in parts {
+            h += &self.grams[k];
+            for j in 0..n {
+                g[(j, 0)] -= self.pushes[k][j];
+            }
+        }
+        for j in 0..n {
+            h[(j, j)] += self.precision[j];
+        }
+        (h, g)
+    }
+
+    fn without_part(&self, part: usize) -> Option<Fit> {
+        let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part));
+        let factor = h.llt(Side::Lower).ok()?;
+        let (inverse, x) = (factor.inverse(), factor.solve(&g));
+        let tested = self.rows_of(part);
+        let mut left = Mat::from_fn(tested.nrows(), 1, |i, _| self.linear.residual[self.rows[part][i]]);
+        matmul(left.as_mut(), Accum::Add, tested.as_ref(), x.as_ref(), 1.0, Par::Seq);
+        let mut hat = Mat::<f64>::zeros(tested.nrows(), inverse.ncols());
+        matmul(hat.as_mut(), Accum::Replace, tested.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
+        Some(Fit { inverse, x, hat, left })
+    }
+
+    fn columns_of(&self, members: &[usize]) -> Vec<usize> {
+        self.set.iter().filter(|(c, _)| members.contains(c)).flat_map(|(_, range)| range.clone()).collect()
+    }
+
+    /// Residuals (in standard deviations) of all rows, each predicted by the fit without its part, of the set without the candidates `out`
+    /// and with `add` in their place. Rows of a fit that fails are not predicted at all (infinite).
+    #[must_use]
+    pub fn instead(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
+        let o = self.columns_of(out);
+        let added = add.map(|c| self.scaled_columns(c));
+        let mut all = vec![f64::INFINITY; self.linear.rows()];
+        for (part, fit) in self.fits.iter().enumerate() {
+            let Some(left) = self.predicted(part, fit, &o, added.as_ref()) else { continue };
+            for (i, row) in self.rows[part].iter().enumerate() {
+                all[*row] = left[(i, 0)];
+            }
+        }
+        all
+    }
+
+    /// Columns of a candidate, scaled (`rows x k`), and their prior precisions.
+    fn scaled_columns(&self, candidate: usize) -> (Mat<f64>, Vec<f64>) {
+        let (from, to) = self.design.span(candidate);
+        let mut columns = Mat::<f64>::zeros(self.linear.rows(), to - from);
+        let mut precision = Vec::with_capacity(to - from);
+        for a in from..to {
+            let column = columns.col_as_slice_mut(a - from);
+            self.linear.column(a, column);
+            let square: f64 = column.iter().map(|v| v * v).sum();
+            let scale = if square > 0.0 { 1.0 / square.sqrt() } else { 1.0 };
+            column.iter_mut().for_each(|v| *v *= scale);
+            precision.push(self.design.prior_precision(a) * scale * scale + DAMPING);
+        }
+        (columns, precision)
+    }
+
+    fn predicted(&self, part: usize, fit: &Fit, o: &[usize], add: Option<&(Mat<f64>, Vec<f64>)>) -> Option<Mat<f64>> {
+        let pick = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
+        if o.is_empty() && add.is_none() {
+            return Some(fit.left.clone());
+        }
+        let of_out = Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]);
+        let factor = of_out.llt(Side::Lower).ok()?;
+        let x_out = Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]);
+        let y = factor.solve(&x_out);
+        let hat_out = pick(fit.hat.as_ref());
+        let mut left = &fit.left - &hat_out * &y;
+        let Some((columns, precision)) = add else { return Some(left) };
+        let (k, m, n) = (columns.ncols(), self.linear.rows(), self.scale.len());
+        // sums over the rows that are fitted
+        let (mut a, mut aa, mut ar) = (Mat::<f64>::zeros(n, k), Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, 1));
+        let all = MatRef::from_column_major_slice(&self.entries, m, n);
+        let mut fitted = columns.clone();
+        for row in &self.rows[part] {
+            (0..k).for_each(|j| fitted[(*row, j)] = 0.0);
+        }
+        matmul(a.as_mut(), Accum::Replace, all.transpose(), fitted.as_ref(), 1.0, Par::Seq);
+        matmul(aa.as_mut(), Accum::Replace, fitted.transpose(), fitted.as_ref(), 1.0, Par::Seq);
+        for j in 0..k {
+            aa[(j, j)] += precision[j];
+            ar[(j, 0)] = fitted.col_as_slice(j).iter().zip(&self.linear.residual).map(|(a, r)| a * r).sum();
+        }
+        // what the set without its members `o` leaves of the new columns
+        let inverse_out = pick(fit.inverse.as_ref());
+        let through = factor.solve(&(inverse_out.transpose() * &a));
+        let solved = &fit.inverse * &a - &inverse_out * &through;
+        let x = &fit.x - &inverse_out * &y;
+        let complement = &aa - a.transpose() * &solved;
+        let push = &ar + a.transpose() * &x;
+        let value = complement.llt(Side::Lower).ok()?.solve(&push);
+        let seen = Mat::from_fn(self.rows[part].len(), k, |i, j| columns[(self.rows[part][i], j)]);
+        let shown = &seen - (&fit.hat * &a - &hat_out * &through);
+        left -= &shown * &value;
+        Some(left)
+    }
+
+    /// Coefficients of some members of the set from each group of parts alone, beside all others fitted to the same rows. Their own priors
+    /// are left out, so that parts are independent; what a part does not determine is not there.
+    #[must_use]
+    pub fn apart(&self, members: &[usize], groups: &[Vec<usize>]) -> Vec<Apart> {
+        let own = self.columns_of(members);
+        groups
+            .iter()
+            .filter_map(|parts| {
+                let (mut h, g) = self.normal(parts.iter().copied());
+                for j in &own {
+                    // a trace of the prior keeps what the part does not determine finite
+                    h[(*j, *j)] -= (1.0 - OWN_PRIOR) * (self.precision[*j] - DAMPING);
+                }
+                let factor = h.llt(Side::Lower).ok()?;
+                let x = factor.solve(&g);
+                let mut unit = Mat::<f64>::zeros(self.scale.len(), own.len());
+                for (k, j) in own.iter().enumerate() {
+                    unit[(*j, k)] = 1.0;
+                }
+                let inverse = factor.solve(&unit);
+                Some(Apart {
+                    value: own.iter().map(|j| x[(*j, 0)] * self.scale[*j]).collect(),
+                    covariance: Mat::from_fn(own.len(), own.len(), |i, k| {
+                        inverse[(own[i], k)] * self.scale[own[i]] * self.scale[own[k]]
+                    }),
+                })
+            })
+            .collect()
+    }
+
+    /// Number of rows of each part.
+    #[must_use]
+    pub fn sizes(&self) -> Vec<usize> {
+        self.rows.iter().map(Vec::len).collect()
+    }
+
+    /// Pose of each row.
+    #[must_use]
+    pub fn pose_of_row(&self) -> &[usize] {
+        &self.linear.pose_of_row
+    }
+
+    /// Root mean square position error, mm, of residuals as [`Self::instead`] gives them.
+    #[must_use]
+    pub fn position_errors(&self, residuals: &[f64]) -> Vec<f64> {
+        let mut squares: Vec<(usize, f64)> = Vec::new();
+        for (r, (sigma, observation)) in residuals.iter().zip(&self.linear.sigma_of_row) {
+            let square = (r * sigma).powi(2);
+            match squares.last_mut() {
+                Some((last, sum)) if last == observation => *sum += square,
+                _ => squares.push((*observation, square)),
+            }
+        }
+        squares.into_iter().map(|(_, s)| s.sqrt()).collect()
+    }
+}
+
+/// Share of its own prior's precision that a coefficient keeps where it is estimated on a part alone.
+const OWN_PRIOR: f64 = 0.01;

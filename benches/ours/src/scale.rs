@@ -63,7 +63,7 @@ fn parameters(task: &Task, n: usize) {
 fn candidates(task: &Task, n: usize) {
     let (nominal, data) = (task.nominal("cell.toml"), load(task, "elastic_points.csv"));
     let found = identify(&nominal.robot, &nominal.cell, &data, ParameterSet::Compliance).unwrap();
-    let (all, _) = catalogue(&Covariates::new(&found.model, &data, 2e-5));
+    let (all, _) = catalogue(&Covariates::new(&found.model, &data, 2e-5), &[]);
     let list: Vec<_> = all.iter().cycle().take(n).cloned().collect();
     measured("candidates", n, || {
         let design = Design::new(&found.model, &list, &data, &found.noise).unwrap();

@@ -4,6 +4,7 @@ use trical_model::{Basis, Place, Shape, Term, Variable};
 
 use crate::covariates::{is_order, moment};
 use crate::effect_id::Cause;
+use crate::settings::CURVE_COEFFICIENTS;
 
 /// One explanation that can be tried: the terms that it would add.
 #[derive(Clone, Debug)]
@@ -49,6 +50,18 @@ impl Candidate {
     #[must_use]
     pub fn is_alike(&self, other: &Self) -> bool {
         (self.cause, self.site, self.session()) == (other.cause, other.site, other.session())
+    }
+
+    /// Whether all of its terms are among those of another.
+    #[must_use]
+    pub fn is_part_of(&self, other: &Self) -> bool {
+        self.terms.iter().all(|t| other.terms.iter().any(|o| o.site == t.site && o.basis == t.basis))
+    }
+
+    /// Whether it is a curve with so many coefficients that it is chosen first and then held.
+    #[must_use]
+    pub fn is_long_curve(&self) -> bool {
+        self.cause.effect().is_some() && self.terms.len() > CURVE_COEFFICIENTS
     }
 
     /// Whether it happens in the course of a session.

@@ -112,7 +112,11 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
 fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
     task.step(0.05, "curves of the joints")?;
     rounds.hold_curves()?;
-    rounds.settle(&task.part(0.1, 0.45))?;
+    rounds.settle(&task.part(0.1, 0.35))?;
+    // with the large effects out of the way
+    if rounds.hold_curves()? {
+        rounds.settle(&task.part(0.35, 0.45))?;
+    }
     if rounds.restore_rows()? {
         rounds.settle(&task.part(0.45, 0.5))?;
     }
@@ -242,8 +246,12 @@ impl<'a> Proving<'a> {
         let mut told: Vec<usize> = Vec::new();
         for r in self.search.rank(state) {
             let c = &candidates[r.candidate];
-            let known =
-                others.contains(&r.candidate) || c.is_alike(first) || told.iter().any(|t| candidates[*t].is_alike(c));
+            // what contains the finding and was not chosen adds nothing to it
+            let contains = |c: &Candidate| group.members.iter().all(|m| candidates[*m].is_part_of(c));
+            let known = others.contains(&r.candidate)
+                || c.is_alike(first)
+                || contains(c)
+                || told.iter().any(|t| candidates[*t].is_alike(c));
             let nameless_here = c.cause == Cause::Unexplained && c.site.is_same_part(first.site);
             if known || (told.len() >= ALTERNATIVES && !nameless_here) {
                 continue;

@@ -25,8 +25,8 @@ use crate::parts::Parts;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, CURVE_COEFFICIENTS, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, HELD_OUT_NATS, LACK_OF_FIT_P,
-    MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE, TRIED_WITH_CURVES,
+    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, HELD_OUT_NATS, LACK_OF_FIT_P, MOST_ROUNDS,
+    NOISE_ALTERNATIONS, ROWS_ALIKE, TRIED_WITH_CURVES,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -48,6 +48,8 @@ pub(crate) struct Rounds {
     pub(crate) chosen: Vec<usize>,
     /// Curves with many coefficients that were chosen first: in the fit, but not asked about while leaner candidates are searched.
     held: Vec<usize>,
+    /// Such curves that were not chosen so far.
+    curves: Vec<Candidate>,
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
@@ -110,6 +112,7 @@ impl Rounds {
             candidates: Vec::new(),
             chosen: Vec::new(),
             held: Vec::new(),
+            curves: Vec::new(),
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
             fitted_nuisances: vec![false; nuisances.len()],
@@ -125,6 +128,7 @@ impl Rounds {
         let of_sessions = Covariates::of_sessions(&rounds.fitted.model, &rounds.all, sigma);
         (rounds.candidates, rounds.untestable) =
             catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma), &of_sessions);
+        (rounds.curves, rounds.candidates) = rounds.candidates.into_iter().partition(Candidate::is_long_curve);
         if !options.names_only {
             rounds.candidates.extend(locators(&rounds.fitted.model, &rounds.all));
         }
@@ -244,7 +248,7 @@ impl Rounds {
         }
         let (round, kept) = (self.round(), std::mem::replace(&mut self.kept, self.all.clone()));
         let best = {
-            let design = self.design(&self.candidates, &[], self.correlation)?;
+            let design = self.design(&self.searched(), &[], self.correlation)?;
             let search = self.searcher(&design);
             let state = search.with(&design.start(), &self.chosen);
             let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
@@ -333,7 +337,7 @@ impl Rounds {
         while !best.tried.contains(&next) && best.tried.len() < NOISE_ALTERNATIONS {
             checkpoint()?;
             best.tried.push(next);
-            let design = self.design(&self.candidates, &[], next)?;
+            let design = self.design(&self.searched(), &[], next)?;
             checkpoint()?;
             let chosen = self.searcher(&design).choose(&design.start(), &best.chosen);
             let (correlation, nats) = self.noise_beside(&chosen)?;
@@ -401,7 +405,7 @@ impl Rounds {
     /// With all candidates, and probes behind them.
     pub(crate) fn design_with_probes(&self) -> Result<(Design, Probes)> {
         let probes = probes(&self.fitted.model, &self.kept);
-        let mut all = self.candidates.clone();
+        let mut all = self.searched();
         all.extend(probes.candidates.iter().cloned());
         let mut weights = vec![Vec::new(); self.candidates.len()];
         weights.extend(probes.weights.iter().cloned());
@@ -447,21 +451,38 @@ impl Rounds {
 
     /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
     /// worth most where they are, and stay in the fit while leaner candidates are searched, which then costs what these cost.
-    pub(crate) fn hold_curves(&mut self) -> Result<()> {
-        let curve = |c: &Candidate| c.cause.effect().is_some() && c.terms.len() > CURVE_COEFFICIENTS;
-        if !self.candidates.iter().any(curve) {
-            return Ok(());
+    pub(crate) fn hold_curves(&mut self) -> Result<bool> {
+        if self.curves.is_empty() {
+            return Ok(false);
         }
+        let first = self.candidates.len();
+        let all = [self.searched(), self.curves.clone()].concat();
         let chosen = {
-            let design = self.design(&self.candidates, &[], CorrelatedNoise::WHITE)?;
-            let search = self.searcher(&design);
-            search.first(&design.start(), TRIED_WITH_CURVES)
+            let design = self.design(&all, &[], CorrelatedNoise::WHITE)?;
+            let search = Search::new(&design, &all, self.temper()).without_candidates(&self.held);
+            search.first(&design.start(), &self.chosen, TRIED_WITH_CURVES)
         };
-        self.held = chosen.into_iter().filter(|c| curve(&self.candidates[*c])).collect();
-        if !self.held.is_empty() {
-            self.refit()?;
+        let new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();
+        if new.is_empty() {
+            return Ok(false);
         }
-        Ok(())
+        let mut at = 0..;
+        let (held, left): (Vec<Candidate>, Vec<Candidate>) =
+            std::mem::take(&mut self.curves).into_iter().partition(|_| at.next().is_some_and(|k| new.contains(&k)));
+        self.curves = left;
+        self.held.extend(first..first + held.len());
+        self.candidates.extend(held);
+        self.refit()?;
+        Ok(true)
+    }
+
+    /// The candidates that are searched: held curves without their columns.
+    fn searched(&self) -> Vec<Candidate> {
+        let mut all = self.candidates.clone();
+        for c in &self.held {
+            all[*c] = Candidate { terms: Vec::new(), signs: Vec::new(), scales: Vec::new(), ..all[*c].clone() };
+        }
+        all
     }
 
     /// Held curves become as every other effect.
@@ -496,11 +517,8 @@ impl Rounds {
     fn simplify(&mut self) {
         for k in 0..self.chosen.len() {
             let own = &self.candidates[self.chosen[k]];
-            let is_part = |o: &Candidate| {
-                o.terms.len() < own.terms.len()
-                    && o.cause.effect().is_some()
-                    && o.terms.iter().all(|t| own.terms.iter().any(|u| u.site == t.site && u.basis == t.basis))
-            };
+            let is_part =
+                |o: &Candidate| o.terms.len() < own.terms.len() && o.cause.effect().is_some() && o.is_part_of(own);
             let nothing = |t: &Term| {
                 let fitted = self.fitted.model.terms.iter().find(|m| m.does_as(t));
                 fitted.is_some_and(|m| m.sd.is_some_and(|sd| m.value.abs() < 2.0 * sd))

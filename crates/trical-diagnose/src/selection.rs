@@ -61,12 +61,13 @@ impl<'a> Search<'a> {
         Self { banned: out.to_vec(), ..self }
     }
 
-    /// The first `count` candidates at most that forward selection takes, less those that do not earn their place beside the others.
+    /// `initial` with the first `count` candidates at most that forward selection takes beside it, less those of all that do not earn their
+    /// place beside the others.
     #[must_use]
-    pub fn first(&self, start: &RegressionState, count: usize) -> Vec<usize> {
-        let mut chosen: Vec<usize> = Vec::new();
-        let mut state = start.clone();
-        while chosen.len() < count && !stop_wanted() {
+    pub fn first(&self, start: &RegressionState, initial: &[usize], count: usize) -> Vec<usize> {
+        let mut chosen: Vec<usize> = initial.to_vec();
+        let mut state = self.with(start, initial);
+        while chosen.len() < initial.len() + count && !stop_wanted() {
             let Some(best) = self.best(&state).find(|r| !chosen.contains(&r.candidate)) else { break };
             if best.evidence < EVIDENCE_NATS {
                 break;

@@ -2,7 +2,6 @@
 
 use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
-use trical_ident::folds::{FOLDS, Folds, Split};
 use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
 use trical_model::{Forward, Model, Place, Scope};
@@ -10,12 +9,10 @@ use trical_model::{Forward, Model, Place, Scope};
 use crate::candidate::Candidate;
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Replicated, Rival, Unexplained};
 use crate::effect_id::{Cause, EffectId};
-use crate::linear::{Design, RegressionState};
+use crate::linear::RegressionState;
 use crate::locators;
 use crate::selection::Search;
-use crate::settings::{
-    CONSIDERABLE_SHARE, LAST_PERCENT, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA,
-};
+use crate::settings::{CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA};
 use crate::specification_test::{LackOfFit, SpecificationTest};
 use crate::statistics::{bic_nats, f_test_of_effect};
 
@@ -60,25 +57,6 @@ pub(crate) struct Proof {
     pub(crate) blocks: f64,
     /// The last quarter of the poses, by a fit to those before.
     pub(crate) forward: f64,
-}
-
-/// How well the baseline with the candidates of `set` predicts what it was not fitted to.
-pub(crate) fn prove(design: &Design, set: &[usize], folds: &Folds) -> Proof {
-    let rms = |errors: &[f64]| ErrorSummary::of(errors).rms_mm;
-    Proof {
-        blocks: rms(&held_out(design, set, &folds.by_block(FOLDS))),
-        forward: rms(&forward_in_time(design, set, folds)),
-    }
-}
-
-/// Position errors of the last quarter of each session's poses, by a fit to those before.
-pub(crate) fn forward_in_time(design: &Design, set: &[usize], folds: &Folds) -> Vec<f64> {
-    folds.forward(LAST_PERCENT).map(|split| held_out(design, set, &[split])).unwrap_or_default()
-}
-
-/// Position errors of the poses of each split, scored by a fit to all others.
-pub(crate) fn held_out(design: &Design, set: &[usize], splits: &[Split<'_>]) -> Vec<f64> {
-    splits.iter().flat_map(|split| design.held_out(set, &|p| !split(p), &|p| split(p))).collect()
 }
 
 pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {

@@ -1,15 +1,18 @@
-//! The joint fit of everything that was chosen, in parts that cut no block of neighbouring poses: log scores of blocks that the fit did not
-//! see, and what disjoint parts say of the same coefficients.
+//! The joint fit of everything that was chosen, in parts: what the fit to the others says of each, in errors and in log scores of blocks of
+//! neighbouring poses, and what disjoint parts say of the same coefficients.
 
 use trical_ident::folds::{FOLDS, Folds};
+use trical_ident::identify::ErrorSummary;
 
 use crate::linear::{Design, Partition};
 use crate::probability::{Replication, replication};
-use crate::settings::PARTS_BY_ROWS;
+use crate::settings::{LAST_PERCENT, PARTS_BY_ROWS};
 
-/// A joint fit in parts, and the scores of what each part says of itself by the others.
+/// The joint fit of a set of candidates in parts.
 pub(crate) struct Parts<'a> {
     partition: Partition<'a>,
+    /// The only part that is scored, if not all are.
+    scored: Option<usize>,
     block_of_row: Vec<usize>,
     blocks: usize,
     /// Of a row that the fit did not see.
@@ -18,16 +21,39 @@ pub(crate) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    pub(crate) fn new(design: &'a Design, set: &[usize], folds: &Folds, temper: f64) -> Option<Self> {
+    /// Four parts that cut no block.
+    pub(crate) fn by_block(design: &'a Design, set: &[usize], folds: &Folds, temper: f64) -> Option<Self> {
         let fold_of_block = folds.fold_of_blocks(FOLDS);
         let part_of = |pose: usize| fold_of_block.get(folds.block_of(pose)).copied().unwrap_or(0);
-        let partition = Partition::new(design, set, FOLDS, &part_of)?;
+        Self::new(design, set, folds, temper, (FOLDS, None, &part_of))
+    }
+
+    /// Four parts, every fourth pose in each.
+    pub(crate) fn by_pose(design: &'a Design, set: &[usize], folds: &Folds, temper: f64) -> Option<Self> {
+        let part_of = |pose: usize| folds.poses().binary_search(&pose).unwrap_or(0) % FOLDS;
+        Self::new(design, set, folds, temper, (FOLDS, None, &part_of))
+    }
+
+    /// The last quarter of each session's poses, by those before.
+    pub(crate) fn forward(design: &'a Design, set: &[usize], folds: &Folds, temper: f64) -> Option<Self> {
+        let split = folds.forward(LAST_PERCENT)?;
+        Self::new(design, set, folds, temper, (2, Some(0), &|pose| usize::from(!split(pose))))
+    }
+
+    fn new(
+        design: &'a Design,
+        set: &[usize],
+        folds: &Folds,
+        temper: f64,
+        (count, scored, part_of): (usize, Option<usize>, &dyn Fn(usize) -> usize),
+    ) -> Option<Self> {
+        let partition = Partition::new(design, set, count, part_of)?;
         let block_of_row = partition.pose_of_row().iter().map(|pose| folds.block_of(*pose)).collect();
-        let full = partition.instead(&[], None);
-        let seen: Vec<f64> = full.into_iter().filter(|r| r.is_finite()).collect();
+        let seen: Vec<f64> = partition.instead(&[], None).into_iter().filter(|r| r.is_finite()).collect();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let variance = seen.iter().map(|r| r * r).sum::<f64>() / seen.len().max(1) as f64;
-        (variance > 0.0).then_some(Self { partition, block_of_row, blocks: folds.blocks(), variance, temper })
+        let blocks = folds.blocks();
+        (variance > 0.0).then_some(Self { partition, scored, block_of_row, blocks, variance, temper })
     }
 
     /// Log score of each block without the candidates `out` and with `add` in their place.
@@ -39,6 +65,11 @@ impl<'a> Parts<'a> {
             scores[*block] -= 0.5 * self.temper * square / self.variance;
         }
         scores
+    }
+
+    /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
+    pub(crate) fn errors(&self, out: &[usize], add: Option<usize>) -> ErrorSummary {
+        ErrorSummary::of(&self.partition.position_errors(&self.partition.instead(out, add), self.scored))
     }
 
     /// Coefficients of some members from disjoint parts, compared: from each of four parts, or from halves where a part has few rows

@@ -5,7 +5,7 @@ use trical_ident::caution::{cautions, too_many};
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
-use trical_ident::folds::{FOLDS, Folds};
+use trical_ident::folds::Folds;
 use trical_ident::identify::ErrorSummary;
 use trical_model::{Cell, Forward, Model, Place, Robot, Site, Task};
 
@@ -14,8 +14,8 @@ use crate::catalogue::Untestable;
 use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Replicated, Unexplained};
 use crate::effect_id::{Cause, EffectId};
 use crate::findings::{
-    Group, Proof, add_probe_results, blind, finding, forward_in_time, grouped, held_out, lack_of_fit, noise_of,
-    ordered, prove, remaining_lack_of_fit, unexplained_from,
+    Group, Proof, add_probe_results, blind, finding, grouped, lack_of_fit, noise_of, ordered, remaining_lack_of_fit,
+    unexplained_from,
 };
 use crate::linear::{Design, Downdate, RegressionState};
 use crate::options::Options;
@@ -43,16 +43,15 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let start = design.start();
     let proving = Proving::new(&rounds, &design, &probes, &start);
     let folds = &proving.folds;
-    // first of all: fits of fewer find their sums in it
-    let by_block = ErrorSummary::of(&held_out(&design, chosen, &folds.by_block(FOLDS)));
-    let summary = |errors: Vec<f64>| (!errors.is_empty()).then(|| ErrorSummary::of(&errors));
+    let whole = |parts: &Option<Parts<'_>>| parts.as_ref().map(|p| p.errors(&[], None));
     let held_out = HeldOut {
-        by_pose: summary(held_out(&design, chosen, &folds.by_pose(FOLDS))),
-        by_block: Some(by_block),
-        forward: summary(forward_in_time(&design, chosen, folds)),
-        by_session: rounds.by_session().and_then(summary),
+        by_pose: whole(&Parts::by_pose(&design, chosen, folds, rounds.temper())),
+        by_block: whole(&proving.blocks),
+        forward: whole(&proving.later),
+        by_session: rounds.by_session().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e)),
     };
-    let none = prove(&design, &[], folds);
+    let usual = held_out.by_block.unwrap_or(ErrorSummary::of(&fitted.errors()?));
+    let none = proving.prove(&[]);
     let Found { findings, grounds, mut unexplained, doubted } = proving.findings(none, task)?;
     proving.ask_probes(&mut unexplained, &doubted);
 
@@ -79,8 +78,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             poses: folds.poses().len(),
             blocks: folds.blocks(),
             rms_mm: ErrorSummary::of(&errors).rms_mm,
-            holdout_rms_mm: by_block.rms_mm,
-            holdout_mean_mm: by_block.mean_mm,
+            holdout_rms_mm: usual.rms_mm,
+            holdout_mean_mm: usual.mean_mm,
             forward_mean_mm: held_out.forward.map_or(0.0, |e| e.mean_mm),
             held_out,
             lack_of_fit_p: lack_of_fit_p(proving.downdate.full()),
@@ -151,8 +150,9 @@ struct Proving<'a> {
     downdate: Downdate<'a>,
     /// Poses and blocks of the rows that were kept.
     folds: Folds,
-    /// The joint fit in parts; `None` where the data do not allow it.
-    parts: Option<Parts<'a>>,
+    /// The joint fit in parts by blocks, and the last quarter by what was before; `None` where the data do not allow it.
+    blocks: Option<Parts<'a>>,
+    later: Option<Parts<'a>>,
 }
 
 impl<'a> Proving<'a> {
@@ -165,7 +165,8 @@ impl<'a> Proving<'a> {
             test: rounds.specification_test(design, probes),
             start,
             downdate: Downdate::new(design, start, &rounds.chosen),
-            parts: Parts::new(design, &rounds.chosen, &folds, rounds.temper()),
+            blocks: Parts::by_block(design, &rounds.chosen, &folds, rounds.temper()),
+            later: Parts::forward(design, &rounds.chosen, &folds, rounds.temper()),
             folds,
         }
     }
@@ -185,7 +186,7 @@ impl<'a> Proving<'a> {
             #[expect(clippy::cast_precision_loss, reason = "counts")]
             task.step(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving")?;
             so_far.extend(&group.members);
-            let after = prove(self.design, &so_far, &self.folds);
+            let after = self.prove(&so_far);
             let share = search.among(start, &so_far, |few, start| left - few.with(start, &so_far).ss) / explained;
             left -= share * explained;
             let others: Vec<usize> = chosen.iter().filter(|c| !group.members.contains(c)).copied().collect();
@@ -226,7 +227,7 @@ impl<'a> Proving<'a> {
         others: &[usize],
         state: &RegressionState,
     ) -> (Shares, Replication) {
-        let Some(parts) = &self.parts else { return (Shares::default(), Replication::default()) };
+        let Some(parts) = &self.blocks else { return (Shares::default(), Replication::default()) };
         let candidates = &self.rounds.candidates;
         let first = &candidates[group.members[0]];
         let says = |c: &Candidate| {
@@ -286,10 +287,17 @@ impl<'a> Proving<'a> {
         chosen.iter().copied().filter(|c| !goes(&candidates[*c])).collect()
     }
 
-    /// Held-out error of a set, with a probe where one is given, mm rms.
-    fn rms_mm(&self, mut set: Vec<usize>, probe: Option<usize>) -> f64 {
-        set.extend(probe);
-        ErrorSummary::of(&held_out(self.design, &set, &self.folds.by_block(FOLDS))).rms_mm
+    /// How well the baseline with some of what was chosen predicts what it was not fitted to.
+    fn prove(&self, set: &[usize]) -> Proof {
+        let rest: Vec<usize> = self.rounds.chosen.iter().copied().filter(|c| !set.contains(c)).collect();
+        let rms = |parts: &Option<Parts<'_>>| parts.as_ref().map_or(0.0, |p| p.errors(&rest, None).rms_mm);
+        Proof { blocks: rms(&self.blocks), forward: rms(&self.later) }
+    }
+
+    /// Held-out error of a set of what was chosen, with a probe where one is given, mm rms.
+    fn rms_mm(&self, set: &[usize], probe: Option<usize>) -> f64 {
+        let rest: Vec<usize> = self.rounds.chosen.iter().copied().filter(|c| !set.contains(c)).collect();
+        self.blocks.as_ref().map_or(0.0, |p| p.errors(&rest, probe).rms_mm)
     }
 
     /// Adds what probes find beside curves without a name, at doubted places, and where nothing was modelled; the largest first.
@@ -297,10 +305,10 @@ impl<'a> Proving<'a> {
         let full = self.downdate.full();
         let without = |place, curves| self.search.with(self.start, &self.chosen_elsewhere(place, curves));
         add_probe_results(&self.test, full, unexplained, doubted, &without, &|place, curves, probe| {
-            self.rms_mm(self.chosen_elsewhere(place, curves), probe)
+            self.rms_mm(&self.chosen_elsewhere(place, curves), probe)
         });
         let explained = |place| without(place, false).ss - full.ss;
-        let rms_mm = |probe| self.rms_mm(self.rounds.chosen.clone(), probe);
+        let rms_mm = |probe| self.rms_mm(&self.rounds.chosen, probe);
         let left = remaining_lack_of_fit(&self.test, full, &explained, &rms_mm);
         let known = |m: &Unexplained| unexplained.iter().any(|u| u.site == m.site && u.variable == m.variable);
         let left: Vec<Unexplained> = left.into_iter().filter(|m| !known(m)).collect();

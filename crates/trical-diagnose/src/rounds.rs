@@ -6,11 +6,11 @@ use trical_ident::error::Result;
 use trical_ident::folds::Folds;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{Identified, fit_model, fit_model_knowing, prepared};
+use trical_ident::identify::{Identified, fit_model, fit_model_knowing, fit_some, prepared};
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Cell, Measured, Model, Place, Robot, Task, Term};
+use trical_model::{Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
@@ -429,14 +429,24 @@ impl Rounds {
         touch_sigma(&self.fitted)
     }
 
-    /// The exact joint fit of the baseline and what was chosen.
+    /// The exact joint fit of the baseline and what was chosen, held curves as they are.
     fn refit(&mut self) -> Result<()> {
+        self.refit_with(false)
+    }
+
+    /// The same; with `curves` of held curves too.
+    fn refit_with(&mut self, curves: bool) -> Result<()> {
         let mut model = self.bare();
         let mut known = vec![Known::NOTHING; model.terms.len()];
         for c in self.held.iter().chain(&self.chosen).map(|c| &self.candidates[*c]) {
             for (t, sd) in c.terms.iter().zip(&c.scales) {
                 let mut term: Term = t.clone();
-                if model.terms.iter().any(|o| o.name == term.name) {
+                if let Some(fitted) =
+                    self.fitted.model.terms.iter().find(|m| m.does_as(t)).filter(|_| c.is_long_curve())
+                {
+                    (term.value, term.sd) = (fitted.value, fitted.sd);
+                }
+                if !c.is_long_curve() && model.terms.iter().any(|o| o.name == term.name) {
                     let copies = model.terms.iter().filter(|o| o.name.starts_with(&term.name)).count();
                     term.name = format!("{}_{}", term.name, copies + 1);
                 }
@@ -444,7 +454,11 @@ impl Rounds {
                 known.push(Known::about_zero(*sd));
             }
         }
-        self.fitted = fit_model_knowing(model, &self.kept, &self.fitted.noise, &known, Vec::new())?;
+        let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
+        let fixed = self.baseline_terms..self.baseline_terms + if curves { 0 } else { held };
+        let free: Vec<usize> = (0..model.terms.len()).filter(|k| !fixed.contains(k)).collect();
+        let of_free: Vec<Known> = free.iter().map(|k| known[*k]).collect();
+        self.fitted = fit_some(model, free, &self.kept, &self.fitted.noise, &of_free, Vec::new())?;
         self.known = known;
         Ok(())
     }
@@ -472,7 +486,7 @@ impl Rounds {
         self.curves = left;
         self.held.extend(first..first + held.len());
         self.candidates.extend(held);
-        self.refit()?;
+        self.refit_with(true)?;
         Ok(true)
     }
 
@@ -502,14 +516,16 @@ impl Rounds {
         let dropped: Vec<usize> = {
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..members.len()).collect();
-            match Parts::new(&design, &all, &Folds::of(&self.kept), self.temper()) {
+            match Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper()) {
                 Some(parts) => what_does_not_pay(&parts, grouped(&members, &all)),
                 None => Vec::new(),
             }
         };
         let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();
         self.chosen.retain(|c| !dropped.contains(c));
-        if self.chosen != before { self.refit() } else { Ok(()) }
+        // curves that were held are fitted with everything else now
+        let curves = self.chosen.iter().any(|c| self.candidates[*c].is_long_curve());
+        if curves || self.chosen != before { self.refit() } else { Ok(()) }
     }
 
     /// Nested effects (a gap within friction that grows with the load): where all that the larger one adds is within two standard
@@ -541,7 +557,7 @@ impl Rounds {
     /// How many of the fitted coefficients of the arm the data determine: one for each without a prior, for each with one the share of
     /// its prior's variance that the data removed.
     pub(crate) fn effective_parameters(&self) -> f64 {
-        let of_arm = |t: &Term| !matches!(t.site, trical_model::Site::Frame { .. } | trical_model::Site::Target { .. });
+        let of_arm = |t: &Term| !matches!(t.site, Site::Frame { .. } | Site::Target { .. });
         let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| of_arm(t));
         terms
             .map(|(t, k)| match (k.prior, t.sd) {
@@ -561,16 +577,26 @@ impl Rounds {
 
     /// The fit of some of the sessions, with those of the terms that act there.
     fn fit_of_sessions(&self, data: &Dataset) -> Result<Identified> {
-        let acts = |t: &Term| {
-            let here = |o: &Observation| !t.basis.is_elsewhere(&o.state);
-            data.observations.iter().any(here)
-                && match t.site {
-                    trical_model::Site::Frame { frame, .. } => data.observations.iter().any(|o| o.frame + 1 == frame),
-                    _ => true,
-                }
-        };
+        let model = &self.fitted.model;
+        let forward = Forward::new(model.clone(), (0..model.terms.len()).collect())?;
+        let (mut ws, p) = (forward.workspace(), model.terms.len());
+        let mut jacobian = vec![0.0; 6 * p];
+        let mut acts = vec![false; p];
+        for o in &data.observations {
+            let rows = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut jacobian);
+            for (k, acts) in acts.iter_mut().enumerate() {
+                *acts |= (0..rows).any(|row| jacobian[row * p + k] != 0.0);
+            }
+        }
+        // without balls or anchors, measuring frames take up where the base stands
+        let optical = data.observations.iter().all(|o| o.measured.is_framed());
+        let kept: Vec<bool> = model
+            .terms
+            .iter()
+            .zip(acts)
+            .map(|(t, acts)| acts && !(optical && matches!(t.site, Site::Base(_))))
+            .collect();
         let mut model = self.fitted.model.clone();
-        let kept: Vec<bool> = model.terms.iter().map(acts).collect();
         let mut at = kept.iter();
         model.terms.retain(|_| at.next().copied().unwrap_or(false));
         let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();

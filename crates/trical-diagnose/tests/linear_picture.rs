@@ -9,7 +9,7 @@ use trical_diagnose::candidate::Candidate;
 use trical_diagnose::catalogue::catalogue;
 use trical_diagnose::correlated_noise::CorrelatedNoise;
 use trical_diagnose::covariates::Covariates;
-use trical_diagnose::linear::{Design, Downdate, RegressionState};
+use trical_diagnose::linear::{Design, Downdate, Partition, RegressionState};
 use trical_diagnose::locators::locators;
 use trical_diagnose::selection::Search;
 use trical_diagnose::{Cause, EffectId};
@@ -263,20 +263,32 @@ fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
 }
 
 #[test]
-fn held_out_errors_are_those_of_a_fit_without_their_rows_whatever_was_asked_before() {
+fn held_out_errors_are_those_of_a_fit_without_their_rows_however_the_set_is_reached() {
     let (model, data, candidates) = made();
     let design = || Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
     let set: Vec<usize> = some(&candidates).into_iter().step_by(9).collect();
     let poses = data.used_poses();
     let seen = |p: usize| poses.binary_search(&p).unwrap() % 4 != 0;
-    let ask = |design: &Design, set: &[usize]| design.held_out(set, &seen, &|p| !seen(p));
-    let asked_before = design();
-    ask(&asked_before, &set[1..]);
-    ask(&asked_before, &[]);
-    let told = ask(&asked_before, &set);
-    let fresh = ask(&design(), &set);
+    let design = design();
+    let partition = |set: &[usize]| Partition::new(&design, set, 2, &|p| usize::from(seen(p))).unwrap();
+    let errors = |p: &Partition<'_>, out: &[usize], add| p.position_errors(&p.instead(out, add), Some(0));
+    let told = errors(&partition(&set), &[], None);
     assert_eq!(told.len(), data.observations.iter().filter(|o| !seen(o.pose)).count());
-    assert!(told.iter().zip(&fresh).all(|(a, b)| near(*a, *b, 1e-4)));
+    // a set reached by taking out and putting in is the set
+    let (first, rest) = (set[0], &set[1..]);
+    for (a, b) in told.iter().zip(errors(&partition(rest), &[], Some(first))) {
+        assert!(near(*a, b, 1e-4), "{a} {b}");
+    }
+    let without = errors(&partition(rest), &[], None);
+    for (a, b) in without.iter().zip(errors(&partition(&set), &[first], None)) {
+        assert!(near(*a, b, 1e-4), "{a} {b}");
+    }
+    let other = (0..candidates.len()).find(|c| !set.contains(c) && candidates[*c].terms.len() > 1).unwrap();
+    let exchanged: Vec<usize> = rest.iter().copied().chain([other]).collect();
+    for (a, b) in errors(&partition(&exchanged), &[], None).iter().zip(errors(&partition(&set), &[first], Some(other)))
+    {
+        assert!(near(*a, b, 1e-4), "{a} {b}");
+    }
 
     let chosen: Vec<&Candidate> = set.iter().map(|k| &candidates[*k]).collect();
     let few =
@@ -350,7 +362,8 @@ fn held_out_errors_do_not_go_with_the_memory_of_the_noise() {
         let design =
             Design::weighted(&model, [model.terms.len(); 2], &candidates, &[], &data, &Noise::usual(1), correlation)
                 .unwrap();
-        design.held_out(&set, &|p| p % 4 != 0, &|p| p % 4 == 0)
+        let partition = Partition::new(&design, &set, 4, &|p| p % 4).unwrap();
+        partition.position_errors(&partition.instead(&[], None), Some(0))
     });
     assert!(!told[0].is_empty() && told[0].len() == told[1].len());
     assert!(told[0].iter().zip(&told[1]).all(|(a, b)| near(*a, *b, 1e-4)));

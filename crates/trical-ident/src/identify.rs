@@ -188,7 +188,22 @@ pub fn fit_model_knowing(
     known: &[Known],
     dependent: Vec<Dependent>,
 ) -> Result<Identified> {
-    let free: Vec<usize> = (0..model.terms.len()).collect();
+    let free = (0..model.terms.len()).collect();
+    fit_some(model, free, data, start_noise, known, dependent)
+}
+
+/// As [`fit_model_knowing`] of the terms `free` alone, all others as they are; `known` is of the free terms in their order.
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn fit_some(
+    model: Model,
+    free: Vec<usize>,
+    data: &Dataset,
+    start_noise: &Noise,
+    known: &[Known],
+    dependent: Vec<Dependent>,
+) -> Result<Identified> {
     let p = free.len();
     let mut forward = Forward::new(model, free)?;
     check_observations(&forward, data)?;

@@ -1,6 +1,6 @@
 //! The design: the linearized fit of a model with candidates, as inner products.
 
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::OnceLock;
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
@@ -11,7 +11,6 @@ use trical_ident::noise::Noise;
 use trical_model::Model;
 
 use super::columns::Linear;
-use super::holdout::HeldOut;
 use crate::candidate::Candidate;
 use crate::correlated_noise::CorrelatedNoise;
 
@@ -44,7 +43,6 @@ pub struct Design {
     pub(super) ss: f64,
     /// Half of `ln det (J'J)`.
     pub(super) of_parameters: f64,
-    pub(super) held_out: Mutex<HeldOut>,
 }
 
 impl Design {
@@ -135,7 +133,6 @@ impl Design {
             b,
             ss,
             of_parameters,
-            held_out: Mutex::default(),
         })
     }
 
@@ -192,34 +189,6 @@ impl Design {
         let freedom = (self.rows as f64 * temper - self.parameters as f64).max(1.0);
         let of_noise = self.linear.as_ref().map_or(0.0, |l| l.filter.log_determinant());
         -0.5 * (freedom * self.ss.ln() + temper * of_noise) - self.of_parameters
-    }
-
-    /// Position errors (m) of observations whose pose is in `test`, by a linear fit of the parameters and the candidates of
-    /// `set` to the rows whose pose is in `train`.
-    #[must_use]
-    pub fn held_out(&self, set: &[usize], train: &dyn Fn(usize) -> bool, test: &dyn Fn(usize) -> bool) -> Vec<f64> {
-        let Some(linear) = &self.linear else { return Vec::new() };
-        let columns: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
-        let mut precision = vec![0.0; self.parameters];
-        precision.extend(columns.iter().map(|a| self.precision[*a]));
-        let mut known = self.held_out.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut places: Vec<usize> = (0..self.parameters).collect();
-        places.extend(known.take(linear, &columns));
-        let poses = &linear.pose_of_row;
-        let tested = (0..self.rows).filter(|i| test(poses[*i])).collect();
-        let fold = known.fold(linear, poses.iter().map(|p| train(*p)).collect(), tested);
-        let Some(left) = fold.predicted(&places, &precision, &linear.residual) else { return Vec::new() };
-        // the rows of an observation follow each other
-        let mut squares: Vec<(usize, f64)> = Vec::new();
-        for (i, r) in fold.test.iter().zip(left) {
-            let (sigma, observation) = linear.sigma_of_row[*i];
-            let square = (r * sigma).powi(2);
-            match squares.last_mut() {
-                Some((last, sum)) if *last == observation => *sum += square,
-                _ => squares.push((observation, square)),
-            }
-        }
-        squares.into_iter().map(|(_, s)| s.sqrt()).collect()
     }
 }
 

@@ -10,13 +10,11 @@
 //! | `columns` | residual, Jacobian and columns, and inner products over rows |
 //! | [`state`] | the fit with some candidates added, and what others would do then |
 //! | [`downdate`] | the same with some of those taken out again |
-//! | `holdout` | errors at poses that a fit did not see |
 //! | [`partition`] | a set fitted without each part of the poses, and on each part alone |
 
 mod columns;
 pub mod design;
 pub mod downdate;
-mod holdout;
 pub mod partition;
 pub mod state;
 

@@ -273,18 +273,24 @@ impl<'a> Partition<'a> {
         &self.linear.pose_of_row
     }
 
-    /// Root mean square position error, mm, of residuals as [`Self::instead`] gives them.
+    /// Position errors (m) of the observations of one part, or of all, by residuals as [`Self::instead`] gives them; those that were not
+    /// predicted are left out.
     #[must_use]
-    pub fn position_errors(&self, residuals: &[f64]) -> Vec<f64> {
+    pub fn position_errors(&self, residuals: &[f64], part: Option<usize>) -> Vec<f64> {
+        let mut scored = vec![part.is_none(); residuals.len()];
+        for row in part.map_or(&[][..], |part| &self.rows[part]) {
+            scored[*row] = true;
+        }
         let mut squares: Vec<(usize, f64)> = Vec::new();
-        for (r, (sigma, observation)) in residuals.iter().zip(&self.linear.sigma_of_row) {
+        let rows = residuals.iter().zip(&self.linear.sigma_of_row).zip(scored);
+        for ((r, (sigma, observation)), _) in rows.filter(|(_, scored)| *scored) {
             let square = (r * sigma).powi(2);
             match squares.last_mut() {
                 Some((last, sum)) if last == observation => *sum += square,
                 _ => squares.push((*observation, square)),
             }
         }
-        squares.into_iter().map(|(_, s)| s.sqrt()).collect()
+        squares.into_iter().map(|(_, s)| s.sqrt()).filter(|e| e.is_finite()).collect()
     }
 }
 

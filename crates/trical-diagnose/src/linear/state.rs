@@ -1,6 +1,6 @@
 //! A state of the search: the fit with some candidates added, and what others would do then.
 
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 
 use faer::Mat;
 use pulp::Arch;
@@ -153,7 +153,6 @@ impl Design {
             b: of(&self.b),
             ss: self.ss,
             of_parameters: self.of_parameters,
-            held_out: Mutex::default(),
         };
         (narrow, state.narrowed(&of, &beside_of))
     }

@@ -146,7 +146,14 @@ def diagnose(
     has no name is told but not modelled. The other arguments and errors are those of `identify`.
     """
     model, text, errors, planned, told = _native._diagnose(
-        _sources(recordings), _file(robot), _file(cell), joints, names_only, tool, next, listener(progress, "diagnosing")
+        _sources(recordings),
+        _file(robot),
+        _file(cell),
+        joints,
+        names_only,
+        tool,
+        next,
+        listener(progress, "diagnosing"),
     )
     answer: dict[str, Any] = json.loads(text)
     nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
@@ -191,8 +198,8 @@ def validate(
     """Score a model on recordings of its arm.
 
     A recording that the model was fitted to is predicted with all that was learnt of it; to any other only what belongs
-    to the arm goes. Where the model cannot know a recording's measuring frame, frame and tool points are identified from
-    every fourth of its poses.
+    to the arm goes. Where the model cannot know a recording's measuring frame, frame and tool points are identified
+    from every fourth of its poses.
     `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
     "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
     anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError

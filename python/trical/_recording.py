@@ -88,7 +88,9 @@ class Recording:
             import numpy as np
 
             names = np.asarray(place).astype(str)
-            columns["place"] = np.broadcast_to(names, (len(np.atleast_2d(q)),)).tolist() if names.ndim == 0 else names.tolist()
+            columns["place"] = (
+                np.broadcast_to(names, (len(np.atleast_2d(q)),)).tolist() if names.ndim == 0 else names.tolist()
+            )
         self._rows = Rows.build(name, columns)
 
     @classmethod

@@ -1,0 +1,193 @@
+//! Sessions: what belongs to the arm is learnt from all of them and holds in others; frame, tool and what happened on the day are each one's own.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+#[path = "common/arm.rs"]
+mod arm;
+
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use trical_ident::{
+    Aim, Calibration, ModelFile, Options, ParameterSet, Refit, Scatter, ToolSharing, calibrate, simulate, validate,
+};
+use trical_model::pose::rotation_zyx;
+use trical_model::{Basis, Model, Motion, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
+
+/// Standard deviation of each coordinate, m.
+const NOISE: f64 = 1e-5;
+/// The mean length of a vector whose three coordinates have that, mm: what a right model misses by.
+const LEAST_MM: f64 = 1.6e-2;
+
+/// The arm that all sessions share, with three targets on its tool: every parameter off by chance.
+fn truth() -> Model {
+    let mut model = arm::truth(ParameterSet::Compliance, 11);
+    let targets = [[18.0, -12.0, 118.0], [60.0, 20.0, 90.0], [-30.0, 40.0, 100.0]];
+    model.cell.tool.targets = targets.map(|t| Vector3::from(t) * 1e-3).to_vec();
+    model
+}
+
+/// What a tracker saw of that arm: its frame stood somewhere else in each session, the targets `off` (m) from where the cell says.
+fn seen(truth: &Model, session: u64, off: [f64; 3]) -> Recording {
+    let mut model = truth.clone();
+    for t in &mut model.cell.tool.targets {
+        *t += Vector3::from(off);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a small number")]
+    let s = session as f64;
+    let rotation = rotation_zyx(0.7 * s, 0.2 * s, -0.1 * s);
+    model.frames = vec![Pose { rotation, translation: Vector3::new(2.0 - s, 0.5 * s, 0.3) }];
+    let mut rng = Pcg64Mcg::seed_from_u64(session);
+    let rows: Vec<(State, Aim)> = (0..150)
+        .map(|k| {
+            let q: Vec<f64> = model
+                .robot
+                .joints
+                .iter()
+                .map(|j| {
+                    let [low, high] = j.limits;
+                    rng.random_range(low.max(-2.0)..high.min(2.0))
+                })
+                .collect();
+            let state = State { t: Some(20.0 * f64::from(k)), ..State::at(&q) };
+            (state, Aim::Target(usize::try_from(k % 3).unwrap()))
+        })
+        .collect();
+    let scatter = Scatter { length: NOISE, angle: 0.0, seed: 100 + session };
+    Recording { name: format!("session{session}.csv"), ..simulate(&model, &rows, &scatter, None).unwrap() }
+}
+
+fn learnt(truth: &Model, recordings: &[Recording], tool: ToolSharing) -> Calibration {
+    let options = Options { tool, ..Options::new(ParameterSet::Compliance) };
+    calibrate(&truth.robot, &truth.cell, recordings, &options, &Task::silent()).unwrap()
+}
+
+fn file(c: &Calibration) -> ModelFile {
+    ModelFile::of(c.fitted.model.clone(), &c.fitted.data)
+}
+
+/// A step of joint 3 in the course of session 1.
+fn on_the_day() -> Term {
+    let basis = Basis { of: Variable::Time, shape: Shape::Step { at: 1000.0 }, ..Basis::CONSTANT };
+    let mut term = Term::new("step_3", "joint_zero_shift", Site::Joint { joint: 3 }, basis.in_session(1));
+    term.value = 2e-3;
+    term
+}
+
+#[test]
+fn two_sessions_are_learnt_and_a_third_with_its_own_frame_and_tool_is_predicted_to_the_noise() {
+    let truth = truth();
+    let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [2e-3, -1e-3, 3e-3])];
+    let c = learnt(&truth, &sessions, ToolSharing::FromData);
+    let file = ModelFile::parse(&file(&c).to_toml().unwrap(), "calibrated.toml").unwrap();
+    let third = seen(&truth, 3, [-3e-3, 1e-3, 4e-3]);
+    let v = validate(&truth.robot, &truth.cell, &file, &[third], None, None).unwrap();
+    assert_eq!(v.sessions.len(), 1);
+    let s = &v.sessions[0];
+    assert_eq!((s.learnt, &s.refitted[..], s.from_poses, s.poses), (None, &["frame", "targets"][..], 38, 112));
+    assert_eq!((s.n, v.n), (112, 112));
+    assert!(v.before.mean_mm > 1.0, "{:?}", v.before);
+    assert!(v.after.mean_mm < 1.3 * LEAST_MM, "{:?}", v.after);
+    assert!(v.left_out.iter().all(|l| l.reason == "belongs to another session"), "{:?}", v.left_out);
+    assert_eq!(s.in_words(), "session3.csv: frame and targets identified from 38 of its poses, the other 112 scored");
+}
+
+#[test]
+fn a_recording_that_the_model_was_learnt_on_is_known_again_and_nothing_is_refitted_there() {
+    let truth = truth();
+    let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [2e-3, -1e-3, 3e-3])];
+    let c = learnt(&truth, &sessions, ToolSharing::FromData);
+    let [first, mut second] = sessions;
+    // by what it holds, not by its name or its place in the list
+    second.name = "renamed.csv".into();
+    let v = validate(&truth.robot, &truth.cell, &file(&c), &[second, first], None, None).unwrap();
+    assert_eq!(v.sessions.iter().map(|s| s.learnt).collect::<Vec<_>>(), [Some(2), Some(1)]);
+    assert!(v.sessions.iter().all(|s| s.refitted.is_empty() && s.n == 150), "{:?}", v.sessions);
+    assert!(v.left_out.is_empty(), "{:?}", v.left_out);
+    assert!((v.after.mean_mm - c.errors.mean_mm).abs() < 1e-9, "{:?} {:?}", v.after, c.errors);
+}
+
+#[test]
+fn what_happened_in_the_course_of_a_session_stays_there() {
+    let truth = truth();
+    let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [0.0; 3])];
+    let plain = file(&learnt(&truth, &sessions, ToolSharing::Same));
+    let mut with = plain.clone();
+    with.model.terms.push(on_the_day());
+    assert_eq!(on_the_day().scope(), Scope::Course);
+    let third = [seen(&truth, 3, [0.0; 3])];
+    let score = |f: &ModelFile, r: &[Recording]| validate(&truth.robot, &truth.cell, f, r, None, None).unwrap();
+    let (a, b) = (score(&plain, &third), score(&with, &third));
+    assert_eq!(a.errors, b.errors, "the third session does not know of it");
+    assert!(a.left_out.is_empty(), "{:?}", a.left_out);
+    assert_eq!(b.left_out.len(), 1);
+    assert_eq!(b.left_out_in_words(), ["Left out: joint_zero_shift (happened in the course of another session)."]);
+    // it acts in its own session, and only there
+    let [first, second] = &sessions;
+    assert!(score(&with, std::slice::from_ref(first)).after.mean_mm > 0.2);
+    let there = score(&with, std::slice::from_ref(second));
+    assert!(there.after.mean_mm < 1.3 * LEAST_MM, "{:?}", there.after);
+}
+
+#[test]
+fn a_model_of_one_frame_is_used_in_that_frame_unless_a_refit_is_asked_for() {
+    let truth = truth();
+    let c = learnt(&truth, &[seen(&truth, 1, [0.0; 3])], ToolSharing::FromData);
+    let later = [seen(&truth, 2, [1e-3, 0.0, 0.0])];
+    let score = |refit| validate(&truth.robot, &truth.cell, &file(&c), &later, None, refit).unwrap();
+    let there = score(None);
+    assert!(there.sessions[0].refitted.is_empty() && there.n == 150);
+    assert!(there.after.mean_mm > 100.0, "the tracker was moved: {:?}", there.after);
+    let frame = score(Some(Refit { frame: true, targets: false }));
+    assert_eq!(frame.sessions[0].refitted, ["frame"]);
+    assert!((0.1..1.0).contains(&frame.after.mean_mm), "the targets are off by 1 mm: {:?}", frame.after);
+    let both = score(Some(Refit::ALL));
+    assert!(both.after.mean_mm < 1.5 * LEAST_MM, "{:?}", both.after);
+}
+
+#[test]
+fn the_data_say_which_session_has_a_tool_of_its_own() {
+    let truth = truth();
+    let off = [2e-3, -1e-3, 3e-3];
+    let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [0.0; 3]), seen(&truth, 3, off)];
+    let c = learnt(&truth, &sessions, ToolSharing::FromData);
+    let own: Vec<_> = c.sessions.iter().map(|s| s.own.clone()).collect();
+    assert_eq!(own, [vec![], vec![], vec!["tool"]]);
+    // three targets, each off by the same
+    let length = (3.0 * off.iter().map(|x| x * x).sum::<f64>()).sqrt() * 1e3;
+    assert!((c.sessions[2].differs_mm - length).abs() < 0.05, "{} is not {length}", c.sessions[2].differs_mm);
+    assert!(c.errors.mean_mm < 1.1 * LEAST_MM, "{:?}", c.errors);
+    let by_session = c.held_out.by_session.unwrap();
+    assert!(by_session.mean_mm < 1.3 * LEAST_MM, "{by_session:?}");
+}
+
+#[test]
+fn whoever_knows_better_may_say_which_sessions_share_a_tool() {
+    let truth = truth();
+    let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [2e-3, -1e-3, 3e-3])];
+    let same = learnt(&truth, &sessions, ToolSharing::Same);
+    assert!(same.sessions.iter().all(|s| s.own.is_empty()), "{:?}", same.sessions);
+    assert!(same.errors.mean_mm > 0.1, "one tool for both cannot fit: {:?}", same.errors);
+    let alike = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [0.0; 3])];
+    let own = learnt(&truth, &alike, ToolSharing::Own);
+    assert_eq!(own.sessions[1].own, ["tool"]);
+    assert!(own.sessions[1].differs_mm < 0.1, "{:?}", own.sessions);
+}
+
+#[test]
+fn balls_that_stood_elsewhere_in_another_session_are_found_and_refitted_in_a_third() {
+    let nominal = arm::truth(ParameterSet::Compliance, 11);
+    let touched = |session: u64, shift: f64| {
+        let mut model = nominal.clone();
+        let mut moved = Term::new("m", "balls", Site::Fixture(Motion::ALL[0]), Basis::CONSTANT);
+        moved.value = shift;
+        model.terms.push(moved);
+        Recording { name: format!("touches{session}"), ..arm::touch(&model, 90, NOISE, session) }
+    };
+    // the touches of `arm::touch` end where the balls of the cell are: a shift of half a millimetre keeps readings small
+    let sessions = [touched(1, 0.0), touched(2, 5e-4)];
+    let c = learnt(&nominal, &sessions, ToolSharing::Same);
+    assert_eq!(c.sessions[1].own, ["balls"], "{:?}", c.sessions);
+    let v = validate(&nominal.robot, &nominal.cell, &file(&c), &[touched(3, -5e-4)], None, Some(Refit::ALL)).unwrap();
+    assert_eq!(v.sessions[0].refitted, ["frame", "targets"]);
+    assert!(v.after.mean_mm < 2.0 * LEAST_MM, "{:?}", v.after);
+}

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use trical_device::program::{Job, Options, ProgramError};
 use trical_model::Model;
+use trical_program::{Job, Options, ProgramError};
 
 use crate::errors::{Failed, Result, bad};
 use crate::long::long;

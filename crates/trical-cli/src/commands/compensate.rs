@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use trical_device::program::{Job, Options, ProgramError, Report, declared_frames, left, summarized};
 use trical_ident::ModelFile;
 use trical_model::Model;
+use trical_program::{Job, Options, ProgramError, Report, declared_frames, left, summarized};
 use trical_report::table;
 
 use crate::error::{CliError, Result};

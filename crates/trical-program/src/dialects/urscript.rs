@@ -8,11 +8,11 @@ use std::collections::HashSet;
 
 use trical_model::Pose;
 
-use super::branch::Configuration;
-use super::frames::ToolFrame;
-use super::literal::{Meant, Shape};
-use super::scan::{Names, Scan, Setup, Visit, Way, hashed};
-use super::text::{Cursor, Span, lower, moved_to};
+use crate::branch::Configuration;
+use crate::frames::ToolFrame;
+use crate::literal::{Meant, Shape};
+use crate::scan::{Names, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower, moved_to};
 
 const MOTIONS: [&[u8]; 6] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc"];
 

@@ -3,11 +3,11 @@
 use serde_json::{Value, json};
 use trical_model::{Joints, Pose};
 
-use super::compensation::{Done, in_words};
-use super::frames::Frames;
-use super::scan::{Scan, Setup, Spot, Visit};
-use super::text::Lines;
-use super::{Dialect, Options};
+use crate::compensation::Done;
+use crate::dialects::Dialect;
+use crate::options::Options;
+use crate::scan::{Scan, Setup, Spot, Visit};
+use crate::text::Lines;
 
 /// A target that stays as it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,7 +147,7 @@ impl Report {
 }
 
 /// Counts while targets are rewritten.
-pub(super) struct Tally<'a> {
+pub(crate) struct Tally<'a> {
     scan: &'a Scan,
     bytes: &'a [u8],
     options: &'a Options,
@@ -223,7 +223,7 @@ impl<'a> Tally<'a> {
         let setups = self.scan.setups.iter().chain(std::iter::once(&unsaid)).zip(self.counts);
         let said = |s: &Setup| {
             let or = |own: &Option<String>, asked: &Option<String>| own.clone().or_else(|| asked.clone());
-            in_words(&Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) })
+            (Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) }).in_words()
         };
         for (setup, n) in setups.filter(|(_, n)| *n > 0) {
             let words = said(setup);
@@ -233,30 +233,5 @@ impl<'a> Tally<'a> {
             }
         }
         r
-    }
-}
-
-/// Targets that no motion of the file names have the only tool and frame that the file's motions use. Where there are several,
-/// and the user says none either, nobody knows.
-pub(super) fn lonely(scan: &mut Scan, known: &mut Frames, options: &Options) {
-    let asked = options.tool.is_some() || options.frame.is_some();
-    let only = match scan.setups.len() {
-        0 => return,
-        1 => Some(0),
-        _ => None,
-    };
-    let mut unknown = None;
-    for k in 0..scan.spots.len() {
-        if scan.spots[k].setup.is_some() || asked {
-            continue;
-        }
-        scan.spots[k].setup = only.or_else(|| {
-            // a setup that nobody knows says so for each of its targets
-            let name = "(unused)".to_owned();
-            let setup = unknown.get_or_insert_with(|| Setup { tool: Some(name.clone()), frame: None }).clone();
-            let why = "no motion in the file names it, and the file uses several tools or frames; --tool and --frame say which";
-            known.tools.insert(name, Err(why.into()));
-            Some(scan.setup(setup))
-        });
     }
 }

@@ -6,7 +6,12 @@ use std::path::{Path, PathBuf};
 
 use trical_model::Model;
 
-use super::{Dialect, Frames, Options, ProgramError, Report, compensate, declared_frames, summarized};
+use crate::dialects::Dialect;
+use crate::error::ProgramError;
+use crate::frames::Frames;
+use crate::options::Options;
+use crate::report::{Report, summarized};
+use crate::rewriting::compensate;
 
 /// What to do with which file.
 #[derive(Clone, Copy, Debug)]
@@ -103,4 +108,35 @@ impl Drop for Part {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.0);
     }
+}
+
+/// Reads tools and frames from a `--frames` file: TOML, or another program that declares them (`CalibData.mod`,
+/// `$config.dat`).
+///
+/// # Errors
+/// One sentence.
+pub fn load_frames(path: &Path) -> Result<Frames, ProgramError> {
+    let Some(dialect) = Dialect::of(path).filter(|d| *d != Dialect::Csv) else { return Frames::load(path) };
+    let file = path.display();
+    let bytes = std::fs::read(path).map_err(|e| ProgramError::Input(format!("{file}: cannot be read: {e}")))?;
+    let scan = dialect.scan(&bytes).map_err(|e| ProgramError::Input(format!("{file}: {e}")))?;
+    Ok(scan.frames)
+}
+
+/// [`load_frames`] of a file that is to declare something: one that declares nothing is the wrong one.
+///
+/// # Errors
+/// One sentence.
+pub fn declared_frames(path: &Path) -> Result<Frames, ProgramError> {
+    /// What a reader knows without being told.
+    const OWN: [&str; 3] = ["0", "tool0", "wobj0"];
+    let found = load_frames(path)?;
+    let mut names = found.tools.keys().chain(found.frames.keys());
+    if found.world.is_some() || names.any(|n| !OWN.contains(&n.as_str())) {
+        return Ok(found);
+    }
+    Err(ProgramError::Input(format!(
+        "{}: found no tool and no frame, expected [tools.NAME], [frames.NAME] or [world], or a program that declares some",
+        path.display()
+    )))
 }

@@ -6,10 +6,10 @@ use std::hash::Hasher;
 
 use nalgebra::Vector3;
 
-use super::branch::Configuration;
-use super::frames::Frames;
-use super::literal::Shape;
-use super::text::Span;
+use crate::branch::Configuration;
+use crate::frames::Frames;
+use crate::literal::Shape;
+use crate::text::Span;
 
 /// A target in the text.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +38,16 @@ pub struct Setup {
     pub tool: Option<String>,
     /// Lower-case name of the work object, base or user frame.
     pub frame: Option<String>,
+}
+
+impl Setup {
+    /// For messages.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let tool = self.tool.as_deref().map_or("the cell's tool".to_owned(), |t| format!("tool '{t}'"));
+        let frame = self.frame.as_deref().map_or("the robot's base".to_owned(), |f| format!("'{f}'"));
+        format!("{tool} in {frame}")
+    }
 }
 
 /// One motion of the program.

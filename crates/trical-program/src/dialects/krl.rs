@@ -9,11 +9,11 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
 
-use super::branch::Configuration;
-use super::frames::ToolFrame;
-use super::literal::Shape;
-use super::scan::{Names, Scan, Setup, Visit, Way, hashed};
-use super::text::{Cursor, Span, lower, moved_to};
+use crate::branch::Configuration;
+use crate::frames::ToolFrame;
+use crate::literal::Shape;
+use crate::scan::{Names, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];

@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_from_quaternion;
 
-use super::branch::Configuration;
-use super::frames::ToolFrame;
-use super::literal::Shape;
-use super::scan::{Names, Scan, Setup, Visit, Way, hashed};
-use super::text::{Cursor, Span, lower, number};
+use crate::branch::Configuration;
+use crate::frames::ToolFrame;
+use crate::literal::Shape;
+use crate::scan::{Names, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
 const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];

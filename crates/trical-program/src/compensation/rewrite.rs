@@ -4,10 +4,11 @@ use trical_model::ik::{IkError, continue_from};
 use trical_model::pose::rotation_vector;
 use trical_model::{Joints, Pose, State, Workspace};
 
-use super::{Compensator, Start};
-use crate::program::literal::Meant;
-use crate::program::scan::Spot;
-use crate::program::text::{Span, written};
+use super::arms::Compensator;
+use super::starts::Start;
+use crate::literal::Meant;
+use crate::scan::Spot;
+use crate::text::{Span, written};
 
 /// A correction of less than a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
 const MOST_JOINT_MOVE: f64 = 3.0 * std::f64::consts::PI / 180.0;

@@ -6,11 +6,11 @@
 
 use trical_model::Pose;
 
-use super::branch::Configuration;
-use super::frames::ToolFrame;
-use super::literal::Shape;
-use super::scan::{Names, Scan, Setup, hashed};
-use super::text::{Cursor, Span, lower};
+use crate::branch::Configuration;
+use crate::frames::ToolFrame;
+use crate::literal::Shape;
+use crate::scan::{Names, Scan, Setup, hashed};
+use crate::text::{Cursor, Span, lower};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
 const JOINTS: [&[u8]; 9] = [b"J1", b"J2", b"J3", b"J4", b"J5", b"J6", b"J7", b"J8", b"J9"];

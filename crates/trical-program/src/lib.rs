@@ -25,7 +25,7 @@
 //! | [`dialects`] | the table of dialects, and a reader for each |
 //! | [`scan`] | what they find |
 //! | [`literal`] | numbers as poses and joint values, both ways |
-//! | [`text`] | bytes, numbers, lines |
+//! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`frames`] | tools and work objects, `--frames` files |
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
@@ -36,6 +36,7 @@ pub mod branch;
 pub mod compensation;
 pub mod dialects;
 pub mod error;
+pub mod expression;
 pub mod file;
 pub mod frames;
 pub mod literal;

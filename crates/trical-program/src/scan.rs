@@ -1,7 +1,7 @@
 //! What a program holds: targets, tools and frames, and the order in which the arm visits them.
 
-use std::collections::HashMap;
 use std::collections::hash_map::{DefaultHasher, Entry};
+use std::collections::{HashMap, HashSet};
 use std::hash::Hasher;
 
 use nalgebra::Vector3;
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use crate::branch::Configuration;
 use crate::frames::Frames;
 use crate::literal::Shape;
-use crate::text::Span;
+use crate::text::{Cursor, Span};
 
 /// A target in the text.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +28,8 @@ pub struct Spot {
     pub ambiguous: Option<u32>,
     /// Its name in the text; empty where it has none.
     pub name: Span,
+    /// Whether it asks for a place of an external axis (a track, a positioner) other than 0.
+    pub external: bool,
 }
 
 /// The tool and the frame that targets are meant with; `None` is what the file's user says, or the cell's tool and the
@@ -49,6 +51,9 @@ impl Setup {
         format!("{tool} in {frame}")
     }
 }
+
+/// Stands for the setup that a target says itself.
+pub const OWN_SETUP: u32 = u32::MAX;
 
 /// One motion of the program.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +79,8 @@ pub struct Scan {
     /// Targets in the order of the file.
     pub spots: Vec<Spot>,
     spans: Vec<Span>,
+    /// Values of numbers that are written as expressions, by their offset.
+    expressions: HashMap<u32, f64>,
     /// Tools and frames that targets are used with.
     pub setups: Vec<Setup>,
     setup_indices: HashMap<Setup, u32>,
@@ -81,7 +88,7 @@ pub struct Scan {
     pub visits: Vec<Visit>,
     /// Tools and frames that the program declares.
     pub frames: Frames,
-    /// Places where a target stands that cannot be rewritten: offset and reason.
+    /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.
     pub problems: Vec<(usize, String)>,
     /// Whether the program switches the controller's check of configurations off.
     pub configuration_off: bool,
@@ -106,12 +113,64 @@ impl Scan {
         let first = u32::try_from(self.spans.len()).unwrap_or(u32::MAX);
         self.spans.extend_from_slice(spans);
         let count = u8::try_from(spans.len()).unwrap_or(0);
-        self.spots.push(Spot { first, count, shape, configuration, setup: None, ambiguous: None, name });
+        self.spots.push(Spot {
+            first,
+            count,
+            shape,
+            configuration,
+            setup: None,
+            ambiguous: None,
+            name,
+            external: false,
+        });
         u32::try_from(self.spots.len() - 1).unwrap_or(u32::MAX)
+    }
+
+    /// Marks the newest target as one that asks for a place of an external axis.
+    pub fn needs_external_axis(&mut self) {
+        if let Some(spot) = self.spots.last_mut() {
+            spot.external = true;
+        }
+    }
+
+    /// Keeps the value of a number that is written as an expression.
+    pub fn calculated(&mut self, span: Span, value: f64) {
+        self.expressions.insert(span.at, value);
+    }
+
+    /// The number at a place of the file, calculated where it is an expression.
+    #[must_use]
+    pub fn value(&self, span: Span, bytes: &[u8]) -> Option<f64> {
+        match self.expressions.get(&span.at) {
+            Some(value) if !self.expressions.is_empty() => Some(*value),
+            _ => span.value(bytes),
+        }
+    }
+
+    /// Takes targets away that turned out to be none (`gone` by index), and their visits.
+    fn remove(&mut self, gone: &HashSet<u32>) {
+        if gone.is_empty() {
+            return;
+        }
+        let mut left = 0..;
+        let moved: Vec<Option<u32>> =
+            (0..self.spots.len() as u32).map(|k| if gone.contains(&k) { None } else { left.next() }).collect();
+        let mut kept = moved.iter();
+        self.spots.retain(|_| kept.next().is_some_and(Option::is_some));
+        for visit in &mut self.visits {
+            let (Visit::To(spot) | Visit::Near { spot, .. }) = visit else { continue };
+            match moved.get(*spot as usize) {
+                Some(Some(to)) => *spot = *to,
+                _ => *visit = Visit::Unknown,
+            }
+        }
     }
 
     /// Gives a target its setup; a second one is remembered as a contradiction.
     pub fn assign(&mut self, spot: u32, setup: u32) {
+        if setup == OWN_SETUP {
+            return;
+        }
         if let Some(s) = self.spots.get_mut(spot as usize) {
             match s.setup {
                 None => s.setup = Some(setup),
@@ -146,9 +205,27 @@ pub enum Way {
     Computed,
     /// Perhaps the target itself: a name that may as well be a speed.
     Perhaps,
+    /// The target itself, unless the routine means something else by its argument.
+    Unlisted,
     /// No motion: the file says otherwise with which tool and frame it is meant.
     Said,
 }
+
+/// Where data that a program sets come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Origin {
+    /// From the data of this name: a copy, or shifted against them. What is corrected there goes with it.
+    Name(u64),
+    /// From where the arm is when the program asks.
+    Here,
+    /// From a calculation (at this offset) that only the running program does.
+    Computed(u32),
+}
+
+/// Copies of copies that are followed, at most.
+const LONGEST_CHAIN: usize = 8;
+/// Places in the program that set the same name and are followed, at most.
+const MOST_ORIGINS: usize = 16;
 
 /// Which names stand for which targets, and how motions use them. Names are kept as hashes: programs have millions.
 #[derive(Debug, Default)]
@@ -156,6 +233,13 @@ pub struct Names {
     defined: HashMap<u64, u32>,
     groups: Vec<Group>,
     uses: Vec<Use>,
+    origins: HashMap<u64, Vec<Origin>>,
+    /// Names whose data are in `Scan::problems` already.
+    listed: HashSet<u64>,
+    /// Names of data that look like targets and are none, unless a motion goes there.
+    no_targets: HashSet<u64>,
+    /// Calculations that are listed already.
+    listed_at: HashSet<u32>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -176,6 +260,7 @@ enum Use {
         group: Option<u32>,
         setup: u32,
         way: Way,
+        at: u32,
     },
     Direct(Visit),
 }
@@ -210,19 +295,45 @@ impl Names {
         self.groups.push(group);
     }
 
-    /// A motion to a named target.
-    pub fn used(&mut self, name: u64, setup: u32, way: Way) {
+    /// A motion to a named target; the name stands at `at`.
+    pub fn used(&mut self, name: u64, setup: u32, way: Way, at: usize) {
         let group = self.defined.get(&name).copied();
-        self.uses.push(Use::Named { name, group, setup, way });
+        self.uses.push(Use::Named { name, group, setup, way, at: u32::try_from(at).unwrap_or(u32::MAX) });
     }
 
-    /// A motion to a target that says itself with what it is meant.
-    pub fn gone_to(&mut self, name: u64, relative: bool) {
+    /// The program sets the data of this name.
+    pub fn set_from(&mut self, name: u64, origin: Origin) {
+        self.origins.entry(name).or_default().push(origin);
+    }
+
+    /// Where the program calculates the data of this name.
+    #[must_use]
+    pub fn calculated_at(&self, name: u64) -> Option<usize> {
+        let all = self.origins.get(&name)?.iter();
+        all.filter_map(|o| if let Origin::Computed(at) = o { Some(*at as usize) } else { None }).next()
+    }
+
+    /// The data of this name are listed already.
+    pub fn listed(&mut self, name: u64) {
+        self.listed.insert(name);
+    }
+
+    /// The data of this name are no target unless a motion goes there.
+    pub fn no_target(&mut self, name: u64) {
+        self.no_targets.insert(name);
+    }
+
+    /// A motion to a target that says itself with what it is meant; the name stands at `at`.
+    pub fn gone_to(&mut self, name: u64, relative: bool, at: usize) {
         let group = self.defined.get(&name).copied();
-        self.uses.push(match group.and_then(|g| self.groups.get(g as usize)) {
-            Some(g) if !relative => Use::Direct(Visit::To(g.first)),
-            _ => Use::Direct(Visit::Unknown),
-        });
+        match group.and_then(|g| self.groups.get_mut(g as usize)) {
+            Some(g) => {
+                g.used = g.used.or(Some(OWN_SETUP));
+                let visit = if relative { Visit::Unknown } else { Visit::To(g.first) };
+                self.uses.push(Use::Direct(visit));
+            }
+            None => self.used(name, OWN_SETUP, Way::To, at),
+        }
     }
 
     /// A motion that needs no name.
@@ -230,23 +341,33 @@ impl Names {
         self.uses.push(Use::Direct(visit));
     }
 
-    /// Resolves uses: setups and the order of visits go into `scan`.
-    pub fn resolve(mut self, scan: &mut Scan) {
+    /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
+    /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
+    pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
         for u in std::mem::take(&mut self.uses) {
-            let (name, group, setup, way) = match u {
+            let (name, group, setup, way, at) = match u {
                 Use::Direct(v) => {
                     scan.visits.push(v);
                     continue;
                 }
-                Use::Named { name, group, setup, way } => (name, group, setup, way),
+                Use::Named { name, group, setup, way, at } => (name, group, setup, way, at),
             };
+            let is_motion = !matches!(way, Way::Perhaps | Way::Unlisted | Way::Said);
             let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
-                if !matches!(way, Way::Perhaps | Way::Said) {
+                if is_motion {
+                    scan.visits.push(Visit::Unknown);
+                    let mut c = Cursor::new(bytes, 0);
+                    c.at = at as usize;
+                    self.origin(name, setup, scan, LONGEST_CHAIN, (at as usize, &elsewhere(c.word())));
+                } else if matches!(way, Way::Unlisted) {
                     scan.visits.push(Visit::Unknown);
                 }
                 continue;
             };
-            self.walk(newest, setup, way, scan);
+            self.visit_group(newest, setup, way, scan);
+            if is_motion {
+                self.computed(name, scan);
+            }
             // other routines may have data of the same name, which nobody uses from here on
             let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
             while let Some(g) = earlier.and_then(|k| self.groups.get_mut(k as usize)) {
@@ -260,9 +381,55 @@ impl Names {
                 earlier = g.earlier;
             }
         }
+        let unused = |name: &u64| {
+            let group = self.defined.get(name).and_then(|k| self.groups.get(*k as usize));
+            group.filter(|g| g.used.is_none()).map(|g| g.first..g.first + g.count)
+        };
+        let gone: HashSet<u32> = self.no_targets.iter().filter_map(unused).flatten().collect();
+        scan.remove(&gone);
     }
 
-    fn walk(&mut self, group: u32, setup: u32, way: Way, scan: &mut Scan) {
+    /// Follows a name that has no data of its own to those that it is set from.
+    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, steps: usize, unknown: (usize, &str)) {
+        if self.listed.contains(&name) {
+            return;
+        }
+        if let Some(group) = self.defined.get(&name).copied() {
+            let before = scan.visits.len();
+            self.visit_group(group, setup, Way::Computed, scan);
+            scan.visits.truncate(before);
+            self.computed(name, scan);
+            return;
+        }
+        let from = self.origins.get(&name).cloned().unwrap_or_default();
+        if from.is_empty() || steps == 0 {
+            scan.problems.push((unknown.0, unknown.1.to_owned()));
+        }
+        self.computed(name, scan);
+        for origin in from.iter().take(if steps == 0 { 0 } else { MOST_ORIGINS }) {
+            if let Origin::Name(other) = origin
+                && *other != name
+            {
+                self.origin(*other, setup, scan, steps - 1, unknown);
+            }
+        }
+    }
+
+    /// Lists, once, where a name to which the arm moves is calculated.
+    fn computed(&mut self, name: u64, scan: &mut Scan) {
+        for origin in self.origins.get(&name).into_iter().flatten() {
+            if let Origin::Computed(at) = origin
+                && self.listed_at.insert(*at)
+            {
+                scan.problems.push((
+                    *at as usize,
+                    "a place to which the arm moves is calculated here while the program runs".into(),
+                ));
+            }
+        }
+    }
+
+    fn visit_group(&mut self, group: u32, setup: u32, way: Way, scan: &mut Scan) {
         let Some(g) = self.groups.get_mut(group as usize) else { return };
         let all = g.first..g.first + g.count;
         let fresh = g.used.is_none();
@@ -279,9 +446,11 @@ impl Names {
         match (way, one) {
             (Way::Said, _) => {}
             (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool }),
-            (Way::To | Way::Perhaps | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
+            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
             // an array that a loop runs through is visited once, in its order
-            (Way::To | Way::Perhaps | Way::Element(_), None) if fresh => scan.visits.extend(all.map(Visit::To)),
+            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), None) if fresh => {
+                scan.visits.extend(all.map(Visit::To))
+            }
             _ => scan.visits.push(Visit::Unknown),
         }
     }

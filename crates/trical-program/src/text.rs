@@ -205,7 +205,9 @@ fn decimals(text: &[u8]) -> usize {
 /// `new` with the digits that the old text has, and at least `least`.
 #[must_use]
 pub fn written(new: f64, old: &[u8], least: usize) -> String {
-    let places = decimals(old).clamp(least, 12);
+    // an expression has no digits of its own
+    let digits = number(old).map_or(0, |_| decimals(old));
+    let places = digits.clamp(least, 12);
     let text = format!("{new:.places$}");
     match text.strip_prefix('-') {
         Some(positive) if positive.bytes().all(|b| matches!(b, b'0' | b'.')) => positive.to_owned(),

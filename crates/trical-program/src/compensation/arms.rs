@@ -177,6 +177,14 @@ impl<'a> Compensator<'a> {
 
     /// The numbers of a target, and what they mean.
     pub(super) fn read(&self, spot: &Spot) -> Result<([f64; MOST], Meant), String> {
+        if spot.external {
+            return Err(if self.slides.contains(&true) || self.dof > 6 {
+                "places an external axis (a track or positioner) too; targets that move one beside an arm of such a model are not supported"
+            } else {
+                "places an external axis (a track or positioner), which the model does not have"
+            }
+            .into());
+        }
         let spans = self.scan.spans(spot);
         let count = spot.shape.count(self.dof);
         if spans.len() < count {
@@ -184,7 +192,7 @@ impl<'a> Compensator<'a> {
         }
         let mut values = [0.0; MOST];
         for (to, span) in values.iter_mut().zip(spans).take(count) {
-            *to = span.value(self.bytes).ok_or("holds something that is not a number")?;
+            *to = self.scan.value(*span, self.bytes).ok_or("holds something that is not a number")?;
         }
         Ok((values, spot.shape.meant(&values[..count], &self.slides)?))
     }

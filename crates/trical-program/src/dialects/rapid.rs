@@ -1,17 +1,25 @@
 //! ABB RAPID: robtargets and jointtargets, declared or inline, single or in arrays; tooldata and wobjdata; motions.
+//!
+//! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
+//! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
 
 use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_from_quaternion;
 
 use crate::branch::Configuration;
+use crate::expression::Constants;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, Scan, Setup, Visit, Way, hashed};
+use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
 use crate::text::{Cursor, Span, lower, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
 const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
+/// Functions that say where the arm is.
+const HERE: [&str; 2] = ["crobt", "cjointt"];
+/// Values of external axes from here on mean that there is none (9E9).
+const NO_AXIS: f64 = 1e8;
 /// Lists inside lists, at most: a record of arrays of targets has five.
 const DEEPEST: usize = 12;
 
@@ -31,20 +39,51 @@ pub fn header(bytes: &[u8]) -> usize {
 /// Reads a module.
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
-    let mut reader =
-        Reader { c: Cursor::new(bytes, b'!'), scan: Scan::default(), names: Names::default(), name: Span::default() };
+    let mut reader = Reader {
+        c: Cursor::new(bytes, b'!'),
+        scan: Scan::default(),
+        names: Names::default(),
+        constants: Constants::with_degrees(),
+        name: Span::default(),
+    };
     reader.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
     reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
     reader.file();
     let Reader { mut scan, names, .. } = reader;
-    names.resolve(&mut scan);
+    for setup in &scan.setups {
+        if let Some((at, name)) =
+            setup.frame.as_deref().and_then(|f| Some((names.calculated_at(hashed(f.as_bytes()))?, f)))
+        {
+            let what = format!(
+                "the work object '{name}' is changed here while the program runs; targets in it are corrected for where it is declared"
+            );
+            scan.problems.push((at, what));
+        }
+    }
+    names.resolve(&mut scan, bytes, &|name| {
+        format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
+    });
     scan
+}
+
+/// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
+fn targets_of(instruction: &[u8]) -> Option<usize> {
+    let word = lower(instruction);
+    let rest = ["arcmove", "move", "trigg", "arc", "paint", "spot", "disp", "cap"]
+        .iter()
+        .find_map(|m| word.strip_prefix(m))?;
+    let kinds = ["absj", "ml", "l", "j", "c"];
+    let kind = kinds.iter().find(|k| rest.starts_with(**k))?;
+    let ending = rest.strip_prefix(kind)?;
+    let known = ["", "do", "ao", "go", "sync", "ios", "start", "end", "1", "2", "1start", "2start", "1end", "2end"];
+    known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
 }
 
 struct Reader<'a> {
     c: Cursor<'a>,
     scan: Scan,
     names: Names,
+    constants: Constants,
     /// Name of the data that is being read.
     name: Span,
 }
@@ -52,8 +91,8 @@ struct Reader<'a> {
 /// A list as far as targets care.
 #[derive(Clone, Copy)]
 enum Piece {
-    /// Only numbers, at most six.
-    Flat { count: usize, spans: [Span; 6] },
+    /// Only numbers, at most six; `unread` is one without a value.
+    Flat { count: usize, spans: [Span; 6], unread: Option<Span> },
     /// Anything else; targets in it were taken.
     Other,
 }
@@ -85,6 +124,24 @@ impl Reader<'_> {
                 self.data();
             } else if is("tooldata") || is("wobjdata") {
                 self.frame(is("tooldata"));
+            } else if is("num") && before.eq_ignore_ascii_case(b"const") {
+                self.constant();
+            } else if is("pdispon") || is("pdispset") {
+                let what =
+                    "displaces the targets of the motions that follow; they are corrected for where the text has them";
+                self.scan.problems.push((from, what.into()));
+            } else if is("moveextj") {
+                // no motion of the arm: these joint values are those of other machines
+                self.c.skip_space();
+                if self.c.peek() == b'[' {
+                    let first = self.scan.spots.len();
+                    self.list(0);
+                    self.names.define(hashed(b"\0"), first, self.scan.spots.len());
+                    self.names.no_target(hashed(b"\0"));
+                } else {
+                    let name = self.c.word();
+                    self.names.no_target(hashed(name));
+                }
             } else if is("confl") || is("confj") {
                 let at = self.c;
                 if self.c.eat(b'\\') && self.c.word().eq_ignore_ascii_case(b"off") {
@@ -95,18 +152,71 @@ impl Reader<'_> {
             } else if MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
                 && ![&b"proc"[..], b"func", b"trap"].iter().any(|k| before.eq_ignore_ascii_case(k))
             {
-                self.motion();
+                self.motion(word);
             } else {
-                // p := [[...]]: data that the program sets
-                let at = self.c;
-                if self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[') {
-                    self.c.at -= 1;
-                    self.define(Span::new(from, from + word.len()));
-                } else {
-                    self.c = at;
-                }
+                self.assignment(from, word);
             }
             before = word;
+        }
+    }
+
+    /// `CONST num h:=200;`
+    fn constant(&mut self) {
+        self.c.skip_space();
+        let name = self.c.word();
+        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=')) {
+            return;
+        }
+        let value = self.constants.expression(&mut self.c).filter(|_| self.c.eat(b';'));
+        match value {
+            Some((_, value)) => self.constants.define(hashed(name), value),
+            None => self.constants.forget(hashed(name)),
+        }
+    }
+
+    /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`: data that the program sets.
+    fn assignment(&mut self, from: usize, word: &[u8]) {
+        let start = self.c;
+        let mut is_part = false;
+        while self.c.peek() == b'.' {
+            self.c.at += 1;
+            is_part |= !self.c.word().is_empty();
+        }
+        if !(self.c.eat(b':') && self.c.eat(b'=')) {
+            self.c = start;
+            return;
+        }
+        let name = hashed(word);
+        self.c.skip_space();
+        if is_part {
+            let (own, text) = (lower(word), &self.c.bytes[self.c.at..]);
+            let text = &text[..text.iter().position(|b| matches!(b, b';' | b'\n')).unwrap_or(text.len())];
+            let relative = lower(text).split(|b: char| !b.is_ascii_alphanumeric() && b != '_').any(|w| w == own);
+            if !relative {
+                self.names.set_from(name, Origin::Computed(from as u32));
+            }
+        } else if self.c.peek() == b'[' {
+            self.define(Span::new(from, from + word.len()));
+        } else {
+            let at = self.c.at;
+            let source = self.c.word();
+            if source.is_empty() {
+                return;
+            }
+            self.c.skip_space();
+            match self.c.peek() {
+                b'(' => {
+                    let origin = match self.relative(source) {
+                        Place::Name { name, .. } => Origin::Name(name),
+                        Place::Here => Origin::Here,
+                        _ => Origin::Computed(from as u32),
+                    };
+                    self.names.set_from(name, origin);
+                }
+                b';' | b'{' => self.names.set_from(name, Origin::Name(hashed(source))),
+                b'.' => self.names.set_from(name, Origin::Computed(from as u32)),
+                _ => self.c.at = at,
+            }
         }
     }
 
@@ -132,11 +242,17 @@ impl Reader<'_> {
     }
 
     fn define(&mut self, name: Span) {
-        let first = self.scan.spots.len();
+        let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
         self.name = name;
         self.list(0);
         self.name = Span::default();
-        self.names.define(hashed(name.text(self.c.bytes)), first, self.scan.spots.len());
+        let hash = hashed(name.text(self.c.bytes));
+        self.names.define(hash, first, self.scan.spots.len());
+        if self.scan.problems.len() > problems {
+            self.names.listed(hash);
+        } else if self.scan.spots.len() == first {
+            self.names.set_from(hash, Origin::Computed(name.at));
+        }
     }
 
     /// A list, from its bracket on; its targets are taken as soon as they close, so that arrays of any length cost nothing.
@@ -148,7 +264,7 @@ impl Reader<'_> {
         }
         let mut spans = [Span::default(); 6];
         let mut pieces = [Piece::Other; 4];
-        let (mut numbers, mut lists, mut others) = (0, 0, 0);
+        let (mut numbers, mut lists, mut others, mut unread) = (0, 0, 0, None);
         loop {
             self.c.skip_space();
             match self.c.peek() {
@@ -170,29 +286,48 @@ impl Reader<'_> {
                 }
                 b';' => return None,
                 _ if self.c.done() => return None,
-                _ => match self.c.number() {
-                    Some(span) if self.ends() => {
-                        if let Some(to) = spans.get_mut(numbers) {
-                            *to = span;
-                        }
-                        numbers += 1;
+                _ => {
+                    let span = self.item().unwrap_or_else(|span| *unread.insert(span));
+                    if let Some(to) = spans.get_mut(numbers) {
+                        *to = span;
                     }
-                    _ => {
-                        others += 1;
-                        while !self.c.done() && !matches!(self.c.peek(), b',' | b']' | b'[' | b';' | b'"' | b'!') {
-                            self.c.at += 1;
-                        }
-                    }
-                },
+                    numbers += 1;
+                }
             }
         }
         if others == 0 && lists == 0 && numbers <= 6 {
-            return Some(Piece::Flat { count: numbers, spans });
+            return Some(Piece::Flat { count: numbers, spans, unread });
         }
         if others == 0 && numbers == 0 && lists <= 4 {
             self.target(&pieces[..lists]);
         }
         Some(Piece::Other)
+    }
+
+    /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
+    fn item(&mut self) -> Result<Span, Span> {
+        let start = self.c;
+        if let Some(span) = self.c.number().filter(|_| self.ends()) {
+            return Ok(span);
+        }
+        self.c = start;
+        if let Some((span, value)) = self.constants.expression(&mut self.c).filter(|_| self.ends()) {
+            self.scan.calculated(span, value);
+            return Ok(span);
+        }
+        self.c = start;
+        let mut depth = 0;
+        while !self.c.done() {
+            match self.c.peek() {
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                b',' if depth > 0 => {}
+                b',' | b']' | b'[' | b';' | b'"' | b'!' => break,
+                _ => {}
+            }
+            self.c.at += 1;
+        }
+        Err(Span::new(start.at, self.c.at))
     }
 
     /// Whether a number's text is over here: `1+2` is none.
@@ -203,15 +338,32 @@ impl Reader<'_> {
     }
 
     fn target(&mut self, pieces: &[Piece]) {
+        let bytes = self.c.bytes;
+        let is_one = matches!(
+            pieces,
+            [
+                Piece::Flat { count: 3, .. },
+                Piece::Flat { count: 4, .. },
+                Piece::Flat { count: 4, .. },
+                Piece::Flat { count: 6, .. }
+            ] | [Piece::Flat { count: 6, .. }, Piece::Flat { count: 6, .. }]
+        );
+        let unread = pieces.iter().find_map(|p| if let Piece::Flat { unread, .. } = p { *unread } else { None });
+        if let (true, Some(span)) = (is_one, unread) {
+            let text = String::from_utf8_lossy(span.text(bytes)).trim().to_owned();
+            self.scan
+                .problems
+                .push((span.at as usize, format!("holds '{text}', of which only the running program knows the value")));
+            return;
+        }
         match *pieces {
             [
-                Piece::Flat { count: 3, spans: p },
-                Piece::Flat { count: 4, spans: q },
-                Piece::Flat { count: 4, spans: cf },
+                Piece::Flat { count: 3, spans: p, .. },
+                Piece::Flat { count: 4, spans: q, .. },
+                Piece::Flat { count: 4, spans: cf, .. },
                 Piece::Flat { count: 6, .. },
             ] => {
-                let bytes = self.c.bytes;
-                let demanded = cf.map(|s| s.value(bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
+                let demanded = cf.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
                 let configuration = match demanded {
                     [Some(a), Some(b), Some(c), Some(d), ..] => Configuration::Abb([a, b, c, d]),
                     _ => Configuration::Free,
@@ -219,10 +371,16 @@ impl Reader<'_> {
                 let spans = [p[0], p[1], p[2], q[0], q[1], q[2], q[3], cf[0], cf[1], cf[2]];
                 self.scan.push(Shape::Quaternion, &spans, configuration, self.name);
             }
-            [Piece::Flat { count: 6, spans: q }, Piece::Flat { count: 6, .. }] => {
+            [Piece::Flat { count: 6, spans: q, .. }, Piece::Flat { count: 6, .. }] => {
                 self.scan.push(Shape::JointsDeg, &q, Configuration::Free, self.name);
             }
-            _ => {}
+            _ => return,
+        }
+        if let Some(Piece::Flat { spans, .. }) = pieces.last() {
+            let moves = |s: &Span| self.scan.value(*s, bytes).is_some_and(|v| v != 0.0 && v.abs() < NO_AXIS);
+            if spans.iter().any(moves) {
+                self.scan.needs_external_axis();
+            }
         }
     }
 
@@ -268,20 +426,27 @@ impl Reader<'_> {
     }
 
     /// The arguments of a motion: which targets it goes to, with which tool and work object.
-    fn motion(&mut self) {
-        enum Place {
-            Name(u64, Way),
-            Spots(u32, u32),
-        }
+    fn motion(&mut self, instruction: &[u8]) {
+        let search = instruction.to_ascii_lowercase().starts_with(b"search");
+        let targets = targets_of(instruction);
         let mut places: Vec<Place> = Vec::new();
-        let (mut tool, mut frame): (Option<String>, Option<String>) = (None, None);
-        // a name that something follows is no tool
-        let flush = |tool: &mut Option<String>, places: &mut Vec<Place>| {
-            if let Some(name) = tool.take()
-                && places.len() < 3
+        let (mut tool, mut frame): (Option<Span>, Option<String>) = (None, None);
+        let bytes = self.c.bytes;
+        let most = if search { 4 } else { 3 };
+        // the name that comes last is the tool; those before it are places, or speeds and zones, as far as the instruction goes
+        let way = |k: usize| match targets {
+            Some(n) if k < n => Way::To,
+            Some(_) => Way::Perhaps,
+            None if search && k == 2 => Way::To,
+            None if search || k > 0 => Way::Perhaps,
+            None => Way::Unlisted,
+        };
+        let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
+            if let Some(span) = tool.take()
+                && places.len() < most
             {
-                let way = if places.is_empty() { Way::To } else { Way::Perhaps };
-                places.push(Place::Name(hashed(name.as_bytes()), way));
+                let way = way(places.len());
+                places.push(Place::Name { name: hashed(span.text(bytes)), way, at: span.at as usize });
             }
         };
         let begin = self.c.at;
@@ -298,21 +463,28 @@ impl Reader<'_> {
                     if self.c.eat(b':') {
                         self.c.eat(b'=');
                         self.c.skip_space();
+                        let from = self.c.at;
                         let value = self.c.word();
                         if option.eq_ignore_ascii_case(b"wobj") {
                             frame = Some(lower(value));
                         } else if option.eq_ignore_ascii_case(b"tool") {
-                            tool = Some(lower(value));
+                            flush(&mut tool, &mut places);
+                            tool = Some(Span::new(from, self.c.at));
                         }
                     }
                 }
                 b'[' => {
                     flush(&mut tool, &mut places);
-                    let first = self.scan.spots.len() as u32;
+                    let at = self.c.at;
+                    let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
                     let whole = self.list(0).is_some();
                     let end = self.scan.spots.len() as u32;
                     if end > first {
                         places.push(Place::Spots(first, end));
+                    } else if self.scan.problems.len() > problems {
+                        places.push(Place::Here);
+                    } else if targets.is_some_and(|n| places.len() < n) {
+                        places.push(Place::Computed(at));
                     }
                     if !whole {
                         break;
@@ -322,6 +494,7 @@ impl Reader<'_> {
                 // not the call of an instruction
                 b':' | b'=' | b'(' if self.c.at <= begin + 2 => return,
                 _ => {
+                    let from = self.c.at;
                     let word = self.c.word();
                     if word.is_empty() {
                         if self.c.number().is_none() {
@@ -333,23 +506,25 @@ impl Reader<'_> {
                     flush(&mut tool, &mut places);
                     self.c.skip_space();
                     match self.c.peek() {
-                        b'(' => {
-                            if let Some((name, way)) = self.relative(word) {
-                                places.push(Place::Name(name, way));
-                            }
-                        }
+                        b'(' => match self.relative(word) {
+                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {}
+                            place => places.push(place),
+                        },
                         b'{' => {
                             self.c.at += 1;
                             self.c.skip_space();
-                            let index = self.c.number().and_then(|s| s.value(self.c.bytes));
-                            while !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
+                            let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
+                            let whole = index.filter(|_| self.c.eat(b'}'));
+                            while whole.is_none() && !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
                                 self.c.at += 1;
                             }
-                            self.c.eat(b'}');
-                            let way = index.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
-                            places.push(Place::Name(hashed(word), way));
+                            if whole.is_none() {
+                                self.c.eat(b'}');
+                            }
+                            let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
+                            places.push(Place::Name { name: hashed(word), way, at: from });
                         }
-                        _ => tool = Some(lower(word)),
+                        _ => tool = Some(Span::new(from, from + word.len())),
                     }
                 }
             }
@@ -357,31 +532,51 @@ impl Reader<'_> {
         if places.is_empty() {
             return;
         }
+        let tool = tool.map(|t| lower(t.text(bytes)));
         let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
         for place in places {
             match place {
-                Place::Name(name, way) => self.names.used(name, setup, way),
+                Place::Name { name, way, at } => self.names.used(name, setup, way, at),
                 Place::Spots(first, end) => {
                     for spot in first..end {
                         self.scan.assign(spot, setup);
                         self.names.visit(Visit::To(spot));
                     }
                 }
+                Place::Here => self.names.visit(Visit::Unknown),
+                Place::Computed(at) => {
+                    self.names.visit(Visit::Unknown);
+                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                }
             }
         }
     }
 
-    /// `Offs(p,1,2,3)` or `RelTool(p,1,2,3)`, from the parenthesis on: the target's name and the way there.
-    fn relative(&mut self, function: &[u8]) -> Option<(u64, Way)> {
+    /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
+    fn relative(&mut self, function: &[u8]) -> Place {
+        let begin = self.c.at;
         let in_tool = function.eq_ignore_ascii_case(b"reltool");
         let offs = function.eq_ignore_ascii_case(b"offs");
+        let here = |f: &[u8]| HERE.iter().any(|h| f.eq_ignore_ascii_case(h.as_bytes()));
         self.c.at += 1;
         self.c.skip_space();
-        let name = self.c.word();
+        let mut at = self.c.at;
+        let mut name = self.c.word();
         let (mut shift, mut plain, mut depth, mut k) = ([0.0; 3], true, 1, 0);
+        while [&b"offs"[..], b"reltool"].iter().any(|f| name.eq_ignore_ascii_case(f)) && self.c.eat(b'(') {
+            (plain, depth) = (false, depth + 1);
+            self.c.skip_space();
+            at = self.c.at;
+            name = self.c.word();
+        }
+        self.c.skip_space();
+        let of_here = self.c.peek() == b'(' && here(name);
+        let of_function = self.c.peek() == b'(' && !of_here;
         while depth > 0 && !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
-            if let Some(x) = self.c.number().and_then(|s| s.value(self.c.bytes)) {
+            if depth == 1
+                && let Some((_, x)) = self.constants.expression(&mut self.c)
+            {
                 if let Some(to) = shift.get_mut(k) {
                     *to = x * 1e-3;
                 }
@@ -397,13 +592,30 @@ impl Reader<'_> {
             }
             self.c.at += usize::from(self.c.peek() != b';');
         }
-        if !(offs || in_tool) || name.is_empty() {
-            return None;
+        if here(function) || of_here && (offs || in_tool) {
+            return Place::Here;
+        }
+        if !(offs || in_tool) || name.is_empty() || of_function {
+            return Place::Computed(begin);
         }
         let known = plain && k == 3;
         let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
-        Some((hashed(name), way))
+        Place::Name { name: hashed(name), way, at }
     }
+}
+
+/// Where a motion goes.
+enum Place {
+    Name {
+        name: u64,
+        way: Way,
+        at: usize,
+    },
+    Spots(u32, u32),
+    /// To where the arm is, or beside it; or to what is listed already.
+    Here,
+    /// To what only the running program knows; it stands here.
+    Computed(usize),
 }
 
 fn pose(v: &[f64]) -> Result<Pose, &'static str> {

@@ -11,7 +11,7 @@ use crate::error::ProgramError;
 use crate::frames::Frames;
 use crate::options::Options;
 use crate::report::{Report, summarized};
-use crate::rewriting::compensate;
+use crate::rewriting::{Part, compensate_together};
 
 /// What to do with which file.
 #[derive(Clone, Copy, Debug)]
@@ -51,27 +51,131 @@ impl Job<'_> {
     /// Rewrites the program. The output appears whole, or not at all; without one, nothing is refused for targets that are
     /// left (see [`left`]).
     ///
+    /// A KRL program is its .src and the .dat beside it: both are read and written, whichever is named, and `$config.dat` of the
+    /// same folder or controller gives tools and bases.
+    ///
     /// # Errors
     /// [`ProgramError`].
     pub fn run(&self, nominal: &Model, model: &Model, options: &Options) -> Result<Report, ProgramError> {
         let dialect = self.dialect()?;
-        let name = self.program.display().to_string();
         let mut frames = Frames::default();
         for path in self.frames {
             frames.or(&declared_frames(path)?);
         }
-        let bytes =
-            std::fs::read(self.program).map_err(|e| ProgramError::Input(format!("{name}: cannot be read: {e}")))?;
-        let rewrite = |sink: &mut dyn Write| compensate(&bytes, &name, dialect, nominal, model, &frames, options, sink);
-        let Some(out) = self.out else { return rewrite(&mut std::io::sink()) };
-        let part = Part::beside(out);
-        let mut sink = BufWriter::with_capacity(1 << 20, File::create(&part.0)?);
-        let report = rewrite(&mut sink)?;
-        left(&name, &report, self.partial)?;
-        sink.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()?;
-        std::fs::rename(&part.0, out)?;
+        let mut read_with = Vec::new();
+        let files = if dialect == Dialect::Krl { together(self.program) } else { vec![self.program.to_owned()] };
+        if let Some(config) = config_of(self.program).filter(|_| dialect == Dialect::Krl) {
+            frames.or(&load_frames(&config)?);
+            read_with.push(config.display().to_string());
+        }
+        read_with.extend(files.iter().filter(|f| *f != self.program).map(|f| f.display().to_string()));
+        let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+        let (mut bytes, mut ends) = (Vec::new(), Vec::new());
+        for (path, name) in files.iter().zip(&names) {
+            let read = std::fs::read(path).map_err(|e| ProgramError::Input(format!("{name}: cannot be read: {e}")))?;
+            if bytes.is_empty() {
+                bytes = read
+            } else {
+                bytes.extend(read)
+            }
+            ends.push(bytes.len());
+        }
+        let outs: Vec<PathBuf> = match self.out {
+            Some(out) => {
+                files.iter().map(|f| if f == self.program { out.to_owned() } else { beside(out, f) }).collect()
+            }
+            None => Vec::new(),
+        };
+        if let Some(same) = outs.iter().find(|o| files.len() > 1 && files.contains(o)) {
+            return Err(ProgramError::Input(format!(
+                "{}: is a file of the program itself; choose another folder or name for the output",
+                same.display()
+            )));
+        }
+        let halves: Vec<Half> = outs.iter().map(|o| Half::beside(o)).collect();
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        for half in &halves {
+            sinks.push(Box::new(BufWriter::with_capacity(1 << 20, File::create(&half.0)?)));
+        }
+        sinks.resize_with(files.len(), || Box::new(std::io::sink()));
+        let mut parts: Vec<Part<'_>> = sinks
+            .iter_mut()
+            .zip(names.iter().zip(&ends))
+            .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
+            .collect();
+        let mut report = compensate_together(&bytes, &mut parts, dialect, nominal, model, &frames, options)?;
+        report.read_with = read_with;
+        if self.out.is_none() {
+            return Ok(report);
+        }
+        left(&self.program.display().to_string(), &report, self.partial)?;
+        for sink in &mut sinks {
+            sink.end()?;
+        }
+        for (half, out) in halves.iter().zip(&outs) {
+            std::fs::rename(&half.0, out)?;
+            report.written.push(out.display().to_string());
+        }
         Ok(report)
     }
+}
+
+/// What a rewritten file goes to.
+trait Sink: Write {
+    fn as_write(&mut self) -> &mut dyn Write;
+    /// Everything is on the disk.
+    fn end(&mut self) -> std::io::Result<()>;
+}
+
+impl Sink for BufWriter<File> {
+    fn as_write(&mut self) -> &mut dyn Write {
+        self
+    }
+
+    fn end(&mut self) -> std::io::Result<()> {
+        self.flush()?;
+        self.get_ref().sync_all()
+    }
+}
+
+impl Sink for std::io::Sink {
+    fn as_write(&mut self) -> &mut dyn Write {
+        self
+    }
+
+    fn end(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// The files of a KRL program, declarations first.
+fn together(program: &Path) -> Vec<PathBuf> {
+    let other = |extension: &str| {
+        let all = [extension.to_owned(), extension.to_uppercase()];
+        all.iter().map(|e| program.with_extension(e)).find(|p| p.is_file())
+    };
+    let extension = program.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let own = program.to_owned();
+    match extension.as_str() {
+        "src" => other("dat").into_iter().chain([own]).collect(),
+        "dat" => [own].into_iter().chain(other("src")).collect(),
+        _ => vec![own],
+    }
+}
+
+/// The `$config.dat` that belongs to a KRL program: in its folder, or in `System` of the controller's files.
+fn config_of(program: &Path) -> Option<PathBuf> {
+    let whole = program.canonicalize().ok()?;
+    let folders = whole.parent()?.ancestors().take(5);
+    let places = folders.flat_map(|f| [f.to_owned(), f.join("System"), f.join("SYSTEM"), f.join("system")]);
+    let names = ["$config.dat", "$CONFIG.DAT", "$Config.dat", "$CONFIG.dat"];
+    let mut all = places.flat_map(|p| names.map(|n| p.join(n)));
+    all.find(|p| p.is_file() && *p != whole)
+}
+
+/// The name of an output beside another, with the extension of its own input.
+fn beside(out: &Path, input: &Path) -> PathBuf {
+    out.with_extension(input.extension().unwrap_or_default())
 }
 
 /// Refuses a result in which targets are left as they are, unless that is wanted; and one without any that was rewritten.
@@ -94,9 +198,9 @@ pub fn left(name: &str, report: &Report, partial: bool) -> Result<(), ProgramErr
 }
 
 /// Half a file, which goes away unless it is renamed.
-struct Part(PathBuf);
+struct Half(PathBuf);
 
-impl Part {
+impl Half {
     fn beside(out: &Path) -> Self {
         let mut name = out.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".part{}", std::process::id()));
@@ -104,7 +208,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for Half {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.0);
     }

@@ -1,12 +1,14 @@
 //! A program read, rewritten block by block and copied, in memory.
 
+use std::collections::VecDeque;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-use trical_model::Model;
 use trical_model::interrupt::checkpoint;
+use trical_model::pose::rotation_vector;
+use trical_model::{Cell, Model, Pose};
 
 use crate::compensation::{Compensator, Done, Start, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
@@ -38,6 +40,35 @@ pub fn compensate(
     options: &Options,
     sink: &mut dyn Write,
 ) -> Result<Report, ProgramError> {
+    let mut whole = [Part { name: file, end: bytes.len(), sink }];
+    compensate_together(bytes, &mut whole, dialect, nominal, model, frames, options)
+}
+
+/// One file of a program.
+pub struct Part<'a> {
+    /// For messages.
+    pub name: &'a str,
+    /// Where it ends among the bytes of all; it begins where the one before ends.
+    pub end: usize,
+    /// Where its rewritten text goes.
+    pub sink: &'a mut dyn Write,
+}
+
+/// As [`compensate`], of a program of several files that stand one behind the other in `bytes`: names and frames of each hold
+/// in all.
+///
+/// # Errors
+/// As there.
+pub fn compensate_together(
+    bytes: &[u8],
+    parts: &mut [Part<'_>],
+    dialect: Dialect,
+    nominal: &Model,
+    model: &Model,
+    frames: &Frames,
+    options: &Options,
+) -> Result<Report, ProgramError> {
+    let file = parts.iter().map(|p| p.name).collect::<Vec<_>>().join(" and ");
     let input = |e: String| ProgramError::Input(format!("{file}: {e}"));
     if u32::try_from(bytes.len()).is_err() {
         return Err(input("is larger than 4 GB; divide the program".into()));
@@ -69,10 +100,22 @@ pub fn compensate(
     }
     settle_unnamed(&mut scan, &mut known, options);
     let all = Compensator::new(&scan, bytes, nominal, model, &known, options)?;
-    let mut out = Splice { bytes, at: 0, sink };
-    let (at, line) = dialect.mark(bytes, &options.model_name);
-    let mut mark = Some(at);
-    let mut tally = Tally::new(&scan, bytes, options);
+    let begins: Vec<usize> = std::iter::once(0).chain(parts.iter().map(|p| p.end)).take(parts.len()).collect();
+    let mut marks: VecDeque<(usize, String)> = begins
+        .iter()
+        .zip(parts.iter())
+        .map(|(begin, part)| {
+            let (at, line) = dialect.mark(bytes.get(*begin..part.end).unwrap_or(&[]), &options.model_name);
+            (begin + at, line)
+        })
+        .collect();
+    let files = if parts.len() > 1 {
+        begins.into_iter().zip(parts.iter().map(|p| p.name.to_owned())).collect()
+    } else {
+        Vec::new()
+    };
+    let mut out = Splice { bytes, at: 0, parts, part: 0 };
+    let mut tally = Tally::new(&scan, bytes, files, options);
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
     let size = BLOCK * threads;
     // one thread goes through the program ahead of the others, which rewrite what is known; what they cannot write, nobody wants
@@ -88,8 +131,8 @@ pub fn compensate(
             for spots in scan.spots.chunks(size) {
                 let Some(starts) = next(&starts)? else { break };
                 for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
-                    if mark.is_some_and(|m| m <= scan.at(spot)) {
-                        out.insert(mark.take().unwrap_or(0), &line)?;
+                    while let Some((at, line)) = marks.pop_front_if(|(at, _)| *at <= scan.at(spot)) {
+                        out.insert(at, &line)?;
                     }
                     if let Ok(done) = &done {
                         let mut edits: Vec<_> = done.edits.iter().collect();
@@ -107,11 +150,36 @@ pub fn compensate(
         failed.store(result.is_err(), Ordering::Relaxed);
         result
     })?;
-    if let Some(at) = mark {
+    for (at, line) in marks {
         out.insert(at, &line)?;
     }
     out.finish()?;
-    Ok(tally.report())
+    let mut report = tally.report();
+    report.cautions.extend(other_cell(nominal, model, options));
+    Ok(report)
+}
+
+/// A cell that is not the one of the fit, in one sentence.
+fn other_cell(nominal: &Model, model: &Model, options: &Options) -> Option<String> {
+    let (given, fitted) = (&nominal.cell, &model.cell);
+    let tool = |cell: &Cell| Pose { rotation: cell.tool.rotation, translation: cell.tool.tcp };
+    let bases = (!options.own_base).then_some(("base", given.world_from_base, fitted.world_from_base));
+    let tools = ("tool", tool(given), tool(fitted));
+    let apart: Vec<String> = bases
+        .into_iter()
+        .chain([tools])
+        .filter_map(|(what, a, b)| {
+            let mm = (a.translation - b.translation).norm() * 1e3;
+            let deg = rotation_vector(&(a.rotation.transpose() * b.rotation)).norm().to_degrees();
+            (mm > 1e-3 || deg > 1e-4).then(|| format!("its {what} by {mm:.3} mm and {deg:.3} deg"))
+        })
+        .collect();
+    (!apart.is_empty()).then(|| {
+        format!(
+            "the cell is not the one that the model was fitted with: {} off; the difference is corrected as if it were an error of the arm",
+            apart.join(", ")
+        )
+    })
 }
 
 /// What the thread ahead has solved, or nothing where it has ended. Whoever is waited for can be stopped meanwhile.
@@ -161,31 +229,48 @@ fn contains(bytes: &[u8], word: &[u8]) -> bool {
     false
 }
 
-/// Copies a file with pieces replaced.
-struct Splice<'a> {
+/// Copies files with pieces replaced.
+struct Splice<'a, 'b> {
     bytes: &'a [u8],
     at: usize,
-    sink: &'a mut dyn Write,
+    parts: &'a mut [Part<'b>],
+    part: usize,
 }
 
-impl Splice<'_> {
+impl Splice<'_, '_> {
     fn insert(&mut self, at: usize, text: &str) -> Result<(), ProgramError> {
         self.replace(at, 0, text)
     }
 
     fn replace(&mut self, at: usize, len: usize, text: &str) -> Result<(), ProgramError> {
         // targets stand one after the other, never inside each other
-        let between = self.bytes.get(self.at..at).ok_or_else(|| {
-            ProgramError::Input(format!("two targets overlap at byte {at}; this is an error of the program's reader"))
-        })?;
-        self.sink.write_all(between)?;
-        self.sink.write_all(text.as_bytes())?;
+        if at < self.at {
+            return Err(ProgramError::Input(format!(
+                "two targets overlap at byte {at}; this is an error of the program's reader"
+            )));
+        }
+        self.copy(at)?;
+        if let Some(part) = self.parts.get_mut(self.part) {
+            part.sink.write_all(text.as_bytes())?;
+        }
         self.at = at + len;
         Ok(())
     }
 
-    fn finish(&mut self) -> Result<(), ProgramError> {
-        self.sink.write_all(self.bytes.get(self.at..).unwrap_or(&[]))?;
+    /// Copies what stands before `to`; where a file ends there, the next one goes on.
+    fn copy(&mut self, to: usize) -> Result<(), ProgramError> {
+        while let Some(part) = self.parts.get_mut(self.part) {
+            part.sink.write_all(self.bytes.get(self.at..to.min(part.end)).unwrap_or(&[]))?;
+            self.at = self.at.max(to.min(part.end));
+            if to < part.end || self.part + 1 == self.parts.len() {
+                break;
+            }
+            self.part += 1;
+        }
         Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), ProgramError> {
+        self.copy(self.bytes.len())
     }
 }

@@ -48,6 +48,15 @@ pub fn number(text: &[u8]) -> Option<f64> {
     std::str::from_utf8(text).ok()?.parse().ok().filter(|x: &f64| x.is_finite())
 }
 
+/// Bytes that are looked at ahead, at most.
+const FARTHEST: usize = 1000;
+
+/// Whether a text has this name in it, in capitals or not.
+#[must_use]
+pub fn mentions(text: &[u8], name: &[u8]) -> bool {
+    text.split(|b| !b.is_ascii_alphanumeric() && *b != b'_').any(|w| w.eq_ignore_ascii_case(name))
+}
+
 /// A place in a program, and small steps from there.
 #[derive(Clone, Copy, Debug)]
 pub struct Cursor<'a> {
@@ -131,6 +140,15 @@ impl<'a> Cursor<'a> {
                 return;
             }
         }
+    }
+
+    /// What stands from here to the next of `ends`, or as much of it as a sane program has there: whoever looks ahead again and
+    /// again does not look through all of a line without an end.
+    #[must_use]
+    pub fn until(&self, ends: &[u8]) -> &'a [u8] {
+        let text = self.bytes.get(self.at..).unwrap_or(&[]);
+        let text = &text[..text.len().min(FARTHEST)];
+        &text[..text.iter().position(|b| ends.contains(b)).unwrap_or(text.len())]
     }
 
     /// Past blanks within the line.

@@ -19,6 +19,7 @@ impl From<ProgramError> for Failed {
             ("--temp-c", "temp_c"),
             ("--time-s", "time_s"),
             ("--seq", "seq"),
+            ("--check lists all", "without out, problems lists all"),
             ("--partial", "partial=True"),
             ("--frames FILE", "frames"),
             ("--frames", "frames"),

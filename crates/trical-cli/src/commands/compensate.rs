@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use trical_ident::ModelFile;
 use trical_model::Model;
-use trical_program::{Job, Options, ProgramError, Report, declared_frames, left, summarized};
+use trical_program::{Job, Options, ProgramError, Report, declared_frames, left};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -140,8 +140,9 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         let mut rows = vec![["line", "target", "moves, mm", "error before", "after"].map(String::from).to_vec()];
         rows.extend(report.rows.iter().map(|r| {
             let name = if r.name.is_empty() { "(inline)" } else { &r.name };
+            let file = if r.file.is_empty() { String::new() } else { format!("{}, ", r.file) };
             vec![
-                r.line.to_string(),
+                format!("{file}{}", r.line),
                 name.to_owned(),
                 format!("{:.3}", mm(r.moved)),
                 format!("{:.3}", mm(r.before)),
@@ -149,6 +150,11 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
             ]
         }));
         for line in table::lines(&rows) {
+            say(line)?;
+        }
+    }
+    for caution in &report.cautions {
+        for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
             say(line)?;
         }
     }
@@ -170,14 +176,17 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
             report.unknown_places
         ))?;
     }
-    if !args.check {
-        if !report.problems.is_empty() {
-            let n = report.problems.len();
-            say(format!("  {n} left as they are: {}", summarized(&report.problems)))?;
+    if !report.read_with.is_empty() {
+        say(format!("  read with it: {}", report.read_with.join(", ")))?;
+    }
+    if !report.problems.is_empty() {
+        say(format!("  {} left as they are:", report.problems.len()))?;
+        for problem in &report.problems {
+            say(format!("    {problem}"))?;
         }
-        if let Some(out) = &args.out {
-            say(format!("Wrote {}", out.display()))?;
-        }
+    }
+    if !report.written.is_empty() {
+        say(format!("Wrote {}", report.written.join(" and ")))?;
     }
     Ok(())
 }

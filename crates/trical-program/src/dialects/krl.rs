@@ -16,7 +16,7 @@ use crate::expression::Constants;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
-use crate::text::{Cursor, Span, lower, moved_to};
+use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
@@ -85,9 +85,7 @@ fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
             let start = *c;
             c.skip_blank();
             if c.peek() == b'[' {
-                while !c.done() && !matches!(c.peek(), b']' | b'\n' | b'\r') {
-                    c.at += 1;
-                }
+                c.at += c.until(b"]\n\r").len();
                 c.at += usize::from(c.peek() == b']');
                 c.skip_blank();
             }
@@ -213,10 +211,7 @@ impl Reader<'_> {
         if self.c.peek() != b'=' || self.c.bytes.get(self.c.at + 1) == Some(&b'=') {
             return;
         }
-        let text = &self.c.bytes[self.c.at..];
-        let text = &text[..text.iter().position(|b| matches!(b, b';' | b'\n' | b'\r')).unwrap_or(text.len())];
-        let own = lower(word);
-        let relative = lower(text).split(|b: char| !b.is_ascii_alphanumeric() && b != '_').any(|w| w == own);
+        let relative = mentions(self.c.until(b";\n\r"), word);
         if !relative && !is_system(word) {
             self.names.set_from(hashed(word), Origin::Computed(from as u32));
         }
@@ -524,11 +519,7 @@ impl Reader<'_> {
             return Ok(span);
         }
         self.c = start;
-        let mut c = start;
-        while !c.done() && !matches!(c.peek(), b',' | b'}' | b'{' | b'\n' | b'\r') {
-            c.at += 1;
-        }
-        Err(Span::new(start.at, c.at))
+        Err(Span::new(start.at, start.at + start.until(b",}{\n\r").len()))
     }
 
     fn field_ends(&self) -> bool {

@@ -12,7 +12,7 @@ use crate::expression::Constants;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
-use crate::text::{Cursor, Span, lower, number};
+use crate::text::{Cursor, Span, lower, mentions, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
 const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
@@ -189,9 +189,7 @@ impl Reader<'_> {
         let name = hashed(word);
         self.c.skip_space();
         if is_part {
-            let (own, text) = (lower(word), &self.c.bytes[self.c.at..]);
-            let text = &text[..text.iter().position(|b| matches!(b, b';' | b'\n')).unwrap_or(text.len())];
-            let relative = lower(text).split(|b: char| !b.is_ascii_alphanumeric() && b != '_').any(|w| w == own);
+            let relative = mentions(self.c.until(b";\n"), word);
             if !relative {
                 self.names.set_from(name, Origin::Computed(from as u32));
             }

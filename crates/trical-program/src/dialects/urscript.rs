@@ -14,7 +14,7 @@ use crate::expression::Constants;
 use crate::frames::ToolFrame;
 use crate::literal::{Meant, Shape};
 use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
-use crate::text::{Cursor, Span, lower, moved_to};
+use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
 /// Functions that say where the arm is.
@@ -194,9 +194,7 @@ impl Reader<'_> {
         self.c.skip_blank();
         let is_element = self.c.peek() == b'[';
         if is_element {
-            while !self.c.done() && !matches!(self.c.peek(), b']' | b'\n') {
-                self.c.at += 1;
-            }
+            self.c.at += self.c.until(b"]\n").len();
             self.c.at += usize::from(self.c.peek() == b']');
         }
         if !self.c.eat(b'=') || self.c.peek() == b'=' {
@@ -205,10 +203,7 @@ impl Reader<'_> {
         }
         let computed = Origin::Computed(from as u32);
         if is_element {
-            let text = &self.c.bytes[self.c.at..];
-            let text = lower(&text[..text.iter().position(|b| *b == b'\n').unwrap_or(text.len())]);
-            let own = lower(word);
-            let relative = text.split(|b: char| !b.is_ascii_alphanumeric() && b != '_').any(|w| w == own);
+            let relative = mentions(self.c.until(b"\n"), word);
             if is_target && !relative {
                 self.names.set_from(hash, computed);
             }
@@ -437,8 +432,9 @@ impl Reader<'_> {
             }
             self.c = at;
             let mut depth = 0;
-            while !self.c.done() && !(depth == 0 && matches!(self.c.peek(), b',' | b']')) && self.c.peek() != b'\n' {
-                match self.c.peek() {
+            for b in self.c.until(b"\n") {
+                match b {
+                    b',' | b']' if depth == 0 => break,
                     b'(' | b'[' => depth += 1,
                     b')' | b']' => depth -= 1,
                     _ => {}

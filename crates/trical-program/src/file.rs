@@ -188,11 +188,12 @@ pub fn left(name: &str, report: &Report, partial: bool) -> Result<(), ProgramErr
         return Ok(());
     }
     let list = summarized(&report.problems);
+    let s = if n == 1 { "" } else { "s" };
     Err(ProgramError::Left(if partial {
-        format!("{name}: none of its {n} targets can be rewritten, and nothing was written: {list}")
+        format!("{name}: none of its {n} target{s} can be rewritten, and nothing was written: {list}")
     } else {
         format!(
-            "{name}: {n} targets cannot be rewritten, and nothing was written (--partial writes the others): {list}"
+            "{name}: {n} target{s} cannot be rewritten, and nothing was written (--partial writes the others): {list}"
         )
     }))
 }

@@ -215,7 +215,12 @@ pub enum Way {
 #[derive(Clone, Copy, Debug)]
 pub enum Origin {
     /// From the data of this name: a copy, or shifted against them. What is corrected there goes with it.
-    Name(u64),
+    Name {
+        /// Their name.
+        name: u64,
+        /// Where the program sets them.
+        at: u32,
+    },
     /// From where the arm is when the program asks.
     Here,
     /// From a calculation (at this offset) that only the running program does.
@@ -306,11 +311,13 @@ impl Names {
         self.origins.entry(name).or_default().push(origin);
     }
 
-    /// Where the program calculates the data of this name.
+    /// Where the program sets the data of this name, if it does.
     #[must_use]
-    pub fn calculated_at(&self, name: u64) -> Option<usize> {
-        let all = self.origins.get(&name)?.iter();
-        all.filter_map(|o| if let Origin::Computed(at) = o { Some(*at as usize) } else { None }).next()
+    pub fn set_at(&self, name: u64) -> Option<usize> {
+        self.origins.get(&name)?.iter().find_map(|o| match o {
+            Origin::Name { at, .. } | Origin::Computed(at) => Some(*at as usize),
+            Origin::Here => None,
+        })
     }
 
     /// The data of this name are listed already.
@@ -407,7 +414,7 @@ impl Names {
         }
         self.computed(name, scan);
         for origin in from.iter().take(if steps == 0 { 0 } else { MOST_ORIGINS }) {
-            if let Origin::Name(other) = origin
+            if let Origin::Name { name: other, .. } = origin
                 && *other != name
             {
                 self.origin(*other, setup, scan, steps - 1, unknown);

@@ -172,8 +172,12 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
     }
     if report.unknown_places > 0 {
         say(format!(
-            "  {} motions go to places that the running program computes: what is approached from there has no known sense",
-            report.unknown_places
+            "  {} to places that the running program computes: what is approached from there has no known sense",
+            if report.unknown_places == 1 {
+                "1 motion goes".into()
+            } else {
+                format!("{} motions go", report.unknown_places)
+            }
         ))?;
     }
     if !report.read_with.is_empty() {

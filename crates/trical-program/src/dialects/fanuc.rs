@@ -302,13 +302,14 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
 /// `PR[1]=P[3]`, `PR[1]=PR[2]+PR[3]`, `PR[1,3]=PR[1,3]+50`, `PR[1]=LPOS`.
 fn set_register(source: &[u8], digits: &[u8], at: usize, names: &mut Names, from: &[(usize, bool, &[u8])]) {
     let name = register(digits);
+    let at = u32::try_from(at).unwrap_or(u32::MAX);
     let origin = match from.first() {
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => return,
-        Some((_, true, other)) => Origin::Name(register(other)),
-        Some((_, false, other)) if !other.is_empty() => Origin::Name(hashed(other)),
+        Some((_, true, other)) => Origin::Name { name: register(other), at },
+        Some((_, false, other)) if !other.is_empty() => Origin::Name { name: hashed(other), at },
         _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,
-        _ => Origin::Computed(u32::try_from(at).unwrap_or(u32::MAX)),
+        _ => Origin::Computed(at),
     };
     names.set_from(name, origin);
 }

@@ -24,7 +24,7 @@ const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
 const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
 /// Variables that say where the arm is.
-const HERE: [&[u8]; 4] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES"];
+const HERE: [&[u8]; 5] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES", b"$AXIS_ACT_MEAS"];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
 /// Where the mark goes: behind the `&ACCESS` lines, which must come first.
@@ -259,6 +259,9 @@ impl Reader<'_> {
                     let frame = self.frame(&found);
                     self.scan.frames.frames.entry(n).or_insert(frame);
                 }
+            } else if is("FDAT_ACT") {
+                let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
+                self.now = Setup { tool: text(found.tool), frame: text(found.base) };
             } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
                 self.define(&found, Span::new(from, from + word.len()));
             }
@@ -270,7 +273,7 @@ impl Reader<'_> {
             } else if source.is_empty() || matches!(self.c.peek(), b'(' | b'.') {
                 Origin::Computed(from as u32)
             } else {
-                Origin::Name(hashed(source))
+                Origin::Name { name: hashed(source), at: from as u32 }
             };
             self.names.set_from(hashed(word), origin);
         } else if is("FDAT_ACT") {

@@ -50,14 +50,18 @@ pub fn scan(bytes: &[u8]) -> Scan {
     reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
     reader.file();
     let Reader { mut scan, names, .. } = reader;
+    let mut told = Vec::new();
     for setup in &scan.setups {
-        if let Some((at, name)) =
-            setup.frame.as_deref().and_then(|f| Some((names.calculated_at(hashed(f.as_bytes()))?, f)))
-        {
-            let what = format!(
-                "the work object '{name}' is changed here while the program runs; targets in it are corrected for where it is declared"
-            );
-            scan.problems.push((at, what));
+        for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
+            if let Some((at, name)) = name.as_deref().and_then(|n| Some((names.set_at(hashed(n.as_bytes()))?, n)))
+                && !told.contains(&at)
+            {
+                told.push(at);
+                let what = format!(
+                    "the {what} '{name}' is changed here while the program runs; its targets are corrected for where it is declared"
+                );
+                scan.problems.push((at, what));
+            }
         }
     }
     names.resolve(&mut scan, bytes, &|name| {
@@ -129,6 +133,9 @@ impl Reader<'_> {
             } else if is("pdispon") || is("pdispset") {
                 let what =
                     "displaces the targets of the motions that follow; they are corrected for where the text has them";
+                self.scan.problems.push((from, what.into()));
+            } else if is("eoffson") || is("eoffsset") {
+                let what = "displaces the external axes for the motions that follow; targets are corrected for where the text has them";
                 self.scan.problems.push((from, what.into()));
             } else if is("moveextj") {
                 // no motion of the arm: these joint values are those of other machines
@@ -205,13 +212,13 @@ impl Reader<'_> {
             match self.c.peek() {
                 b'(' => {
                     let origin = match self.relative(source) {
-                        Place::Name { name, .. } => Origin::Name(name),
+                        Place::Name { name, .. } => Origin::Name { name, at: from as u32 },
                         Place::Here => Origin::Here,
                         _ => Origin::Computed(from as u32),
                     };
                     self.names.set_from(name, origin);
                 }
-                b';' | b'{' => self.names.set_from(name, Origin::Name(hashed(source))),
+                b';' | b'{' => self.names.set_from(name, Origin::Name { name: hashed(source), at: from as u32 }),
                 b'.' => self.names.set_from(name, Origin::Computed(from as u32)),
                 _ => self.c.at = at,
             }

@@ -217,7 +217,9 @@ impl Reader<'_> {
             }
             Literal::Unread(_) => drop(self.values.insert(hash, None)),
             Literal::None if is_target => {
-                let origin = self.origin(0).map_or(computed, |o| o.map_or(Origin::Here, Origin::Name));
+                let origin = self
+                    .origin(0)
+                    .map_or(computed, |o| o.map_or(Origin::Here, |name| Origin::Name { name, at: from as u32 }));
                 self.names.set_from(hash, origin);
             }
             Literal::None => drop(self.values.insert(hash, None)),

@@ -169,6 +169,18 @@ const RAPID: &[Case] = &[
         &[(1, "singularity")],
     ),
     case(
+        "a tool and a work object that are copied",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nt:=tOther;\nw:=wOther;\nMoveL @0,v1,fine,t\\WObj:=w;\nMoveL @1,v1,fine,t\\WObj:=w;\n",
+        &[5, 6],
+        &[(3, "tool 't'"), (4, "work object 'w'")],
+    ),
+    case(
+        "offsets of external axes",
+        "EOffsSet [100,0,0,0,0,0];\nMoveL @0,v1,fine,tool0;\nEOffsOff;\n",
+        &[2],
+        &[(1, "external axes")],
+    ),
+    case(
         "a work object that is changed",
         "PERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nw.oframe.trans.x:=camera;\nMoveL @0,v1,fine,tool0\\WObj:=w;\n",
         &[3],
@@ -182,6 +194,12 @@ const KRL: &[Case] = &[
         "DECL E6POS XP1={@0,S 2,T @T0,E1 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\nDECL PDAT PPDAT1={VEL 100.000,ACC 100.000}\nDECL LDAT LCPDAT1={VEL 2.0,ACC 100.0}\nTOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nFDAT_ACT=FP1\nPTP XP1\n",
         &[1],
         &[],
+    ),
+    case(
+        "motion data in place",
+        "TOOL_DATA[4]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nFDAT_ACT={TOOL_NO 4,BASE_NO 0,IPO_FRAME #BASE}\nBAS(#FRAMES)\nPTP {@0}\nFDAT_ACT={TOOL_NO 5,BASE_NO 0,IPO_FRAME #BASE}\nPTP {@1}\n",
+        &[4],
+        &[(6, "tool '5'")],
     ),
     case("what is declared elsewhere", "PTP XHOME\nPTP {@0}\nLIN XP7 C_DIS\n", &[2], &[(1, "'XHOME'"), (3, "'XP7'")]),
     case("constants", "DECL CONST REAL H=50.0\nLIN {X @X0+H-50,Y @Y0,Z @Z0,@R0}\n", &[2], &[]),

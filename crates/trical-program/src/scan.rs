@@ -227,10 +227,10 @@ pub enum Origin {
     Computed(u32),
 }
 
-/// Copies of copies that are followed, at most.
-const LONGEST_CHAIN: usize = 8;
-/// Places in the program that set the same name and are followed, at most.
-const MOST_ORIGINS: usize = 16;
+/// Places in the program that set the same name and are looked at, at most.
+const MOST_ORIGINS: usize = 200;
+/// Names that are followed from one motion, at most.
+const MOST_NAMES: usize = 50;
 
 /// Which names stand for which targets, and how motions use them. Names are kept as hashes: programs have millions.
 #[derive(Debug, Default)]
@@ -308,7 +308,12 @@ impl Names {
 
     /// The program sets the data of this name.
     pub fn set_from(&mut self, name: u64, origin: Origin) {
-        self.origins.entry(name).or_default().push(origin);
+        let all = self.origins.entry(name).or_default();
+        let again =
+            |o: &Origin| matches!((o, origin), (Origin::Name { name: a, .. }, Origin::Name { name: b, .. }) if *a == b);
+        if all.len() < MOST_ORIGINS && !all.iter().any(again) {
+            all.push(origin);
+        }
     }
 
     /// Where the program sets the data of this name, if it does.
@@ -365,7 +370,9 @@ impl Names {
                     scan.visits.push(Visit::Unknown);
                     let mut c = Cursor::new(bytes, 0);
                     c.at = at as usize;
-                    self.origin(name, setup, scan, LONGEST_CHAIN, (at as usize, &elsewhere(c.word())));
+                    if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
+                        scan.problems.push((at as usize, elsewhere(c.word())));
+                    }
                 } else if matches!(way, Way::Unlisted) {
                     scan.visits.push(Visit::Unknown);
                 }
@@ -396,30 +403,46 @@ impl Names {
         scan.remove(&gone);
     }
 
-    /// Follows a name that has no data of its own to those that it is set from.
-    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, steps: usize, unknown: (usize, &str)) {
+    /// Follows a name that has no data of its own to those that it is set from: whether all that it comes to is rewritten,
+    /// listed, or where the arm is; nothing where it only goes in a circle. `seen` are names on the way, and whether they are
+    /// settled.
+    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
         if self.listed.contains(&name) {
-            return;
+            return Some(true);
         }
         if let Some(group) = self.defined.get(&name).copied() {
             let before = scan.visits.len();
             self.visit_group(group, setup, Way::Computed, scan);
             scan.visits.truncate(before);
             self.computed(name, scan);
-            return;
-        }
-        let from = self.origins.get(&name).cloned().unwrap_or_default();
-        if from.is_empty() || steps == 0 {
-            scan.problems.push((unknown.0, unknown.1.to_owned()));
+            return Some(true);
         }
         self.computed(name, scan);
-        for origin in from.iter().take(if steps == 0 { 0 } else { MOST_ORIGINS }) {
-            if let Origin::Name { name: other, .. } = origin
-                && *other != name
-            {
-                self.origin(*other, setup, scan, steps - 1, unknown);
-            }
+        let from = self.origins.get(&name).cloned().unwrap_or_default();
+        if from.is_empty() || seen.len() > MOST_NAMES {
+            return Some(false);
         }
+        let own = seen.len();
+        seen.push((name, false));
+        let mut known = None;
+        for origin in &from {
+            let Origin::Name { name: other, .. } = origin else {
+                known = Some(true);
+                continue;
+            };
+            let found = match seen.iter().find(|(n, _)| n == other) {
+                Some((_, settled)) => settled.then_some(true),
+                None => self.origin(*other, setup, scan, seen),
+            };
+            if found == Some(false) {
+                return found;
+            }
+            known = known.or(found);
+        }
+        if let Some(own) = seen.get_mut(own) {
+            own.1 = known.is_some();
+        }
+        known
     }
 
     /// Lists, once, where a name to which the arm moves is calculated.

@@ -175,6 +175,18 @@ const RAPID: &[Case] = &[
         &[(3, "tool 't'"), (4, "work object 'w'")],
     ),
     case(
+        "copies in a circle",
+        "VAR robtarget p;\nVAR robtarget q;\np:=q;\nq:=Offs(p,0,0,5);\nMoveL p,v1,fine,tool0;\nMoveL @0,v1,fine,tool0;\n",
+        &[6],
+        &[(5, "'p'")],
+    ),
+    case(
+        "copies by several ways",
+        "CONST robtarget s:=@0;\nVAR robtarget p;\nq:=s;\nr:=q;\nr:=s;\nr:=Offs(p,0,0,5);\np:=q;\np:=r;\nMoveL p,v1,fine,tool0;\n",
+        &[1],
+        &[],
+    ),
+    case(
         "offsets of external axes",
         "EOffsSet [100,0,0,0,0,0];\nMoveL @0,v1,fine,tool0;\nEOffsOff;\n",
         &[2],

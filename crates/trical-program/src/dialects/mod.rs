@@ -4,6 +4,7 @@ pub mod fanuc;
 pub mod krl;
 pub mod poses_csv;
 pub mod rapid;
+mod rapid_frames;
 pub mod urscript;
 
 use std::path::Path;

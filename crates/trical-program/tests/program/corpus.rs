@@ -187,6 +187,12 @@ const RAPID: &[Case] = &[
         &[],
     ),
     case(
+        "a variable with the name of a constant",
+        "PROC a()\nCONST num h:=10;\nMoveL [[@X0+h-10,@Y0,@Z0],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDPROC\nPROC b(num h)\nMoveL [[@X0+h,@Y0,@Z0],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDPROC\n",
+        &[3],
+        &[(6, "+h'")],
+    ),
+    case(
         "offsets of external axes",
         "EOffsSet [100,0,0,0,0,0];\nMoveL @0,v1,fine,tool0;\nEOffsOff;\n",
         &[2],

@@ -114,9 +114,72 @@ fn programs_are_rewritten_checked_and_refused() {
     let part = p.json("far.mod", &["--partial", "--out", "far.new.mod"]);
     assert_eq!((&part["targets"], part["problems"].as_array().unwrap().len()), (&serde_json::json!(6), 1));
     p.write("all.mod", b"CONST robtarget p:=[[3000,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];");
-    p.refuses(1, "all.mod", &["--partial"], &["none of its 1 targets"]);
+    p.refuses(1, "all.mod", &["--partial"], &["none of its 1 target can"]);
     p.refuses(2, "out.mod", &[], &["out.mod", "compensated already"]);
     p.write("wide.mod", &PROGRAM.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>());
     p.refuses(2, "wide.mod", &[], &["wide.mod", "UTF-16"]);
     p.refuses(2, "sample.mod", &["--temp-c", "nan"], &["--temp-c"]);
+
+    // what a motion goes to and this file does not say is listed, and nothing is written without being told to
+    p.write(
+        "home.mod",
+        PROGRAM
+            .replacen("    MoveL pCorner1", "    MoveJ pElsewhere,v1000,z50,tDevice;\n    MoveL pCorner1", 1)
+            .as_bytes(),
+    );
+    p.refuses(1, "home.mod", &[], &["line ", "'pElsewhere'", "--partial"]);
+    let part = p.json("home.mod", &["--partial", "--out", "home.new.mod"]);
+    assert_eq!((&part["targets"], part["problems"].as_array().unwrap().len()), (&serde_json::json!(7), 1));
+    let o = p.compensate("home.mod", &["--check", "--partial"]);
+    assert!(String::from_utf8_lossy(&o.stdout).contains("1 left as they are:\n    line "), "{o:?}");
+    assert_eq!(p.compensate("home.mod", &["--check"]).status.code(), Some(1));
+
+    // another cell than that of the fit is told
+    let cell = String::from_utf8(p.read("demo/cell.toml")).unwrap();
+    assert!(cell.contains("xyz_mm = [150.0"), "{cell}");
+    assert!(p.json("sample.mod", &["--check"])["cautions"].is_null());
+    p.write("cell.toml", cell.replacen("xyz_mm = [150.0", "xyz_mm = [153.0", 1).as_bytes());
+    let cautions = p.json("sample.mod", &["--check"])["cautions"].to_string();
+    assert!(cautions.contains("its base by 3.000 mm and 0.000 deg"), "{cautions}");
+    assert!(p.json("sample.mod", &["--check", "--own-base"])["cautions"].is_null());
+}
+
+/// A .src and its .dat are one program, and the controller's `$config.dat` declares its tools and bases.
+#[test]
+fn the_files_of_a_krl_program_belong_together() {
+    let p = Place::new();
+    std::fs::create_dir_all(p.path("R1/Program")).unwrap();
+    std::fs::create_dir_all(p.path("R1/System")).unwrap();
+    p.write(
+        "R1/System/$config.dat",
+        b"BASE_DATA[3]={X 10.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nTOOL_DATA[1]={X 18,Y -12,Z 118,A 0,B 0,C 0}\n",
+    );
+    p.write(
+        "R1/Program/p.src",
+        b"&ACCESS RVP\r\nDEF p()\r\nFDAT_ACT=FP1\r\nPTP XP1\r\nLIN {X 350,Y 30,Z 320,A 106.26,B 0,C 180}\r\nEND\r\n",
+    );
+    p.write(
+        "R1/Program/p.dat",
+        b"&ACCESS RVP\r\nDEFDAT p\r\nDECL E6POS XP1={X 340,Y 50,Z 320,A 106.26,B 0,C 180,E1 0.0}\r\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 3,IPO_FRAME #BASE}\r\nENDDAT\r\n",
+    );
+    let done = p.json("R1/Program/p.src", &["--out", "q.src", "--any-configuration"]);
+    assert_eq!(done["targets"], 2, "{done}");
+    assert_eq!(done["written"], serde_json::json!(["q.dat", "q.src"]));
+    assert!(done["read_with"].to_string().contains("$config.dat") && done["read_with"].to_string().contains("p.dat"));
+    for (name, lines, changed) in [("dat", 5, "DECL E6POS"), ("src", 6, "LIN {")] {
+        let (old, new) = (p.read(&format!("R1/Program/p.{name}")), p.read(&format!("q.{name}")));
+        let (old, new) = (String::from_utf8(old).unwrap(), String::from_utf8(new).unwrap());
+        assert_eq!(new.matches("compensated by TriCal").count(), 1, "{new}");
+        let rest: Vec<&str> = new.lines().filter(|l| !l.contains("TriCal")).collect();
+        assert_eq!(rest.len(), lines);
+        for (was, is) in old.lines().zip(rest) {
+            assert_eq!(was != is, was.starts_with(changed), "{was} {is}");
+        }
+    }
+    let both = p.json("R1/Program/p.dat", &["--check"]);
+    assert_eq!(both["rows"][1]["line"], 5);
+    assert!(both["rows"][1]["file"].as_str().unwrap().ends_with("p.src"));
+    let same = p.compensate("R1/Program/p.src", &["--out", "R1/Program/p.txt"]);
+    assert_eq!(same.status.code(), Some(2), "{same:?}");
+    assert!(String::from_utf8_lossy(&same.stderr).contains("another folder or name"));
 }

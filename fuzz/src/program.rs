@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use trical_device::program::{Dialect, Frames, MARK, Options, ToolFrame, compensate};
 use trical_model::{Basis, Cell, Model, Motion, Pose, Robot, Site, Term};
+use trical_program::{Dialect, Frames, MARK, Options, ToolFrame, compensate};
 
 /// The nominal IRB 120, and one whose base is 1 mm off and whose joint 2 is 0.001 rad off.
 static ARMS: LazyLock<(Model, Model)> = LazyLock::new(|| {

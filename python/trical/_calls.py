@@ -458,7 +458,9 @@ def compensate(
     """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
 
     The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target
-    with its error before and after. Keys: targets, largest_move_mm, problems, before, after, meant_with.
+    with its error before and after. Keys: targets, largest_move_mm, problems (what is not rewritten: line and reason),
+    before, after, meant_with; where there are any, cautions, read_with and written (files of the program beside the one
+    that was named).
     """
     text = _native._compensate(
         os.fspath(program),

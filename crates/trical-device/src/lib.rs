@@ -28,14 +28,12 @@
 //! | [`controller`] | the [`Controller`] trait, the RAPID dialect, Robot Web Services, [`open_controller`] |
 //! | [`procedure`] | the touches: plan entries, limits, the loop, repeat visits, tool centre point from one ball |
 //! | [`session`] | a plan driven over URLs into a recording that can be taken up; touches where the arm stands |
-//! | [`program`] | robot programs (RAPID, KRL, FANUC, UR script, CSV) rewritten by a calibrated model |
 //! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port, and fail by a script |
 //! | [`url`] | the small URL grammar of `--gauge` and `--controller` |
 
 pub mod controller;
 pub mod gauge;
 pub mod procedure;
-pub mod program;
 pub mod session;
 pub mod url;
 pub mod virtual_cell;

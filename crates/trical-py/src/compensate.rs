@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use trical_device::program::{Job, Options, ProgramError};
 use trical_model::Model;
+use trical_program::{Job, Options, ProgramError};
 
 use crate::errors::{Failed, Result, bad};
 use crate::long::long;
@@ -19,6 +19,7 @@ impl From<ProgramError> for Failed {
             ("--temp-c", "temp_c"),
             ("--time-s", "time_s"),
             ("--seq", "seq"),
+            ("--check lists all", "without out, problems lists all"),
             ("--partial", "partial=True"),
             ("--frames FILE", "frames"),
             ("--frames", "frames"),

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use trical_device::program::{Job, Options, ProgramError, Report, declared_frames, left, summarized};
 use trical_ident::ModelFile;
 use trical_model::Model;
+use trical_program::{Job, Options, ProgramError, Report, declared_frames, left};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -140,8 +140,9 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         let mut rows = vec![["line", "target", "moves, mm", "error before", "after"].map(String::from).to_vec()];
         rows.extend(report.rows.iter().map(|r| {
             let name = if r.name.is_empty() { "(inline)" } else { &r.name };
+            let file = if r.file.is_empty() { String::new() } else { format!("{}, ", r.file) };
             vec![
-                r.line.to_string(),
+                format!("{file}{}", r.line),
                 name.to_owned(),
                 format!("{:.3}", mm(r.moved)),
                 format!("{:.3}", mm(r.before)),
@@ -149,6 +150,11 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
             ]
         }));
         for line in table::lines(&rows) {
+            say(line)?;
+        }
+    }
+    for caution in &report.cautions {
+        for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
             say(line)?;
         }
     }
@@ -166,18 +172,25 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
     }
     if report.unknown_places > 0 {
         say(format!(
-            "  {} motions go to places that the running program computes: what is approached from there has no known sense",
-            report.unknown_places
+            "  {} to places that the running program computes: what is approached from there has no known sense",
+            if report.unknown_places == 1 {
+                "1 motion goes".into()
+            } else {
+                format!("{} motions go", report.unknown_places)
+            }
         ))?;
     }
-    if !args.check {
-        if !report.problems.is_empty() {
-            let n = report.problems.len();
-            say(format!("  {n} left as they are: {}", summarized(&report.problems)))?;
+    if !report.read_with.is_empty() {
+        say(format!("  read with it: {}", report.read_with.join(", ")))?;
+    }
+    if !report.problems.is_empty() {
+        say(format!("  {} left as they are:", report.problems.len()))?;
+        for problem in &report.problems {
+            say(format!("    {problem}"))?;
         }
-        if let Some(out) = &args.out {
-            say(format!("Wrote {}", out.display()))?;
-        }
+    }
+    if !report.written.is_empty() {
+        say(format!("Wrote {}", report.written.join(" and ")))?;
     }
     Ok(())
 }

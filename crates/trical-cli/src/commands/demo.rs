@@ -5,7 +5,6 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use trical_device::program::{self, Dialect, Frames, Options, Report};
 use trical_device::session::Settings;
 use trical_device::{ArmPlant, CellOptions, Session, VirtualCell, open_controller};
 use trical_diagnose::truth::draw_truth;
@@ -17,6 +16,7 @@ use trical_plan::{
     CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
     write_plan,
 };
+use trical_program::{Dialect, Frames, Options, Report};
 use trical_recording::read_recording;
 use trical_report::page::{Figure, Section, error_table, render};
 use trical_report::plan_told::{self, Told};
@@ -73,9 +73,17 @@ fn score(truth: &Forward, before: &Forward, after: &Forward, poses: Vec<Joints>)
 fn rewritten(text: &[u8], nominal: &Model, model: &Model) -> Result<(Vec<u8>, Report)> {
     let options = Options { model_name: "calibrated.toml".into(), details: true, ..Options::default() };
     let mut out = Vec::new();
-    let report =
-        program::compensate(text, "sample.mod", Dialect::Rapid, nominal, model, &Frames::default(), &options, &mut out)
-            .map_err(|e| CliError::Failed(e.to_string()))?;
+    let report = trical_program::compensate(
+        text,
+        "sample.mod",
+        Dialect::Rapid,
+        nominal,
+        model,
+        &Frames::default(),
+        &options,
+        &mut out,
+    )
+    .map_err(|e| CliError::Failed(e.to_string()))?;
     Ok((out, report))
 }
 

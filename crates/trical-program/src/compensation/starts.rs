@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 use trical_model::ik::{continue_from, inverse_kinematics, nearest_solution};
 use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
 
-use super::Compensator;
-use crate::program::branch::Configuration;
-use crate::program::literal::Meant;
-use crate::program::scan::{Spot, Visit};
+use super::arms::Compensator;
+use crate::branch::Configuration;
+use crate::literal::Meant;
+use crate::scan::{Spot, Visit};
 use trical_recording::motion::MotionSense;
 
 /// Only a solution of the target before that is so near is taken without looking at the others, rad.

@@ -1,11 +1,11 @@
 //! An arm with everything wrong, and programs of every dialect, written from joint values as a controller would teach them.
 
 use nalgebra::Vector3;
-use trical_device::program::{Dialect, Frames, ToolFrame};
 use trical_model::pose::{angles_zyx, quaternion_from_rotation, rotation_vector, rotation_zyx};
 use trical_model::{
     Basis, Cell, Forward, Model, Motion, Parameter, Pose, Robot, Shape, Site, State, Term, Tool, Variable,
 };
+use trical_program::{Dialect, Frames, ToolFrame};
 
 pub const IRB: &str = include_str!("../../../../cells/irb120/robot.toml");
 pub const KR6: &str = include_str!("../../../../robots/kr6_r700.toml");

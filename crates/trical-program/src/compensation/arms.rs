@@ -1,49 +1,43 @@
-//! From targets to targets: the pose that the program wants, the joints that the full model needs for it, and the pose by
-//! which the controller, which knows the nominal arm only, is brought to those joints.
-
-mod rewrite;
-mod starts;
+//! Everything that targets need, made once: both arms with every tool, and the frames.
 
 use trical_model::{
     Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Scope, Shape, Site, State, Term, Variable, Workspace,
 };
 
-pub use rewrite::Done;
-pub use starts::Start;
-
-use super::branch::Branches;
-use super::frames::{Frames, ToolFrame};
-use super::literal::{MOST, Meant};
-use super::scan::{Scan, Setup, Spot};
-use super::{Options, ProgramError};
+use crate::branch::Branches;
+use crate::error::ProgramError;
+use crate::frames::{Frames, ToolFrame};
+use crate::literal::{MOST, Meant};
+use crate::options::Options;
+use crate::scan::{Scan, Setup, Spot};
 
 /// The same arm twice, with one tool: as the controller believes it and as it is.
-struct Arm {
-    nominal: Forward,
-    model: Forward,
+pub(super) struct Arm {
+    pub(super) nominal: Forward,
+    pub(super) model: Forward,
 }
 
 /// One tool in one frame.
-struct Place {
-    arm: usize,
-    world_from_frame: Pose,
+pub(super) struct Place {
+    pub(super) arm: usize,
+    pub(super) world_from_frame: Pose,
 }
 
 /// Everything that targets need, made once.
 pub struct Compensator<'a> {
-    scan: &'a Scan,
-    bytes: &'a [u8],
-    arms: Vec<Arm>,
+    pub(super) scan: &'a Scan,
+    pub(super) bytes: &'a [u8],
+    pub(super) arms: Vec<Arm>,
     /// One for each setup of the scan, and one behind them for targets without.
     places: Vec<Result<Place, String>>,
-    branches: Branches,
-    slides: Vec<bool>,
-    dof: usize,
+    pub(super) branches: Branches,
+    pub(super) slides: Vec<bool>,
+    pub(super) dof: usize,
     /// When the program runs, s and poses after the recording began.
     t: Option<f64>,
     seq: Option<f64>,
     session: Option<u32>,
-    options: &'a Options,
+    pub(super) options: &'a Options,
 }
 
 /// Long after any recording, s or poses.
@@ -150,7 +144,7 @@ impl<'a> Compensator<'a> {
         Ok(this)
     }
 
-    fn state(&self, q: &Joints, dir: [i8; MAX_JOINTS]) -> State {
+    pub(super) fn state(&self, q: &Joints, dir: [i8; MAX_JOINTS]) -> State {
         State {
             q: *q,
             q_commanded: None,
@@ -164,9 +158,9 @@ impl<'a> Compensator<'a> {
         }
     }
 
-    fn place(&self, spot: &Spot) -> Result<&Place, String> {
+    pub(super) fn place(&self, spot: &Spot) -> Result<&Place, String> {
         if let (Some(a), Some(b)) = (spot.setup, spot.ambiguous) {
-            let words = |k: u32| self.scan.setups.get(k as usize).map(in_words).unwrap_or_default();
+            let words = |k: u32| self.scan.setups.get(k as usize).map(Setup::in_words).unwrap_or_default();
             return Err(format!(
                 "is used with {} and with {}; a target can be right for one of them only",
                 words(a),
@@ -182,7 +176,15 @@ impl<'a> Compensator<'a> {
     }
 
     /// The numbers of a target, and what they mean.
-    fn read(&self, spot: &Spot) -> Result<([f64; MOST], Meant), String> {
+    pub(super) fn read(&self, spot: &Spot) -> Result<([f64; MOST], Meant), String> {
+        if spot.external {
+            return Err(if self.slides.contains(&true) || self.dof > 6 {
+                "places an external axis (a track or positioner) too; targets that move one beside an arm of such a model are not supported"
+            } else {
+                "places an external axis (a track or positioner), which the model does not have"
+            }
+            .into());
+        }
         let spans = self.scan.spans(spot);
         let count = spot.shape.count(self.dof);
         if spans.len() < count {
@@ -190,7 +192,7 @@ impl<'a> Compensator<'a> {
         }
         let mut values = [0.0; MOST];
         for (to, span) in values.iter_mut().zip(spans).take(count) {
-            *to = span.value(self.bytes).ok_or("holds something that is not a number")?;
+            *to = self.scan.value(*span, self.bytes).ok_or("holds something that is not a number")?;
         }
         Ok((values, spot.shape.meant(&values[..count], &self.slides)?))
     }
@@ -231,12 +233,4 @@ fn known_frame(setup: &Setup, frames: &Frames, options: &Options) -> Result<Pose
             Err(format!("the frame '{name}' is not declared in the program (--frames FILE gives tools and frames)"))
         }
     }
-}
-
-/// A setup for messages.
-#[must_use]
-pub fn in_words(setup: &Setup) -> String {
-    let tool = setup.tool.as_deref().map_or("the cell's tool".to_owned(), |t| format!("tool '{t}'"));
-    let frame = setup.frame.as_deref().map_or("the robot's base".to_owned(), |f| format!("'{f}'"));
-    format!("{tool} in {frame}")
 }

@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::io::{Error, ErrorKind, Write};
 use std::time::{Duration, Instant};
 
-use trical_device::program::compensation::Compensator;
-use trical_device::program::{Dialect, Frames, Options, ProgramError, compensate};
 use trical_model::interrupt::stoppable;
+use trical_program::compensation::Compensator;
+use trical_program::{Dialect, Frames, Options, ProgramError, compensate};
 
 use crate::fixtures::{IRB, nominal, real};
 

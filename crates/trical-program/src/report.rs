@@ -3,15 +3,17 @@
 use serde_json::{Value, json};
 use trical_model::{Joints, Pose};
 
-use super::compensation::{Done, in_words};
-use super::frames::Frames;
-use super::scan::{Scan, Setup, Spot, Visit};
-use super::text::Lines;
-use super::{Dialect, Options};
+use crate::compensation::Done;
+use crate::dialects::Dialect;
+use crate::options::Options;
+use crate::scan::{Scan, Setup, Spot, Visit};
+use crate::text::Lines;
 
 /// A target that stays as it is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
+    /// The file, where a program has several; else empty.
+    pub file: String,
     /// Its line (1-based).
     pub line: usize,
     /// Its name, where it has one.
@@ -51,7 +53,7 @@ pub fn summarized(problems: &[Problem]) -> String {
         })
         .collect();
     if left > 0 {
-        out.push(format!("{left} more of other kinds (--json --partial lists all)"));
+        out.push(format!("{left} more of other kinds (--check lists all)"));
     }
     out.join("; ")
 }
@@ -62,13 +64,17 @@ const PLACES: usize = 5;
 
 impl Problem {
     fn place(&self) -> String {
-        if self.name.is_empty() { format!("line {}", self.line) } else { format!("line {} ({})", self.line, self.name) }
+        let file = if self.file.is_empty() { String::new() } else { format!("{}, ", self.file) };
+        let name = if self.name.is_empty() { String::new() } else { format!(" ({})", self.name) };
+        format!("{file}line {}{name}", self.line)
     }
 }
 
 /// One rewritten target.
 #[derive(Clone, Debug)]
 pub struct TargetRow {
+    /// The file, where a program has several; else empty.
+    pub file: String,
     /// Its line (1-based).
     pub line: usize,
     /// Its name, where it has one.
@@ -106,6 +112,12 @@ pub struct Report {
     pub rows: Vec<TargetRow>,
     /// Motions to places that only the running program knows.
     pub unknown_places: usize,
+    /// What whoever drives the program has to know besides.
+    pub cautions: Vec<String>,
+    /// Files that were read with the program without being named, for its tools, frames and targets.
+    pub read_with: Vec<String>,
+    /// Files that were written.
+    pub written: Vec<String>,
 }
 
 impl Report {
@@ -135,45 +147,70 @@ impl Report {
                 .rows
                 .iter()
                 .map(|r| {
-                    json!({
+                    let mut row = json!({
                         "line": r.line, "name": r.name, "move_mm": mm(r.moved),
                         "before_mm": mm(r.before), "after_mm": mm(r.after),
-                    })
+                    });
+                    if !r.file.is_empty() {
+                        row["file"] = json!(r.file);
+                    }
+                    row
                 })
                 .collect();
+        }
+        // the one file that was asked for is not told again
+        let written = if self.written.len() > 1 { &self.written[..] } else { &[] };
+        for (key, list) in [("cautions", &self.cautions[..]), ("read_with", &self.read_with), ("written", written)] {
+            if !list.is_empty() {
+                value[key] = json!(list);
+            }
         }
         value
     }
 }
 
 /// Counts while targets are rewritten.
-pub(super) struct Tally<'a> {
+pub(crate) struct Tally<'a> {
     scan: &'a Scan,
     bytes: &'a [u8],
     options: &'a Options,
     lines: Lines<'a>,
+    /// Where each of several files begins: offset, its first line, name.
+    files: Vec<(usize, usize, String)>,
     report: Report,
     counts: Vec<usize>,
 }
 
 impl<'a> Tally<'a> {
-    pub fn new(scan: &'a Scan, bytes: &'a [u8], options: &'a Options) -> Self {
+    pub fn new(scan: &'a Scan, bytes: &'a [u8], files: Vec<(usize, String)>, options: &'a Options) -> Self {
         let unknown_places = scan.visits.iter().filter(|v| matches!(v, Visit::Unknown)).count();
         let report = Report { unknown_places, ..Report::default() };
-        Self { scan, bytes, options, lines: Lines::new(bytes), report, counts: vec![0; scan.setups.len() + 1] }
+        let mut lines = Lines::new(bytes);
+        let files = files.into_iter().map(|(at, name)| (at, lines.of(at), name)).collect();
+        Self { scan, bytes, options, lines, files, report, counts: vec![0; scan.setups.len() + 1] }
     }
 
-    fn place(&mut self, spot: &Spot) -> (usize, String) {
+    /// The file (empty where there is one only) and the line of an offset.
+    fn line(&mut self, at: usize) -> (String, usize) {
+        let line = self.lines.of(at);
+        match self.files.iter().rev().find(|(begin, ..)| *begin <= at) {
+            Some((_, first, name)) => (name.clone(), line + 1 - first),
+            None => (String::new(), line),
+        }
+    }
+
+    fn place(&mut self, spot: &Spot) -> (String, usize, String) {
         let name = String::from_utf8_lossy(spot.name.text(self.bytes)).into_owned();
-        (self.lines.of(self.scan.at(spot)), name)
+        let (file, line) = self.line(self.scan.at(spot));
+        (file, line, name)
     }
 
     pub fn take(&mut self, spot: &Spot, done: Result<Done, String>) {
         let done = match done {
             Ok(done) => done,
             Err(what) => {
-                let (line, name) = self.place(spot);
-                self.report.problems.push(Problem { line, name, what });
+                let (file, line, name) = self.place(spot);
+                self.report.problems.push(Problem { file, line, name, what });
                 return;
             }
         };
@@ -181,8 +218,9 @@ impl<'a> Tally<'a> {
             *n += 1;
         }
         if self.options.details {
-            let (line, name) = self.place(spot);
+            let (file, line, name) = self.place(spot);
             self.report.rows.push(TargetRow {
+                file,
                 line,
                 name,
                 moved: done.moved,
@@ -209,11 +247,11 @@ impl<'a> Tally<'a> {
 
     pub fn report(mut self) -> Report {
         for (at, what) in &self.scan.problems {
-            let line = self.lines.of(*at);
-            self.report.problems.push(Problem { line, name: String::new(), what: what.clone() });
+            let (file, line) = self.line(*at);
+            self.report.problems.push(Problem { file, line, name: String::new(), what: what.clone() });
         }
         let mut r = self.report;
-        r.problems.sort_by_key(|p| p.line);
+        r.problems.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
         let n = r.rewritten.max(1) as f64;
         let [before, after] = &mut r.turned;
         for sums in [&mut r.before, &mut r.after, before, after] {
@@ -223,7 +261,7 @@ impl<'a> Tally<'a> {
         let setups = self.scan.setups.iter().chain(std::iter::once(&unsaid)).zip(self.counts);
         let said = |s: &Setup| {
             let or = |own: &Option<String>, asked: &Option<String>| own.clone().or_else(|| asked.clone());
-            in_words(&Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) })
+            (Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) }).in_words()
         };
         for (setup, n) in setups.filter(|(_, n)| *n > 0) {
             let words = said(setup);
@@ -233,30 +271,5 @@ impl<'a> Tally<'a> {
             }
         }
         r
-    }
-}
-
-/// Targets that no motion of the file names have the only tool and frame that the file's motions use. Where there are several,
-/// and the user says none either, nobody knows.
-pub(super) fn lonely(scan: &mut Scan, known: &mut Frames, options: &Options) {
-    let asked = options.tool.is_some() || options.frame.is_some();
-    let only = match scan.setups.len() {
-        0 => return,
-        1 => Some(0),
-        _ => None,
-    };
-    let mut unknown = None;
-    for k in 0..scan.spots.len() {
-        if scan.spots[k].setup.is_some() || asked {
-            continue;
-        }
-        scan.spots[k].setup = only.or_else(|| {
-            // a setup that nobody knows says so for each of its targets
-            let name = "(unused)".to_owned();
-            let setup = unknown.get_or_insert_with(|| Setup { tool: Some(name.clone()), frame: None }).clone();
-            let why = "no motion in the file names it, and the file uses several tools or frames; --tool and --frame say which";
-            known.tools.insert(name, Err(why.into()));
-            Some(scan.setup(setup))
-        });
     }
 }

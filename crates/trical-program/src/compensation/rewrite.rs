@@ -4,10 +4,11 @@ use trical_model::ik::{IkError, continue_from};
 use trical_model::pose::rotation_vector;
 use trical_model::{Joints, Pose, State, Workspace};
 
-use super::{Compensator, Start};
-use crate::program::literal::Meant;
-use crate::program::scan::Spot;
-use crate::program::text::{Span, written};
+use super::arms::Compensator;
+use super::starts::Start;
+use crate::literal::Meant;
+use crate::scan::Spot;
+use crate::text::{Span, written};
 
 /// A correction of less than a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
 const MOST_JOINT_MOVE: f64 = 3.0 * std::f64::consts::PI / 180.0;
@@ -44,7 +45,9 @@ impl Compensator<'_> {
         let state = self.state(&start.q, start.dir);
         let before = apart(&arm.model.world_from_tool(&state, model_ws), &wanted);
         let joints = continue_from(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
-            IkError::Singular { .. } | IkError::NotConverged { .. } => format!("near a singularity: {e}"),
+            IkError::Singular { .. } | IkError::NotConverged { .. } => {
+                "at a singularity of the arm: no small change of the joints corrects it".into()
+            }
             _ => e.to_string(),
         })?;
         let mut farthest = (0, 0.0_f64);

@@ -8,7 +8,7 @@ mod common;
 #[expect(dead_code, reason = "programs are tried by tests/corpus.rs")]
 mod targets;
 
-use trical_device::program::Frames;
+use trical_program::Frames;
 
 #[test]
 fn tools_and_frames() {

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod corpus;
 mod fixtures;
 mod sink;
 
@@ -10,8 +11,8 @@ use fixtures::{
     IRB, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
 };
 use proptest::prelude::*;
-use trical_device::program::{Dialect, Frames, Options, ProgramError, Report, compensate};
 use trical_model::{Basis, Forward, MAX_JOINTS, Model, Shape, Site, State, Term, Tool, Variable};
+use trical_program::{Dialect, Frames, Options, ProgramError, Report, compensate};
 
 fn options() -> Options {
     Options { temp_c: Some(32.0), details: true, model_name: "m.toml".into(), ..Options::default() }

@@ -5,10 +5,10 @@
 
 use trical_model::error::shortened;
 
-use super::branch::Configuration;
-use super::literal::Shape;
-use super::scan::{Scan, Setup, Visit};
-use super::text::{Span, lower, number};
+use crate::branch::Configuration;
+use crate::literal::Shape;
+use crate::scan::{Scan, Setup, Visit};
+use crate::text::{Span, lower, number};
 
 const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
 

@@ -2,6 +2,8 @@
 //!
 //! A target of a .dat file is meant with the tool and base that its motion data say (`XP1` goes with `FP1`), those of a .src
 //! with what `$TOOL`, `$BASE` or `BAS(#TOOL,n)` said above the motion. Angles: `R = Rz(A) Ry(B) Rx(C)`.
+//!
+//! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,16 +11,20 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
 
-use super::branch::Configuration;
-use super::frames::ToolFrame;
-use super::literal::Shape;
-use super::scan::{Names, Scan, Setup, Visit, Way, hashed};
-use super::text::{Cursor, Span, lower, moved_to};
+use crate::branch::Configuration;
+use crate::expression::Constants;
+use crate::frames::ToolFrame;
+use crate::literal::Shape;
+use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
-const MOTIONS: [&[u8]; 6] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC"];
-const RELATIVE: [&[u8]; 6] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL"];
+const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
+const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
+const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
+/// Variables that say where the arm is.
+const HERE: [&[u8]; 5] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES", b"$AXIS_ACT_MEAS"];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
 /// Where the mark goes: behind the `&ACCESS` lines, which must come first.
@@ -37,11 +43,14 @@ pub fn header(bytes: &[u8]) -> usize {
 /// Reads a .src or .dat file.
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
+    let (moved_to, frame_names) = targets(bytes);
     let mut reader = Reader {
         c: Cursor::new(bytes, b';'),
         scan: Scan::default(),
         names: Names::default(),
-        moved_to: targets(bytes),
+        moved_to,
+        frame_names,
+        constants: Constants::with_degrees(),
         now: Setup::default(),
         motion_data: HashMap::new(),
     };
@@ -51,16 +60,47 @@ pub fn scan(bytes: &[u8]) -> Scan {
     let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
     said.sort_unstable();
     for (name, setup) in said {
-        reader.names.used(name, setup, Way::Said);
+        reader.names.used(name, setup, Way::Said, 0);
     }
-    let Reader { mut scan, names, .. } = reader;
-    names.resolve(&mut scan);
+    let Reader { mut scan, mut names, frame_names, .. } = reader;
+    frame_names.iter().for_each(|name| names.no_target(*name));
+    names.resolve(&mut scan, bytes, &|name| {
+        let name = String::from_utf8_lossy(name);
+        format!("goes to '{name}', which neither this file nor the .dat beside it gives as numbers")
+    });
     scan
 }
 
-/// Names that motions go to: a FRAME that none goes to is no target.
-fn targets(bytes: &[u8]) -> HashSet<u64> {
-    moved_to(bytes, b';', |word, c, found| {
+/// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.
+fn is_system(word: &[u8]) -> bool {
+    word.starts_with(b"$") || is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA", b"LOAD_DATA"])
+}
+
+/// Names that motions go to (a FRAME that none goes to is no target), and names of what the controller's own variables are
+/// set from.
+fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
+    let mut frames = HashSet::new();
+    let found = moved_to(bytes, b';', |word, c, found| {
+        if is_system(word) {
+            let start = *c;
+            c.skip_blank();
+            if c.peek() == b'[' {
+                c.at += c.until(b"]\n\r").len();
+                c.at += usize::from(c.peek() == b']');
+                c.skip_blank();
+            }
+            if c.peek() == b'=' {
+                c.at += 1;
+                c.skip_blank();
+                let name = c.word();
+                if !name.is_empty() && !is_system(name) {
+                    frames.insert(hashed(name));
+                }
+            } else {
+                *c = start;
+            }
+            return;
+        }
         let mut more = is_one_of(word, &MOTIONS);
         while more {
             c.skip_blank();
@@ -70,7 +110,8 @@ fn targets(bytes: &[u8]) -> HashSet<u64> {
             more = !name.is_empty() && c.peek() == b',';
             c.at += usize::from(more);
         }
-    })
+    });
+    (found, frames)
 }
 
 fn is_one_of(word: &[u8], list: &[&[u8]]) -> bool {
@@ -86,8 +127,10 @@ struct Aggregate {
     turn: Option<Span>,
     tool: Option<Span>,
     base: Option<Span>,
-    /// Fields that are not plain numbers.
-    others: bool,
+    /// The first field of these that has no value before the program runs.
+    unread: Option<Span>,
+    /// Whether an external axis is elsewhere than at 0.
+    external: bool,
 }
 
 struct Reader<'a> {
@@ -95,6 +138,8 @@ struct Reader<'a> {
     scan: Scan,
     names: Names,
     moved_to: HashSet<u64>,
+    frame_names: HashSet<u64>,
+    constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
     /// What FDAT data say of the targets that go with them.
@@ -103,6 +148,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn file(&mut self) {
+        let mut before: &[u8] = b"";
         while !self.c.done() {
             self.c.skip_space();
             let from = self.c.at;
@@ -115,9 +161,12 @@ impl Reader<'_> {
                     }
                     _ => self.c.at += 1,
                 }
+                before = b"";
                 continue;
             }
-            if is_one_of(word, &MOTIONS) {
+            if is_one_of(word, &[b"REAL", b"INT"]) && before.eq_ignore_ascii_case(b"CONST") {
+                self.constant();
+            } else if is_one_of(word, &MOTIONS) {
                 self.motion();
             } else if is_one_of(word, &RELATIVE) {
                 self.names.visit(Visit::Unknown);
@@ -135,11 +184,44 @@ impl Reader<'_> {
             } else {
                 self.assignment(from, word);
             }
+            before = word;
+        }
+    }
+
+    /// `CONST REAL H=200`
+    fn constant(&mut self) {
+        self.c.skip_blank();
+        let name = self.c.word();
+        self.c.skip_blank();
+        if name.is_empty() || self.c.peek() != b'=' {
+            return;
+        }
+        self.c.at += 1;
+        match self.constants.expression(&mut self.c) {
+            Some((_, value)) => self.constants.define(hashed(name), value),
+            None => self.constants.forget(hashed(name)),
+        }
+    }
+
+    /// `NAME.Z=...`, from the point on: a part of a target that is set by itself.
+    fn part(&mut self, from: usize, word: &[u8]) {
+        while matches!(self.c.peek(), b'.' | b' ') || self.c.peek().is_ascii_alphanumeric() {
+            self.c.at += 1;
+        }
+        if self.c.peek() != b'=' || self.c.bytes.get(self.c.at + 1) == Some(&b'=') {
+            return;
+        }
+        let relative = mentions(self.c.until(b";\n\r"), word);
+        if !relative && !is_system(word) {
+            self.names.set_from(hashed(word), Origin::Computed(from as u32));
         }
     }
 
     /// `NAME=...`, `NAME[1]=...`
     fn assignment(&mut self, from: usize, word: &[u8]) {
+        if self.c.peek() == b'.' {
+            return self.part(from, word);
+        }
         self.c.skip_blank();
         let mut index = None;
         let start = self.c.at;
@@ -177,9 +259,23 @@ impl Reader<'_> {
                     let frame = self.frame(&found);
                     self.scan.frames.frames.entry(n).or_insert(frame);
                 }
-            } else if found.is_target() {
+            } else if is("FDAT_ACT") {
+                let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
+                self.now = Setup { tool: text(found.tool), frame: text(found.base) };
+            } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
                 self.define(&found, Span::new(from, from + word.len()));
             }
+        } else if self.moved_to.contains(&hashed(word)) {
+            let source = self.c.word();
+            self.c.skip_blank();
+            let origin = if is_one_of(source, &HERE) {
+                Origin::Here
+            } else if source.is_empty() || matches!(self.c.peek(), b'(' | b'.') {
+                Origin::Computed(from as u32)
+            } else {
+                Origin::Name { name: hashed(source), at: from as u32 }
+            };
+            self.names.set_from(hashed(word), origin);
         } else if is("FDAT_ACT") {
             let name = self.c.word();
             let known = self.motion_data.get(&target_of(name)).copied();
@@ -270,7 +366,8 @@ impl Reader<'_> {
             return;
         }
         let found = self.aggregate();
-        if is_frame && !self.moved_to.contains(&hashed(name)) {
+        let is_moved_to = self.moved_to.contains(&hashed(name));
+        if !is_moved_to && (is_frame || self.frame_names.contains(&hashed(name))) {
             let frame = self.frame(&found);
             self.scan.frames.tools.insert(lower(name), frame.clone().map(ToolFrame::massless));
             self.scan.frames.frames.insert(lower(name), frame);
@@ -281,8 +378,17 @@ impl Reader<'_> {
 
     fn define(&mut self, found: &Aggregate, name: Span) {
         let first = self.scan.spots.len();
-        self.target(found, name);
-        self.names.define(hashed(name.text(self.c.bytes)), first, self.scan.spots.len());
+        let hash = hashed(name.text(self.c.bytes));
+        match (self.target(found, name), found.unread) {
+            (Some(_), _) => {}
+            (None, Some(span)) => {
+                self.unread(span);
+                self.names.listed(hash);
+            }
+            // some of its coordinates only
+            (None, None) => self.names.set_from(hash, Origin::Computed(name.at)),
+        }
+        self.names.define(hash, first, self.scan.spots.len());
     }
 
     /// `LIN {...} C_DIS`, `LIN XP1`, `CIRC P1,P2,CA 90`, `LIN XP1:{...}`
@@ -299,7 +405,10 @@ impl Reader<'_> {
                             self.scan.assign(spot, setup);
                             self.names.visit(Visit::To(spot));
                         }
-                        None if found.others => self.names.visit(Visit::Unknown),
+                        None if found.unread.is_some() => {
+                            self.unread(found.unread.unwrap_or_default());
+                            self.names.visit(Visit::Unknown);
+                        }
                         None => {
                             let what = "gives some of its coordinates only; the others are those of the target before";
                             self.scan.problems.push((at, what.into()));
@@ -308,14 +417,31 @@ impl Reader<'_> {
                     }
                 }
             } else {
+                let at = self.c.at;
                 let word = self.c.word();
                 if word.is_empty() || word.eq_ignore_ascii_case(b"CA") {
                     return;
                 }
                 self.c.skip_blank();
                 let way = if self.relative() || self.c.peek() == b'[' { Way::Computed } else { Way::To };
-                let setup = self.scan.setup(self.now.clone());
-                self.names.used(hashed(word), setup, way);
+                if self.c.peek() == b'(' {
+                    self.names.visit(Visit::Unknown);
+                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                    self.c.skip_line();
+                    return;
+                }
+                if is_one_of(word, &HERE) {
+                    self.names.visit(Visit::Unknown);
+                } else {
+                    let setup = self.scan.setup(self.now.clone());
+                    self.names.used(hashed(word), setup, way, at);
+                }
+                if self.c.peek() == b'[' {
+                    while !self.c.done() && !matches!(self.c.peek(), b']' | b'\n' | b'\r') {
+                        self.c.at += 1;
+                    }
+                    self.c.at += usize::from(self.c.peek() == b']');
+                }
             }
             self.c.skip_blank();
             if self.c.peek() != b',' {
@@ -323,6 +449,13 @@ impl Reader<'_> {
             }
             self.c.at += 1;
         }
+    }
+
+    /// Lists a target with a field of which nobody knows the value.
+    fn unread(&mut self, field: Span) {
+        let text = String::from_utf8_lossy(field.text(self.c.bytes)).trim().to_owned();
+        let what = format!("holds '{text}', of which only the running program knows the value");
+        self.scan.problems.push((field.at as usize, what));
     }
 
     /// Whether the geometric operator follows: the place is relative to a frame.
@@ -359,8 +492,10 @@ impl Reader<'_> {
                     let name = self.c.word();
                     if !name.is_empty() {
                         self.c.skip_blank();
-                        let value = self.c.number().filter(|_| self.field_ends());
+                        let value = self.value();
                         if depth == 1 && self.c.peek() != b':' {
+                            let moves = value.is_ok_and(|v| self.scan.value(v, self.c.bytes).is_some_and(|v| v != 0.0));
+                            out.external |= moves && is_one_of(name, &EXTERNAL);
                             out.put(name, value);
                         }
                         continue;
@@ -375,6 +510,21 @@ impl Reader<'_> {
         out
     }
 
+    /// A field's number, plain or calculated; `Err` is where something stands that has no value.
+    fn value(&mut self) -> Result<Span, Span> {
+        let start = self.c;
+        if let Some(span) = self.c.number().filter(|_| self.field_ends()) {
+            return Ok(span);
+        }
+        self.c = start;
+        if let Some((span, value)) = self.constants.expression(&mut self.c).filter(|_| self.field_ends()) {
+            self.scan.calculated(span, value);
+            return Ok(span);
+        }
+        self.c = start;
+        Err(Span::new(start.at, start.at + start.until(b",}{\n\r").len()))
+    }
+
     fn field_ends(&self) -> bool {
         let mut c = self.c;
         c.skip_blank();
@@ -384,7 +534,7 @@ impl Reader<'_> {
     fn target(&mut self, found: &Aggregate, name: Span) -> Option<u32> {
         if let Some(spans) = all(&found.pose) {
             let small = |s: Option<Span>| {
-                s.and_then(|s| s.value(self.c.bytes)).filter(|v| (0.0..256.0).contains(v)).map(|v| v as u8)
+                s.and_then(|s| self.scan.value(s, self.c.bytes)).filter(|v| (0.0..256.0).contains(v)).map(|v| v as u8)
             };
             let configuration = Configuration::Kuka { s: small(found.status), t: small(found.turn) };
             // a turn in binary is longer than what would replace it
@@ -393,17 +543,32 @@ impl Reader<'_> {
             list.extend(turn);
             let free = found.status.is_none() && found.turn.is_none();
             let configuration = if free { Configuration::Free } else { configuration };
-            return Some(self.scan.push(Shape::Zyx, &list, configuration, name));
+            return Some(self.push(found, Shape::Zyx, &list, configuration, name));
         }
         let spans = all(&found.axes)?;
-        Some(self.scan.push(Shape::JointsDeg, &spans, Configuration::Free, name))
+        Some(self.push(found, Shape::JointsDeg, &spans, Configuration::Free, name))
+    }
+
+    fn push(
+        &mut self,
+        found: &Aggregate,
+        shape: Shape,
+        spans: &[Span],
+        configuration: Configuration,
+        name: Span,
+    ) -> u32 {
+        let spot = self.scan.push(shape, spans, configuration, name);
+        if found.external {
+            self.scan.needs_external_axis();
+        }
+        spot
     }
 
     fn frame(&self, found: &Aggregate) -> Result<Pose, String> {
         let Some(spans) = all(&found.pose) else {
             return Err("its frame is not given by six numbers X, Y, Z, A, B, C".into());
         };
-        let v = spans.map(|s| s.value(self.c.bytes).unwrap_or(f64::NAN));
+        let v = spans.map(|s| self.scan.value(s, self.c.bytes).unwrap_or(f64::NAN));
         Ok(Pose {
             rotation: rotation_zyx(v[3].to_radians(), v[4].to_radians(), v[5].to_radians()),
             translation: Vector3::new(v[0], v[1], v[2]) * 1e-3,
@@ -426,11 +591,7 @@ fn all(spans: &[Option<Span>; 6]) -> Option<[Span; 6]> {
 }
 
 impl Aggregate {
-    fn is_target(&self) -> bool {
-        all(&self.pose).is_some() || all(&self.axes).is_some()
-    }
-
-    fn put(&mut self, name: &[u8], value: Option<Span>) {
+    fn put(&mut self, name: &[u8], value: Result<Span, Span>) {
         let at = |list: &[&[u8]; 6]| list.iter().position(|n| name.eq_ignore_ascii_case(n));
         let slot = if let Some(k) = at(&POSE) {
             &mut self.pose[k]
@@ -447,7 +608,7 @@ impl Aggregate {
         } else {
             return;
         };
-        self.others |= value.is_none();
-        *slot = value;
+        self.unread = self.unread.or(value.err());
+        *slot = value.ok();
     }
 }

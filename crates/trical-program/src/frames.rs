@@ -9,7 +9,7 @@ use trical_model::error::{parse_toml, read_text};
 use trical_model::pose::{rotation_from_quaternion, rotation_zyx};
 use trical_model::{Cell, Pose, Tool};
 
-use super::ProgramError;
+use crate::error::ProgramError;
 
 /// A tool as a program declares it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -48,6 +48,15 @@ pub fn number(text: &[u8]) -> Option<f64> {
     std::str::from_utf8(text).ok()?.parse().ok().filter(|x: &f64| x.is_finite())
 }
 
+/// Bytes that are looked at ahead, at most.
+const FARTHEST: usize = 1000;
+
+/// Whether a text has this name in it, in capitals or not.
+#[must_use]
+pub fn mentions(text: &[u8], name: &[u8]) -> bool {
+    text.split(|b| !b.is_ascii_alphanumeric() && *b != b'_').any(|w| w.eq_ignore_ascii_case(name))
+}
+
 /// A place in a program, and small steps from there.
 #[derive(Clone, Copy, Debug)]
 pub struct Cursor<'a> {
@@ -133,6 +142,15 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// What stands from here to the next of `ends`, or as much of it as a sane program has there: whoever looks ahead again and
+    /// again does not look through all of a line without an end.
+    #[must_use]
+    pub fn until(&self, ends: &[u8]) -> &'a [u8] {
+        let text = self.bytes.get(self.at..).unwrap_or(&[]);
+        let text = &text[..text.len().min(FARTHEST)];
+        &text[..text.iter().position(|b| ends.contains(b)).unwrap_or(text.len())]
+    }
+
     /// Past blanks within the line.
     pub fn skip_blank(&mut self) {
         while matches!(self.peek(), b' ' | b'\t') {
@@ -205,7 +223,9 @@ fn decimals(text: &[u8]) -> usize {
 /// `new` with the digits that the old text has, and at least `least`.
 #[must_use]
 pub fn written(new: f64, old: &[u8], least: usize) -> String {
-    let places = decimals(old).clamp(least, 12);
+    // an expression has no digits of its own
+    let digits = number(old).map_or(0, |_| decimals(old));
+    let places = digits.clamp(least, 12);
     let text = format!("{new:.places$}");
     match text.strip_prefix('-') {
         Some(positive) if positive.bytes().all(|b| matches!(b, b'0' | b'.')) => positive.to_owned(),

@@ -1,0 +1,12 @@
+//! From targets to targets: the pose that the program wants, the joints that the full model needs for it, and the pose by
+//! which the controller, which knows the nominal arm only, is brought to those joints.
+
+mod arms;
+mod rewrite;
+mod starts;
+mod unnamed;
+
+pub use arms::Compensator;
+pub use rewrite::Done;
+pub use starts::Start;
+pub use unnamed::settle_unnamed;

@@ -1,0 +1,315 @@
+//! FANUC TP listings (.ls): positions in `/POS`, with the tool and user frame that each names, visited as `/MN` says.
+//!
+//! Angles W, P, R: `R = Rz(R) Ry(P) Rx(W)`. Joint 3 of a joint position counts from the horizontal: the model's joint 3 is
+//! J3 + J2 (`robots/README.md`). Tool 0 is the flange, user frame 0 the controller's world, which stands where axis 2 passes
+//! axis 1. Of positions for several motion groups, GP1 is the arm.
+//!
+//! Words that depend on the controller's language (CONFIG, KONFIG) are known by what stands behind them. Motions to position
+//! registers are listed, unless a register is set from positions of the listing or from where the arm is.
+
+use trical_model::Pose;
+
+use crate::branch::Configuration;
+use crate::frames::ToolFrame;
+use crate::literal::Shape;
+use crate::scan::{Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower};
+
+const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
+const JOINTS: [&[u8]; 9] = [b"J1", b"J2", b"J3", b"J4", b"J5", b"J6", b"J7", b"J8", b"J9"];
+
+/// Where the mark goes: a remark at the beginning of `/MN`. \[I\] A loader counts the lines itself.
+#[must_use]
+pub fn header(bytes: &[u8]) -> usize {
+    section(bytes, b"/MN").unwrap_or(0)
+}
+
+/// Offset of the line behind the one that begins with `name`.
+fn section(bytes: &[u8], name: &[u8]) -> Option<usize> {
+    let mut at = 0;
+    while at < bytes.len() {
+        let end = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |k| at + k + 1);
+        if bytes[at..end].trim_ascii().eq_ignore_ascii_case(name) {
+            return Some(end);
+        }
+        at = end;
+    }
+    None
+}
+
+/// Reads a listing.
+#[must_use]
+pub fn scan(bytes: &[u8]) -> Scan {
+    let mut scan = Scan::default();
+    scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
+    scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
+    let Some(positions) = section(bytes, b"/POS") else { return scan };
+    let mut names = Names::default();
+    let main = section(bytes, b"/MN").map_or(0, |m| m.min(positions));
+    let active = [active(&bytes[main..positions], "UTOOL_NUM"), active(&bytes[main..positions], "UFRAME_NUM")];
+    // nothing begins a comment in /POS
+    let mut c = Cursor::new(bytes, 0);
+    c.at = positions;
+    while !c.done() {
+        c.skip_space();
+        if c.peek() == b'/' {
+            break;
+        }
+        let from = c.at;
+        if c.word() == b"P" && c.peek() == b'[' {
+            position(&mut c, from, &active, &mut scan, &mut names);
+        } else {
+            c.skip_line();
+        }
+    }
+    motions(bytes, main, positions, &mut scan, &mut names);
+    names.resolve(&mut scan, bytes, &|name| {
+        if name.eq_ignore_ascii_case(b"PR") {
+            "goes to a position register (PR), which the listing does not give as numbers".into()
+        } else {
+            "goes to a position that /POS does not have".into()
+        }
+    });
+    scan
+}
+
+/// The tool or frame that the program activates: nothing where it says none; an error where it says several, or calculates it.
+fn active(main: &[u8], what: &str) -> Result<Option<String>, String> {
+    let mut found: Option<String> = None;
+    for line in main.split(|b| *b == b'\n') {
+        let text = statement(line).to_ascii_uppercase();
+        let Some(rest) = text.strip_prefix(what.as_bytes()).map(<[u8]>::trim_ascii_start) else { continue };
+        let Some(rest) = rest.strip_prefix(b"=").map(<[u8]>::trim_ascii_start) else { continue };
+        let digits: Vec<u8> = rest.iter().copied().take_while(u8::is_ascii_digit).collect();
+        let number = lower(&digits);
+        if digits.is_empty() || found.as_ref().is_some_and(|f| *f != number) {
+            return Err(format!(
+                "is meant with whichever {what} is active, and the program sets several or calculates it"
+            ));
+        }
+        found = Some(number);
+    }
+    Ok(found)
+}
+
+/// A line of /MN without its number.
+fn statement(line: &[u8]) -> &[u8] {
+    line.iter().position(|b| *b == b':').map_or(line, |k| &line[k + 1..]).trim_ascii_start()
+}
+
+/// `P[1:"name"]{ GP1: UF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = ... };`
+fn position(
+    c: &mut Cursor<'_>,
+    from: usize,
+    active: &[Result<Option<String>, String>; 2],
+    scan: &mut Scan,
+    names: &mut Names,
+) {
+    c.at += 1;
+    let Some(number) = c.number() else { return };
+    while !c.done() && c.peek() != b'{' {
+        if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
+    }
+    let name = Span::new(from, c.at.min(from + 40));
+    let (mut pose, mut joints) = ([None; 6], [None; 9]);
+    let (mut tool, mut frame) = (None, None);
+    let mut configuration = Configuration::Free;
+    let (mut group, mut untaught, mut external) = (1, false, false);
+    let mut problem: Option<String> = None;
+    let hash = hashed(number.text(c.bytes));
+    while !c.done() && c.peek() != b'}' {
+        c.skip_space();
+        let word = c.word();
+        if word.is_empty() {
+            c.at += usize::from(c.peek() != b'}');
+            continue;
+        }
+        if word.len() == 3 && word.starts_with(b"GP") {
+            group = word[2].wrapping_sub(b'0');
+            continue;
+        }
+        let at = *c;
+        if !(c.eat(b':') || c.eat(b'=')) {
+            *c = at;
+            continue;
+        }
+        c.skip_space();
+        if group != 1 {
+            continue;
+        }
+        if c.peek() == b'\'' {
+            let start = c.at;
+            c.skip_string();
+            match config(&c.bytes[start..c.at]) {
+                Some(found) => configuration = found,
+                None => {
+                    let text = String::from_utf8_lossy(&c.bytes[start..c.at.min(start + 40)]).into_owned();
+                    problem = Some(format!("has the configuration {text}, which is not understood"));
+                }
+            }
+        } else if word == b"UT" || word == b"UF" {
+            let text = match c.number() {
+                Some(n) => lower(n.text(c.bytes)),
+                None => lower(c.word()),
+            };
+            *(if word == b"UT" { &mut tool } else { &mut frame }) = Some(text);
+        } else {
+            let value = c.number();
+            untaught |= value.is_none() && c.peek() == b'*';
+            if let Some(k) = POSE.iter().position(|n| *n == word) {
+                pose[k] = value;
+            } else if let Some(k) = JOINTS.iter().position(|n| *n == word) {
+                joints[k] = value;
+            } else if matches!(word, [b'E', b'1'..=b'3']) {
+                external |= value.and_then(|v| v.value(c.bytes)).is_some_and(|v| v != 0.0);
+            } else if matches!(word, [b'R', b'X' | b'Y' | b'Z' | b'W' | b'P' | b'R']) {
+                problem = Some("is given relative to another motion group (RX ...)".into());
+            }
+        }
+    }
+    // F: whichever is active when the program runs
+    let mut numbered = |said: Option<String>, active: &Result<Option<String>, String>| match said {
+        Some(n) if n.bytes().all(|b| b.is_ascii_digit()) => Some(n),
+        Some(_) => active.clone().unwrap_or_else(|e| {
+            problem = problem.take().or(Some(e));
+            None
+        }),
+        None => None,
+    };
+    let setup = Setup { tool: numbered(tool, &active[0]), frame: numbered(frame, &active[1]) };
+    if let Some(what) = problem {
+        scan.problems.push((from, what));
+        names.listed(hash);
+        return;
+    }
+    let spot = if let [Some(x), Some(y), Some(z), Some(w), Some(p), Some(r)] = pose {
+        scan.push(Shape::Xyz, &[x, y, z, w, p, r], configuration, name)
+    } else {
+        let spans: Vec<Span> = joints.iter().map_while(|s| *s).collect();
+        if spans.is_empty() {
+            let what = if untaught { "is not taught (***)" } else { "has no position of six numbers in GP1" };
+            scan.problems.push((from, what.into()));
+            names.listed(hash);
+            return;
+        }
+        scan.push(Shape::JointsFanuc, &spans, Configuration::Free, name)
+    };
+    if external {
+        scan.needs_external_axis();
+    }
+    let setup = scan.setup(setup);
+    scan.assign(spot, setup);
+    let first = spot as usize;
+    names.define(hash, first, first + 1);
+}
+
+/// `'N U T, 0, 0, 0'`; `None` where letters stand there that mean something else.
+fn config(text: &[u8]) -> Option<Configuration> {
+    let words = || text.split(|b| !b.is_ascii_alphanumeric()).filter(|w| w.iter().any(u8::is_ascii_alphabetic));
+    let has = |b: u8| words().any(|w| w == [b]);
+    if words().next().is_none() {
+        return Some(Configuration::Free);
+    }
+    let whole = (has(b'N') || has(b'F')) && (has(b'U') || has(b'D')) && (has(b'T') || has(b'B'));
+    whole.then(|| Configuration::Fanuc { flip: has(b'F'), up: has(b'U'), front: has(b'T') })
+}
+
+/// Whether a line has this word, with nothing of a name before it.
+fn has(line: &[u8], word: &[u8]) -> bool {
+    line.windows(word.len()).enumerate().any(|(k, w)| {
+        let before =
+            k.checked_sub(1).and_then(|k| line.get(k)).is_some_and(|b| b.is_ascii_alphanumeric() || *b == b'_');
+        let behind = line.get(k + word.len()).is_some_and(|b| b.is_ascii_alphanumeric() || *b == b'_');
+        w == word && !before && !behind
+    })
+}
+
+/// The places that a line names, `P[3]` and `PR[3]`: offset, whether it is a register, and its digits.
+fn places(upper: &[u8]) -> Vec<(usize, bool, &[u8])> {
+    let mut found = Vec::new();
+    let mut at = 0;
+    while let Some(k) = upper[at..].iter().position(|b| *b == b'[') {
+        let open = at + k;
+        at = open + 1;
+        let name = upper[..open].iter().rev().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
+        let name = &upper[open - name..open];
+        if name == b"P" || name == b"PR" {
+            let digits = upper[at..].iter().take_while(|b| b.is_ascii_digit()).count();
+            found.push((open - name.len(), name == b"PR", &upper[at..at + digits]));
+        }
+    }
+    found
+}
+
+/// What a register is called among the names.
+fn register(digits: &[u8]) -> u64 {
+    hashed(&[b"pr", digits].concat())
+}
+
+/// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
+fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
+    let mut at = main;
+    let mut shifts = Vec::new();
+    for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
+        let begin = at;
+        at += line.len();
+        let text = statement(line);
+        if text.starts_with(b"!") || text.starts_with(b"//") || text.starts_with(b"--") {
+            continue;
+        }
+        let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
+        let upper = text.to_ascii_uppercase();
+        let all = places(&upper);
+        if let Some(equals) = upper.iter().position(|b| *b == b'=')
+            && let Some((0, true, digits)) = all.first().copied()
+        {
+            set_register(&upper[equals + 1..], digits, offset, names, &all[1..]);
+            continue;
+        }
+        let moves = matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
+            && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric)
+            || matches!(upper.get(..2), Some(b"P[" | b"PR"));
+        if !moves {
+            continue;
+        }
+        let increment = has(&upper, b"INC");
+        let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
+        if has(&upper, b"COORD") {
+            scan.problems.push((offset, "goes to a place in the frame of another motion group (COORD)".into()));
+        }
+        for (k, (place, is_register, digits)) in all.iter().enumerate() {
+            if *is_register && k > 0 {
+                // Offset,PR[1]: how far from the target
+                continue;
+            }
+            if increment {
+                names.visit(Visit::Unknown);
+                shifts.push(hashed(digits));
+            } else if *is_register {
+                names.used(register(digits), OWN_SETUP, Way::To, offset + place);
+            } else if !digits.is_empty() {
+                // its setup is what the position itself says
+                names.gone_to(hashed(digits), relative, offset + place);
+            } else {
+                // whichever it is, it is in /POS
+                names.visit(Visit::Unknown);
+            }
+        }
+    }
+    shifts.into_iter().for_each(|name| names.no_target(name));
+}
+
+/// `PR[1]=P[3]`, `PR[1]=PR[2]+PR[3]`, `PR[1,3]=PR[1,3]+50`, `PR[1]=LPOS`.
+fn set_register(source: &[u8], digits: &[u8], at: usize, names: &mut Names, from: &[(usize, bool, &[u8])]) {
+    let name = register(digits);
+    let at = u32::try_from(at).unwrap_or(u32::MAX);
+    let origin = match from.first() {
+        // a shift against itself goes with it
+        Some((_, true, other)) if *other == digits => return,
+        Some((_, true, other)) => Origin::Name { name: register(other), at },
+        Some((_, false, other)) if !other.is_empty() => Origin::Name { name: hashed(other), at },
+        _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,
+        _ => Origin::Computed(at),
+    };
+    names.set_from(name, origin);
+}

@@ -1,0 +1,629 @@
+//! ABB RAPID: robtargets and jointtargets, declared or inline, single or in arrays; tooldata and wobjdata; motions.
+//!
+//! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
+//! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
+
+use nalgebra::Vector3;
+use trical_model::Pose;
+
+use super::rapid_frames::{tool, work_object};
+use crate::branch::Configuration;
+use crate::expression::Constants;
+use crate::frames::ToolFrame;
+use crate::literal::Shape;
+use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower, mentions, number};
+
+/// Beginnings of instructions that move the arm, in lower case.
+const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
+/// Functions that say where the arm is.
+const HERE: [&str; 2] = ["crobt", "cjointt"];
+/// Values of external axes from here on mean that there is none (9E9).
+const NO_AXIS: f64 = 1e8;
+/// Lists inside lists, at most: a record of arrays of targets has five.
+const DEEPEST: usize = 12;
+
+/// Where the mark goes: behind a module's header attributes (`%%% ... %%%`).
+#[must_use]
+pub fn header(bytes: &[u8]) -> usize {
+    let text = bytes.trim_ascii_start();
+    if !text.starts_with(b"%%%") {
+        return 0;
+    }
+    let start = bytes.len() - text.len() + 3;
+    let Some(k) = bytes[start..].windows(3).position(|w| w == b"%%%") else { return 0 };
+    let end = start + k + 3;
+    end + bytes[end..].iter().position(|b| *b == b'\n').map_or(0, |n| n + 1)
+}
+
+/// Reads a module.
+#[must_use]
+pub fn scan(bytes: &[u8]) -> Scan {
+    let mut reader = Reader {
+        c: Cursor::new(bytes, b'!'),
+        scan: Scan::default(),
+        names: Names::default(),
+        constants: Constants::with_degrees(),
+        name: Span::default(),
+    };
+    reader.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
+    reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
+    reader.file();
+    let Reader { mut scan, names, .. } = reader;
+    let mut told = Vec::new();
+    for setup in &scan.setups {
+        for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
+            if let Some((at, name)) = name.as_deref().and_then(|n| Some((names.set_at(hashed(n.as_bytes()))?, n)))
+                && !told.contains(&at)
+            {
+                told.push(at);
+                let what = format!(
+                    "the {what} '{name}' is changed here while the program runs; its targets are corrected for where it is declared"
+                );
+                scan.problems.push((at, what));
+            }
+        }
+    }
+    names.resolve(&mut scan, bytes, &|name| {
+        format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
+    });
+    scan
+}
+
+/// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
+fn targets_of(instruction: &[u8]) -> Option<usize> {
+    let word = lower(instruction);
+    let rest = ["arcmove", "move", "trigg", "arc", "paint", "spot", "disp", "cap"]
+        .iter()
+        .find_map(|m| word.strip_prefix(m))?;
+    let kinds = ["absj", "ml", "l", "j", "c"];
+    let kind = kinds.iter().find(|k| rest.starts_with(**k))?;
+    let ending = rest.strip_prefix(kind)?;
+    let known = ["", "do", "ao", "go", "sync", "ios", "start", "end", "1", "2", "1start", "2start", "1end", "2end"];
+    known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
+}
+
+struct Reader<'a> {
+    c: Cursor<'a>,
+    scan: Scan,
+    names: Names,
+    constants: Constants,
+    /// Name of the data that is being read.
+    name: Span,
+}
+
+/// A list as far as targets care.
+#[derive(Clone, Copy)]
+enum Piece {
+    /// Only numbers, at most six; `unread` is one without a value.
+    Flat { count: usize, spans: [Span; 6], unread: Option<Span> },
+    /// Anything else; targets in it were taken.
+    Other,
+}
+
+impl Reader<'_> {
+    fn file(&mut self) {
+        let mut before: &[u8] = b"";
+        while !self.c.done() {
+            self.c.skip_space();
+            let from = self.c.at;
+            let word = self.c.word();
+            if word.is_empty() {
+                match self.c.peek() {
+                    b'[' => self.list(0),
+                    b'"' => {
+                        self.c.skip_string();
+                        Some(Piece::Other)
+                    }
+                    _ => {
+                        self.c.at += 1;
+                        None
+                    }
+                };
+                before = b"";
+                continue;
+            }
+            let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
+            if is("robtarget") || is("jointtarget") {
+                self.data();
+            } else if is("tooldata") || is("wobjdata") {
+                self.frame(is("tooldata"));
+            } else if is("num") && before.eq_ignore_ascii_case(b"const") {
+                self.constant();
+            } else if is("num") {
+                // a variable or an argument: a constant of the same name elsewhere is another one
+                self.c.skip_space();
+                let name = self.c.word();
+                self.constants.forget(hashed(name));
+            } else if is("pdispon") || is("pdispset") {
+                let what =
+                    "displaces the targets of the motions that follow; they are corrected for where the text has them";
+                self.scan.problems.push((from, what.into()));
+            } else if is("eoffson") || is("eoffsset") {
+                let what = "displaces the external axes for the motions that follow; targets are corrected for where the text has them";
+                self.scan.problems.push((from, what.into()));
+            } else if is("moveextj") {
+                // no motion of the arm: these joint values are those of other machines
+                self.c.skip_space();
+                if self.c.peek() == b'[' {
+                    let first = self.scan.spots.len();
+                    self.list(0);
+                    self.names.define(hashed(b"\0"), first, self.scan.spots.len());
+                    self.names.no_target(hashed(b"\0"));
+                } else {
+                    let name = self.c.word();
+                    self.names.no_target(hashed(name));
+                }
+            } else if is("confl") || is("confj") {
+                let at = self.c;
+                if self.c.eat(b'\\') && self.c.word().eq_ignore_ascii_case(b"off") {
+                    self.scan.configuration_off = true;
+                } else {
+                    self.c = at;
+                }
+            } else if MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
+                && ![&b"proc"[..], b"func", b"trap"].iter().any(|k| before.eq_ignore_ascii_case(k))
+            {
+                self.motion(word);
+            } else {
+                self.assignment(from, word);
+            }
+            before = word;
+        }
+    }
+
+    /// `CONST num h:=200;`
+    fn constant(&mut self) {
+        self.c.skip_space();
+        let name = self.c.word();
+        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=')) {
+            return;
+        }
+        let value = self.constants.expression(&mut self.c).filter(|_| self.c.eat(b';'));
+        match value {
+            Some((_, value)) => self.constants.define(hashed(name), value),
+            None => self.constants.forget(hashed(name)),
+        }
+    }
+
+    /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`: data that the program sets.
+    fn assignment(&mut self, from: usize, word: &[u8]) {
+        let start = self.c;
+        let mut is_part = false;
+        while self.c.peek() == b'.' {
+            self.c.at += 1;
+            is_part |= !self.c.word().is_empty();
+        }
+        if !(self.c.eat(b':') && self.c.eat(b'=')) {
+            self.c = start;
+            return;
+        }
+        let name = hashed(word);
+        self.c.skip_space();
+        if is_part {
+            let relative = mentions(self.c.until(b";\n"), word);
+            if !relative {
+                self.names.set_from(name, Origin::Computed(from as u32));
+            }
+        } else if self.c.peek() == b'[' {
+            self.define(Span::new(from, from + word.len()));
+        } else {
+            let at = self.c.at;
+            let source = self.c.word();
+            if source.is_empty() {
+                return;
+            }
+            self.c.skip_space();
+            match self.c.peek() {
+                b'(' => {
+                    let origin = match self.relative(source) {
+                        Place::Name { name, .. } => Origin::Name { name, at: from as u32 },
+                        Place::Here => Origin::Here,
+                        _ => Origin::Computed(from as u32),
+                    };
+                    self.names.set_from(name, origin);
+                }
+                b';' | b'{' => self.names.set_from(name, Origin::Name { name: hashed(source), at: from as u32 }),
+                b'.' => self.names.set_from(name, Origin::Computed(from as u32)),
+                _ => self.c.at = at,
+            }
+        }
+    }
+
+    /// `robtarget name{3}:=[...]`
+    fn data(&mut self) {
+        self.c.skip_space();
+        let from = self.c.at;
+        let name = self.c.word();
+        let name = Span::new(from, from + name.len());
+        if name.len == 0 {
+            return;
+        }
+        if self.c.eat(b'{') {
+            while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
+                self.c.at += 1;
+            }
+            self.c.eat(b'}');
+        }
+        if self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[') {
+            self.c.at -= 1;
+            self.define(name);
+        }
+    }
+
+    fn define(&mut self, name: Span) {
+        let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
+        self.name = name;
+        self.list(0);
+        self.name = Span::default();
+        let hash = hashed(name.text(self.c.bytes));
+        self.names.define(hash, first, self.scan.spots.len());
+        if self.scan.problems.len() > problems {
+            self.names.listed(hash);
+        } else if self.scan.spots.len() == first {
+            self.names.set_from(hash, Origin::Computed(name.at));
+        }
+    }
+
+    /// A list, from its bracket on; its targets are taken as soon as they close, so that arrays of any length cost nothing.
+    /// `None` where it does not end before the statement does.
+    fn list(&mut self, depth: usize) -> Option<Piece> {
+        self.c.at += 1;
+        if depth > DEEPEST {
+            return None;
+        }
+        let mut spans = [Span::default(); 6];
+        let mut pieces = [Piece::Other; 4];
+        let (mut numbers, mut lists, mut others, mut unread) = (0, 0, 0, None);
+        loop {
+            self.c.skip_space();
+            match self.c.peek() {
+                b']' => {
+                    self.c.at += 1;
+                    break;
+                }
+                b'[' => {
+                    let piece = self.list(depth + 1)?;
+                    if let Some(to) = pieces.get_mut(lists) {
+                        *to = piece;
+                    }
+                    lists += 1;
+                }
+                b',' => self.c.at += 1,
+                b'"' => {
+                    self.c.skip_string();
+                    others += 1;
+                }
+                b';' => return None,
+                _ if self.c.done() => return None,
+                _ => {
+                    let span = self.item().unwrap_or_else(|span| *unread.insert(span));
+                    if let Some(to) = spans.get_mut(numbers) {
+                        *to = span;
+                    }
+                    numbers += 1;
+                }
+            }
+        }
+        if others == 0 && lists == 0 && numbers <= 6 {
+            return Some(Piece::Flat { count: numbers, spans, unread });
+        }
+        if others == 0 && numbers == 0 && lists <= 4 {
+            self.target(&pieces[..lists]);
+        }
+        Some(Piece::Other)
+    }
+
+    /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
+    fn item(&mut self) -> Result<Span, Span> {
+        let start = self.c;
+        if let Some(span) = self.c.number().filter(|_| self.ends()) {
+            return Ok(span);
+        }
+        self.c = start;
+        if let Some((span, value)) = self.constants.expression(&mut self.c).filter(|_| self.ends()) {
+            self.scan.calculated(span, value);
+            return Ok(span);
+        }
+        self.c = start;
+        let mut depth = 0;
+        while !self.c.done() {
+            match self.c.peek() {
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                b',' if depth > 0 => {}
+                b',' | b']' | b'[' | b';' | b'"' | b'!' => break,
+                _ => {}
+            }
+            self.c.at += 1;
+        }
+        Err(Span::new(start.at, self.c.at))
+    }
+
+    /// Whether a number's text is over here: `1+2` is none.
+    fn ends(&self) -> bool {
+        let mut c = self.c;
+        c.skip_space();
+        matches!(c.peek(), b',' | b']')
+    }
+
+    fn target(&mut self, pieces: &[Piece]) {
+        let bytes = self.c.bytes;
+        let is_one = matches!(
+            pieces,
+            [
+                Piece::Flat { count: 3, .. },
+                Piece::Flat { count: 4, .. },
+                Piece::Flat { count: 4, .. },
+                Piece::Flat { count: 6, .. }
+            ] | [Piece::Flat { count: 6, .. }, Piece::Flat { count: 6, .. }]
+        );
+        let unread = pieces.iter().find_map(|p| if let Piece::Flat { unread, .. } = p { *unread } else { None });
+        if let (true, Some(span)) = (is_one, unread) {
+            let text = String::from_utf8_lossy(span.text(bytes)).trim().to_owned();
+            self.scan
+                .problems
+                .push((span.at as usize, format!("holds '{text}', of which only the running program knows the value")));
+            return;
+        }
+        match *pieces {
+            [
+                Piece::Flat { count: 3, spans: p, .. },
+                Piece::Flat { count: 4, spans: q, .. },
+                Piece::Flat { count: 4, spans: cf, .. },
+                Piece::Flat { count: 6, .. },
+            ] => {
+                let demanded = cf.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
+                let configuration = match demanded {
+                    [Some(a), Some(b), Some(c), Some(d), ..] => Configuration::Abb([a, b, c, d]),
+                    _ => Configuration::Free,
+                };
+                let spans = [p[0], p[1], p[2], q[0], q[1], q[2], q[3], cf[0], cf[1], cf[2]];
+                self.scan.push(Shape::Quaternion, &spans, configuration, self.name);
+            }
+            [Piece::Flat { count: 6, spans: q, .. }, Piece::Flat { count: 6, .. }] => {
+                self.scan.push(Shape::JointsDeg, &q, Configuration::Free, self.name);
+            }
+            _ => return,
+        }
+        if let Some(Piece::Flat { spans, .. }) = pieces.last() {
+            let moves = |s: &Span| self.scan.value(*s, bytes).is_some_and(|v| v != 0.0 && v.abs() < NO_AXIS);
+            if spans.iter().any(moves) {
+                self.scan.needs_external_axis();
+            }
+        }
+    }
+
+    /// `tooldata name:=[...]`, `wobjdata name:=[...]`
+    fn frame(&mut self, is_tool: bool) {
+        self.c.skip_space();
+        let name = lower(self.c.word());
+        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[')) {
+            return;
+        }
+        let (mut depth, mut words, mut values) = (1, Vec::new(), Vec::new());
+        while depth > 0 && !self.c.done() && self.c.peek() != b';' && values.len() < 64 {
+            self.c.skip_space();
+            match self.c.peek() {
+                b'[' => depth += 1,
+                b']' => depth -= 1,
+                b'"' => {
+                    self.c.skip_string();
+                    continue;
+                }
+                b if b.is_ascii_alphabetic() => {
+                    words.push(lower(self.c.word()));
+                    continue;
+                }
+                b';' => break,
+                _ => {
+                    if let Some(span) = self.c.number() {
+                        values.extend(number(span.text(self.c.bytes)));
+                        continue;
+                    }
+                }
+            }
+            self.c.at += 1;
+        }
+        let truth: Vec<bool> = words.iter().map(|w| w == "true").collect();
+        if is_tool {
+            let tool = tool(&truth, &values, &name);
+            self.scan.frames.tools.entry(name).or_insert(tool);
+        } else {
+            let frame = work_object(&truth, &values, &name);
+            self.scan.frames.frames.entry(name).or_insert(frame);
+        }
+    }
+
+    /// The arguments of a motion: which targets it goes to, with which tool and work object.
+    fn motion(&mut self, instruction: &[u8]) {
+        let search = instruction.to_ascii_lowercase().starts_with(b"search");
+        let targets = targets_of(instruction);
+        let mut places: Vec<Place> = Vec::new();
+        let (mut tool, mut frame): (Option<Span>, Option<String>) = (None, None);
+        let bytes = self.c.bytes;
+        let most = if search { 4 } else { 3 };
+        // the name that comes last is the tool; those before it are places, or speeds and zones, as far as the instruction goes
+        let way = |k: usize| match targets {
+            Some(n) if k < n => Way::To,
+            Some(_) => Way::Perhaps,
+            None if search && k == 2 => Way::To,
+            None if search || k > 0 => Way::Perhaps,
+            None => Way::Unlisted,
+        };
+        let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
+            if let Some(span) = tool.take()
+                && places.len() < most
+            {
+                let way = way(places.len());
+                places.push(Place::Name { name: hashed(span.text(bytes)), way, at: span.at as usize });
+            }
+        };
+        let begin = self.c.at;
+        loop {
+            self.c.skip_space();
+            if self.c.done() || self.c.peek() == b';' || self.c.at > begin + 4000 {
+                break;
+            }
+            match self.c.peek() {
+                b',' => self.c.at += 1,
+                b'\\' => {
+                    self.c.at += 1;
+                    let option = self.c.word();
+                    if self.c.eat(b':') {
+                        self.c.eat(b'=');
+                        self.c.skip_space();
+                        let from = self.c.at;
+                        let value = self.c.word();
+                        if option.eq_ignore_ascii_case(b"wobj") {
+                            frame = Some(lower(value));
+                        } else if option.eq_ignore_ascii_case(b"tool") {
+                            flush(&mut tool, &mut places);
+                            tool = Some(Span::new(from, self.c.at));
+                        }
+                    }
+                }
+                b'[' => {
+                    flush(&mut tool, &mut places);
+                    let at = self.c.at;
+                    let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
+                    let whole = self.list(0).is_some();
+                    let end = self.scan.spots.len() as u32;
+                    if end > first {
+                        places.push(Place::Spots(first, end));
+                    } else if self.scan.problems.len() > problems {
+                        places.push(Place::Here);
+                    } else if targets.is_some_and(|n| places.len() < n) {
+                        places.push(Place::Computed(at));
+                    }
+                    if !whole {
+                        break;
+                    }
+                }
+                b'"' => self.c.skip_string(),
+                // not the call of an instruction
+                b':' | b'=' | b'(' if self.c.at <= begin + 2 => return,
+                _ => {
+                    let from = self.c.at;
+                    let word = self.c.word();
+                    if word.is_empty() {
+                        if self.c.number().is_none() {
+                            self.c.at += 1;
+                        }
+                        flush(&mut tool, &mut places);
+                        continue;
+                    }
+                    flush(&mut tool, &mut places);
+                    self.c.skip_space();
+                    match self.c.peek() {
+                        b'(' => match self.relative(word) {
+                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {}
+                            place => places.push(place),
+                        },
+                        b'{' => {
+                            self.c.at += 1;
+                            self.c.skip_space();
+                            let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
+                            let whole = index.filter(|_| self.c.eat(b'}'));
+                            while whole.is_none() && !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
+                                self.c.at += 1;
+                            }
+                            if whole.is_none() {
+                                self.c.eat(b'}');
+                            }
+                            let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
+                            places.push(Place::Name { name: hashed(word), way, at: from });
+                        }
+                        _ => tool = Some(Span::new(from, from + word.len())),
+                    }
+                }
+            }
+        }
+        if places.is_empty() {
+            return;
+        }
+        let tool = tool.map(|t| lower(t.text(bytes)));
+        let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
+        for place in places {
+            match place {
+                Place::Name { name, way, at } => self.names.used(name, setup, way, at),
+                Place::Spots(first, end) => {
+                    for spot in first..end {
+                        self.scan.assign(spot, setup);
+                        self.names.visit(Visit::To(spot));
+                    }
+                }
+                Place::Here => self.names.visit(Visit::Unknown),
+                Place::Computed(at) => {
+                    self.names.visit(Visit::Unknown);
+                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                }
+            }
+        }
+    }
+
+    /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
+    fn relative(&mut self, function: &[u8]) -> Place {
+        let begin = self.c.at;
+        let in_tool = function.eq_ignore_ascii_case(b"reltool");
+        let offs = function.eq_ignore_ascii_case(b"offs");
+        let here = |f: &[u8]| HERE.iter().any(|h| f.eq_ignore_ascii_case(h.as_bytes()));
+        self.c.at += 1;
+        self.c.skip_space();
+        let mut at = self.c.at;
+        let mut name = self.c.word();
+        let (mut shift, mut plain, mut depth, mut k) = ([0.0; 3], true, 1, 0);
+        while [&b"offs"[..], b"reltool"].iter().any(|f| name.eq_ignore_ascii_case(f)) && self.c.eat(b'(') {
+            (plain, depth) = (false, depth + 1);
+            self.c.skip_space();
+            at = self.c.at;
+            name = self.c.word();
+        }
+        self.c.skip_space();
+        let of_here = self.c.peek() == b'(' && here(name);
+        let of_function = self.c.peek() == b'(' && !of_here;
+        while depth > 0 && !self.c.done() && self.c.peek() != b';' {
+            self.c.skip_space();
+            if depth == 1
+                && let Some((_, x)) = self.constants.expression(&mut self.c)
+            {
+                if let Some(to) = shift.get_mut(k) {
+                    *to = x * 1e-3;
+                }
+                k += 1;
+                continue;
+            }
+            match self.c.peek() {
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                b',' => {}
+                // turned as well, or calculated
+                _ => plain = false,
+            }
+            self.c.at += usize::from(self.c.peek() != b';');
+        }
+        if here(function) || of_here && (offs || in_tool) {
+            return Place::Here;
+        }
+        if !(offs || in_tool) || name.is_empty() || of_function {
+            return Place::Computed(begin);
+        }
+        let known = plain && k == 3;
+        let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
+        Place::Name { name: hashed(name), way, at }
+    }
+}
+
+/// Where a motion goes.
+enum Place {
+    Name {
+        name: u64,
+        way: Way,
+        at: usize,
+    },
+    Spots(u32, u32),
+    /// To where the arm is, or beside it; or to what is listed already.
+    Here,
+    /// To what only the running program knows; it stands here.
+    Computed(usize),
+}

@@ -1,0 +1,462 @@
+//! Universal Robots script: `p[x,y,z,rx,ry,rz]` in m and rad, and joint values in rad.
+//!
+//! Targets are what `movej`, `movel`, `movep`, `movec` and `servoj` go to: literals, or names of literals, by themselves or in
+//! `get_inverse_kin(...)`. Numbers may be expressions of what is assigned once. `set_tcp(p[...])` declares the tool from there on.
+//! `pose_trans(name, p[...])` is relative to a target that is rewritten and stays, or, where no motion goes to `name`, a target in
+//! that frame. A motion to what the program calculates is listed. Loads (`set_payload`) are not read.
+
+use std::collections::{HashMap, HashSet};
+
+use trical_model::Pose;
+
+use crate::branch::Configuration;
+use crate::expression::Constants;
+use crate::frames::ToolFrame;
+use crate::literal::{Meant, Shape};
+use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::text::{Cursor, Span, lower, mentions, moved_to};
+
+const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
+/// Functions that say where the arm is.
+const HERE: [&[u8]; 6] = [
+    b"get_actual_tcp_pose",
+    b"get_target_tcp_pose",
+    b"get_forward_kin",
+    b"get_actual_joint_positions",
+    b"get_target_joint_positions",
+    b"get_joint_positions",
+];
+/// Functions inside functions, at most.
+const DEEPEST: usize = 8;
+
+/// Reads a script.
+#[must_use]
+pub fn scan(bytes: &[u8]) -> Scan {
+    let mut reader = Reader {
+        c: Cursor::new(bytes, b'#'),
+        scan: Scan::default(),
+        names: Names::default(),
+        constants: constants(bytes),
+        moved_to: targets(bytes),
+        tool: None,
+        values: HashMap::new(),
+    };
+    reader.file();
+    let Reader { mut scan, names, .. } = reader;
+    names.resolve(&mut scan, bytes, &|name| {
+        format!("goes to '{}', which the script does not give as numbers", String::from_utf8_lossy(name))
+    });
+    scan
+}
+
+fn is_motion(word: &[u8]) -> bool {
+    MOTIONS.contains(&word)
+}
+
+/// Whether a circle: by way of its first place.
+fn has_two(motion: &[u8]) -> bool {
+    motion == b"movec" || motion == b"servoc"
+}
+
+/// What is assigned once, a number, and is no argument of a function.
+fn constants(bytes: &[u8]) -> Constants {
+    let mut found = Constants::default();
+    let mut assigned: HashSet<u64> = HashSet::new();
+    let mut c = Cursor::new(bytes, b'#');
+    while !c.done() {
+        c.skip_space();
+        let word = c.word();
+        if word.is_empty() {
+            if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
+        } else if word == b"def" || word == b"thread" {
+            c.skip_blank();
+            c.word();
+            while !c.done() && !matches!(c.peek(), b')' | b'\n') {
+                let name = c.word();
+                if name.is_empty() {
+                    c.at += 1;
+                } else {
+                    found.forget(hashed(name));
+                }
+            }
+        } else {
+            let start = c;
+            c.skip_blank();
+            if c.peek() != b'=' || c.bytes.get(c.at + 1) == Some(&b'=') {
+                c = start;
+                continue;
+            }
+            c.at += 1;
+            let value = found.expression(&mut c).map(|(_, value)| value);
+            c.skip_blank();
+            let whole = value.filter(|_| c.done() || matches!(c.peek(), b'\n' | b'\r' | b'#'));
+            match whole {
+                Some(value) if assigned.insert(hashed(word)) => found.define(hashed(word), value),
+                _ => {
+                    assigned.insert(hashed(word));
+                    found.forget(hashed(word));
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Names that stand first in a motion, also inside a function: only these are targets when they are assigned.
+fn targets(bytes: &[u8]) -> HashSet<u64> {
+    let mut copies = Vec::new();
+    let mut all = moved_to(bytes, b'#', |word, c, found| {
+        let start = *c;
+        c.skip_blank();
+        if c.peek() == b'=' {
+            c.at += 1;
+            c.skip_blank();
+            let source = c.word();
+            c.skip_blank();
+            if !source.is_empty() && matches!(c.peek(), b'\n' | b'\r' | b'#' | 0) {
+                copies.push((hashed(word), hashed(source)));
+            }
+        }
+        *c = start;
+        let mut more = is_motion(word) && c.eat(b'(');
+        // a circle goes by way of its first
+        for _ in 0..2 {
+            if !more {
+                break;
+            }
+            c.skip_space();
+            let mut name = c.word();
+            if name == b"get_inverse_kin" && c.eat(b'(') {
+                c.skip_space();
+                name = c.word();
+            }
+            if !name.is_empty() {
+                found.insert(hashed(name));
+            }
+            more = has_two(word) && c.eat(b',');
+        }
+    });
+    // what is copied to a target is one itself; the last copy comes first
+    for (copy, source) in copies.into_iter().rev() {
+        if all.contains(&copy) {
+            all.insert(source);
+        }
+    }
+    all
+}
+
+struct Reader<'a> {
+    c: Cursor<'a>,
+    scan: Scan,
+    names: Names,
+    constants: Constants,
+    moved_to: HashSet<u64>,
+    tool: Option<String>,
+    /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`; `None` where a name is assigned twice.
+    values: HashMap<u64, Option<Pose>>,
+}
+
+impl Reader<'_> {
+    fn file(&mut self) {
+        while !self.c.done() {
+            self.c.skip_space();
+            let from = self.c.at;
+            let word = self.c.word();
+            if word.is_empty() {
+                if self.c.peek() == b'"' {
+                    self.c.skip_string()
+                } else {
+                    self.c.at += 1
+                }
+                continue;
+            }
+            if is_motion(word) {
+                if self.c.eat(b'(') {
+                    self.motion(has_two(word));
+                }
+            } else if word == b"set_tcp" {
+                if self.c.eat(b'(') {
+                    self.set_tcp(from);
+                }
+            } else if word == b"def" || word == b"thread" {
+                self.c.skip_line();
+            } else {
+                self.assignment(from, word);
+            }
+        }
+    }
+
+    /// `name=p[...]`, `name=[...]`, `name=other`, `name=pose_trans(other,...)`, `name[2]=...`
+    fn assignment(&mut self, from: usize, word: &[u8]) {
+        let start = self.c;
+        let hash = hashed(word);
+        let is_target = self.moved_to.contains(&hash);
+        self.c.skip_blank();
+        let is_element = self.c.peek() == b'[';
+        if is_element {
+            self.c.at += self.c.until(b"]\n").len();
+            self.c.at += usize::from(self.c.peek() == b']');
+        }
+        if !self.c.eat(b'=') || self.c.peek() == b'=' {
+            self.c = start;
+            return;
+        }
+        let computed = Origin::Computed(from as u32);
+        if is_element {
+            let relative = mentions(self.c.until(b"\n"), word);
+            if is_target && !relative {
+                self.names.set_from(hash, computed);
+            }
+            return;
+        }
+        match self.literal() {
+            Literal::Numbers(shape, spans) => self.assigned(Span::new(from, from + word.len()), shape, &spans),
+            Literal::Unread(span) if is_target => {
+                self.unread(span);
+                self.names.listed(hash);
+            }
+            Literal::Unread(_) => drop(self.values.insert(hash, None)),
+            Literal::None if is_target => {
+                let origin = self
+                    .origin(0)
+                    .map_or(computed, |o| o.map_or(Origin::Here, |name| Origin::Name { name, at: from as u32 }));
+                self.names.set_from(hash, origin);
+            }
+            Literal::None => drop(self.values.insert(hash, None)),
+        }
+    }
+
+    /// What the expression at the cursor is relative to: a name, or (`Some(None)`) where the arm is; `None` is something else.
+    fn origin(&mut self, depth: usize) -> Option<Option<u64>> {
+        self.c.skip_space();
+        let word = self.c.word();
+        if word.is_empty() || depth > DEEPEST {
+            return None;
+        }
+        self.c.skip_blank();
+        if self.c.peek() != b'(' {
+            return matches!(self.c.peek(), b'\n' | b'\r' | b'#' | b',' | b')' | 0).then_some(Some(hashed(word)));
+        }
+        if HERE.contains(&word) {
+            return Some(None);
+        }
+        if ![&b"pose_trans"[..], b"pose_add", b"get_inverse_kin"].contains(&word) {
+            return None;
+        }
+        self.c.at += 1;
+        self.origin(depth + 1)
+    }
+
+    fn assigned(&mut self, name: Span, shape: Shape, spans: &[Span; 6]) {
+        let hash = hashed(name.text(self.c.bytes));
+        if self.moved_to.contains(&hash) {
+            let first = self.scan.spots.len();
+            self.scan.push(shape, spans, Configuration::Free, name);
+            self.names.define(hash, first, first + 1);
+        } else if shape == Shape::RotationVector {
+            let pose = self.pose(spans);
+            self.values.entry(hash).and_modify(|known| *known = None).or_insert(pose);
+        }
+    }
+
+    fn pose(&self, spans: &[Span; 6]) -> Option<Pose> {
+        let v = spans.map(|s| self.scan.value(s, self.c.bytes).unwrap_or(f64::NAN));
+        match Shape::RotationVector.meant(&v, &[]) {
+            Ok(Meant::Pose(pose)) if v.iter().all(|x| x.is_finite()) => Some(pose),
+            _ => None,
+        }
+    }
+
+    fn set_tcp(&mut self, at: usize) {
+        self.c.skip_space();
+        let pose = match self.literal() {
+            Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
+            _ => {
+                let name = hashed(self.c.word());
+                self.values.get(&name).copied().flatten()
+            }
+        };
+        let frame = pose.ok_or("its set_tcp is computed by the program".to_owned());
+        // the same tool has the same name wherever it is set
+        let key = match &frame {
+            Ok(p) => {
+                let t = p.translation * 1e3;
+                format!("set_tcp({:.3}, {:.3}, {:.3} mm) first at byte {at}", t.x, t.y, t.z)
+            }
+            Err(_) => format!("set_tcp at byte {at}"),
+        };
+        let known = self.scan.frames.tools.iter().find(|(_, f)| match (f, &frame) {
+            (Ok(a), Ok(b)) => a.flange_from_tool == *b,
+            _ => false,
+        });
+        let key = known.map_or(key, |(k, _)| k.clone());
+        self.scan.frames.tools.insert(key.clone(), frame.map(ToolFrame::massless));
+        self.tool = Some(key);
+    }
+
+    /// The first argument of a motion, or the first two.
+    fn motion(&mut self, two: bool) {
+        for k in 0..=usize::from(two) {
+            if k == 1 && !self.c.eat(b',') {
+                return;
+            }
+            if !self.place(None, 0) {
+                return;
+            }
+        }
+    }
+
+    /// A place to which a motion goes, in a frame of the script or in the base. `false` where none stands.
+    fn place(&mut self, frame: Option<&str>, depth: usize) -> bool {
+        self.c.skip_space();
+        let at = self.c.at;
+        let setup = Setup { tool: self.tool.clone(), frame: frame.map(str::to_owned) };
+        let setup = self.scan.setup(setup);
+        match self.literal() {
+            Literal::Numbers(shape, spans) => {
+                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default());
+                self.scan.assign(spot, setup);
+                self.names.visit(Visit::To(spot));
+                return true;
+            }
+            Literal::Unread(span) => {
+                self.unread(span);
+                self.names.visit(Visit::Unknown);
+                return true;
+            }
+            Literal::None => {}
+        }
+        let word = self.c.word();
+        if word.is_empty() {
+            return false;
+        }
+        if !self.c.eat(b'(') {
+            // a name, an element of a list
+            let way = if self.c.peek() == b'[' { Way::Computed } else { Way::To };
+            self.names.used(hashed(word), setup, way, at);
+            return true;
+        }
+        let inside = self.c;
+        if word == b"get_inverse_kin" && depth < DEEPEST {
+            self.place(frame, depth + 1);
+        } else if word == b"pose_trans" || word == b"pose_add" {
+            self.related(at, setup, word == b"pose_trans" && frame.is_none(), depth);
+        } else {
+            self.names.visit(Visit::Unknown);
+            if !HERE.contains(&word) {
+                self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+            }
+        }
+        self.c = inside;
+        self.close();
+        true
+    }
+
+    /// `pose_trans(base, pose)` or `pose_add(base, pose)`, from behind its parenthesis on.
+    fn related(&mut self, at: usize, setup: u32, may_be_frame: bool, depth: usize) {
+        self.c.skip_space();
+        let start = self.c;
+        let (literal, base) = (self.literal(), self.c.word());
+        let frame = match literal {
+            Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
+            _ => self.values.get(&hashed(base)).copied().flatten(),
+        };
+        let is_target = self.moved_to.contains(&hashed(base));
+        if let (false, true, Some(pose)) = (is_target, may_be_frame && depth < DEEPEST, frame)
+            && self.c.eat(b',')
+        {
+            let name = if base.is_empty() { format!("p[...] at byte {at}") } else { lower(base) };
+            self.scan.frames.frames.insert(name.clone(), Ok(pose));
+            self.place(Some(&name), depth + 1);
+            return;
+        }
+        self.c = start;
+        match self.origin(0) {
+            Some(None) => self.names.visit(Visit::Unknown),
+            Some(Some(name)) => self.names.used(name, setup, Way::Computed, start.at),
+            None => {
+                self.names.visit(Visit::Unknown);
+                self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+            }
+        }
+    }
+
+    fn unread(&mut self, span: Span) {
+        let text = String::from_utf8_lossy(span.text(self.c.bytes)).trim().to_owned();
+        let what = format!("holds '{text}', of which only the running program knows the value");
+        self.scan.problems.push((span.at as usize, what));
+    }
+
+    /// To the parenthesis that closes the one that was passed.
+    fn close(&mut self) {
+        let mut depth = 1;
+        while !self.c.done() && depth > 0 && self.c.peek() != b'\n' {
+            match self.c.peek() {
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                _ => {}
+            }
+            self.c.at += 1;
+        }
+    }
+
+    /// `p[...]` or `[...]` of six numbers; where none stands, nothing is passed.
+    fn literal(&mut self) -> Literal {
+        let start = self.c;
+        self.c.skip_space();
+        let is_pose = self.c.peek() == b'p' && self.c.bytes.get(self.c.at + 1) == Some(&b'[');
+        self.c.at += usize::from(is_pose);
+        let shape = if is_pose { Shape::RotationVector } else { Shape::JointsRad };
+        if self.c.peek() != b'[' {
+            self.c = start;
+            return Literal::None;
+        }
+        self.c.at += 1;
+        let mut spans = [Span::default(); 6];
+        let mut unread = None;
+        for (k, to) in spans.iter_mut().enumerate() {
+            self.c.skip_space();
+            let end = if k == 5 { b']' } else { b',' };
+            let at = self.c;
+            if let Some(span) = self.c.number() {
+                *to = span;
+                if self.c.eat(end) {
+                    continue;
+                }
+            }
+            self.c = at;
+            if let Some((span, value)) = self.constants.expression(&mut self.c)
+                && self.c.eat(end)
+            {
+                self.scan.calculated(span, value);
+                *to = span;
+                continue;
+            }
+            self.c = at;
+            let mut depth = 0;
+            for b in self.c.until(b"\n") {
+                match b {
+                    b',' | b']' if depth == 0 => break,
+                    b'(' | b'[' => depth += 1,
+                    b')' | b']' => depth -= 1,
+                    _ => {}
+                }
+                self.c.at += 1;
+            }
+            unread = unread.or(Some(Span::new(at.at, self.c.at)));
+            if !self.c.eat(end) {
+                self.c = start;
+                return Literal::None;
+            }
+        }
+        unread.map_or(Literal::Numbers(shape, spans), Literal::Unread)
+    }
+}
+
+/// Six numbers in brackets, or nearly.
+enum Literal {
+    Numbers(Shape, [Span; 6]),
+    /// Six items, of which this has no value.
+    Unread(Span),
+    None,
+}

@@ -1,0 +1,177 @@
+//! Numbers that programs write as expressions: `300+10`, `h/2`, `-pi`, `d2r(90)`.
+//!
+//! Only what is the same on every run has a value here: numbers, names of constants, `+ - * /`, parentheses, and a few functions.
+
+use std::collections::HashMap;
+
+use crate::text::{Cursor, Span};
+
+/// Parentheses inside parentheses, at most.
+const DEEPEST: usize = 16;
+
+/// Constants of a program by the hash of their names ([`crate::scan::hashed`]).
+#[derive(Debug, Default)]
+pub struct Constants {
+    values: HashMap<u64, Option<f64>>,
+    /// Whether sine and cosine are of degrees.
+    degrees: bool,
+}
+
+impl Constants {
+    /// None yet, in a language whose sine and cosine are of degrees.
+    #[must_use]
+    pub fn with_degrees() -> Self {
+        Self { degrees: true, ..Self::default() }
+    }
+
+    /// A constant; a second one of this name with another value makes both unknown.
+    pub fn define(&mut self, name: u64, value: f64) {
+        let known = self.values.entry(name).or_insert(Some(value));
+        if *known != Some(value) {
+            *known = None;
+        }
+    }
+
+    /// A name whose value only the running program knows.
+    pub fn forget(&mut self, name: u64) {
+        self.values.insert(name, None);
+    }
+
+    /// The value of the constant, where there is one of this name.
+    #[must_use]
+    pub fn get(&self, name: &[u8]) -> Option<f64> {
+        match self.values.get(&crate::scan::hashed(name)) {
+            Some(value) => *value,
+            None => name.eq_ignore_ascii_case(b"pi").then_some(std::f64::consts::PI),
+        }
+    }
+
+    /// The expression that begins at the cursor: where it stands, and its value, which is finite. What has no value is not
+    /// passed.
+    pub fn expression(&self, c: &mut Cursor<'_>) -> Option<(Span, f64)> {
+        let start = *c;
+        let found = self.sum(c, 0).filter(|(_, value)| value.is_finite());
+        if found.is_none() {
+            *c = start;
+        }
+        found.map(|(end, value)| (Span::new(start.at, end), value))
+    }
+
+    /// The end of the text, and the value.
+    fn sum(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+        let (mut end, mut value) = self.product(c, depth)?;
+        while let Some(op) = operator(c, b"+-") {
+            let (to, x) = self.product(c, depth)?;
+            value += if op == b'+' { x } else { -x };
+            end = to;
+        }
+        Some((end, value))
+    }
+
+    fn product(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+        let (mut end, mut value) = self.factor(c, depth)?;
+        while let Some(op) = operator(c, b"*/") {
+            let (to, x) = self.factor(c, depth)?;
+            value = if op == b'*' { value * x } else { value / x };
+            end = to;
+        }
+        Some((end, value))
+    }
+
+    fn factor(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+        c.skip_space();
+        if let Some(span) = c.number() {
+            return Some((c.at, span.value(c.bytes)?));
+        }
+        if depth > DEEPEST {
+            return None;
+        }
+        match c.peek() {
+            sign @ (b'-' | b'+') => {
+                c.at += 1;
+                let (end, x) = self.factor(c, depth + 1)?;
+                Some((end, if sign == b'-' { -x } else { x }))
+            }
+            b'(' => self.in_parentheses(c, depth),
+            _ => {
+                let name = c.word();
+                if name.is_empty() {
+                    return None;
+                }
+                let end = c.at;
+                c.skip_blank();
+                if c.peek() == b'(' {
+                    let (end, x) = self.in_parentheses(c, depth)?;
+                    return Some((end, self.function(name, x)?));
+                }
+                c.at = end;
+                // not a part or an element of something
+                if matches!(c.peek(), b'.' | b'[' | b'{') {
+                    return None;
+                }
+                Some((end, self.get(name)?))
+            }
+        }
+    }
+
+    fn in_parentheses(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+        c.at += 1;
+        let (_, value) = self.sum(c, depth + 1)?;
+        c.eat(b')').then_some((c.at, value))
+    }
+
+    fn function(&self, name: &[u8], x: f64) -> Option<f64> {
+        let angle = if self.degrees { x.to_radians() } else { x };
+        match name.to_ascii_lowercase().as_slice() {
+            b"d2r" => Some(x.to_radians()),
+            b"r2d" => Some(x.to_degrees()),
+            b"sqrt" => Some(x.sqrt()),
+            b"abs" => Some(x.abs()),
+            b"sin" => Some(angle.sin()),
+            b"cos" => Some(angle.cos()),
+            _ => None,
+        }
+    }
+}
+
+/// The operator that comes next, which is then passed.
+fn operator(c: &mut Cursor<'_>, which: &[u8]) -> Option<u8> {
+    let start = *c;
+    c.skip_space();
+    let op = c.peek();
+    // an operator of two characters (`//`, `**`) is none of these
+    let found = which.contains(&op) && c.bytes.get(c.at + 1) != Some(&op);
+    if found {
+        c.at += 1;
+        return Some(op);
+    }
+    *c = start;
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scan::hashed;
+
+    #[test]
+    fn constants_and_arithmetic_have_a_value_and_the_rest_has_none() {
+        let mut known = Constants::default();
+        known.define(hashed(b"h"), 25.0);
+        known.define(hashed(b"twice"), 1.0);
+        known.define(hashed(b"twice"), 2.0);
+        let value = |text: &str| {
+            let mut c = Cursor::new(text.as_bytes(), b'!');
+            known.expression(&mut c).map(|(span, v)| (v, span.text(text.as_bytes()).len(), c.at))
+        };
+        assert_eq!(value("300+10]"), Some((310.0, 6, 6)));
+        assert_eq!(value("2 * (H - 5) / 4 , 1"), Some((10.0, 15, 15)));
+        assert_eq!(value("-pi]").map(|v| v.0), Some(-std::f64::consts::PI));
+        assert!((value("d2r(90)").unwrap_or_default().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        assert_eq!(value("10 -5"), Some((5.0, 5, 5)));
+        for none in ["twice", "x", "1/0", "h.x", "h[1]", "f(h)", "(1", "1+", "\"1\""] {
+            assert_eq!(value(none), None, "{none}");
+        }
+        assert_eq!(value(&"(".repeat(1_000_000)), None);
+    }
+}

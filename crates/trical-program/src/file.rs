@@ -1,0 +1,247 @@
+//! Compensation from file to file.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use trical_model::Model;
+
+use crate::dialects::Dialect;
+use crate::error::ProgramError;
+use crate::frames::Frames;
+use crate::options::Options;
+use crate::report::{Report, summarized};
+use crate::rewriting::{Part, compensate_together};
+
+/// What to do with which file.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// The program.
+    pub program: &'a Path,
+    /// Where the rewritten one goes; `None` writes nothing.
+    pub out: Option<&'a Path>,
+    /// Name of the dialect, where the extension is not to say it.
+    pub dialect: Option<&'a str>,
+    /// Files with tools and frames.
+    pub frames: &'a [PathBuf],
+    /// Write even where targets are left as they are.
+    pub partial: bool,
+}
+
+impl Job<'_> {
+    /// The dialect that was named, or that the extension says.
+    ///
+    /// # Errors
+    /// One sentence that lists those that are known.
+    pub fn dialect(&self) -> Result<Dialect, ProgramError> {
+        match self.dialect {
+            Some(d) => Dialect::named(d).ok_or_else(|| {
+                ProgramError::Input(format!("the dialect '{d}' is not known; known are {}", Dialect::known()))
+            }),
+            None => Dialect::of(self.program).ok_or_else(|| {
+                ProgramError::Input(format!(
+                    "{}: the extension does not say the program's dialect; known are {}; --dialect NAME says it",
+                    self.program.display(),
+                    Dialect::known()
+                ))
+            }),
+        }
+    }
+
+    /// Rewrites the program. The output appears whole, or not at all; without one, nothing is refused for targets that are
+    /// left (see [`left`]).
+    ///
+    /// A KRL program is its .src and the .dat beside it: both are read and written, whichever is named, and `$config.dat` of the
+    /// same folder or controller gives tools and bases.
+    ///
+    /// # Errors
+    /// [`ProgramError`].
+    pub fn run(&self, nominal: &Model, model: &Model, options: &Options) -> Result<Report, ProgramError> {
+        let dialect = self.dialect()?;
+        let mut frames = Frames::default();
+        for path in self.frames {
+            frames.or(&declared_frames(path)?);
+        }
+        let mut read_with = Vec::new();
+        let files = if dialect == Dialect::Krl { together(self.program) } else { vec![self.program.to_owned()] };
+        if let Some(config) = config_of(self.program).filter(|_| dialect == Dialect::Krl) {
+            frames.or(&load_frames(&config)?);
+            read_with.push(config.display().to_string());
+        }
+        read_with.extend(files.iter().filter(|f| *f != self.program).map(|f| f.display().to_string()));
+        let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+        let (mut bytes, mut ends) = (Vec::new(), Vec::new());
+        for (path, name) in files.iter().zip(&names) {
+            let read = std::fs::read(path).map_err(|e| ProgramError::Input(format!("{name}: cannot be read: {e}")))?;
+            if bytes.is_empty() {
+                bytes = read
+            } else {
+                bytes.extend(read)
+            }
+            ends.push(bytes.len());
+        }
+        let outs: Vec<PathBuf> = match self.out {
+            Some(out) => {
+                files.iter().map(|f| if f == self.program { out.to_owned() } else { beside(out, f) }).collect()
+            }
+            None => Vec::new(),
+        };
+        if let Some(same) = outs.iter().find(|o| files.len() > 1 && files.contains(o)) {
+            return Err(ProgramError::Input(format!(
+                "{}: is a file of the program itself; choose another folder or name for the output",
+                same.display()
+            )));
+        }
+        let halves: Vec<Half> = outs.iter().map(|o| Half::beside(o)).collect();
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        for half in &halves {
+            sinks.push(Box::new(BufWriter::with_capacity(1 << 20, File::create(&half.0)?)));
+        }
+        sinks.resize_with(files.len(), || Box::new(std::io::sink()));
+        let mut parts: Vec<Part<'_>> = sinks
+            .iter_mut()
+            .zip(names.iter().zip(&ends))
+            .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
+            .collect();
+        let mut report = compensate_together(&bytes, &mut parts, dialect, nominal, model, &frames, options)?;
+        report.read_with = read_with;
+        if self.out.is_none() {
+            return Ok(report);
+        }
+        left(&self.program.display().to_string(), &report, self.partial)?;
+        for sink in &mut sinks {
+            sink.end()?;
+        }
+        for (half, out) in halves.iter().zip(&outs) {
+            std::fs::rename(&half.0, out)?;
+            report.written.push(out.display().to_string());
+        }
+        Ok(report)
+    }
+}
+
+/// What a rewritten file goes to.
+trait Sink: Write {
+    fn as_write(&mut self) -> &mut dyn Write;
+    /// Everything is on the disk.
+    fn end(&mut self) -> std::io::Result<()>;
+}
+
+impl Sink for BufWriter<File> {
+    fn as_write(&mut self) -> &mut dyn Write {
+        self
+    }
+
+    fn end(&mut self) -> std::io::Result<()> {
+        self.flush()?;
+        self.get_ref().sync_all()
+    }
+}
+
+impl Sink for std::io::Sink {
+    fn as_write(&mut self) -> &mut dyn Write {
+        self
+    }
+
+    fn end(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// The files of a KRL program, declarations first.
+fn together(program: &Path) -> Vec<PathBuf> {
+    let other = |extension: &str| {
+        let all = [extension.to_owned(), extension.to_uppercase()];
+        all.iter().map(|e| program.with_extension(e)).find(|p| p.is_file())
+    };
+    let extension = program.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let own = program.to_owned();
+    match extension.as_str() {
+        "src" => other("dat").into_iter().chain([own]).collect(),
+        "dat" => [own].into_iter().chain(other("src")).collect(),
+        _ => vec![own],
+    }
+}
+
+/// The `$config.dat` that belongs to a KRL program: in its folder, or in `System` of the controller's files.
+fn config_of(program: &Path) -> Option<PathBuf> {
+    let whole = program.canonicalize().ok()?;
+    let folders = whole.parent()?.ancestors().take(5);
+    let places = folders.flat_map(|f| [f.to_owned(), f.join("System"), f.join("SYSTEM"), f.join("system")]);
+    let names = ["$config.dat", "$CONFIG.DAT", "$Config.dat", "$CONFIG.dat"];
+    let mut all = places.flat_map(|p| names.map(|n| p.join(n)));
+    all.find(|p| p.is_file() && *p != whole)
+}
+
+/// The name of an output beside another, with the extension of its own input.
+fn beside(out: &Path, input: &Path) -> PathBuf {
+    out.with_extension(input.extension().unwrap_or_default())
+}
+
+/// Refuses a result in which targets are left as they are, unless that is wanted; and one without any that was rewritten.
+///
+/// # Errors
+/// [`ProgramError::Left`].
+pub fn left(name: &str, report: &Report, partial: bool) -> Result<(), ProgramError> {
+    let n = report.problems.len();
+    if n == 0 || (partial && report.rewritten > 0) {
+        return Ok(());
+    }
+    let list = summarized(&report.problems);
+    let s = if n == 1 { "" } else { "s" };
+    Err(ProgramError::Left(if partial {
+        format!("{name}: none of its {n} target{s} can be rewritten, and nothing was written: {list}")
+    } else {
+        format!(
+            "{name}: {n} target{s} cannot be rewritten, and nothing was written (--partial writes the others): {list}"
+        )
+    }))
+}
+
+/// Half a file, which goes away unless it is renamed.
+struct Half(PathBuf);
+
+impl Half {
+    fn beside(out: &Path) -> Self {
+        let mut name = out.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".part{}", std::process::id()));
+        Self(out.with_file_name(name))
+    }
+}
+
+impl Drop for Half {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Reads tools and frames from a `--frames` file: TOML, or another program that declares them (`CalibData.mod`,
+/// `$config.dat`).
+///
+/// # Errors
+/// One sentence.
+pub fn load_frames(path: &Path) -> Result<Frames, ProgramError> {
+    let Some(dialect) = Dialect::of(path).filter(|d| *d != Dialect::Csv) else { return Frames::load(path) };
+    let file = path.display();
+    let bytes = std::fs::read(path).map_err(|e| ProgramError::Input(format!("{file}: cannot be read: {e}")))?;
+    let scan = dialect.scan(&bytes).map_err(|e| ProgramError::Input(format!("{file}: {e}")))?;
+    Ok(scan.frames)
+}
+
+/// [`load_frames`] of a file that is to declare something: one that declares nothing is the wrong one.
+///
+/// # Errors
+/// One sentence.
+pub fn declared_frames(path: &Path) -> Result<Frames, ProgramError> {
+    /// What a reader knows without being told.
+    const OWN: [&str; 3] = ["0", "tool0", "wobj0"];
+    let found = load_frames(path)?;
+    let mut names = found.tools.keys().chain(found.frames.keys());
+    if found.world.is_some() || names.any(|n| !OWN.contains(&n.as_str())) {
+        return Ok(found);
+    }
+    Err(ProgramError::Input(format!(
+        "{}: found no tool and no frame, expected [tools.NAME], [frames.NAME] or [world], or a program that declares some",
+        path.display()
+    )))
+}

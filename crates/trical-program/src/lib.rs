@@ -1,0 +1,55 @@
+//! Robot programs rewritten so that the real arm goes where they say.
+//!
+//! A program is bytes. A reader for each dialect finds the targets in them, the tools and frames that they are meant with,
+//! and the order in which the arm visits them ([`scan`]); [`compensation`] turns each target into the one that brings the
+//! real arm to the same place; only the bytes of changed numbers are replaced, block by block, straight into the output.
+//!
+//! ```
+//! use trical_program::{Dialect, Frames, Options, compensate};
+//! use trical_model::{Cell, Model, Robot};
+//! # let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml")?;
+//! # let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml")?;
+//! let nominal = Model::nominal(robot, cell);
+//! let model = nominal.clone(); // of a model file, else
+//! let program = b"x_mm,y_mm,z_mm,qw,qx,qy,qz\r\n350,50,320,0,0.6,0.8,0\r\n";
+//! let mut out = Vec::new();
+//! let frames = Frames::default();
+//! let done = compensate(program, "p.csv", Dialect::Csv, &nominal, &model, &frames, &Options::default(), &mut out)?;
+//! assert_eq!(done.rewritten, 1);
+//! assert!(out.ends_with(program)); // behind the mark; a model that is the nominal arm changes nothing
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`dialects`] | the table of dialects, and a reader for each |
+//! | [`scan`] | what they find |
+//! | [`literal`] | numbers as poses and joint values, both ways |
+//! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
+//! | [`frames`] | tools and work objects, `--frames` files |
+//! | [`branch`] | configurations |
+//! | [`compensation`] | targets to targets |
+//! | [`rewriting`] | a program in memory, with a [`report`] |
+//! | [`file`] | the same from file to file |
+
+pub mod branch;
+pub mod compensation;
+pub mod dialects;
+pub mod error;
+pub mod expression;
+pub mod file;
+pub mod frames;
+pub mod literal;
+pub mod options;
+pub mod report;
+pub mod rewriting;
+pub mod scan;
+pub mod text;
+
+pub use dialects::{Dialect, MARK};
+pub use error::ProgramError;
+pub use file::{Job, declared_frames, left, load_frames};
+pub use frames::{Frames, ToolFrame};
+pub use options::Options;
+pub use report::{Problem, Report, TargetRow, summarized};
+pub use rewriting::compensate;

@@ -1,0 +1,26 @@
+//! What a program does not say, and whoever compensates it does.
+
+/// What a program does not say.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Name of the model file, for the mark.
+    pub model_name: String,
+    /// Tool of targets for which the program names none; without it, the cell's.
+    pub tool: Option<String>,
+    /// Frame of targets for which the program names none; without it, the robot's base.
+    pub frame: Option<String>,
+    /// Temperature at which the program runs, degC.
+    pub temp_c: Option<f64>,
+    /// Time at which it runs, s since the recording began; not given, it is long after, but for models that drift without an end.
+    pub time_s: Option<f64>,
+    /// The same in poses, for models of recordings without times.
+    pub seq: Option<f64>,
+    /// Mass on the flange beyond the tool, kg.
+    pub payload_kg: Option<f64>,
+    /// Take the solution nearest to the target before, whatever configuration the text demands.
+    pub configuration_off: bool,
+    /// Targets are meant in the arm's own base, wherever it stands: what was identified of the base is left out.
+    pub own_base: bool,
+    /// Keep a row for each target in the report.
+    pub details: bool,
+}

@@ -1,0 +1,276 @@
+//! A program read, rewritten block by block and copied, in memory.
+
+use std::collections::VecDeque;
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use trical_model::interrupt::checkpoint;
+use trical_model::pose::rotation_vector;
+use trical_model::{Cell, Model, Pose};
+
+use crate::compensation::{Compensator, Done, Start, settle_unnamed};
+use crate::dialects::{Dialect, MARK};
+use crate::error::ProgramError;
+use crate::frames::Frames;
+use crate::options::Options;
+use crate::report::{Report, Tally};
+use crate::scan::Spot;
+
+/// Targets that one thread takes at a time.
+const BLOCK: usize = 2048;
+
+/// Rewrites the targets of a program into `sink`. `nominal` is the arm as the controller believes it, `model` as it is.
+/// Targets that cannot be rewritten are listed in the report and stay as they are.
+///
+/// The program stands in memory once, with some 200 bytes for each target; what is written is not kept. All processors are
+/// used, and their number changes no byte.
+///
+/// # Errors
+/// [`ProgramError`]; what was written to `sink` by then is worthless.
+#[expect(clippy::too_many_arguments, reason = "a program has a name and a language, a model two sides")]
+pub fn compensate(
+    bytes: &[u8],
+    file: &str,
+    dialect: Dialect,
+    nominal: &Model,
+    model: &Model,
+    frames: &Frames,
+    options: &Options,
+    sink: &mut dyn Write,
+) -> Result<Report, ProgramError> {
+    let mut whole = [Part { name: file, end: bytes.len(), sink }];
+    compensate_together(bytes, &mut whole, dialect, nominal, model, frames, options)
+}
+
+/// One file of a program.
+pub struct Part<'a> {
+    /// For messages.
+    pub name: &'a str,
+    /// Where it ends among the bytes of all; it begins where the one before ends.
+    pub end: usize,
+    /// Where its rewritten text goes.
+    pub sink: &'a mut dyn Write,
+}
+
+/// As [`compensate`], of a program of several files that stand one behind the other in `bytes`: names and frames of each hold
+/// in all.
+///
+/// # Errors
+/// As there.
+pub fn compensate_together(
+    bytes: &[u8],
+    parts: &mut [Part<'_>],
+    dialect: Dialect,
+    nominal: &Model,
+    model: &Model,
+    frames: &Frames,
+    options: &Options,
+) -> Result<Report, ProgramError> {
+    let file = parts.iter().map(|p| p.name).collect::<Vec<_>>().join(" and ");
+    let input = |e: String| ProgramError::Input(format!("{file}: {e}"));
+    if u32::try_from(bytes.len()).is_err() {
+        return Err(input("is larger than 4 GB; divide the program".into()));
+    }
+    if bytes.contains(&0) {
+        return Err(input(
+            "holds zero bytes: a binary program, or text in UTF-16; expected plain text (ASCII, UTF-8, Latin-1)".into(),
+        ));
+    }
+    if contains(bytes, MARK.as_bytes()) {
+        return Err(input(format!(
+            "is compensated already (it has the mark '{MARK} ...'); compensate the original instead"
+        )));
+    }
+    let mut scan = dialect.scan(bytes).map_err(input)?;
+    if scan.spots.is_empty() && scan.problems.is_empty() {
+        return Err(input(format!("no targets found; expected {}", dialect.expected())));
+    }
+    let mut known = std::mem::take(&mut scan.frames);
+    known.or(frames);
+    known.world = known.world.or_else(|| dialect.usual_world(&nominal.robot));
+    for name in [&options.tool, &options.frame].into_iter().flatten() {
+        if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
+            let all = known.tools.keys().chain(known.frames.keys()).cloned().collect::<Vec<_>>().join(", ");
+            return Err(input(format!(
+                "'{name}' is neither a tool nor a frame of the program or of --frames; known are {all}"
+            )));
+        }
+    }
+    settle_unnamed(&mut scan, &mut known, options);
+    let all = Compensator::new(&scan, bytes, nominal, model, &known, options)?;
+    let begins: Vec<usize> = std::iter::once(0).chain(parts.iter().map(|p| p.end)).take(parts.len()).collect();
+    let mut marks: VecDeque<(usize, String)> = begins
+        .iter()
+        .zip(parts.iter())
+        .map(|(begin, part)| {
+            let (at, line) = dialect.mark(bytes.get(*begin..part.end).unwrap_or(&[]), &options.model_name);
+            (begin + at, line)
+        })
+        .collect();
+    let files = if parts.len() > 1 {
+        begins.into_iter().zip(parts.iter().map(|p| p.name.to_owned())).collect()
+    } else {
+        Vec::new()
+    };
+    let mut out = Splice { bytes, at: 0, parts, part: 0 };
+    let mut tally = Tally::new(&scan, bytes, files, options);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
+    let size = BLOCK * threads;
+    // one thread goes through the program ahead of the others, which rewrite what is known; what they cannot write, nobody wants
+    let failed = &AtomicBool::new(false);
+    std::thread::scope(|scope| -> Result<(), ProgramError> {
+        let (give, starts) = channel();
+        let all = &all;
+        scope.spawn(move || {
+            // whoever no longer listens has failed, and says so
+            all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed));
+        });
+        let mut write = || -> Result<(), ProgramError> {
+            for spots in scan.spots.chunks(size) {
+                let Some(starts) = next(&starts)? else { break };
+                for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
+                    while let Some((at, line)) = marks.pop_front_if(|(at, _)| *at <= scan.at(spot)) {
+                        out.insert(at, &line)?;
+                    }
+                    if let Ok(done) = &done {
+                        let mut edits: Vec<_> = done.edits.iter().collect();
+                        edits.sort_by_key(|(span, _)| span.at);
+                        for (span, text) in edits {
+                            out.replace(span.at as usize, span.len as usize, text)?;
+                        }
+                    }
+                    tally.take(spot, done);
+                }
+            }
+            Ok(())
+        };
+        let result = write();
+        failed.store(result.is_err(), Ordering::Relaxed);
+        result
+    })?;
+    for (at, line) in marks {
+        out.insert(at, &line)?;
+    }
+    out.finish()?;
+    let mut report = tally.report();
+    report.cautions.extend(other_cell(nominal, model, options));
+    Ok(report)
+}
+
+/// A cell that is not the one of the fit, in one sentence.
+fn other_cell(nominal: &Model, model: &Model, options: &Options) -> Option<String> {
+    let (given, fitted) = (&nominal.cell, &model.cell);
+    let tool = |cell: &Cell| Pose { rotation: cell.tool.rotation, translation: cell.tool.tcp };
+    let bases = (!options.own_base).then_some(("base", given.world_from_base, fitted.world_from_base));
+    let tools = ("tool", tool(given), tool(fitted));
+    let apart: Vec<String> = bases
+        .into_iter()
+        .chain([tools])
+        .filter_map(|(what, a, b)| {
+            let mm = (a.translation - b.translation).norm() * 1e3;
+            let deg = rotation_vector(&(a.rotation.transpose() * b.rotation)).norm().to_degrees();
+            (mm > 1e-3 || deg > 1e-4).then(|| format!("its {what} by {mm:.3} mm and {deg:.3} deg"))
+        })
+        .collect();
+    (!apart.is_empty()).then(|| {
+        format!(
+            "the cell is not the one that the model was fitted with: {} off; the difference is corrected as if it were an error of the arm",
+            apart.join(", ")
+        )
+    })
+}
+
+/// What the thread ahead has solved, or nothing where it has ended. Whoever is waited for can be stopped meanwhile.
+fn next<T>(starts: &Receiver<T>) -> Result<Option<T>, ProgramError> {
+    loop {
+        checkpoint().map_err(|e| ProgramError::Input(e.to_string()))?;
+        match starts.recv_timeout(Duration::from_millis(50)) {
+            Ok(block) => return Ok(Some(block)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Ok(None),
+        }
+    }
+}
+
+fn in_parallel(all: &Compensator<'_>, spots: &[Spot], starts: &[Result<Start, String>]) -> Vec<Result<Done, String>> {
+    let work = |spots: &[Spot], starts: &[Result<Start, String>]| -> Vec<Result<Done, String>> {
+        let mut ws = all.workspaces();
+        let one = |(spot, start): (&Spot, &Result<Start, String>)| match start {
+            Ok(start) => all.rewrite(spot, start, &mut ws),
+            Err(e) => Err(e.clone()),
+        };
+        spots.iter().zip(starts).map(one).collect()
+    };
+    if spots.len() <= BLOCK {
+        return work(spots, starts);
+    }
+    std::thread::scope(|scope| {
+        let blocks: Vec<_> = spots
+            .chunks(BLOCK)
+            .zip(starts.chunks(BLOCK))
+            .map(|(spots, starts)| (scope.spawn(move || work(spots, starts)), spots.len()))
+            .collect();
+        let died = |n: usize| (0..n).map(|_| Err("the calculation failed".to_owned())).collect();
+        blocks.into_iter().flat_map(|(b, n)| b.join().unwrap_or_else(|_| died(n))).collect()
+    })
+}
+
+fn contains(bytes: &[u8], word: &[u8]) -> bool {
+    let first = word.first().copied().unwrap_or(0);
+    let mut at = 0;
+    while let Some(k) = bytes[at..].iter().position(|b| *b == first) {
+        if bytes[at + k..].starts_with(word) {
+            return true;
+        }
+        at += k + 1;
+    }
+    false
+}
+
+/// Copies files with pieces replaced.
+struct Splice<'a, 'b> {
+    bytes: &'a [u8],
+    at: usize,
+    parts: &'a mut [Part<'b>],
+    part: usize,
+}
+
+impl Splice<'_, '_> {
+    fn insert(&mut self, at: usize, text: &str) -> Result<(), ProgramError> {
+        self.replace(at, 0, text)
+    }
+
+    fn replace(&mut self, at: usize, len: usize, text: &str) -> Result<(), ProgramError> {
+        // targets stand one after the other, never inside each other
+        if at < self.at {
+            return Err(ProgramError::Input(format!(
+                "two targets overlap at byte {at}; this is an error of the program's reader"
+            )));
+        }
+        self.copy(at)?;
+        if let Some(part) = self.parts.get_mut(self.part) {
+            part.sink.write_all(text.as_bytes())?;
+        }
+        self.at = at + len;
+        Ok(())
+    }
+
+    /// Copies what stands before `to`; where a file ends there, the next one goes on.
+    fn copy(&mut self, to: usize) -> Result<(), ProgramError> {
+        while let Some(part) = self.parts.get_mut(self.part) {
+            part.sink.write_all(self.bytes.get(self.at..to.min(part.end)).unwrap_or(&[]))?;
+            self.at = self.at.max(to.min(part.end));
+            if to < part.end || self.part + 1 == self.parts.len() {
+                break;
+            }
+            self.part += 1;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), ProgramError> {
+        self.copy(self.bytes.len())
+    }
+}

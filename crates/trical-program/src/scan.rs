@@ -1,0 +1,487 @@
+//! What a program holds: targets, tools and frames, and the order in which the arm visits them.
+
+use std::collections::hash_map::{DefaultHasher, Entry};
+use std::collections::{HashMap, HashSet};
+use std::hash::Hasher;
+
+use nalgebra::Vector3;
+
+use crate::branch::Configuration;
+use crate::frames::Frames;
+use crate::literal::Shape;
+use crate::text::{Cursor, Span};
+
+/// A target in the text.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// First of its numbers in `Scan::spans`.
+    first: u32,
+    /// How many; those of a configuration stand behind the others.
+    count: u8,
+    /// What they say.
+    pub shape: Shape,
+    /// The configuration that the text demands.
+    pub configuration: Configuration,
+    /// Index into `Scan::setups`; `None` where nothing in the file says it.
+    pub setup: Option<u32>,
+    /// Whether it is used with a second setup.
+    pub ambiguous: Option<u32>,
+    /// Its name in the text; empty where it has none.
+    pub name: Span,
+    /// Whether it asks for a place of an external axis (a track, a positioner) other than 0.
+    pub external: bool,
+}
+
+/// The tool and the frame that targets are meant with; `None` is what the file's user says, or the cell's tool and the
+/// controller's world.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Setup {
+    /// Lower-case name of the tool.
+    pub tool: Option<String>,
+    /// Lower-case name of the work object, base or user frame.
+    pub frame: Option<String>,
+}
+
+impl Setup {
+    /// For messages.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let tool = self.tool.as_deref().map_or("the cell's tool".to_owned(), |t| format!("tool '{t}'"));
+        let frame = self.frame.as_deref().map_or("the robot's base".to_owned(), |f| format!("'{f}'"));
+        format!("{tool} in {frame}")
+    }
+}
+
+/// Stands for the setup that a target says itself.
+pub const OWN_SETUP: u32 = u32::MAX;
+
+/// One motion of the program.
+#[derive(Clone, Copy, Debug)]
+pub enum Visit {
+    /// To a target (index into `Scan::spots`).
+    To(u32),
+    /// To a place that is shifted against a target: the target itself stays, but the next one is approached from there.
+    Near {
+        /// Index into `Scan::spots`.
+        spot: u32,
+        /// How far, m.
+        shift: Vector3<f64>,
+        /// Along the tool's axes; else along the frame's.
+        in_tool: bool,
+    },
+    /// To a place that only the running program knows.
+    Unknown,
+}
+
+/// What a dialect's reader found.
+#[derive(Debug, Default)]
+pub struct Scan {
+    /// Targets in the order of the file.
+    pub spots: Vec<Spot>,
+    spans: Vec<Span>,
+    /// Values of numbers that are written as expressions, by their offset.
+    expressions: HashMap<u32, f64>,
+    /// Tools and frames that targets are used with.
+    pub setups: Vec<Setup>,
+    setup_indices: HashMap<Setup, u32>,
+    /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
+    pub visits: Vec<Visit>,
+    /// Tools and frames that the program declares.
+    pub frames: Frames,
+    /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.
+    pub problems: Vec<(usize, String)>,
+    /// Whether the program switches the controller's check of configurations off.
+    pub configuration_off: bool,
+}
+
+impl Scan {
+    /// The numbers of a target.
+    #[must_use]
+    pub fn spans(&self, spot: &Spot) -> &[Span] {
+        let first = spot.first as usize;
+        self.spans.get(first..first + spot.count as usize).unwrap_or(&[])
+    }
+
+    /// Where a target begins in the file.
+    #[must_use]
+    pub fn at(&self, spot: &Spot) -> usize {
+        self.spans(spot).first().map_or(0, |s| s.at as usize)
+    }
+
+    /// Adds a target; numbers of its configuration stand behind the others.
+    pub fn push(&mut self, shape: Shape, spans: &[Span], configuration: Configuration, name: Span) -> u32 {
+        let first = u32::try_from(self.spans.len()).unwrap_or(u32::MAX);
+        self.spans.extend_from_slice(spans);
+        let count = u8::try_from(spans.len()).unwrap_or(0);
+        self.spots.push(Spot {
+            first,
+            count,
+            shape,
+            configuration,
+            setup: None,
+            ambiguous: None,
+            name,
+            external: false,
+        });
+        u32::try_from(self.spots.len() - 1).unwrap_or(u32::MAX)
+    }
+
+    /// Marks the newest target as one that asks for a place of an external axis.
+    pub fn needs_external_axis(&mut self) {
+        if let Some(spot) = self.spots.last_mut() {
+            spot.external = true;
+        }
+    }
+
+    /// Keeps the value of a number that is written as an expression.
+    pub fn calculated(&mut self, span: Span, value: f64) {
+        self.expressions.insert(span.at, value);
+    }
+
+    /// The number at a place of the file, calculated where it is an expression.
+    #[must_use]
+    pub fn value(&self, span: Span, bytes: &[u8]) -> Option<f64> {
+        match self.expressions.get(&span.at) {
+            Some(value) if !self.expressions.is_empty() => Some(*value),
+            _ => span.value(bytes),
+        }
+    }
+
+    /// Takes targets away that turned out to be none (`gone` by index), and their visits.
+    fn remove(&mut self, gone: &HashSet<u32>) {
+        if gone.is_empty() {
+            return;
+        }
+        let mut left = 0..;
+        let moved: Vec<Option<u32>> =
+            (0..self.spots.len() as u32).map(|k| if gone.contains(&k) { None } else { left.next() }).collect();
+        let mut kept = moved.iter();
+        self.spots.retain(|_| kept.next().is_some_and(Option::is_some));
+        for visit in &mut self.visits {
+            let (Visit::To(spot) | Visit::Near { spot, .. }) = visit else { continue };
+            match moved.get(*spot as usize) {
+                Some(Some(to)) => *spot = *to,
+                _ => *visit = Visit::Unknown,
+            }
+        }
+    }
+
+    /// Gives a target its setup; a second one is remembered as a contradiction.
+    pub fn assign(&mut self, spot: u32, setup: u32) {
+        if setup == OWN_SETUP {
+            return;
+        }
+        if let Some(s) = self.spots.get_mut(spot as usize) {
+            match s.setup {
+                None => s.setup = Some(setup),
+                Some(known) if known != setup => s.ambiguous = Some(setup),
+                Some(_) => {}
+            }
+        }
+    }
+
+    /// The index of a setup.
+    pub fn setup(&mut self, setup: Setup) -> u32 {
+        if let Some(known) = self.setup_indices.get(&setup) {
+            return *known;
+        }
+        let index = u32::try_from(self.setups.len()).unwrap_or(u32::MAX);
+        self.setup_indices.insert(setup.clone(), index);
+        self.setups.push(setup);
+        index
+    }
+}
+
+/// How a motion names its place.
+#[derive(Clone, Copy, Debug)]
+pub enum Way {
+    /// The target itself.
+    To,
+    /// Element `k` (0-based) of an array of targets.
+    Element(usize),
+    /// Shifted against it.
+    Near(Vector3<f64>, bool),
+    /// Related to it in a way that is known only when the program runs.
+    Computed,
+    /// Perhaps the target itself: a name that may as well be a speed.
+    Perhaps,
+    /// The target itself, unless the routine means something else by its argument.
+    Unlisted,
+    /// No motion: the file says otherwise with which tool and frame it is meant.
+    Said,
+}
+
+/// Where data that a program sets come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Origin {
+    /// From the data of this name: a copy, or shifted against them. What is corrected there goes with it.
+    Name {
+        /// Their name.
+        name: u64,
+        /// Where the program sets them.
+        at: u32,
+    },
+    /// From where the arm is when the program asks.
+    Here,
+    /// From a calculation (at this offset) that only the running program does.
+    Computed(u32),
+}
+
+/// Places in the program that set the same name and are looked at, at most.
+const MOST_ORIGINS: usize = 200;
+/// Names that are followed from one motion, at most.
+const MOST_NAMES: usize = 50;
+
+/// Which names stand for which targets, and how motions use them. Names are kept as hashes: programs have millions.
+#[derive(Debug, Default)]
+pub struct Names {
+    defined: HashMap<u64, u32>,
+    groups: Vec<Group>,
+    uses: Vec<Use>,
+    origins: HashMap<u64, Vec<Origin>>,
+    /// Names whose data are in `Scan::problems` already.
+    listed: HashSet<u64>,
+    /// Names of data that look like targets and are none, unless a motion goes there.
+    no_targets: HashSet<u64>,
+    /// Calculations that are listed already.
+    listed_at: HashSet<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    first: u32,
+    count: u32,
+    /// An earlier definition of the same name.
+    earlier: Option<u32>,
+    /// The setup of the last use of all of it.
+    used: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Use {
+    /// `group` is the newest definition above the motion.
+    Named {
+        name: u64,
+        group: Option<u32>,
+        setup: u32,
+        way: Way,
+        at: u32,
+    },
+    Direct(Visit),
+}
+
+/// 64 bits that stand for a name, letters in lower case.
+#[must_use]
+pub fn hashed(name: &[u8]) -> u64 {
+    let mut h = DefaultHasher::new();
+    for b in name {
+        h.write_u8(b.to_ascii_lowercase());
+    }
+    h.finish()
+}
+
+impl Names {
+    /// Targets `first..end` have this name (several: an array).
+    pub fn define(&mut self, name: u64, first: usize, end: usize) {
+        if end <= first {
+            return;
+        }
+        let index = u32::try_from(self.groups.len()).unwrap_or(u32::MAX);
+        let mut group = Group { first: first as u32, count: (end - first) as u32, earlier: None, used: None };
+        match self.defined.entry(name) {
+            Entry::Occupied(mut e) => {
+                group.earlier = Some(*e.get());
+                e.insert(index);
+            }
+            Entry::Vacant(e) => {
+                e.insert(index);
+            }
+        }
+        self.groups.push(group);
+    }
+
+    /// A motion to a named target; the name stands at `at`.
+    pub fn used(&mut self, name: u64, setup: u32, way: Way, at: usize) {
+        let group = self.defined.get(&name).copied();
+        self.uses.push(Use::Named { name, group, setup, way, at: u32::try_from(at).unwrap_or(u32::MAX) });
+    }
+
+    /// The program sets the data of this name.
+    pub fn set_from(&mut self, name: u64, origin: Origin) {
+        let all = self.origins.entry(name).or_default();
+        let again =
+            |o: &Origin| matches!((o, origin), (Origin::Name { name: a, .. }, Origin::Name { name: b, .. }) if *a == b);
+        if all.len() < MOST_ORIGINS && !all.iter().any(again) {
+            all.push(origin);
+        }
+    }
+
+    /// Where the program sets the data of this name, if it does.
+    #[must_use]
+    pub fn set_at(&self, name: u64) -> Option<usize> {
+        self.origins.get(&name)?.iter().find_map(|o| match o {
+            Origin::Name { at, .. } | Origin::Computed(at) => Some(*at as usize),
+            Origin::Here => None,
+        })
+    }
+
+    /// The data of this name are listed already.
+    pub fn listed(&mut self, name: u64) {
+        self.listed.insert(name);
+    }
+
+    /// The data of this name are no target unless a motion goes there.
+    pub fn no_target(&mut self, name: u64) {
+        self.no_targets.insert(name);
+    }
+
+    /// A motion to a target that says itself with what it is meant; the name stands at `at`.
+    pub fn gone_to(&mut self, name: u64, relative: bool, at: usize) {
+        let group = self.defined.get(&name).copied();
+        match group.and_then(|g| self.groups.get_mut(g as usize)) {
+            Some(g) => {
+                g.used = g.used.or(Some(OWN_SETUP));
+                let visit = if relative { Visit::Unknown } else { Visit::To(g.first) };
+                self.uses.push(Use::Direct(visit));
+            }
+            None => self.used(name, OWN_SETUP, Way::To, at),
+        }
+    }
+
+    /// A motion that needs no name.
+    pub fn visit(&mut self, visit: Visit) {
+        self.uses.push(Use::Direct(visit));
+    }
+
+    /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
+    /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
+    pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
+        for u in std::mem::take(&mut self.uses) {
+            let (name, group, setup, way, at) = match u {
+                Use::Direct(v) => {
+                    scan.visits.push(v);
+                    continue;
+                }
+                Use::Named { name, group, setup, way, at } => (name, group, setup, way, at),
+            };
+            let is_motion = !matches!(way, Way::Perhaps | Way::Unlisted | Way::Said);
+            let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
+                if is_motion {
+                    scan.visits.push(Visit::Unknown);
+                    let mut c = Cursor::new(bytes, 0);
+                    c.at = at as usize;
+                    if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
+                        scan.problems.push((at as usize, elsewhere(c.word())));
+                    }
+                } else if matches!(way, Way::Unlisted) {
+                    scan.visits.push(Visit::Unknown);
+                }
+                continue;
+            };
+            self.visit_group(newest, setup, way, scan);
+            if is_motion {
+                self.computed(name, scan);
+            }
+            // other routines may have data of the same name, which nobody uses from here on
+            let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
+            while let Some(g) = earlier.and_then(|k| self.groups.get_mut(k as usize)) {
+                if g.used.is_some() {
+                    break;
+                }
+                g.used = Some(setup);
+                for spot in g.first..g.first + g.count {
+                    scan.assign(spot, setup);
+                }
+                earlier = g.earlier;
+            }
+        }
+        let unused = |name: &u64| {
+            let group = self.defined.get(name).and_then(|k| self.groups.get(*k as usize));
+            group.filter(|g| g.used.is_none()).map(|g| g.first..g.first + g.count)
+        };
+        let gone: HashSet<u32> = self.no_targets.iter().filter_map(unused).flatten().collect();
+        scan.remove(&gone);
+    }
+
+    /// Follows a name that has no data of its own to those that it is set from: whether all that it comes to is rewritten,
+    /// listed, or where the arm is; nothing where it only goes in a circle. `seen` are names on the way, and whether they are
+    /// settled.
+    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
+        if self.listed.contains(&name) {
+            return Some(true);
+        }
+        if let Some(group) = self.defined.get(&name).copied() {
+            let before = scan.visits.len();
+            self.visit_group(group, setup, Way::Computed, scan);
+            scan.visits.truncate(before);
+            self.computed(name, scan);
+            return Some(true);
+        }
+        self.computed(name, scan);
+        let from = self.origins.get(&name).cloned().unwrap_or_default();
+        if from.is_empty() || seen.len() > MOST_NAMES {
+            return Some(false);
+        }
+        let own = seen.len();
+        seen.push((name, false));
+        let mut known = None;
+        for origin in &from {
+            let Origin::Name { name: other, .. } = origin else {
+                known = Some(true);
+                continue;
+            };
+            let found = match seen.iter().find(|(n, _)| n == other) {
+                Some((_, settled)) => settled.then_some(true),
+                None => self.origin(*other, setup, scan, seen),
+            };
+            if found == Some(false) {
+                return found;
+            }
+            known = known.or(found);
+        }
+        if let Some(own) = seen.get_mut(own) {
+            own.1 = known.is_some();
+        }
+        known
+    }
+
+    /// Lists, once, where a name to which the arm moves is calculated.
+    fn computed(&mut self, name: u64, scan: &mut Scan) {
+        for origin in self.origins.get(&name).into_iter().flatten() {
+            if let Origin::Computed(at) = origin
+                && self.listed_at.insert(*at)
+            {
+                scan.problems.push((
+                    *at as usize,
+                    "a place to which the arm moves is calculated here while the program runs".into(),
+                ));
+            }
+        }
+    }
+
+    fn visit_group(&mut self, group: u32, setup: u32, way: Way, scan: &mut Scan) {
+        let Some(g) = self.groups.get_mut(group as usize) else { return };
+        let all = g.first..g.first + g.count;
+        let fresh = g.used.is_none();
+        let one = match way {
+            Way::Element(k) => u32::try_from(k).ok().and_then(|k| g.first.checked_add(k)).filter(|s| all.contains(s)),
+            _ => (g.count == 1).then_some(g.first),
+        };
+        match one {
+            Some(spot) => scan.assign(spot, setup),
+            None if g.used == Some(setup) => {}
+            None => all.clone().for_each(|spot| scan.assign(spot, setup)),
+        }
+        g.used = Some(setup);
+        match (way, one) {
+            (Way::Said, _) => {}
+            (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool }),
+            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
+            // an array that a loop runs through is visited once, in its order
+            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), None) if fresh => {
+                scan.visits.extend(all.map(Visit::To))
+            }
+            _ => scan.visits.push(Visit::Unknown),
+        }
+    }
+}

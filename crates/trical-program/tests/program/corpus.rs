@@ -1,0 +1,496 @@
+//! Small programs after the shapes that are found in the field, one construction each: which lines are rewritten, and which
+//! are listed and why.
+//!
+//! `@k` stands for the coordinates of a pose that the arm reaches, as the dialect writes them; `@Xk`, `@Yk`, `@Zk` for one, `@Rk`
+//! for its orientation.
+
+use trical_model::Model;
+use trical_model::pose::{angles_zyx, rotation_vector};
+use trical_program::{Dialect, Frames, Options, compensate};
+
+use crate::fixtures::{IRB, KR6, LR, UR5E, device, flange, joints, mm, nominal, pose, quadrant, quaternion, real};
+
+struct Case {
+    name: &'static str,
+    text: &'static str,
+    /// Lines of targets that are rewritten.
+    rewritten: &'static [usize],
+    /// Lines that are listed, with words of the reason.
+    listed: &'static [(usize, &'static str)],
+}
+
+const fn case(
+    name: &'static str,
+    text: &'static str,
+    rewritten: &'static [usize],
+    listed: &'static [(usize, &'static str)],
+) -> Case {
+    Case { name, text, rewritten, listed }
+}
+
+const RAPID: &[Case] = &[
+    case(
+        "constants",
+        "CONST num h:=20;\nCONST robtarget p:=[[@X0+h-20,(@Y0),@Z0*1],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]];\nMoveL p,v100,fine,tool0;\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "a constant of an expression",
+        "CONST num a:=10;\nLOCAL CONST num b:=2*a;\nMoveL [[@X0+b-20,@Y0,@Z0],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\n",
+        &[3],
+        &[],
+    ),
+    case(
+        "a variable",
+        "VAR num h:=20;\nPERS robtarget p:=[[400,100,h],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]];\nCONST robtarget q:=@0;\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\n",
+        &[3],
+        &[(2, "'h'")],
+    ),
+    case(
+        "a function in a target",
+        "MoveL [[400,100,Round(h,2)],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nMoveL @0,v1,fine,tool0;\n",
+        &[2],
+        &[(1, "Round")],
+    ),
+    case(
+        "of another module",
+        "CONST robtarget q:=@0;\nPROC main()\nMoveJ pHome,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\nMoveAbsJ jHome\\NoEOffs,v1,fine,tool0;\nENDPROC\n",
+        &[1],
+        &[(3, "'pHome'"), (5, "'jHome'")],
+    ),
+    case(
+        "what a function returns",
+        "MoveL CalcPos(3),v1,fine,tool0;\nMoveL @0,v1,fine,tool0;\n",
+        &[2],
+        &[(1, "calculates")],
+    ),
+    case(
+        "set from a function",
+        "VAR robtarget p;\nCONST robtarget q:=@0;\np:=CalcPos(q);\nMoveL p,v1,fine,tool0;\n",
+        &[2],
+        &[(3, "calculated")],
+    ),
+    case(
+        "shifted",
+        "CONST robtarget q:=@0;\nMoveL Offs(q,0,0,50),v1,fine,tool0;\nMoveL RelTool(q,0,0,-50\\Rz:=5),v1,fine,tool0;\nMoveL q,v1,fine,tool0;\n",
+        &[1],
+        &[],
+    ),
+    case(
+        "shifted by a constant",
+        "CONST num h:=50;\nCONST robtarget q:=@0;\nMoveL Offs(q,0,0,h),v1,fine,tool0;\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "chains of Offs",
+        "CONST robtarget q:=@0;\nMoveL Offs(Offs(q,0,0,50),10,0,0),v1,fine,tool0;\nMoveL RelTool(Offs(q,0,0,5),0,0,-5),v1,fine,tool0;\nMoveL Offs(Offs(pOther,0,0,50),10,0,0),v1,fine,tool0;\n",
+        &[1],
+        &[(4, "'pOther'")],
+    ),
+    case(
+        "a copy of what is shifted",
+        "VAR robtarget above;\nCONST robtarget q:=@0;\nabove:=Offs(q,0,0,h);\nMoveL above,v1,fine,tool0;\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "where the arm is",
+        "VAR robtarget here;\nhere:=CRobT(\\Tool:=tool0);\nMoveL Offs(here,0,0,50),v1,fine,tool0;\nMoveL Offs(CRobT(),0,0,50),v1,fine,tool0;\nMoveL @0,v1,fine,tool0;\n",
+        &[5],
+        &[],
+    ),
+    case(
+        "a coordinate that is set",
+        "PERS robtarget p:=@0;\nPROC main()\np.trans.z:=reg1;\nMoveL p,v1,fine,tool0;\nENDPROC\n",
+        &[1],
+        &[(3, "calculated")],
+    ),
+    case(
+        "a coordinate that is shifted",
+        "PERS robtarget p:=@0;\np.trans.z:=p.trans.z+50;\nMoveL p,v1,fine,tool0;\n",
+        &[1],
+        &[],
+    ),
+    case(
+        "put together",
+        "CONST robtarget q:=@0;\nVAR robtarget p;\np:=[[x,y,z],q.rot,q.robconf,q.extax];\nMoveL q,v1,fine,tool0;\nMoveL p,v1,fine,tool0;\n",
+        &[1],
+        &[(3, "calculated")],
+    ),
+    case(
+        "an array by index",
+        "CONST robtarget p{2}:=[@0,\n@1];\nFOR i FROM 1 TO 2 DO\nMoveL p{i},v1,fine,tool0;\nENDFOR\nMoveL other{i},v1,fine,tool0;\n",
+        &[1, 2],
+        &[(6, "'other'")],
+    ),
+    case("a circle", "MoveC @0,pEnd,v1,fine,tool0;\n", &[1], &[(1, "'pEnd'")]),
+    case(
+        "a search",
+        "VAR robtarget found;\nSearchL\\Stop,di1,found,@0,v10,tool0;\nSearchL di1,found,pEnd,v10,tool0;\n",
+        &[2],
+        &[(3, "'pEnd'")],
+    ),
+    case(
+        "triggers and routines of the user",
+        "TriggIO gun,5\\DOp:=do1,1;\nTriggL @0,v1,gun,fine,tool0;\nMoveToPallet nPart,v1;\nDispenseOn 3;\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "displacement",
+        "CONST robtarget q:=@0;\nPDispSet shift;\nMoveL q,v1,fine,tool0;\nPDispOff;\n",
+        &[1],
+        &[(2, "displaces")],
+    ),
+    case(
+        "an external axis",
+        "CONST robtarget p:=[[@X0,@Y0,@Z0],[@R0],@C0,[1200,9E9,9E9,9E9,9E9,9E9]];\nCONST robtarget q:=[[@X0,@Y0,@Z0],[@R0],@C0,[0,9E9,9E+09,9E9,9E9,9E9]];\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\n",
+        &[2],
+        &[(1, "external axis")],
+    ),
+    case(
+        "joints beside an external axis",
+        "CONST jointtarget j:=[[10,20,10,5,60,-7],[500,9E9,9E9,9E9,9E9,9E9]];\nCONST jointtarget k:=[[10,20,10,5,60,-7],[9E9,9E9,9E9,9E9,9E9,9E9]];\nMoveAbsJ j,v1,fine,tool0;\nMoveAbsJ k,v1,fine,tool0;\n",
+        &[2],
+        &[(1, "external axis")],
+    ),
+    case(
+        "MoveExtJ is no motion of the arm",
+        "CONST jointtarget track:=[[0,0,0,0,0,0],[1200,9E9,9E9,9E9,9E9,9E9]];\nMoveExtJ track,v1,fine;\nMoveL @0,v1,fine,tool0;\nMoveExtJ [[0,0,0,0,0,0],[10,0,0,0,0,0]],v1,fine;\n",
+        &[3],
+        &[],
+    ),
+    case(
+        "home at a singularity",
+        "CONST jointtarget jHome:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nMoveAbsJ jHome,v1,fine,tool0;\nMoveL @0,v1,fine,tool0;\n",
+        &[3],
+        &[(1, "singularity")],
+    ),
+    case(
+        "a tool and a work object that are copied",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nt:=tOther;\nw:=wOther;\nMoveL @0,v1,fine,t\\WObj:=w;\nMoveL @1,v1,fine,t\\WObj:=w;\n",
+        &[5, 6],
+        &[(3, "tool 't'"), (4, "work object 'w'")],
+    ),
+    case(
+        "copies in a circle",
+        "VAR robtarget p;\nVAR robtarget q;\np:=q;\nq:=Offs(p,0,0,5);\nMoveL p,v1,fine,tool0;\nMoveL @0,v1,fine,tool0;\n",
+        &[6],
+        &[(5, "'p'")],
+    ),
+    case(
+        "copies by several ways",
+        "CONST robtarget s:=@0;\nVAR robtarget p;\nq:=s;\nr:=q;\nr:=s;\nr:=Offs(p,0,0,5);\np:=q;\np:=r;\nMoveL p,v1,fine,tool0;\n",
+        &[1],
+        &[],
+    ),
+    case(
+        "a variable with the name of a constant",
+        "PROC a()\nCONST num h:=10;\nMoveL [[@X0+h-10,@Y0,@Z0],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDPROC\nPROC b(num h)\nMoveL [[@X0+h,@Y0,@Z0],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDPROC\n",
+        &[3],
+        &[(6, "+h'")],
+    ),
+    case(
+        "offsets of external axes",
+        "EOffsSet [100,0,0,0,0,0];\nMoveL @0,v1,fine,tool0;\nEOffsOff;\n",
+        &[2],
+        &[(1, "external axes")],
+    ),
+    case(
+        "a work object that is changed",
+        "PERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nw.oframe.trans.x:=camera;\nMoveL @0,v1,fine,tool0\\WObj:=w;\n",
+        &[3],
+        &[(2, "work object 'w'")],
+    ),
+];
+
+const KRL: &[Case] = &[
+    case(
+        "inline forms",
+        "DECL E6POS XP1={@0,S 2,T @T0,E1 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\nDECL PDAT PPDAT1={VEL 100.000,ACC 100.000}\nDECL LDAT LCPDAT1={VEL 2.0,ACC 100.0}\nTOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nFDAT_ACT=FP1\nPTP XP1\n",
+        &[1],
+        &[],
+    ),
+    case(
+        "motion data in place",
+        "TOOL_DATA[4]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nFDAT_ACT={TOOL_NO 4,BASE_NO 0,IPO_FRAME #BASE}\nBAS(#FRAMES)\nPTP {@0}\nFDAT_ACT={TOOL_NO 5,BASE_NO 0,IPO_FRAME #BASE}\nPTP {@1}\n",
+        &[4],
+        &[(6, "tool '5'")],
+    ),
+    case("what is declared elsewhere", "PTP XHOME\nPTP {@0}\nLIN XP7 C_DIS\n", &[2], &[(1, "'XHOME'"), (3, "'XP7'")]),
+    case("constants", "DECL CONST REAL H=50.0\nLIN {X @X0+H-50,Y @Y0,Z @Z0,@R0}\n", &[2], &[]),
+    case("a variable", "DECL REAL H\nLIN {X @X0,Y @Y0,Z H,@R0}\nLIN {@0}\n", &[3], &[(2, "'H'")]),
+    case(
+        "tools, bases and work spaces are no targets",
+        "$WORKSPACE[1]={X 400,Y -100,Z 0,A 0,B 0,C 0,X1 250,Y1 250,Z1 250,X2 -250,Y2 -250,Z2 -250,MODE #OUTSIDE}\n$LOAD={M 2,CM {X 0,Y 0,Z 50,A 0,B 0,C 0},J {X 0,Y 0,Z 0}}\nLOAD_DATA[1]={M 5,CM {X 0,Y 0,Z 50,A 0,B 0,C 0},J {X 0,Y 0,Z 0}}\nDECL E6POS MYBASE={X 0,Y 0,Z 0,A 0,B 0,C 0,S 0,T 0}\nDECL FRAME SHIFT={X 5,Y 0,Z 0,A 0,B 0,C 0}\n$BASE=MYBASE\nLIN {@0}\n",
+        &[7],
+        &[],
+    ),
+    case(
+        "what nobody goes to",
+        "DECL AXIS HOME={A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}\nCORNER={X 1,Y 2,Z 3,A 0,B 0,C 0}\nLIN {@0}\n",
+        &[1, 3],
+        &[],
+    ),
+    case(
+        "external axes",
+        "DECL E6POS XP1={@0,E1 1200.0,E2 0.0}\nDECL E6AXIS XP2={A1 5,A2 -80,A3 95.5,A4 3,A5 40,A6 -7,E1 -300}\nDECL E6POS XP3={@0,E1 0.0,E2 0.0}\nPTP XP1\nPTP XP2\nPTP XP3\n",
+        &[3],
+        &[(1, "external axis"), (2, "external axis")],
+    ),
+    case(
+        "copies",
+        "DECL E6POS XP1={@0}\nDECL E6POS XP2\nXP2=XP1\nXP2.Z=XP2.Z+50\nLIN XP2\nLIN XP1:{X 0,Y 0,Z -50,A 0,B 0,C 0}\n",
+        &[1],
+        &[],
+    ),
+    case("a coordinate that is set", "DECL E6POS XP1={@0}\nXP1.Z=SENSOR\nLIN XP1\n", &[1], &[(2, "calculated")]),
+    case(
+        "some coordinates",
+        "LIN {@0}\nLIN {Z 100}\nPTP {A1 10}\n",
+        &[1],
+        &[(2, "some of its coordinates"), (3, "some of its coordinates")],
+    ),
+    case(
+        "where the arm is",
+        "PTP $AXIS_ACT\nDECL E6POS NOW\nNOW=$POS_ACT\nLIN NOW\nLIN_REL {Z 50}\nLIN {@0}\n",
+        &[6],
+        &[],
+    ),
+    case("a spline", "SPLINE\nSPL {@0}\nSPL XP9\nENDSPLINE\n", &[2], &[(3, "'XP9'")]),
+    case("a function", "LIN GETPOS(3)\nLIN {@0}\n", &[2], &[(1, "calculates")]),
+    case("an array", "DECL E6POS P[2]\nP[1]={@0}\nP[2]={@1}\nFOR I=1 TO 2\nLIN P[I]\nENDFOR\n", &[2, 3], &[]),
+    case(
+        "home at a singularity",
+        "DECL AXIS HOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\nPTP HOME\nLIN {@0}\n",
+        &[3],
+        &[(1, "singularity")],
+    ),
+];
+
+const FANUC: &[Case] = &[
+    case(
+        "German",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sek FEIN    ;\n/POS\nP[1]{\n   GP1:\n\tUF : F, UT : F,\t\tKONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[8],
+        &[],
+    ),
+    case(
+        "a configuration that is not understood",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'Q W E, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[14],
+        &[(6, "'Q W E, 0, 0, 0'")],
+    ),
+    case(
+        "registers",
+        "/PROG A\n/MN\n   1:L PR[5] 200mm/sec FINE ;\n   2:PR[6]=P[1] ;\n   3:PR[6,3]=PR[6,3]+50 ;\n   4:L PR[6] 200mm/sec FINE ;\n   5:PR[7]=LPOS ;\n   6:L PR[7] 200mm/sec FINE ;\n   7:PR[8]=R[3] ;\n   8:L PR[8] 200mm/sec FINE ;\n   9:L P[1] 200mm/sec FINE Offset,PR[5] ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[16],
+        &[(3, "register"), (9, "calculated")],
+    ),
+    case(
+        "a position that is missing",
+        "/PROG A\n/MN\n   1:J P[2] 100% FINE ;\n   2:J P[1] 100% FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[9],
+        &[(3, "/POS")],
+    ),
+    case(
+        "untaught",
+        "/PROG A\n/MN\n   1:J P[1] 100% FINE ;\n   2:J P[2] 100% FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = ********  mm, Y = ********  mm, Z = ********  mm,\n\tW = ******** deg, P = ******** deg, R = ******** deg\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "taught")],
+    ),
+    case(
+        "an extended axis",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0,\n\tE1 = 1500.000 mm\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0,\n\tE1 = 0.000 mm\n};\n/END\n",
+        &[15],
+        &[(9, "external axis")],
+    ),
+    case(
+        "another group",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[1] 200mm/sec FINE COORD ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n GP2:\n\tUF : 0, UT : 1,\n\tJ1 = 100.000 deg\n};\n/END\n",
+        &[9],
+        &[(4, "COORD")],
+    ),
+    case(
+        "relative to another group",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tRX = 1 mm, RY = 2 mm, RZ = 3 mm,\n\tRW = 0 deg, RP = 0 deg, RR = 0 deg\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "relative")],
+    ),
+    case(
+        "an increment is no target",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE INC ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n/END\n",
+        &[9],
+        &[],
+    ),
+    case(
+        "several active frames",
+        "/PROG A\n/MN\n   1:UFRAME_NUM=1 ;\n   2:L P[1] 200mm/sec FINE ;\n   3:UFRAME_NUM=2 ;\n   4:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[16],
+        &[(8, "UFRAME_NUM")],
+    ),
+];
+
+const URSCRIPT: &[Case] = &[
+    case(
+        "MoveJ of PolyScope",
+        "def a():\n  global Waypoint_1_p=p[@0]\n  global Waypoint_1_q=[0.1,-1.5,1.2,-1.0,0.5,.3]\n  movej(get_inverse_kin(Waypoint_1_p, qnear=Waypoint_1_q), a=1.3962634015954636, v=1.0471975511965976)\n  movel(Waypoint_1_p, a=1.2, v=0.25)\nend\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "constants",
+        "h = 0.05\nmovel(p[@X0+h-0.05,@Y0,@Z0,@R0], a=1)\nmovej([d2r(5),-pi/2,1.2,-1.0,0.5,.3])\n",
+        &[2, 3],
+        &[],
+    ),
+    case("a variable", "h = 0.05\nh = h + 0.01\nmovel(p[@X0,@Y0,h,@R0], a=1)\nmovel(p[@0])\n", &[4], &[(3, "'h'")]),
+    case(
+        "an argument",
+        "def go(where, h):\n  movel(where, a=1)\n  movel(p[@X0,@Y0,h,@R0])\nend\nmovel(p[@0])\n",
+        &[5],
+        &[(2, "'where'"), (3, "'h'")],
+    ),
+    case(
+        "a feature plane",
+        "Plane_1=p[0,0,0,0,0,0]\nmovel(pose_trans(Plane_1, p[@0]), a=1)\nwp=p[@1]\nmovej(get_inverse_kin(pose_trans(Plane_1, p[@2])))\nmovel(wp)\n",
+        &[2, 3, 4],
+        &[],
+    ),
+    case(
+        "relative to a target",
+        "wp=p[@0]\nmovel(pose_trans(wp, p[0,0,-0.05,0,0,0]))\nabove=pose_trans(wp, p[0,0,-0.05,0,0,0])\nmovel(above)\nmovel(wp)\n",
+        &[1],
+        &[],
+    ),
+    case(
+        "a plane that is calculated",
+        "movel(pose_trans(find_part(), p[@0]))\nmovel(p[@0])\n",
+        &[2],
+        &[(1, "calculates")],
+    ),
+    case(
+        "where the arm is",
+        "movel(pose_add(get_actual_tcp_pose(), p[0,0,0.1,0,0,0]))\nq=get_actual_joint_positions()\nmovej(q)\nmovel(p[@0])\n",
+        &[4],
+        &[],
+    ),
+    case("a coordinate that is set", "wp=p[@0]\nwp[2]=sensor\nmovel(wp)\n", &[1], &[(2, "calculated")]),
+    case("copies", "wp=p[@0]\nnext=wp\nmovel(next)\nmovel(nowhere)\n", &[1], &[(4, "'nowhere'")]),
+    case("a circle", "movec(p[@0], over)\n", &[1], &[(1, "'over'")]),
+    case(
+        "joints of a function",
+        "movej(interpolate(3))\noptimovej(get_inverse_kin(p[@0]))\n",
+        &[2],
+        &[(1, "calculates")],
+    ),
+];
+
+const CSV: &[Case] = &[case(
+    "rows",
+    "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,10,5,60,-7\n10,20,10,5,x,-7\n",
+    &[2],
+    &[(3, "'x'")],
+)];
+
+/// The text with the coordinates of poses in it.
+fn filled(text: &str, d: Dialect, model: &Model) -> String {
+    let zero = match d {
+        Dialect::Krl => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
+        Dialect::Fanuc => [0.0, 0.0, 0.0, 0.0, -90.0, 0.0],
+        Dialect::UrScript => [0.0, -90.0, 70.0, -60.0, 20.0, 0.0],
+        _ => [0.0; 6],
+    };
+    let mut out = text.to_owned();
+    for (k, q) in joints(zero).iter().enumerate() {
+        let mut p = flange(model, q);
+        if d != Dialect::Rapid {
+            p = p.compose(&device());
+        }
+        if d == Dialect::Fanuc {
+            p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&p);
+        }
+        let [x, y, z] = mm(&p).map(|x| format!("{x:.5}"));
+        let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.7}", a.to_degrees()));
+        let v = rotation_vector(&p.rotation);
+        let metres = [p.translation.x, p.translation.y, p.translation.z].map(|x| format!("{x:.8}"));
+        let [x, y, z] = if d == Dialect::UrScript { metres } else { [x, y, z] };
+        let below: u32 = q.iter().enumerate().map(|(i, q)| u32::from(*q < 0.0) << i).sum();
+        let (all, turn) = match d {
+            Dialect::Krl => (format!("X {x},Y {y},Z {z},A {a},B {b},C {c}"), format!("A {a},B {b},C {c}")),
+            Dialect::Fanuc => {
+                (format!("X = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg"), String::new())
+            }
+            Dialect::UrScript => {
+                let v = format!("{:.9},{:.9},{:.9}", v.x, v.y, v.z);
+                (format!("{x},{y},{z},{v}"), v)
+            }
+            _ => {
+                let cf = [0, 3, 5].map(|j| f64::from(quadrant(q[j])));
+                out = out.replace(&format!("@C{k}"), &format!("[{},{},{},0]", cf[0], cf[1], cf[2]));
+                let all = format!(
+                    "[[{x},{y},{z}],[{}],[{},{},{},0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
+                    quaternion(&p),
+                    cf[0],
+                    cf[1],
+                    cf[2]
+                );
+                (all, quaternion(&p))
+            }
+        };
+        for (what, value) in [("X", x), ("Y", y), ("Z", z), ("R", turn), ("T", below.to_string()), ("", all)] {
+            out = out.replace(&format!("@{what}{k}"), &value);
+        }
+    }
+    out
+}
+
+#[test]
+fn each_construction_is_rewritten_or_listed() {
+    let mut wrong = Vec::new();
+    for (d, robot, cases) in [
+        (Dialect::Rapid, IRB, RAPID),
+        (Dialect::Krl, KR6, KRL),
+        (Dialect::Fanuc, LR, FANUC),
+        (Dialect::UrScript, UR5E, URSCRIPT),
+        (Dialect::Csv, IRB, CSV),
+    ] {
+        let nominal = nominal(robot);
+        let real = real(&nominal);
+        for case in cases {
+            let text = filled(case.text, d, &nominal);
+            let options = Options { temp_c: Some(32.0), details: true, ..Options::default() };
+            let run = |text: &[u8], model: &Model, out: &mut Vec<u8>| {
+                compensate(text, "p", d, &nominal, model, &Frames::default(), &options, out).unwrap()
+            };
+            let mut out = Vec::new();
+            let report = run(text.as_bytes(), &real, &mut out);
+            let mut lines: Vec<usize> = report.rows.iter().map(|r| r.line).collect();
+            lines.sort_unstable();
+            let listed: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
+            let as_listed = report.problems.len() == case.listed.len()
+                && report
+                    .problems
+                    .iter()
+                    .zip(case.listed)
+                    .all(|(p, (line, words))| p.line == *line && p.what.contains(words));
+            if lines != case.rewritten || !as_listed || report.after[1] > 1e-6 {
+                wrong.push(format!(
+                    "{d:?}, {}: rewritten {lines:?}, listed {listed:#?}, after {:?}",
+                    case.name, report.after
+                ));
+            }
+            // the nominal arm's own program: nothing moves, and no expression is replaced
+            let mut same = Vec::new();
+            run(text.as_bytes(), &nominal, &mut same);
+            let same = String::from_utf8(same).unwrap();
+            let kept = same.lines().filter(|l| !l.contains("compensated by TriCal")).eq(text.lines());
+            if !kept {
+                wrong.push(format!("{d:?}, {}: the nominal arm changes\n{same}", case.name));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

@@ -219,7 +219,7 @@ def validate(
     said = {"robot": robot, "cell": cell, "joints": joints, "refit": refit}
     made = Made.of(told, validate, model, recordings, **said, files=("robot", "cell"))
     keys = ("before", "after", "n", "sessions", "regions", "left_out", "rejected")
-    return Validation(*(s[k] for k in keys), errors, _made=made)
+    return Validation(**{k: s[k] for k in keys}, errors_mm=errors, _made=made)
 
 
 def repeatability(

@@ -84,10 +84,10 @@ impl Joints {
 /// Which sessions share a tool; left to the data without either.
 #[derive(clap::Args)]
 pub struct Tool {
-    /// All recordings were taken with one tool on the flange, mounted once
+    /// All recordings were taken with one tool on the flange, mounted once; without this and --own-tool the data decide
     #[arg(long, conflicts_with = "own_tool")]
     same_tool: bool,
-    /// Each recording has a tool of its own
+    /// Each recording has a tool (and targets on it) of its own
     #[arg(long)]
     own_tool: bool,
 }

@@ -110,7 +110,7 @@ fn the_last_poses_are_scored_by_a_fit_that_has_not_seen_them() {
     }
     assert!((score(&data) / 1e-3 - 1.0).abs() < 0.1);
     let all = trical_ident::forward_in_time(&truth.robot, &truth.cell, &data, ParameterSet::Compliance, 100);
-    assert!(all.unwrap_err().to_string().contains("the last 100 % of 45 poses are 45"));
+    assert!(all.unwrap_err().to_string().contains("the last 100 % of 45 poses leave no poses to fit"));
 }
 
 /// The full number, for reports: `cargo test --release -p trical-ident --test coverage -- --ignored --nocapture`.

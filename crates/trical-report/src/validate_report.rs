@@ -1,6 +1,6 @@
 //! The report of a validation: a model on recordings, for the person who signs it off.
 
-use trical_ident::{ModelFile, Validation};
+use trical_ident::{ErrorSummary, ModelFile, Validation};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row};
@@ -57,21 +57,29 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     ];
     text.extend(v.sessions.iter().map(|s| format!("{}.", s.in_words())));
     text.extend(v.left_out_in_words());
-    let mut regions =
-        vec![row(["region", "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];
-    for r in &v.regions {
-        let mut cells = vec![r.region.clone(), r.n.to_string()];
-        let (b, a) = (&r.before, &r.after);
-        let values = [b.mean_mm, b.max_mm, a.mean_mm, a.max_mm, a.sd_mm, a.median_mm, a.rms_mm];
-        cells.extend(values.map(|x| format!("{x:.3}")));
-        regions.push(cells);
-    }
+    let parts = |what: &str, of: &mut dyn Iterator<Item = (&str, usize, &ErrorSummary, &ErrorSummary)>| {
+        let mut rows =
+            vec![row([what, "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];
+        rows.extend(of.map(|(name, n, b, a)| {
+            let values = [b.mean_mm, b.max_mm, a.mean_mm, a.max_mm, a.sd_mm, a.median_mm, a.rms_mm];
+            [name.to_owned(), n.to_string()].into_iter().chain(values.map(|x| format!("{x:.3}"))).collect()
+        }));
+        rows
+    };
+    let regions = parts("region", &mut v.regions.iter().map(|r| (r.region.as_str(), r.n, &r.before, &r.after)));
+    let recordings = (v.sessions.len() > 1)
+        .then(|| parts("recording", &mut v.sessions.iter().map(|s| (s.recording.as_str(), s.n, &s.before, &s.after))));
     let mut sections = Vec::new();
     sections.push(evidence::to_be_looked_at(list, "errors region by region"));
     let table = error_table(&[("before: nominal arm", &v.before), ("after: the model", &v.after)]);
     let terms = v.model.terms.iter().filter(|t| t.sd.is_some());
     sections.extend([
-        Section { heading: "Position error before and after".into(), text, tables: vec![table], ..Section::default() },
+        Section {
+            heading: "Position error before and after".into(),
+            text,
+            tables: std::iter::once(table).chain(recordings).collect(),
+            ..Section::default()
+        },
         errors.section()?,
         errors.by_joint()?,
         Section {

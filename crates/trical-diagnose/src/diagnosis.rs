@@ -108,10 +108,11 @@ impl Rival {
 }
 
 impl Finding {
-    /// Effect and site.
+    /// Effect and site, and the session where it is of one.
     #[must_use]
     pub fn in_words(&self) -> String {
-        in_words(self.effect, self.site)
+        let session = self.session.map_or_else(String::new, |s| format!(" in session {s}"));
+        in_words(self.effect, self.site) + &session
     }
 }
 

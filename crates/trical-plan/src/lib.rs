@@ -2,14 +2,14 @@
 //! can take without meeting anything, and the choice of the most informative ones.
 //!
 //! ```
-//! use trical_model::{Cell, Robot};
+//! use trical_model::{Cell, Robot, Task};
 //! use trical_plan::{PlanOptions, plan_touches, write_plan};
 //! # let robot_toml = include_str!("../../../cells/irb120/robot.toml");
 //! # let cell_toml = include_str!("../../../cells/irb120/cell.toml");
 //! let robot = Robot::parse(robot_toml, "robot.toml")?;
 //! let cell = Cell::parse(cell_toml, "cell.toml")?;
 //! let options = PlanOptions { per_ball: 12, pool_per_ball: 40, ..PlanOptions::default() };
-//! let plan = plan_touches(&robot, &cell, &options, &mut |_share| {})?;
+//! let plan = plan_touches(&robot, &cell, &options, &Task::silent())?;
 //! assert_eq!(plan.entries.len(), 36);
 //! assert_eq!(plan.expected.parameters.len(), 31);
 //! let text = write_plan(&robot, &plan.entries); // plan.csv

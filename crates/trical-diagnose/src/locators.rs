@@ -56,8 +56,9 @@ pub fn tents(site: Site, variable: Variable, sense: Option<usize>, knots: &[f64]
 /// at the end.
 fn growths(sorted: &[f64]) -> Vec<Shape> {
     let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
-    let up = |at| Shape::Tent { left: at, centre: high, right: f64::INFINITY };
-    let down = |at| Shape::Tent { left: f64::NEG_INFINITY, centre: low, right: at };
+    // beyond what was visited it returns to zero as it came
+    let up = |at| Shape::Tent { left: at, centre: high, right: 2.0 * high - at };
+    let down = |at| Shape::Tent { left: 2.0 * low - at, centre: low, right: at };
     (1..GROWTH_QUANTILES)
         .map(|k| sorted[(k * (sorted.len() - 1)) / GROWTH_QUANTILES])
         .filter(|at| *at > low && *at < high)
@@ -245,10 +246,10 @@ pub fn describe<'a>(
                 let sign = if 2 * below <= values.len() { "<" } else { ">" };
                 format!("{n} {sign} {}", shown(at * factor))
             }
-            Shape::Tent { left, right, .. } if right.is_infinite() => {
+            Shape::Tent { left, right, .. } if right > high => {
                 format!("{n} > {}, growing", shown(left * factor))
             }
-            Shape::Tent { left, right, .. } if left.is_infinite() => {
+            Shape::Tent { left, right, .. } if left < low => {
                 format!("{n} < {}, growing", shown(right * factor))
             }
             Shape::Tent { left, right, .. } => {

@@ -121,7 +121,8 @@ pub enum Shape {
         /// In units of u.
         right: f64,
     },
-    /// Growth with the square: 0 up to `from`, 1 at `to`, which may be below `from`: ((u - from) / (to - from))^2 beyond.
+    /// Growth with the square: 0 up to `from`, ((u - from) / (to - from))^2 from there to 1 at `to`, which may be below `from`; beyond `to` back
+    /// to 0 at the same distance again.
     Growth {
         /// In units of u.
         from: f64,
@@ -218,7 +219,13 @@ impl Shape {
             }
             Self::Growth { from, to } => {
                 let part = ((u - from) / (to - from)).max(0.0);
-                (part * part, 2.0 * part / (to - from))
+                if part <= 1.0 {
+                    (part * part, 2.0 * part / (to - from))
+                } else if part < 2.0 {
+                    (2.0 - part, -1.0 / (to - from))
+                } else {
+                    (0.0, 0.0)
+                }
             }
         }
     }

@@ -109,7 +109,11 @@ fn shape(s: Shape, u: D) -> D {
         }
         Shape::Growth { from, to } => {
             let beyond = (u - from) / (to - from);
-            if beyond.re > 0.0 { beyond * beyond } else { c(0.0) }
+            match beyond.re {
+                part if part <= 0.0 || part >= 2.0 => c(0.0),
+                part if part <= 1.0 => beyond * beyond,
+                _ => c(2.0) - beyond,
+            }
         }
     }
 }

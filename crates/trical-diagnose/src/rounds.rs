@@ -488,9 +488,15 @@ impl Rounds {
         let (held, left): (Vec<Candidate>, Vec<Candidate>) =
             std::mem::take(&mut self.curves).into_iter().partition(|_| at.next().is_some_and(|k| new.contains(&k)));
         self.curves = left;
+        let before = self.held.len();
         self.held.extend(first..first + held.len());
         self.candidates.extend(held);
-        self.refit_with(true)?;
+        if self.refit_with(true).is_err() {
+            // the exact fit does not follow the linear picture: they stay out
+            self.held.truncate(before);
+            self.refit()?;
+            return Ok(false);
+        }
         Ok(true)
     }
 
@@ -550,6 +556,9 @@ impl Rounds {
     fn simplify(&mut self) {
         for k in 0..self.chosen.len() {
             let own = &self.candidates[self.chosen[k]];
+            if own.is_long_curve() {
+                continue; // over part of a turn each wave is uncertain where the curve is not
+            }
             let is_part =
                 |o: &Candidate| o.terms.len() < own.terms.len() && o.cause.effect().is_some() && o.is_part_of(own);
             let nothing = |t: &Term| {

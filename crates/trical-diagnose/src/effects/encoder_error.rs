@@ -17,7 +17,7 @@ pub const EFFECT: Effect = Effect {
     site: "joint",
     form: "the output encoder is not linear: D = sum over n of (a_n sin(n q_j) + b_n cos(n q_j)), n = 1 to 50, the standard deviation \
            of a_n and b_n falling as 1/sqrt(n); the same on every turn and in every session",
-    needs: "joints, six poses and more for every wave",
+    needs: "joints, twelve poses and more for every wave",
     typical: "0.02 to 0.12 deg peak to peak",
     rivals: "joint_harmonic (its first waves), gear_ripple (a line at the gear's number), a curve over one stroke",
     action: "Let the calibrated model correct it; the maker can linearise the encoder.",

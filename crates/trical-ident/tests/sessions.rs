@@ -11,7 +11,7 @@ use trical_ident::{
     Aim, Calibration, ModelFile, Options, ParameterSet, Refit, Scatter, ToolSharing, calibrate, simulate, validate,
 };
 use trical_model::pose::rotation_zyx;
-use trical_model::{Basis, Model, Motion, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
+use trical_model::{Basis, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
 
 /// Standard deviation of each coordinate, m.
 const NOISE: f64 = 1e-5;
@@ -139,7 +139,7 @@ fn a_model_of_one_frame_is_used_in_that_frame_unless_a_refit_is_asked_for() {
     assert!(there.after.mean_mm > 100.0, "the tracker was moved: {:?}", there.after);
     let frame = score(Some(Refit { frame: true, targets: false }));
     assert_eq!(frame.sessions[0].refitted, ["frame"]);
-    assert!((0.1..1.0).contains(&frame.after.mean_mm), "the targets are off by 1 mm: {:?}", frame.after);
+    assert!((0.5..1.5).contains(&frame.after.mean_mm), "the targets are off by 1 mm: {:?}", frame.after);
     let both = score(Some(Refit::ALL));
     assert!(both.after.mean_mm < 1.5 * LEAST_MM, "{:?}", both.after);
 }
@@ -178,16 +178,16 @@ fn balls_that_stood_elsewhere_in_another_session_are_found_and_refitted_in_a_thi
     let nominal = arm::truth(ParameterSet::Compliance, 11);
     let touched = |session: u64, shift: f64| {
         let mut model = nominal.clone();
-        let mut moved = Term::new("m", "balls", Site::Fixture(Motion::ALL[0]), Basis::CONSTANT);
-        moved.value = shift;
-        model.terms.push(moved);
+        for ball in &mut model.cell.balls {
+            *ball += Vector3::new(shift, 0.0, -shift);
+        }
         Recording { name: format!("touches{session}"), ..arm::touch(&model, 90, NOISE, session) }
     };
-    // the touches of `arm::touch` end where the balls of the cell are: a shift of half a millimetre keeps readings small
-    let sessions = [touched(1, 0.0), touched(2, 5e-4)];
+    let sessions = [touched(1, 0.0), touched(2, 3e-3)];
     let c = learnt(&nominal, &sessions, ToolSharing::Same);
     assert_eq!(c.sessions[1].own, ["balls"], "{:?}", c.sessions);
-    let v = validate(&nominal.robot, &nominal.cell, &file(&c), &[touched(3, -5e-4)], None, Some(Refit::ALL)).unwrap();
+    assert!((c.sessions[1].differs_mm - 3.0 * 2.0_f64.sqrt()).abs() < 0.05, "{:?}", c.sessions);
+    let v = validate(&nominal.robot, &nominal.cell, &file(&c), &[touched(3, -2e-3)], None, Some(Refit::ALL)).unwrap();
     assert_eq!(v.sessions[0].refitted, ["frame", "targets"]);
     assert!(v.after.mean_mm < 2.0 * LEAST_MM, "{:?}", v.after);
 }

@@ -112,6 +112,9 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     task.step(0.05, "curves of the joints")?;
     rounds.hold_curves()?;
     rounds.settle(&task.part(0.1, 0.35))?;
+    if rounds.let_go_of_curves()? {
+        rounds.settle(&task.part(0.3, 0.35))?;
+    }
     // with the large effects out of the way
     if rounds.hold_curves()? {
         rounds.settle(&task.part(0.35, 0.45))?;

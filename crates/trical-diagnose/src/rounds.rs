@@ -50,6 +50,8 @@ pub(crate) struct Rounds {
     held: Vec<usize>,
     /// Such curves that were not chosen so far.
     curves: Vec<Candidate>,
+    /// Such curves that were held and did not pay: they are asked about no more.
+    let_go: Vec<usize>,
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
@@ -113,6 +115,7 @@ impl Rounds {
             chosen: Vec::new(),
             held: Vec::new(),
             curves: Vec::new(),
+            let_go: Vec::new(),
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
             fitted_nuisances: vec![false; nuisances.len()],
@@ -516,10 +519,36 @@ impl Rounds {
     /// The candidates that are searched: held curves without their columns.
     fn searched(&self) -> Vec<Candidate> {
         let mut all = self.candidates.clone();
-        for c in &self.held {
+        for c in self.held.iter().chain(&self.let_go) {
             all[*c] = Candidate { terms: Vec::new(), signs: Vec::new(), scales: Vec::new(), ..all[*c].clone() };
         }
         all
+    }
+
+    /// Lets go of held curves that do not pay at unseen blocks beside what was chosen since: what looked like an encoder's error before the
+    /// large effects were found need not be one. Whether there were any.
+    pub(crate) fn let_go_of_curves(&mut self) -> Result<bool> {
+        if self.held.is_empty() {
+            return Ok(false);
+        }
+        let held = std::mem::take(&mut self.held);
+        let members = self.members(&[&held[..], &self.chosen[..]].concat());
+        let dropped = {
+            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+            let all: Vec<usize> = (0..members.len()).collect();
+            let parts = Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper());
+            parts.map_or_else(Vec::new, |p| what_does_not_pay(&p, grouped(&members[..held.len()], &all[..held.len()])))
+        };
+        let (let_go, held): (Vec<_>, Vec<_>) = held.into_iter().enumerate().partition(|(k, _)| dropped.contains(k));
+        self.held = held.into_iter().map(|(_, c)| c).collect();
+        if let_go.is_empty() {
+            return Ok(false);
+        }
+        self.let_go.extend(let_go.into_iter().map(|(_, c)| c));
+        // what was chosen beside them need not be what is chosen without
+        (self.chosen, self.correlation) = (Vec::new(), CorrelatedNoise::WHITE);
+        self.refit()?;
+        Ok(true)
     }
 
     /// Held curves become as every other effect.

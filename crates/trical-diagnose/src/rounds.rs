@@ -476,11 +476,7 @@ impl Rounds {
         let all = [self.searched(), self.curves.clone()].concat();
         let chosen = {
             let design = self.design(&all, &[], CorrelatedNoise::WHITE)?;
-            // over part of a turn a free curve does what a periodic one does, and does not travel: names come first here
-            let nameless = (0..all.len()).filter(|c| all[*c].cause == Cause::Unexplained);
-            let out: Vec<usize> =
-                self.held.iter().copied().chain(nameless).filter(|c| !self.chosen.contains(c)).collect();
-            let search = Search::new(&design, &all, self.temper()).without_candidates(&out);
+            let search = Search::new(&design, &all, self.temper()).without_candidates(&self.held);
             search.first(&design.start(), &self.chosen, TRIED_WITH_CURVES)
         };
         let new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();

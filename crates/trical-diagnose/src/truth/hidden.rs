@@ -110,7 +110,10 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
         .collect();
     let recording = Recording { name: "catalogue".into(), joints: dof, rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    Ok(catalogue(&Covariates::new(model, &data, 1e-5), &[]).0)
+    // poses enough for a curve of many waves: what can be hidden does not go by what these could show
+    let mut covariates = Covariates::new(model, &data, 1e-5);
+    covariates.poses = 600;
+    Ok(catalogue(&covariates, &[]).0)
 }
 
 #[cfg(test)]

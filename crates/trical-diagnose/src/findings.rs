@@ -244,7 +244,7 @@ pub(crate) fn add_probe_results(
         let state = without(site, curves);
         let own = bic_nats(test.freedom(&state), state.ss, full.ss, full.parameters - state.parameters);
         let Some((m, said)) = test.best_probe(&state, site) else { continue };
-        let known = unexplained.iter().any(|u| here(u) && u.variable == m.variable);
+        let known = unexplained.iter().any(|u| here(u) && u.variable == m.variable && u.region == m.region);
         let better = if curves { said > own + PROBE_BETTER_NATS } else { m.dss > 0.5 * (state.ss - full.ss) };
         if better && !known {
             let errors = [None, Some(m.probe)].map(|probe| held_out_rms_mm(site, curves, probe));

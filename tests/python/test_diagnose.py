@@ -31,9 +31,6 @@ def test_a_recording_says_the_same_here_and_on_the_command_line(shared: Path, tm
     assert after["after"]["mean_mm"] < after["before"]["mean_mm"]
 
 
-@pytest.mark.xfail(
-    reason="fails with the probabilities and blocks of 2026-11-22; which claim fails is open", strict=False
-)
 def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: Path, tmp_path: Path) -> None:
     """An IRB 120 without a clock or a thermometer: joints were read before they arrived, and the arm warmed up."""
     d = shared / "irb120"
@@ -53,6 +50,14 @@ def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: 
     positions, rotations = found.model.forward(q, seq=900.0)
     np.testing.assert_allclose(found.model.inverse(positions, rotations, q + 0.01, seq=900.0), q, atol=1e-9)
 
+
+@pytest.mark.xfail(
+    reason="0.0373 mm held out, and encoder_error takes lost_motion_gravity's place at joint 2", strict=False
+)
+def test_the_real_arm_by_names_alone(shared: Path) -> None:
+    """What has no name is told, not modelled."""
+    d = shared / "irb120"
+    files = {"robot": d / "robot.toml", "cell": d / "cell.toml"}
     named = trical.diagnose(d / "tracker.csv", **files, names_only=True)
     assert named.answer["final"]["holdout_mean_mm"] < 0.036 and named.answer["final"]["forward_mean_mm"] < 0.04
     assert 'effect = "unexplained"' not in named.model.to_toml() and named.unexplained

@@ -123,6 +123,7 @@ pub fn run(args: &Args) -> Result<()> {
         configuration_off: args.any_configuration,
         own_base: args.own_base,
         details: args.check,
+        visited: file.visited(),
     };
     let nominal = Model::nominal(robot, cell);
     let report = job.run(&nominal, &file.model, &options).map_err(&failed)?;

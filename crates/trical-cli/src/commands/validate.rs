@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<()> {
     for session in &v.sessions {
         say(format!("  {}", session.in_words()))?;
     }
-    for line in v.left_out_in_words() {
+    for line in v.left_out_in_words().into_iter().chain(v.beyond_in_words()) {
         for part in table::wrapped(&line, 108, "  ") {
             say(part)?;
         }

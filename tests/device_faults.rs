@@ -28,6 +28,9 @@ const RUNS: u64 = 200;
 struct Watched {
     arm: ArmPlant,
     limits: Vec<[f64; 2]>,
+    /// A collision model of its own, at the side of the controller, and where the arm stood before.
+    collision: CollisionModel,
+    stood: Joints,
     outside: Arc<AtomicBool>,
 }
 
@@ -41,6 +44,16 @@ impl Plant for Watched {
     fn offset_to_ball(&mut self, state: &State, ball: usize) -> [f64; 3] {
         let within = state.q.iter().zip(&self.limits).all(|(q, [low, high])| (*low..=*high).contains(q));
         self.outside.fetch_or(!within, Ordering::Relaxed);
+        let from = std::mem::replace(&mut self.stood, state.q);
+        if from != state.q {
+            // near a ball the stems may meet that one
+            let free = |touched| {
+                let scratch = &mut MotionWorkspace::new(&self.collision);
+                self.collision.check_motion(&from, &state.q, touched, scratch).is_none()
+            };
+            let free = free(None) || (0..self.arm.balls()).any(|ball| free(Some(ball)));
+            self.outside.fetch_or(!free, Ordering::Relaxed);
+        }
         self.arm.offset_to_ball(state, ball)
     }
     fn tcp(&mut self, state: &State) -> Frame {
@@ -111,13 +124,15 @@ impl Bench {
         let limits = self.robot.joints.iter().map(|j| j.limits).collect();
         let arm = ArmPlant::new(&self.truth).unwrap();
         let options = CellOptions { script, start, ..CellOptions::like_a_real_one(&self.truth, seed, 0) };
-        VirtualCell::start(Box::new(Watched { arm, limits, outside: Arc::clone(outside) }), options).unwrap()
+        // corrections may use some of the clearance that the guard keeps
+        let collision = self.collision.clone().with_margin(1e-3);
+        let watched = Watched { arm, limits, collision, stood: start, outside: Arc::clone(outside) };
+        VirtualCell::start(Box::new(watched), options).unwrap()
     }
 
     /// One run, taken up where there is a recording. Time-outs are long enough for a busy machine where all is well.
     fn measure(&self, cell: &VirtualCell, path: &std::path::Path, seconds: f64) -> Result<(), String> {
-        let guard = |from: &Joints, to: &Joints| {
-            let touched = self.plan.iter().find(|e| e.joints == *to).map(|e| e.ball);
+        let guard = |from: &Joints, to: &Joints, touched| {
             let hit = self.collision.check_motion(from, to, touched, &mut MotionWorkspace::new(&self.collision));
             hit.map_or(Ok(()), |_| Err("the collision model refuses".to_owned()))
         };
@@ -171,7 +186,7 @@ fn script(rng: &mut Pcg64Mcg) -> Vec<Scheduled> {
                 Status::NoData,
                 Status::BadRequest,
             ];
-            let fault = match rng.random_range(0..19) {
+            let fault = match rng.random_range(0..21) {
                 0 => Fault::Silence,
                 1 => Fault::Garbage,
                 2 => Fault::Unsolicited,
@@ -195,6 +210,8 @@ fn script(rng: &mut Pcg64Mcg) -> Vec<Scheduled> {
                         Fault::Stall
                     }
                 }
+                18 => Fault::StuckStem { axis },
+                19 => Fault::ClockJump { seconds: [-5_000_000_000, -3, 40, 4_000_000_000][rng.random_range(0..4)] },
                 _ => Fault::DropConnection,
             };
             let (when, most) = match rng.random_range(0..4) {

@@ -82,7 +82,7 @@ fn a_plan_beyond_the_limits_is_refused_before_anything_moves() {
     assert!(error.to_string().contains("nothing has moved"));
     assert_eq!(bench.cell.motions(), 0);
 
-    let refuse = |_: &_, to: &[f64; 9]| {
+    let refuse = |_: &_, to: &[f64; 9], _| {
         if to[2] < 0.0 { Err("link 4 would touch the floor".to_owned()) } else { Ok(()) }
     };
     let error = bench.run(&plan(2), &ProcedureOptions { guard: Some(&refuse), ..self::options() }).unwrap_err();

@@ -5,8 +5,8 @@ use std::sync::atomic::AtomicBool;
 
 use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::master;
-use trical_device::procedure::stride;
-use trical_device::session::{Guard, SetUpError, Settings, base, now_ns, tool_point};
+use trical_device::procedure::{MoveGuard, stride};
+use trical_device::session::{SetUpError, Settings, base, now_ns, tool_point};
 use trical_device::{PlanEntry, Progress, Session, open_controller, visits};
 use trical_ident::write_whole;
 use trical_model::{Cell, JointKind, Joints, Robot, Row};
@@ -25,7 +25,7 @@ use crate::say;
 const ORIENTATIONS: usize = 4;
 
 /// For touches where the arm stands: a person brought it there.
-const FREE: Guard<'static> = &|_, _, _| Ok(());
+const FREE: MoveGuard<'static> = &|_, _, _| Ok(());
 
 /// What a guided session begins with; gauge and cell get better on the way.
 pub struct Guided<'a> {
@@ -99,7 +99,7 @@ impl Guided<'_> {
         self.out.with_file_name(format!("{stem}.{what}"))
     }
 
-    fn session<'s>(&'s self, entries: &'s [PlanEntry], out: &'s Path, resume: bool, guard: Guard<'s>) -> Session<'s> {
+    fn session<'s>(&'s self, entries: &'s [PlanEntry], out: &'s Path, resume: bool, guard: MoveGuard<'s>) -> Session<'s> {
         Session {
             robot: self.robot,
             cell: &self.cell,
@@ -172,8 +172,20 @@ impl Guided<'_> {
         }
     }
 
+    /// A straight way that the collision model allows from where the arm is; at a ball the stems may meet it.
     fn drive(&self, q: &Joints) -> std::result::Result<(), String> {
         let mut controller = open_controller(self.controller).map_err(|e| e.to_string())?;
+        let settle = controller.joint_settle();
+        let at = wait_settled(controller.as_mut(), &settle, self.cancel).map_err(|e| e.to_string())?;
+        let guard = MotionGuard::new(self.robot, &self.cell).map_err(|e| e.to_string())?;
+        let balls = (0..self.cell.balls.len()).map(Some);
+        if let Err(why) = guard.check(&at, q, None) {
+            if !balls.into_iter().any(|ball| guard.check(&at, q, ball).is_ok()) {
+                return Err(format!(
+                    "the straight way there is refused ({why}) and was not driven; go there in smaller steps, or jog the arm by hand"
+                ));
+            }
+        }
         controller.set_speed(self.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
         controller.move_joints(q).map_err(|e| e.to_string())
     }

@@ -16,6 +16,11 @@ use crate::gauge::{AXES, Gauge, settled_reading};
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::{JointSample, MotionSense};
 
+/// Times of a controller that stand in another order than they were asked for, s: no jump yet.
+const CLOCK_SLACK_S: f64 = 1.0;
+/// A clock that goes on by more than a day from one step to the next has jumped.
+const LONGEST_STEP_S: f64 = 86_400.0;
+
 /// Drives through a plan; every accepted touch is in the log before the arm leaves it.
 ///
 /// Without [`ProcedureOptions::go`] nothing moves, and the report lists the steps. `cancel` is looked at between steps;
@@ -46,11 +51,13 @@ pub fn run(
         cancel,
         progress,
         motion: MotionSense::new(options.dead_band),
-        clock_begin: 0.0,
+        clock_offset: 0.0,
+        t: options.begin_t,
         at: [0.0; trical_model::recording::MAX_JOINTS],
         trail: Vec::new(),
         report: RunReport::default(),
         known: options.known.clone(),
+        touching: None,
         retreating: false,
     };
     let not_begun = |violation| ProcedureError::Start { violation: Box::new(violation) };
@@ -59,7 +66,6 @@ pub fn run(
         runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
     }
     let total = plan.len();
-    let mut first = true;
     for (number, entry) in plan.iter().enumerate() {
         let done = runner.report.measured + runner.report.skipped;
         if options.skip.contains(&entry.index) {
@@ -68,10 +74,11 @@ pub fn run(
         }
         (runner.progress)(Progress::Begin { index: entry.index, ball: entry.ball, done, total });
         runner.trail = vec![runner.at];
-        let led_in = if first { runner.led_in(plan, number) } else { None };
-        first = false;
+        let led_in = runner.led_in(plan, number);
         let result = match runner.touch(led_in.as_ref().unwrap_or(entry), total) {
             Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+            // whoever moves the arm by hand has it
+            Err(violation @ Violation::Elsewhere { .. }) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),
         };
         if let Err((violation, retreat)) = result {
@@ -94,8 +101,10 @@ struct Runner<'a, 'o> {
     cancel: &'a AtomicBool,
     progress: &'a mut dyn FnMut(Progress),
     motion: MotionSense,
-    /// The controller's clock when the run began.
-    clock_begin: f64,
+    /// What is added to the controller's clock to get the recording's time.
+    clock_offset: f64,
+    /// The last time of the recording, s.
+    t: f64,
     /// Where the arm stands.
     at: Joints,
     /// Where the arm has been since the entry began, in order; the way back.
@@ -103,6 +112,8 @@ struct Runner<'a, 'o> {
     report: RunReport,
     /// Joints at the touches of the first round.
     known: BTreeMap<u64, Joints>,
+    /// The ball that the stems may meet: from the way into its touch until the arm is back at the approach point.
+    touching: Option<usize>,
     /// After a failure nothing but the arm matters.
     retreating: bool,
 }
@@ -118,7 +129,7 @@ impl Runner<'_, '_> {
             ));
         }
         self.controller.ping()?;
-        self.clock_begin = self.controller.clock()?;
+        self.clock_offset = options.begin_t - self.controller.clock()?;
         if let Some(tcp) = options.tcp_in_flange {
             self.controller.set_tool(tcp)?;
         }
@@ -148,7 +159,10 @@ impl Runner<'_, '_> {
         ));
         check_joints(before, self.options)?;
         self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
-        self.drive(before)
+        self.touching = Some(entry.ball);
+        self.drive(before)?;
+        self.touching = None;
+        Ok(())
     }
 
     /// The entry with a way to it from where the arm stands, where the straight one is not allowed: along the plan's own
@@ -157,7 +171,7 @@ impl Runner<'_, '_> {
         let options = self.options;
         let entry = plan.get(number)?;
         let first = entry.via.first()?;
-        if options.retreat != Retreat::Approach || check_guard(&self.at, first, options).is_ok() {
+        if options.retreat != Retreat::Approach || check_guard(&self.at, first, None, options).is_ok() {
             return None;
         }
         // free points in the order of the plan: each can be reached from its neighbours
@@ -167,7 +181,7 @@ impl Runner<'_, '_> {
         let far = |at: &usize| ways.get(*at).map_or(f64::INFINITY, |q| largest_difference(q, &self.at).1);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
         let from =
-            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, options).is_ok()))?;
+            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, None, options).is_ok()))?;
         let mut via: Vec<Joints> = if from <= target {
             ways.get(from..target)?.to_vec()
         } else {
@@ -180,36 +194,29 @@ impl Runner<'_, '_> {
     /// Steps (a) to (g): to the ball, read and correct, record.
     fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
         let options = self.options;
+        let limits = &options.limits;
         self.controller.set_speed(options.travel_speed, options.rotation_speed)?;
         for q in &entry.via {
             self.go(q)?;
         }
         self.check_cancelled()?;
-        let free = if options.check_release && !entry.via.is_empty() { Some(self.settled_reading()?) } else { None };
-
-        self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
-        self.arrive(entry)?;
-        let mut reading = self.read(entry, 0)?;
-        // channels that may repeat an old value: no motion has shown yet that they live
-        let mut doubtful = options.check_release;
-        if let Some(free) = free {
-            let same: Vec<usize> = (0..3).filter(|axis| is_same(free[*axis], reading[*axis])).collect();
-            match same.as_slice() {
-                [] => doubtful = false,
-                [_, _, _] => return Err(Violation::StaleTouch),
-                // a stem that was free at the approach point cannot read there what it reads at the ball
-                [axis, ..] => {
-                    return Err(Violation::StaleAxis { axis: AXES[*axis], reading_mm: reading[*axis] * 1e3 });
-                }
-            }
+        if options.check_release && !entry.via.is_empty() {
+            self.check_free()?;
         }
+        self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
+        let near = self.arrive(entry)?;
+        let mut reading = self.read(entry, 0)?;
+        // channels that have followed a known motion in this touch: the others may be stuck, or repeat an old value
+        let mut follows: [bool; 3] = std::array::from_fn(|k| {
+            !options.check_release || near.is_some_and(|near| (near[k] - reading[k]).abs() > limits.confirm / 4.0)
+        });
         let mut corrections = 0;
         let mut total_length = 0.0;
-        while norm(&reading) >= options.epsilon || doubtful {
+        while norm(&reading) >= options.epsilon || follows.contains(&false) {
             if norm(&reading) < options.epsilon {
                 // a little aside along all axes: each channel has to follow, and the loop goes back
                 reading = self.aside(entry, reading, &mut corrections, &mut total_length)?;
-                doubtful = false;
+                follows = [true; 3];
                 continue;
             }
             if corrections >= options.limits.iterations {
@@ -220,31 +227,56 @@ impl Runner<'_, '_> {
                 });
             }
             let after = self.follow(entry, reading, &mut corrections, &mut total_length)?;
-            doubtful = options.check_release && reading.iter().zip(&after).any(|(a, b)| is_same(*a, *b));
+            for k in 0..3 {
+                // a step of `confirm` or more, of which a gap in a joint may have swallowed most
+                follows[k] |= reading[k].abs() >= limits.confirm && responds(reading[k], after[k], reading[k]);
+            }
             reading = after;
         }
         self.record(entry, reading, corrections, total)
     }
 
-    /// From the approach point to the touch: where it was found at an earlier visit, and every other time from beyond.
-    fn arrive(&mut self, entry: &PlanEntry) -> Result<(), Violation> {
-        let stride = self.options.stride.unwrap_or(u64::MAX).max(1);
+    /// At the approach point each stem has to read as one that touches nothing.
+    fn check_free(&mut self) -> Result<(), Violation> {
+        let free = self.settled_reading()?;
+        let [low, high] = self.options.limits.stroke;
+        match (0..3).find(|k| (low..=high).contains(&free[*k])) {
+            None => Ok(()),
+            Some(k) => Err(Violation::NotFree {
+                axis: AXES[k],
+                reading_mm: free[k] * 1e3,
+                low_mm: low * 1e3,
+                high_mm: high * 1e3,
+            }),
+        }
+    }
+
+    /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond.
+    /// Stops a little before (or beyond) the touch, and gives what the gauge reads there: the rest of the way is a known
+    /// motion that every channel should follow.
+    fn arrive(&mut self, entry: &PlanEntry) -> Result<Option<[f64; 3]>, Violation> {
+        let options = self.options;
+        let stride = options.stride.unwrap_or(u64::MAX).max(1);
         let (round, place) = (entry.index / stride, entry.index % stride);
         let found = if round > 0 { self.known.get(&place).copied() } else { None };
-        let Some(found) = found else {
-            return self.go(&entry.joints);
-        };
+        let touch = found.unwrap_or(entry.joints);
+        let from_beyond = found.is_some() && round % 2 == 1;
+        let part = if from_beyond { options.beyond } else { -options.beyond };
+        let near = std::array::from_fn(|k| touch[k] + part * (touch[k] - self.at[k]));
+        check_joints(&touch, options)?;
+        check_joints(&near, options)?;
         self.check_cancelled()?;
-        check_guard(&self.at, &entry.joints, self.options)?;
-        check_joints(&found, self.options)?;
-        self.trail.push(found);
-        if round % 2 == 1 {
-            let from = self.at;
-            let beyond = std::array::from_fn(|k| found[k] + self.options.beyond * (found[k] - from[k]));
-            check_joints(&beyond, self.options)?;
-            self.drive(&beyond)?;
+        // from here on the arm may be on its way, so the way back begins at the point before
+        self.trail.push(touch);
+        self.touching = Some(entry.ball);
+        let mut reading = None;
+        if from_beyond || (options.check_release && !entry.via.is_empty()) {
+            self.drive(&near)?;
+            reading = Some(self.settled_reading()?);
+            self.check_cancelled()?;
         }
-        self.drive(&found)
+        self.drive(&touch)?;
+        Ok(reading)
     }
 
     fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {
@@ -314,14 +346,34 @@ impl Runner<'_, '_> {
     fn go(&mut self, target: &Joints) -> Result<(), Violation> {
         self.check_cancelled()?;
         check_joints(target, self.options)?;
-        check_guard(&self.at, target, self.options)?;
         // from here on the arm may be on its way, so the way back begins at the point before
         self.trail.push(*target);
         self.drive(target)
     }
 
-    /// A joint motion, and whether it arrived.
+    /// Where the controller says that the arm is, before it is moved: somebody may have moved it since.
+    fn look(&mut self) -> Result<(), Violation> {
+        let left = self.at;
+        self.at = if self.retreating { self.settled_joints()? } else { self.controller.joints()? };
+        check_finite(&self.at)?;
+        let (joint, off) = largest_difference(&left, &self.at);
+        if off > self.options.limits.arrival && !self.retreating {
+            return Err(Violation::Elsewhere {
+                joint: joint + 1,
+                left_deg: left[joint].to_degrees(),
+                found_deg: self.at[joint].to_degrees(),
+            });
+        }
+        Ok(())
+    }
+
+    /// A joint motion that the collision model allows from where the arm is, and whether it arrived.
     fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
+        self.look()?;
+        check_guard(&self.at, target, self.touching, self.options).map_err(|violation| match violation {
+            Violation::Guard(why) => Violation::NoWay(why),
+            other => other,
+        })?;
         self.controller.move_joints(target)?;
         self.at = self.settled_joints()?;
         let noted = self.note_joints();
@@ -381,7 +433,12 @@ impl Runner<'_, '_> {
             let Some(target) = self.trail.last().copied() else {
                 break;
             };
-            self.drive(&target)?;
+            match self.drive(&target) {
+                // the arm is not where its way led it: a point further back may be free to go to
+                Err(Violation::NoWay(_)) if self.retreating && self.trail.len() > keep + 1 => continue,
+                driven => driven?,
+            }
+            self.touching = None;
             self.controller.set_speed(self.options.travel_speed, self.options.rotation_speed)?;
         }
         Ok(())
@@ -397,8 +454,19 @@ impl Runner<'_, '_> {
         Ok(self.on_recording(clock))
     }
 
-    fn on_recording(&self, clock: f64) -> f64 {
-        self.options.begin_t + (clock - self.clock_begin)
+    /// By the controller's clock, but without its jumps: the times of a recording never go back, and stay readable.
+    fn on_recording(&mut self, clock: f64) -> f64 {
+        let t = clock + self.clock_offset;
+        if !(self.t - CLOCK_SLACK_S..=self.t + LONGEST_STEP_S).contains(&t) {
+            self.clock_offset = self.t - clock;
+            self.warn(format!(
+                "the controller's clock has jumped by {:.3e} s; the times of the recording go on without the jump",
+                t - self.t
+            ));
+            return self.t;
+        }
+        self.t = self.t.max(t);
+        self.t
     }
 
     /// Logs where the joints have been, and where they are.
@@ -428,6 +496,11 @@ impl Runner<'_, '_> {
 /// Whether a channel shows the same: means of equal readings may differ in the last bits.
 fn is_same(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-9
+}
+
+/// Whether a channel has followed a step along it; a gap in a joint may have swallowed most of it.
+fn responds(before: f64, after: f64, step: f64) -> bool {
+    (before - after).abs() >= 0.25 * step.abs()
 }
 
 fn norm(v: &[f64; 3]) -> f64 {

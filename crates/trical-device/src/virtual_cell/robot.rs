@@ -42,6 +42,7 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
             let (reply, takes, pieces, stalls) = {
                 let mut world = lock(world);
                 world.commands += 1;
+                world.jog();
                 let stalls = world.has(&Fault::Stall) && is_motion(&message);
                 let pieces = world.has(&Fault::Pieces);
                 let begin = world.clock();
@@ -112,7 +113,7 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
         (code::ZONE, [fine]) if *fine == 1.0 => Ok(String::new()),
         (code::ZONE, _) => Err("only fine".to_owned()),
         (code::CORRECT, [x, y, z]) => moved(world.correct([x * 1e-3, y * 1e-3, z * 1e-3])),
-        (code::CLOCK, _) => Ok(format!("{:.3}", world.clock())),
+        (code::CLOCK, _) => Ok(format!("{:.3}", world.clock_shown())),
         (code::STREAM, [interval]) if *interval >= 0.0 => {
             world.stream_interval = interval * 1e-3;
             Ok(String::new())

@@ -38,6 +38,8 @@ pub(super) struct World {
     angular_speed: f64,
     pub(super) stream_interval: f64,
     pub(super) motions: u64,
+    /// Whether a person has jogged the arm already.
+    jogged: bool,
     /// Sum of the corrections since the last joint motion, m.
     corrected: f64,
 }
@@ -66,6 +68,7 @@ impl World {
             angular_speed: 0.5,
             stream_interval: 0.0,
             motions: 0,
+            jogged: false,
             corrected: 0.0,
             options,
         };
@@ -140,6 +143,28 @@ impl World {
 
     pub(super) fn clock(&self) -> f64 {
         self.clock
+    }
+
+    /// What the controller says that its clock shows.
+    pub(super) fn clock_shown(&self) -> f64 {
+        let jumps = self.active().map(|fault| if let Fault::ClockJump { seconds } = fault { *seconds as f64 } else { 0.0 });
+        self.clock + jumps.sum::<f64>()
+    }
+
+    /// Between two requests a person may jog the arm.
+    pub(super) fn jog(&mut self) {
+        let found = self.active().find_map(|fault| match fault {
+            Fault::Jogged { joint, by_mdeg } => Some((*joint, f64::from(*by_mdeg) * 1e-3)),
+            _ => None,
+        });
+        let Some((joint, by_deg)) = found.filter(|_| !self.jogged) else { return };
+        self.jogged = true;
+        if let Some(q) = self.q.get_mut(joint) {
+            *q += by_deg.to_radians();
+        }
+        self.q = on_grid(&self.q);
+        self.motion.push(&self.q);
+        self.settle();
     }
 
     pub(super) fn temperature(&mut self) -> Option<f64> {
@@ -218,6 +243,9 @@ impl World {
 
     /// What an indicator shows, m.
     pub(super) fn indicator(&self, axis: usize) -> f64 {
+        if self.has(&Fault::StuckStem { axis }) {
+            return [3e-6, 4e-6, 5e-6][(self.motions % 3) as usize];
+        }
         let source = if self.has(&Fault::SwappedAxes) { [1, 0, 2][axis] } else { axis };
         let late = self.stopped.elapsed().as_secs_f64() < self.options.radio_delay;
         let value = if late {

@@ -1,6 +1,6 @@
 //! Corrections at a touch: how the TCP is displaced, and whether the channels follow.
 
-use super::{Runner, is_same, norm};
+use super::{Runner, is_same, norm, responds};
 use crate::controller::largest_difference;
 use crate::gauge::AXES;
 use crate::procedure::steps::check_joints;
@@ -25,7 +25,7 @@ impl Runner<'_, '_> {
             self.correct([step; 3], *total_length)?;
             *corrections += 1;
             let after = self.read(entry, *corrections)?;
-            match (0..3).find(|k| (before[*k] - after[*k]).abs() < 0.25 * confirm) {
+            match (0..3).find(|k| !responds(before[*k], after[*k], confirm)) {
                 None => return Ok(after),
                 Some(k) if moved > confirm => {
                     return Err(Violation::Stale { axis: AXES[k], reading_mm: after[k] * 1e3, moved_mm: moved * 1e3 });
@@ -84,6 +84,7 @@ impl Runner<'_, '_> {
             });
         }
         self.check_cancelled()?;
+        self.look()?;
         let before = self.at;
         self.controller.correct(reading)?;
         self.at = self.settled_joints()?;

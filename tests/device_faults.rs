@@ -10,10 +10,11 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{Retreat, RetreatOutcome};
+use trical_device::session::Settings;
 use trical_device::virtual_cell::{Frame, Scheduled, When};
 use trical_device::{
-    ArmPlant, CellOptions, Fault, PlanEntry, Plant, ProcedureError, ProcedureOptions, VirtualCell, open_controller,
-    open_gauge, run,
+    ArmPlant, CellOptions, Fault, PlanEntry, Plant, ProcedureError, ProcedureOptions, Progress, Session, VirtualCell,
+    open_controller, open_gauge, run,
 };
 use trical_diagnose::truth::draw_truth;
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
@@ -321,4 +322,43 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
         println!("  {count:>4}  {kind}");
     }
     assert!(complete > 20 && complete < 180, "faults that always or never matter test nothing: {complete}");
+}
+
+#[test]
+fn a_recording_of_a_wrong_clock_is_gone_on_with_today() {
+    let bench = Bench::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let cell = bench.start(1, Vec::new(), [0.0; 9], &Arc::new(AtomicBool::new(false)));
+    let (gauge, controller) = (cell.gauge_url(), cell.controller_url());
+    // a first part when the clock stood at 1970, the rest today, and the last when the clock stood still earlier
+    for (start_ns, count, warns) in [(5_000_000_000, 2, false), (1_800_000_000_000_000_000, 3, true), (1, 4, true)] {
+        let cancel = AtomicBool::new(false);
+        let session = Session {
+            robot: &bench.robot,
+            cell: &bench.cell,
+            plan: &bench.plan,
+            stride: None,
+            gauge: &gauge,
+            controller: &controller,
+            out: &path,
+            resume: path.exists(),
+            go: true,
+            settings: &Settings::default(),
+            start_ns,
+            guard: &|_, _, _| Ok(()),
+            cancel: &cancel,
+        };
+        let mut warned = false;
+        let _ = session.perform(&mut |p| match p {
+            Progress::Warning(text) => warned |= text.contains("the clock was or is wrong"),
+            Progress::Measured { done, .. } => cancel.store(done >= count, Ordering::Relaxed),
+            _ => {}
+        });
+        assert_eq!(warned, warns, "{start_ns}");
+        let rows = read_recording(&path).unwrap().recording.rows;
+        assert_eq!(rows.len(), count);
+        let times: Vec<f64> = rows.iter().map(|row| row.state.t.unwrap()).collect();
+        assert!(times.windows(2).all(|t| t[0] < t[1]) && times[count - 1] < 1e5, "{times:?}");
+    }
 }

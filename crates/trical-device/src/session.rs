@@ -55,6 +55,9 @@ pub struct Session<'a> {
 /// Why a session ended early.
 #[derive(Debug, Error)]
 pub enum SessionError {
+    /// A setting that no measurement has; nothing has moved.
+    #[error("{0}")]
+    Settings(String),
     /// The gauge cannot be used; nothing has moved.
     #[error(transparent)]
     Gauge(GaugeError),
@@ -133,6 +136,7 @@ impl Session<'_> {
     /// # Errors
     /// See [`SessionError`].
     pub fn perform(&self, watch: &mut dyn FnMut(Progress)) -> Result<RunReport, SessionError> {
+        self.settings.check().map_err(SessionError::Settings)?;
         let mut options = self.settings.options(self.robot, self.cell);
         options.go = self.go;
         options.stride = self.stride;

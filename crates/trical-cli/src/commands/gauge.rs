@@ -142,7 +142,7 @@ fn list(as_json: bool) -> Result<()> {
 fn warn(gauge: &mut dyn Gauge) -> Vec<String> {
     let warnings = gauge.take_warnings();
     for w in &warnings {
-        eprintln!("trical: note: {w}");
+        crate::note!("trical: note: {w}");
     }
     warnings
 }
@@ -178,7 +178,7 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
                 if failures >= 5 || count.is_some() {
                     return Err(failed(e));
                 }
-                eprintln!("trical: note: {e}");
+                crate::note!("trical: note: {e}");
             }
         }
         warn(gauge);
@@ -220,7 +220,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
     let mut answered = Vec::new();
     if let Some(wait) = stems {
         for (k, name) in AXES.iter().enumerate() {
-            eprintln!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
+            crate::note!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
             answered.push(stem_answers(gauge, k, wait, &stop).map_err(failed)? * 1e3);
             if !as_json {
                 say(format!("axis {name} answers"))?;
@@ -251,7 +251,7 @@ fn zero(link: &Link, as_json: bool) -> Result<()> {
         e => failed(e),
     })?;
     for w in &mastered.warnings {
-        eprintln!("trical: note: {w}");
+        crate::note!("trical: note: {w}");
     }
     let (zero, url) = (mastered.zero, mastered.url);
     if as_json {

@@ -99,7 +99,13 @@ impl Guided<'_> {
         self.out.with_file_name(format!("{stem}.{what}"))
     }
 
-    fn session<'s>(&'s self, entries: &'s [PlanEntry], out: &'s Path, resume: bool, guard: MoveGuard<'s>) -> Session<'s> {
+    fn session<'s>(
+        &'s self,
+        entries: &'s [PlanEntry],
+        out: &'s Path,
+        resume: bool,
+        guard: MoveGuard<'s>,
+    ) -> Session<'s> {
         Session {
             robot: self.robot,
             cell: &self.cell,
@@ -213,7 +219,7 @@ impl Guided<'_> {
     fn touch_here(&self, log: &mut RecordingWriter, ball: usize, index: u64) -> std::result::Result<Row, String> {
         let mut note = |p| {
             if let Progress::Warning(w) = p {
-                eprintln!("trical: note: {w}");
+                crate::note!("trical: note: {w}");
             }
         };
         let session = self.session(&[], self.out, false, FREE);

@@ -83,7 +83,7 @@ pub struct Settings {
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub max_corrections: usize,
     /// Readings between which a stem touches its ball
-    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', allow_negative_numbers = true, default_values_t = [-5.9, 5.9])]
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', allow_hyphen_values = true, default_values_t = [-5.9, 5.9])]
     pub stroke_mm: Vec<f64>,
     /// Temperature, recorded with each touch where the controller has no sensor
     #[arg(long, value_name = "DEGC", allow_negative_numbers = true)]
@@ -133,7 +133,7 @@ pub fn perform(session: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_output(&args.out)?;
+    input::check_output(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
     let (robot, cell) = args.cell.load()?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;
@@ -178,7 +178,7 @@ pub fn run(args: &Args) -> Result<()> {
     view.end();
     let report = report?;
     for w in &report.warnings {
-        eprintln!("trical: note: {w}");
+        crate::note!("trical: note: {w}");
     }
     let refused = report.steps.iter().find(|step| step.contains("REFUSED"));
     if args.json {

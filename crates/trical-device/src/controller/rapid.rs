@@ -11,6 +11,9 @@ use super::{Controller, ControllerError, JointSettle};
 use crate::gauge::shorten;
 use trical_recording::motion::JointSample;
 
+/// More joint samples than any motion has; a controller that sends more is not ours.
+const MOST_SAMPLES: usize = 100_000;
+
 /// Settings of the connection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RapidSettings {
@@ -227,7 +230,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             return false;
         };
         self.history.push(JointSample { t: *t, q });
-        true
+        self.history.len() < MOST_SAMPLES
     }
 
     fn simple(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<String, ControllerError> {

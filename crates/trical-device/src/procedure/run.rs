@@ -180,8 +180,9 @@ impl Runner<'_, '_> {
         let mut near: Vec<usize> = (0..ways.len()).collect();
         let far = |at: &usize| ways.get(*at).map_or(f64::INFINITY, |q| largest_difference(q, &self.at).1);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let from =
-            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, None, options).is_ok()))?;
+        let from = near
+            .into_iter()
+            .find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, None, options).is_ok()))?;
         let mut via: Vec<Joints> = if from <= target {
             ways.get(from..target)?.to_vec()
         } else {

@@ -147,7 +147,8 @@ impl World {
 
     /// What the controller says that its clock shows.
     pub(super) fn clock_shown(&self) -> f64 {
-        let jumps = self.active().map(|fault| if let Fault::ClockJump { seconds } = fault { *seconds as f64 } else { 0.0 });
+        let jumps =
+            self.active().map(|fault| if let Fault::ClockJump { seconds } = fault { *seconds as f64 } else { 0.0 });
         self.clock + jumps.sum::<f64>()
     }
 

@@ -149,6 +149,20 @@ pub enum Violation {
         /// How far it should have changed in mm.
         moved_mm: f64,
     },
+    /// A channel does not follow the first part of the way out of a touch.
+    #[error(
+        "indicator {axis} reads {before_mm:.4} mm at the touch and {after_mm:.4} mm on the way out of it; expected a change of {least_mm:.3} mm at least: the stem is stuck, or its transmitter repeats an old value; the touch is not recorded"
+    )]
+    NoResponse {
+        /// Which axis.
+        axis: char,
+        /// What it reads at the touch, mm.
+        before_mm: f64,
+        /// What it reads after the motion, mm.
+        after_mm: f64,
+        /// How much it should have changed at least, mm.
+        least_mm: f64,
+    },
     /// A channel reads at the approach point as if its stem touched something.
     #[error(
         "indicator {axis} reads {reading_mm:.4} mm at the approach point, where its stem is free; expected a reading outside {low_mm:.3} to {high_mm:.3} mm: the stem is stuck, its transmitter repeats an old value, or the indicator has another stroke"

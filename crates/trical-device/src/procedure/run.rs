@@ -205,12 +205,10 @@ impl Runner<'_, '_> {
             self.check_free()?;
         }
         self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
-        let near = self.arrive(entry)?;
+        self.arrive(entry)?;
         let mut reading = self.read(entry, 0)?;
-        // channels that have followed a known motion in this touch: the others may be stuck, or repeat an old value
-        let mut follows: [bool; 3] = std::array::from_fn(|k| {
-            !options.check_release || near.is_some_and(|near| (near[k] - reading[k]).abs() > limits.confirm / 4.0)
-        });
+        // with no way out of the touch, channels that have not followed a correction may be stuck, or repeat an old value
+        let mut follows = [!options.check_release || !entry.via.is_empty(); 3];
         let mut corrections = 0;
         let mut total_length = 0.0;
         while norm(&reading) >= options.epsilon || follows.contains(&false) {
@@ -234,7 +232,11 @@ impl Runner<'_, '_> {
             }
             reading = after;
         }
-        self.record(entry, reading, corrections, total)
+        let row = self.measured(entry, reading)?;
+        if options.check_release && !entry.via.is_empty() {
+            self.check_response(entry, &reading)?;
+        }
+        self.accept(row, corrections, total)
     }
 
     /// At the approach point each stem has to read as one that touches nothing.
@@ -252,32 +254,47 @@ impl Runner<'_, '_> {
         }
     }
 
+    /// A little way out of the touch, towards the approach point: the whole way takes every stem out of its stroke, so every
+    /// channel has to follow this part of it. One that does not measures nothing, whatever it reads.
+    fn check_response(&mut self, entry: &PlanEntry, reading: &[f64; 3]) -> Result<(), Violation> {
+        let Some(approach) = entry.via.last() else { return Ok(()) };
+        let part = self.options.beyond;
+        let out = std::array::from_fn(|k| self.at[k] + part * (approach[k] - self.at[k]));
+        check_joints(&out, self.options)?;
+        self.drive(&out)?;
+        let after = self.settled_reading()?;
+        // a gap in a joint may swallow some of it
+        let least = 0.25 * part * self.options.limits.stroke[1].abs();
+        match (0..3).find(|k| (after[*k] - reading[*k]).abs() < least) {
+            None => Ok(()),
+            Some(k) => Err(Violation::NoResponse {
+                axis: AXES[k],
+                before_mm: reading[k] * 1e3,
+                after_mm: after[k] * 1e3,
+                least_mm: least * 1e3,
+            }),
+        }
+    }
+
     /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond.
-    /// Stops a little before (or beyond) the touch, and gives what the gauge reads there: the rest of the way is a known
-    /// motion that every channel should follow.
-    fn arrive(&mut self, entry: &PlanEntry) -> Result<Option<[f64; 3]>, Violation> {
+    fn arrive(&mut self, entry: &PlanEntry) -> Result<(), Violation> {
         let options = self.options;
         let stride = options.stride.unwrap_or(u64::MAX).max(1);
         let (round, place) = (entry.index / stride, entry.index % stride);
         let found = if round > 0 { self.known.get(&place).copied() } else { None };
         let touch = found.unwrap_or(entry.joints);
         let from_beyond = found.is_some() && round % 2 == 1;
-        let part = if from_beyond { options.beyond } else { -options.beyond };
-        let near = std::array::from_fn(|k| touch[k] + part * (touch[k] - self.at[k]));
+        let beyond = std::array::from_fn(|k| touch[k] + options.beyond * (touch[k] - self.at[k]));
         check_joints(&touch, options)?;
-        check_joints(&near, options)?;
         self.check_cancelled()?;
         // from here on the arm may be on its way, so the way back begins at the point before
         self.trail.push(touch);
         self.touching = Some(entry.ball);
-        let mut reading = None;
-        if from_beyond || (options.check_release && !entry.via.is_empty()) {
-            self.drive(&near)?;
-            reading = Some(self.settled_reading()?);
-            self.check_cancelled()?;
+        if from_beyond {
+            check_joints(&beyond, options)?;
+            self.drive(&beyond)?;
         }
-        self.drive(&touch)?;
-        Ok(reading)
+        self.drive(&touch)
     }
 
     fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {
@@ -307,14 +324,8 @@ impl Runner<'_, '_> {
         Ok(reading)
     }
 
-    /// Step (g): stores the joints that the controller reports.
-    fn record(
-        &mut self,
-        entry: &PlanEntry,
-        reading: [f64; 3],
-        corrections: usize,
-        total: usize,
-    ) -> Result<(), Violation> {
+    /// Step (g): the joints that the controller reports, and what belongs to them.
+    fn measured(&mut self, entry: &PlanEntry, reading: [f64; 3]) -> Result<Row, Violation> {
         self.at = self.settled_joints()?;
         self.note_joints()?;
         let t = self.time()?;
@@ -334,9 +345,15 @@ impl Runner<'_, '_> {
             ..State::at(&[])
         };
         let measured = Measured::Touch { ball: entry.ball, reading };
-        let row = Row { state, measured, seq: Some(entry.index), line: 0 };
+        Ok(Row { state, measured, seq: Some(entry.index), line: 0 })
+    }
+
+    /// Stores a measurement; it is safe when this returns.
+    fn accept(&mut self, row: Row, corrections: usize, total: usize) -> Result<(), Violation> {
         self.log.measurement(&row)?;
-        self.known.insert(entry.index % self.options.stride.unwrap_or(u64::MAX).max(1), self.at);
+        if let Some(index) = row.seq {
+            self.known.insert(index % self.options.stride.unwrap_or(u64::MAX).max(1), row.state.q);
+        }
         self.report.measured += 1;
         let done = self.report.measured + self.report.skipped;
         (self.progress)(Progress::Measured { row: Box::new(row), corrections, done, total });

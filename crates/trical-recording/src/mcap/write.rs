@@ -308,7 +308,9 @@ impl RunLog for RecordingWriter {
         // a row that the reader refuses would take those before it along
         json::row_from_json(text.as_bytes(), &mut Places::default())
             .map_err(|problem| RecordError::NotReadable { path: self.path.clone(), problem })?;
-        self.message(self.channels.measurement, row.state.t.unwrap_or(self.last_t), text.as_bytes())?;
+        // what the recording holds stands in the order of time; a row says itself when it was measured
+        let t = self.last_t.max(row.state.t.unwrap_or(self.last_t));
+        self.message(self.channels.measurement, t, text.as_bytes())?;
         self.sync()
     }
 }

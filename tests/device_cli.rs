@@ -499,3 +499,31 @@ fn a_standard_error_that_nobody_reads_does_not_end_a_run() {
     assert!(status.success(), "{status:?}");
     assert_eq!(place.rows("run.mcap").len(), 6);
 }
+
+#[test]
+fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
+    let place = Place::new("2");
+    for (signal, out) in [("-INT", "int.mcap"), ("-HUP", "hup.mcap"), ("-TERM", "term.mcap")] {
+        // motions as slow as a real arm's
+        let cell = place.cell(&["--pace", "1"]);
+        let links = ["--plan", "plan.csv", "--gauge", &cell.gauge, "--controller", &cell.controller, "--out", out];
+        let mut command =
+            place.command(&[&["measure"][..], &CELL_ARGS, &links, &["--go", "--travel-mm-s", "20"]].concat());
+        let child = command.stderr(Stdio::piped()).spawn().unwrap();
+        while !place.path(out).exists() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        std::thread::sleep(Duration::from_millis(400));
+        let begin = Instant::now();
+        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        let o = child.wait_with_output().unwrap();
+        assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
+        refused(&o, 1, "stopped by the user in the middle of a motion; the arm stands where it was stopped");
+        let joints =
+            || json(&place.run(&["robot", "joints", "--controller", &cell.controller, "--json"]))["joints_deg"].clone();
+        let stands = joints();
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(joints(), stands, "it still moves");
+        assert_ne!(stands, serde_json::json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), "it never moved");
+    }
+}

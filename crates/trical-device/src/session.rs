@@ -5,6 +5,7 @@ mod told;
 mod touch_here;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -16,7 +17,7 @@ pub use settings::Settings;
 pub use told::Told;
 pub use touch_here::{BaseFit, SetUpError, base, tool_point};
 
-use crate::controller::{ControllerError, open_controller};
+use crate::controller::{ControllerError, StopCount, open_controller};
 use crate::gauge::{GaugeError, open_gauge};
 use crate::procedure::{MoveGuard, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
 use trical_recording::RecordError;
@@ -50,6 +51,8 @@ pub struct Session<'a> {
     pub guard: MoveGuard<'a>,
     /// Set by who wants it to end in order.
     pub cancel: &'a AtomicBool,
+    /// How often the user has asked for the end: a motion under way stops when it grows. `None` = it ends first.
+    pub stops: Option<StopCount>,
 }
 
 /// Why a session ended early.
@@ -154,6 +157,9 @@ impl Session<'_> {
                 robot: self.robot.name.clone(),
                 expected: self.robot.dof(),
             });
+        }
+        if let Some(stops) = &self.stops {
+            controller.stop_when(Arc::clone(stops));
         }
         let mut log = self.open(&mut options, watch).map_err(SessionError::Recording)?;
         let result = run(self.plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, self.cancel, watch);

@@ -154,7 +154,7 @@ pub fn shown(reading: &[f64; 3]) -> String {
 }
 
 fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bool) -> Result<()> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::watch()?.asked;
     let begin = Instant::now();
     let mut shown_so_far = 0;
     let mut failures = 0;
@@ -190,7 +190,7 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
 }
 
 fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: bool) -> Result<()> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::watch()?.asked;
     let Trial { says: about, seconds_each: each, axes, .. } =
         trial(gauge, usize::try_from(count).unwrap_or(usize::MAX), &stop).map_err(failed)?;
     if !as_json {
@@ -245,7 +245,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
 }
 
 fn zero(link: &Link, as_json: bool) -> Result<()> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::watch()?.asked;
     let mastered = master(&link.gauge, &stop).map_err(|e| match e {
         GaugeError::Url(_) | GaugeError::Open { .. } => CliError::Input(e.to_string()),
         e => failed(e),

@@ -1,7 +1,7 @@
 //! `trical measure --guided`: mastering, tool point, world frame, plan and measurement, in plain words.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::master;
@@ -18,6 +18,7 @@ use crate::commands::gauge::{shown, typed};
 use crate::commands::measure::{done, perform};
 use crate::commands::plan;
 use crate::error::{CliError, Result};
+use crate::interrupt::Interrupt;
 use crate::measure_view::View;
 use crate::say;
 
@@ -46,7 +47,7 @@ pub struct Guided<'a> {
     /// How to measure.
     pub settings: &'a Settings,
     /// Set by Ctrl-C.
-    pub cancel: &'a AtomicBool,
+    pub interrupt: &'a Interrupt,
 }
 
 enum Answer {
@@ -119,7 +120,8 @@ impl Guided<'_> {
             settings: self.settings,
             start_ns: now_ns(),
             guard,
-            cancel: self.cancel,
+            cancel: &self.interrupt.asked,
+            stops: Some(Arc::clone(&self.interrupt.stops)),
         }
     }
 
@@ -127,7 +129,7 @@ impl Guided<'_> {
         tell(&format!("> {text}"))?;
         loop {
             let line = typed()?;
-            if self.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+            if self.interrupt.asked.load(std::sync::atomic::Ordering::Relaxed) {
                 return Err(CliError::Failed("stopped by the user; nothing moves".into()));
             }
             let Some(line) = line else {
@@ -182,7 +184,7 @@ impl Guided<'_> {
     fn drive(&self, q: &Joints) -> std::result::Result<(), String> {
         let mut controller = open_controller(self.controller).map_err(|e| e.to_string())?;
         let settle = controller.joint_settle();
-        let at = wait_settled(controller.as_mut(), &settle, self.cancel).map_err(|e| e.to_string())?;
+        let at = wait_settled(controller.as_mut(), &settle, &self.interrupt.asked).map_err(|e| e.to_string())?;
         let guard = MotionGuard::new(self.robot, &self.cell).map_err(|e| e.to_string())?;
         let balls = (0..self.cell.balls.len()).map(Some);
         if let Err(why) = guard.check(&at, q, None) {
@@ -193,6 +195,7 @@ impl Guided<'_> {
             }
         }
         controller.set_speed(self.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
+        controller.stop_when(Arc::clone(&self.interrupt.stops));
         controller.move_joints(q).map_err(|e| e.to_string())
     }
 
@@ -205,7 +208,7 @@ impl Guided<'_> {
             if !matches!(on, Answer::Go) {
                 return tell("The readings are taken as they come.");
             }
-            match master(&self.gauge, self.cancel) {
+            match master(&self.gauge, &self.interrupt.asked) {
                 Ok(mastered) => {
                     self.gauge = mastered.url;
                     return tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&mastered.zero)));
@@ -324,7 +327,7 @@ impl Guided<'_> {
             }
             let start = open_controller(self.controller).and_then(|mut controller| {
                 let settle = controller.joint_settle();
-                wait_settled(controller.as_mut(), &settle, self.cancel)
+                wait_settled(controller.as_mut(), &settle, &self.interrupt.asked)
             });
             let start = match start {
                 Ok(start) => start,
@@ -354,7 +357,7 @@ impl Guided<'_> {
     }
 
     fn measure(&self, entries: &[PlanEntry], stride: u64) -> Result<()> {
-        tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it and makes it go back the way it came.")?;
+        tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it.")?;
         // the cell as it was found
         let guard = MotionGuard::new(self.robot, &self.cell)?;
         let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
@@ -380,7 +383,7 @@ impl Guided<'_> {
                         self.beside("cell.toml").display()
                     ));
                 }
-                Err(e) if self.cancel.load(std::sync::atomic::Ordering::Relaxed) => return Err(e),
+                Err(e) if self.interrupt.asked.load(std::sync::atomic::Ordering::Relaxed) => return Err(e),
                 Err(e) => {
                     tell(&format!("The measurement has stopped: {e}."))?;
                     resume = self.out.exists();

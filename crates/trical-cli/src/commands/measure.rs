@@ -1,6 +1,7 @@
 //! `trical measure`: the automated procedure over a gauge and a controller.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde_json::json;
 use trical_device::procedure::stride;
@@ -17,9 +18,9 @@ use crate::{interrupt, say};
 /// Arguments of `trical measure`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Nothing moves without --go: the whole run is printed instead. Ctrl-C ends a run in order: the motion under way \
-    ends, the arm goes back the way it came. A second Ctrl-C ends the program at once; the controller still ends the motion \
-    under way. --resume goes on in both cases. What each stop means: docs/cell.md."
+    after_help = "Nothing moves without --go: the whole run is printed instead. Ctrl-C ends a run in order: a motion under way \
+    is stopped and the arm stays there; between motions it goes back the way it came. A second Ctrl-C stops the motion too, and \
+    ends the program at once. So do a request to terminate and a terminal that is closed. --resume goes on in all cases. What each stop means: docs/cell.md."
 )]
 pub struct Args {
     #[command(flatten)]
@@ -137,7 +138,7 @@ pub fn run(args: &Args) -> Result<()> {
     let (robot, cell) = args.cell.load()?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;
-    let cancel = interrupt::flag()?;
+    let interrupt = interrupt::watch()?;
     if args.guided {
         let about = guided::Guided {
             robot: &robot,
@@ -148,7 +149,7 @@ pub fn run(args: &Args) -> Result<()> {
             plan: args.plan.as_deref(),
             per_ball: args.per_ball,
             settings: &settings,
-            cancel: &cancel,
+            interrupt: &interrupt,
         };
         return about.lead();
     }
@@ -171,7 +172,8 @@ pub fn run(args: &Args) -> Result<()> {
         settings: &settings,
         start_ns: now_ns(),
         guard: &|from, to, touched| guard.check(from, to, touched),
-        cancel: &cancel,
+        cancel: &interrupt.asked,
+        stops: Some(Arc::clone(&interrupt.stops)),
     };
     let mut view = View::new();
     let report = perform(&session, &mut |p| view.show(&p));

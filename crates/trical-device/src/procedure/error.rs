@@ -66,7 +66,7 @@ impl ProcedureError {
     /// Whether the user asked for the end.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        matches!(self.violation(), Some(Violation::Cancelled))
+        matches!(self.violation(), Some(Violation::Cancelled | Violation::Stopped))
     }
 }
 
@@ -85,6 +85,9 @@ pub enum Violation {
     /// The user asked to stop.
     #[error("stopped by the user")]
     Cancelled,
+    /// The user asked to stop, and the motion under way was stopped.
+    #[error("stopped by the user in the middle of a motion")]
+    Stopped,
     /// One correction is too long.
     #[error("the correction would be {length_mm:.3} mm, the limit is {limit_mm:.3} mm")]
     Correction {
@@ -262,6 +265,7 @@ impl From<ControllerError> for Violation {
     fn from(error: ControllerError) -> Self {
         match error {
             ControllerError::Cancelled => Self::Cancelled,
+            ControllerError::Stopped => Self::Stopped,
             other => Self::Controller(other),
         }
     }
@@ -276,6 +280,8 @@ pub enum RetreatOutcome {
     NotNeeded,
     /// Something else has moved it, and may do so again.
     LeftAlone,
+    /// It was stopped on its way, and stands there.
+    Stopped,
     /// The touch was recorded, and the failure came on the way back.
     Interrupted,
     /// It could not go back.
@@ -288,6 +294,7 @@ impl fmt::Display for RetreatOutcome {
             Self::Done => write!(f, "the arm went back the way it came"),
             Self::NotNeeded => write!(f, "the arm had not left its place"),
             Self::LeftAlone => write!(f, "the arm is left where it stands: jog it to a free place by hand"),
+            Self::Stopped => write!(f, "the arm stands where it was stopped"),
             Self::Interrupted => {
                 write!(f, "the touch is recorded, but the arm stopped on its way back: look where it stands")
             }

@@ -78,6 +78,7 @@ pub fn run(
         let result = match runner.touch(led_in.as_ref().unwrap_or(entry), total) {
             Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
             // whoever moves the arm by hand has it
+            Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
             Err(violation @ Violation::Elsewhere { .. }) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),
         };

@@ -4,14 +4,17 @@ mod settings;
 mod told;
 mod touch_here;
 
+use std::cell::RefCell;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use nalgebra::Vector3;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
-use trical_model::{Cell, Robot, urdf};
+use trical_model::ik::continue_from;
+use trical_model::{Cell, Forward, Joints, Model, ModelError, Robot, State, urdf};
 
 pub use settings::Settings;
 pub use told::Told;
@@ -20,6 +23,7 @@ pub use touch_here::{BaseFit, SetUpError, base, tool_point};
 use crate::controller::{ControllerError, StopCount, open_controller};
 use crate::gauge::{GaugeError, open_gauge};
 use crate::procedure::{MoveGuard, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
+use crate::url::without_secrets;
 use trical_recording::RecordError;
 use trical_recording::mcap::{Attachment, Header, RecordingWriter, check_not_written};
 
@@ -61,6 +65,9 @@ pub enum SessionError {
     /// A setting that no measurement has; nothing has moved.
     #[error("{0}")]
     Settings(String),
+    /// Robot or cell make no sense; nothing has moved.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// The gauge cannot be used; nothing has moved.
     #[error(transparent)]
     Gauge(GaugeError),
@@ -126,8 +133,8 @@ impl Session<'_> {
             Attachment::toml("cell.toml", self.cell.to_toml()),
         ];
         header.robot_description = Some(urdf::write(self.robot, self.cell, &[]));
-        header.settings.insert("gauge".to_owned(), self.gauge.to_owned());
-        header.settings.insert("controller".to_owned(), self.controller.to_owned());
+        header.settings.insert("gauge".to_owned(), without_secrets(self.gauge));
+        header.settings.insert("controller".to_owned(), without_secrets(self.controller));
         header.settings.extend(self.settings.named());
         header.plan_sha256 = plan_sha256(self.plan, self.stride);
         header
@@ -144,6 +151,16 @@ impl Session<'_> {
         options.go = self.go;
         options.stride = self.stride;
         options.guard = Some(self.guard);
+        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
+        let ws = RefCell::new(nominal.workspace());
+        let corrected = |at: &Joints, by: [f64; 3]| {
+            let (state, ws) = (State::at(at), &mut *ws.borrow_mut());
+            let mut tool = nominal.world_from_tool(&state, ws);
+            // the controller's tool has the axes of the flange
+            tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
+            continue_from(&nominal, &tool, &state, ws).ok()
+        };
+        options.corrected = Some(&corrected);
         if !self.go {
             return self.rehearse(&options);
         }

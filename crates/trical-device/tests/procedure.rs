@@ -374,3 +374,25 @@ fn a_clock_that_jumps_leaves_the_rows_in_order() {
         assert!(times.windows(2).all(|t| t[0] <= t[1]) && times[3] < 1e4, "{times:?}");
     }
 }
+
+#[test]
+fn corrections_are_asked_of_the_guard_before_they_are_made() {
+    let refuses = |far: bool| {
+        let mut bench = bench();
+        let corrected = |at: &Joints, by: [f64; 3]| {
+            let mut to = *at;
+            to[4] += if far { 1.0 } else { by[0].abs() };
+            Some(to)
+        };
+        let guard = |from: &Joints, to: &Joints, _: Option<usize>| {
+            let correction = from[4] != to[4] && from[3] == to[3] && from[0] == to[0];
+            if correction { Err("the housing would meet the post".to_owned()) } else { Ok(()) }
+        };
+        let options = ProcedureOptions { guard: Some(&guard), corrected: Some(&corrected), ..options() };
+        let report = bench.run(&plan(1), &options).unwrap_err();
+        assert!(bench.rows.is_empty());
+        report.to_string()
+    };
+    assert!(refuses(false).contains("the housing would meet the post) and was not driven"), "{}", refuses(false));
+    assert!(refuses(true).contains("turns joint 5 by 57.296 deg"), "{}", refuses(true));
+}

@@ -98,6 +98,7 @@ fn ended(e: SessionError) -> Failed {
         SessionError::Gauge(e) => e.into(),
         SessionError::Controller(e) => e.into(),
         SessionError::Recording(e) => e.into(),
+        SessionError::Model(e) => e.into(),
         SessionError::OtherArm { .. } | SessionError::Settings(_) => bad(e.to_string()).into(),
         SessionError::Run(e) if !e.is_cancelled() => {
             MeasuringError::new_err(format!("{e}; what was measured is safe, resume=True goes on")).into()

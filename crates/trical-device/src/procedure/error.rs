@@ -212,15 +212,15 @@ pub enum Violation {
     },
     /// A correction moved a joint too far: near a singular pose.
     #[error(
-        "a correction of {length_mm:.3} mm moved joint {joint} by {moved_deg:.3} deg, the limit is {limit_deg:.3} deg: the pose is near a singular one"
+        "a correction of {length_mm:.3} mm turns joint {joint} by {turn_deg:.3} deg, the limit is {limit_deg:.3} deg: the pose is near a singular one"
     )]
     JointChange {
         /// Which joint, counted from 1.
         joint: usize,
         /// Length of the correction in mm.
         length_mm: f64,
-        /// How far the joint moved in deg.
-        moved_deg: f64,
+        /// How far the joint turns in deg.
+        turn_deg: f64,
         /// The limit in deg.
         limit_deg: f64,
     },

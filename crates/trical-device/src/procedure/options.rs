@@ -13,6 +13,9 @@ use trical_recording::motion::MotionSense;
 /// On the way into and out of a touch the stems may meet its ball (counted from 0), elsewhere none.
 pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints, Option<usize>) -> Result<(), String> + 'a);
 
+/// Where the nominal arm's joints would be after a displacement of the tool (m, in its axes); `None` where it cannot say.
+pub type CorrectedJoints<'a> = &'a (dyn Fn(&Joints, [f64; 3]) -> Option<Joints> + 'a);
+
 /// Limits of the procedure; whatever is beyond ends the run and makes the arm retreat.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProcedureLimits {
@@ -116,6 +119,8 @@ pub struct ProcedureOptions<'a> {
     pub check_release: bool,
     /// Asked before every joint motion (the collision model), from where the controller says that the arm is.
     pub guard: Option<MoveGuard<'a>>,
+    /// With this the guard is asked for corrections too, and turns of joints are known before they are made.
+    pub corrected: Option<CorrectedJoints<'a>>,
 }
 
 impl Default for ProcedureOptions<'_> {
@@ -142,6 +147,7 @@ impl Default for ProcedureOptions<'_> {
             dead_band: MotionSense::DEAD_BAND,
             check_release: true,
             guard: None,
+            corrected: None,
         }
     }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::steps::{check_finite, check_guard, check_joints, check_plan};
+use super::steps::{check_finite, check_guard, check_joints, check_plan, check_way};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
@@ -389,10 +389,7 @@ impl Runner<'_, '_> {
     /// A joint motion that the collision model allows from where the arm is, and whether it arrived.
     fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
         self.look()?;
-        check_guard(&self.at, target, self.touching, self.options).map_err(|violation| match violation {
-            Violation::Guard(why) => Violation::NoWay(why),
-            other => other,
-        })?;
+        check_way(&self.at, target, self.touching, self.options)?;
         self.controller.move_joints(target)?;
         self.at = self.settled_joints()?;
         let noted = self.note_joints();

@@ -100,6 +100,16 @@ pub(super) fn check_guard(
     options.guard.map_or(Ok(()), |guard| guard(from, to, touched)).map_err(Violation::Guard)
 }
 
+/// As [`check_guard`], for the way from where the arm is.
+pub(super) fn check_way(
+    from: &Joints,
+    to: &Joints,
+    touched: Option<usize>,
+    options: &ProcedureOptions<'_>,
+) -> Result<(), Violation> {
+    options.guard.map_or(Ok(()), |guard| guard(from, to, touched)).map_err(Violation::NoWay)
+}
+
 /// Checks a plan and settings before anything moves.
 pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> Result<(), ProcedureError> {
     let positive = [

@@ -186,13 +186,13 @@ impl Guided<'_> {
         let settle = controller.joint_settle();
         let at = wait_settled(controller.as_mut(), &settle, &self.interrupt.asked).map_err(|e| e.to_string())?;
         let guard = MotionGuard::new(self.robot, &self.cell).map_err(|e| e.to_string())?;
-        let balls = (0..self.cell.balls.len()).map(Some);
-        if let Err(why) = guard.check(&at, q, None) {
-            if !balls.into_iter().any(|ball| guard.check(&at, q, ball).is_ok()) {
-                return Err(format!(
-                    "the straight way there is refused ({why}) and was not driven; go there in smaller steps, or jog the arm by hand"
-                ));
-            }
+        let free = |ball| guard.check(&at, q, Some(ball)).is_ok();
+        if let Err(why) = guard.check(&at, q, None)
+            && !(0..self.cell.balls.len()).any(free)
+        {
+            return Err(format!(
+                "the straight way there is refused ({why}) and was not driven; go there in smaller steps, or jog the arm by hand"
+            ));
         }
         controller.set_speed(self.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
         controller.stop_when(Arc::clone(&self.interrupt.stops));

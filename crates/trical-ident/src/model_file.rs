@@ -381,7 +381,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".part{}", std::process::id()));
     let part = path.with_file_name(name);
-    let written = std::fs::File::create(&part)
+    // never into a file that is there, nor through a link: what a program of this number left is taken away
+    if part.symlink_metadata().is_ok() {
+        std::fs::remove_file(&part).map_err(|e| problem(&e))?;
+    }
+    let written = std::fs::File::create_new(&part)
         .and_then(|mut f| f.write_all(bytes).and_then(|()| f.sync_all()))
         .and_then(|()| std::fs::rename(&part, path));
     if written.is_err() {

@@ -180,6 +180,7 @@ pub fn run(args: &Args) -> Result<()> {
         start_ns: 0,
         guard: &|from, to, touched| guard.check(from, to, touched),
         cancel: &AtomicBool::new(false),
+        stops: None,
     };
     let measured = perform(&session, &mut |p| view.show(&p))?;
     view.end();

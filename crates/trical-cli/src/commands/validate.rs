@@ -38,7 +38,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    args.report.as_deref().map_or(Ok(()), input::check_output)?;
+    if let Some(report) = &args.report {
+        input::check_output(report, input::files(&args.recordings, &args.cell, Some(&args.model)))?;
+    }
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;

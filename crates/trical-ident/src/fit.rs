@@ -9,7 +9,6 @@ use crate::error::{IdentError, Result};
 use crate::known::Known;
 use crate::noise::Noise;
 use crate::normal::{CHUNK, Keep, Rows};
-use crate::solver::{LmParams, LmReport, Solver};
 
 /// Checks that every observation can be predicted.
 ///
@@ -102,29 +101,6 @@ pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[
     add_priors(forward, known, &mut total);
     total.finish();
     total.factor().unwrap_or_else(|| Mat::zeros(0, 0))
-}
-
-/// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
-///
-/// # Errors
-/// Fewer scalars than coefficients, a residual that is not finite, or a Jacobian of deficient rank.
-pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &LmParams) -> Result<LmReport> {
-    minimize_knowing(forward, data, noise, &[], params)
-}
-
-/// As [`minimize`], with what is known of the free coefficients in their order (nothing beyond the end of `known`).
-///
-/// # Errors
-/// As [`minimize`].
-pub fn minimize_knowing(
-    forward: &mut Forward,
-    data: &Dataset,
-    noise: &Noise,
-    known: &[Known],
-    params: &LmParams,
-) -> Result<LmReport> {
-    check_observations(forward, data)?;
-    Solver::new(forward.free().len()).minimize(forward, data, noise, known, params)
 }
 
 /// Weighted residual of every observation (units of sigma) and its number of scalars.

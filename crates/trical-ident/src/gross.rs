@@ -4,12 +4,12 @@ use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_observations, minimize, position_errors, weighted_residuals};
+use crate::fit::{check_observations, position_errors, weighted_residuals};
 use crate::identifiability::ParameterSet;
 use crate::identify::prepared;
 use crate::noise::Noise;
 use crate::sample::sample;
-use crate::solver::LmParams;
+use crate::solver::{LmParams, minimize};
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.

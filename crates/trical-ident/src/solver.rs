@@ -15,7 +15,7 @@ use trical_model::Forward;
 
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
-use crate::fit::{check_count, evaluate};
+use crate::fit::{check_count, check_observations, evaluate};
 use crate::identifiability::spectrum;
 use crate::known::Known;
 use crate::noise::Noise;
@@ -91,6 +91,15 @@ pub struct LmReport {
     pub gradient: f64,
     /// Why it ended.
     pub ended: Ended,
+}
+
+/// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
+///
+/// # Errors
+/// Fewer scalars than coefficients, a residual that is not finite, or a Jacobian of deficient rank.
+pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &LmParams) -> Result<LmReport> {
+    check_observations(forward, data)?;
+    Solver::new(forward.free().len()).minimize(forward, data, noise, &[], params)
 }
 
 /// Levenberg-Marquardt with its working memory, so that refits allocate nothing anew.
@@ -207,7 +216,7 @@ impl Solver {
         true
     }
 
-    /// As [`crate::fit::minimize_knowing`].
+    /// As [`minimize`], with what is known of the free coefficients in their order (nothing beyond the end of `known`).
     pub fn minimize(
         &mut self,
         forward: &mut Forward,

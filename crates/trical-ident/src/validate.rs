@@ -414,7 +414,7 @@ fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model
         .collect();
     let mut forward = Forward::new(model, free)?;
     let noise = Noise::usual(train.names.len());
-    crate::fit::minimize(&mut forward, train, &noise, &crate::solver::LmParams::default())?;
+    crate::solver::minimize(&mut forward, train, &noise, &crate::solver::LmParams::default())?;
     Ok(forward.into_model())
 }
 

@@ -5,10 +5,10 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::fit::{check_count, minimize, position_errors, weighted_residuals};
+use trical_ident::fit::{check_count, position_errors, weighted_residuals};
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::observability;
-use trical_ident::solver::LmParams;
+use trical_ident::solver::{LmParams, minimize};
 use trical_ident::{Dataset, JointSource, ModelFile, Noise, Refit, validate};
 use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Site, State, Term};
 

@@ -16,9 +16,9 @@ use trical_plan::{
 };
 use trical_report::plan_told::Told;
 
+use crate::arguments::{parameter_set, source};
 use crate::arrays::{Beside, Column, Known, joints_array};
 use crate::errors::{Result, bad};
-use crate::fits::{parameter_set, source};
 use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;

@@ -10,14 +10,15 @@ use trical_diagnose::effects::EFFECTS;
 use trical_diagnose::{Diagnosis, diagnose_recordings};
 use trical_ident::fit::position_errors;
 use trical_ident::{
-    Calibration, Choice, JointSource, KnownParameters, ModelFile, Options, ParameterSet, Refit, ToolSharing, calibrate,
-    calibrate_stream, repeatability, validate,
+    Calibration, Choice, KnownParameters, ModelFile, Options, Refit, ToolSharing, calibrate, calibrate_stream,
+    repeatability, validate,
 };
 use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
 
+use crate::arguments::{parameter_set, source};
 use crate::designs::{Touches, touches};
 use crate::errors::{RecordingError, Result, bad};
 use crate::long::long;
@@ -25,27 +26,6 @@ use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, read_all};
 use crate::told::{Kept, PyTold};
-
-/// Which joint angles to believe; `None` for those that the data is to choose.
-pub fn source(joints: &str) -> PyResult<Option<JointSource>> {
-    match joints {
-        "read" => Ok(Some(JointSource::Read)),
-        "commanded" => Ok(Some(JointSource::Commanded)),
-        "auto" => Ok(None),
-        other => Err(bad(format!("joints is '{other}', expected 'read', 'commanded' or 'auto'"))),
-    }
-}
-
-/// The parameters to identify.
-pub fn parameter_set(model: &str) -> PyResult<ParameterSet> {
-    match model {
-        "nominal" => Ok(ParameterSet::Nominal),
-        "geometry" => Ok(ParameterSet::Geometry),
-        "compliance" => Ok(ParameterSet::Compliance),
-        "complete" => Ok(ParameterSet::Complete),
-        other => Err(bad(format!("model is '{other}', expected 'nominal', 'geometry', 'compliance' or 'complete'"))),
-    }
-}
 
 /// Pairs of errors in m as an array (n, 2) in mm.
 fn pairs_mm(before: &[f64], after: &[f64]) -> Array2<f64> {

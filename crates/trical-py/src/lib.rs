@@ -12,6 +12,7 @@
 //! | `files` | from and for other programs |
 //! | `told` | what reports are made of |
 
+mod arguments;
 mod arrays;
 mod compensate;
 mod designs;

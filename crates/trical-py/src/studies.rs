@@ -3,9 +3,9 @@
 use pyo3::prelude::*;
 use trical_report::study::{Common, Platforms, Study, platforms, touches};
 
+use crate::arguments::parameter_set;
 use crate::designs::criterion;
 use crate::errors::Result;
-use crate::fits::parameter_set;
 use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::told::{Kept, PyTold};

@@ -22,6 +22,7 @@
 //! | [`shared`] | what all rows of a recording share: joints, places |
 //! | [`stream`] | large CSV files in passes, and a sample of their rows |
 
+mod bounds;
 pub mod columns;
 pub mod csv;
 pub mod error;

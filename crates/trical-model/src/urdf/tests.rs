@@ -282,6 +282,33 @@ fn refused(text: &str, root: Option<&str>, tip: Option<&str>) -> String {
     e
 }
 
+/// Fixed joints with an axis of no length (Kinova, Sawyer, TIAGo), and joints of a gripper with odd limits: nothing of the arm needs them.
+#[test]
+fn only_what_the_chain_needs_may_refuse() {
+    let odd = "<link name='d'/><link name='f'/>
+<joint name='mount' type='fixed'><parent link='c'/><child link='d'/><axis xyz='0 0 0'/></joint>
+<joint name='finger' type='revolute'><parent link='d'/><child link='f'/><axis xyz='0 0 0'/><limit lower='none' upper='2'/></joint>
+</robot>";
+    let text = GOOD.replacen("</robot>", odd, 1);
+    let [whole, part] =
+        [(GOOD, None), (&text[..], Some("d"))].map(|(text, tip)| parse(text, "r.urdf", None, tip).unwrap());
+    assert_eq!(whole.robot, part.robot);
+    // where the finger moves the chain it is needed
+    let e = refused(&text, None, Some("f"));
+    assert!(e.contains("finger") && e.contains("no length"), "{e}");
+}
+
+/// An arm with a camera and a tool: the end that is proposed is the tool.
+#[test]
+fn of_several_ends_the_likeliest_is_proposed() {
+    let more = "<link name='camera'/><link name='tool0'/>
+<joint name='j3' type='fixed'><parent link='c'/><child link='camera'/></joint>
+<joint name='j4' type='fixed'><parent link='c'/><child link='tool0'/></joint>
+</robot>";
+    let e = refused(&GOOD.replacen("</robot>", more, 1), None, None);
+    assert!(e.contains("camera, tool0") && e.ends_with(":tool0"), "{e}");
+}
+
 #[test]
 fn every_broken_urdf_gets_a_sentence_of_its_own() {
     assert!(parse(GOOD, "r.urdf", None, None).is_ok());

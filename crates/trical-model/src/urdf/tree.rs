@@ -189,10 +189,23 @@ impl<'a> Tree<'a> {
                     names.join(", "),
                     self.file,
                     self.name(root),
-                    names[0]
+                    self.name(self.likeliest(root, &leaves))
                 ),
             }),
         }
+    }
+
+    /// The end that is an arm's flange most likely: it is named so, and as many joints move it as an arm may have.
+    fn likeliest(&self, root: usize, leaves: &[usize]) -> usize {
+        const NAMES: [&str; 5] = ["tool0", "flange", "tool", "tcp", "ee"];
+        let rank = |leaf: &usize| {
+            let name = self.name(*leaf).to_lowercase();
+            let named = NAMES.iter().position(|n| name.contains(n)).map_or(0, |k| NAMES.len() - k);
+            let moves = self.chain(root, *leaf).map_or(0, |c| c.iter().filter(|j| self.moves(**j)).count());
+            let arm = moves <= MAX_JOINTS;
+            (arm, named > 0 && moves >= 4, if arm { moves } else { 0 }, named, std::cmp::Reverse(*leaf))
+        };
+        leaves.iter().copied().max_by_key(rank).unwrap_or(root)
     }
 
     /// What link `from`, which stands at `root_from_link`, carries without the joint `except`: joints that branch off stay at
@@ -252,6 +265,9 @@ pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
             }
             other => return bad(format!("has type '{other}'; expected revolute, continuous, prismatic or fixed")),
         };
+        if let Some(problem) = &joint.problem {
+            return Err(problem.clone());
+        }
         if let Some(other) = &joint.mimics {
             return bad(format!("mimics joint '{other}', and joints that are tied together are not understood"));
         }

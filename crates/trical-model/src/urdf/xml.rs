@@ -39,6 +39,14 @@ pub(super) struct Joint {
     /// `<limit>`: line, lower, upper.
     pub limit: Option<(usize, Option<f64>, Option<f64>)>,
     pub mimics: Option<String>,
+    /// What is wrong with its axis or its limits: matters where the chain moves by it.
+    pub problem: Option<ModelError>,
+}
+
+impl Joint {
+    fn has(&mut self, problem: ModelError) {
+        self.problem.get_or_insert(problem);
+    }
 }
 
 #[derive(Debug, Default)]
@@ -224,6 +232,7 @@ fn element(urdf: &mut Urdf, path: &[String], start: &BytesStart<'_>, file: &str,
                 axis: V3::x(),
                 limit: None,
                 mimics: None,
+                problem: None,
             });
         }
         (["robot", "link", "inertial"], _) => {
@@ -250,18 +259,21 @@ fn element(urdf: &mut Urdf, path: &[String], start: &BytesStart<'_>, file: &str,
                 "origin" => joint.parent_from_joint = e.origin()?,
                 "mimic" => joint.mimics = Some(e.required("joint")?),
                 "axis" => {
-                    let axis = e.three("xyz", 1e6, "")?.unwrap_or_else(V3::x);
-                    let length = axis.norm();
-                    if length < 1e-6 {
-                        return Err(e.error("<axis> xyz has no length, expected a direction"));
+                    let axis = e.three("xyz", 1e6, "").map(|axis| axis.unwrap_or_else(V3::x));
+                    match axis {
+                        Ok(axis) if axis.norm() >= 1e-6 => joint.axis = axis.normalize(),
+                        Ok(_) => joint.has(e.error("<axis> xyz has no length, expected a direction")),
+                        Err(problem) => joint.has(problem),
                     }
-                    joint.axis = axis / length;
                 }
                 "limit" => {
                     let number = |name| -> Result<Option<f64>> {
                         e.get(name)?.map(|t| e.number(name, &t, 1e4, "rad (m)")).transpose()
                     };
-                    joint.limit = Some((line, number("lower")?, number("upper")?));
+                    match number("lower").and_then(|lower| Ok((lower, number("upper")?))) {
+                        Ok((lower, upper)) => joint.limit = Some((line, lower, upper)),
+                        Err(problem) => joint.has(problem),
+                    }
                 }
                 _ => {}
             }

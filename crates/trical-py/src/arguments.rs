@@ -1,0 +1,27 @@
+//! Arguments that several functions have, from Python's strings.
+
+use pyo3::PyResult;
+use trical_ident::{JointSource, ParameterSet};
+
+use crate::errors::bad;
+
+/// Which joint angles to believe; `None` for those that the data is to choose.
+pub fn source(joints: &str) -> PyResult<Option<JointSource>> {
+    match joints {
+        "read" => Ok(Some(JointSource::Read)),
+        "commanded" => Ok(Some(JointSource::Commanded)),
+        "auto" => Ok(None),
+        other => Err(bad(format!("joints is '{other}', expected 'read', 'commanded' or 'auto'"))),
+    }
+}
+
+/// The parameters to identify.
+pub fn parameter_set(model: &str) -> PyResult<ParameterSet> {
+    match model {
+        "nominal" => Ok(ParameterSet::Nominal),
+        "geometry" => Ok(ParameterSet::Geometry),
+        "compliance" => Ok(ParameterSet::Compliance),
+        "complete" => Ok(ParameterSet::Complete),
+        other => Err(bad(format!("model is '{other}', expected 'nominal', 'geometry', 'compliance' or 'complete'"))),
+    }
+}

@@ -250,11 +250,8 @@ impl<'a> Proving<'a> {
         let mut told: Vec<usize> = Vec::new();
         for r in self.search.rank(state) {
             let c = &candidates[r.candidate];
-            // what contains the finding and was not chosen adds nothing to it
-            let contains = |c: &Candidate| group.members.iter().all(|m| candidates[*m].is_part_of(c));
             let known = others.contains(&r.candidate)
                 || c.is_alike(first)
-                || contains(c)
                 || told.iter().any(|t| candidates[*t].is_alike(c));
             let nameless_here = c.cause == Cause::Unexplained && c.site.is_same_part(first.site);
             if known || (told.len() >= ALTERNATIVES && !nameless_here) {
@@ -262,7 +259,10 @@ impl<'a> Proving<'a> {
             }
             told.push(r.candidate);
             let scores = instead(Some(r.candidate));
-            alternatives.push(Alternative { says: says(c), log_prior: c.log_prior, scores });
+            // what contains the finding predicts as well, and pays for its further coefficients as far as the data determine them
+            let contains = group.members.iter().all(|m| candidates[*m].is_part_of(c));
+            let price = if contains { self.design.gain(self.downdate.full(), r.candidate).occam } else { 0.0 };
+            alternatives.push(Alternative { says: says(c), log_prior: c.log_prior - price, scores });
             if told.len() >= ALTERNATIVES && nameless_here || told.len() > ALTERNATIVES {
                 break;
             }

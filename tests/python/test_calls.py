@@ -125,7 +125,7 @@ def test_results_are_readable(
     for result, words in [
         (fitted, ["nominal arm", "poses not in the fit", "parameters from 90"]),
         (v, ["after: the model", "90 measurements"]),
-        (diagnosis, ["lost_motion_direction at joint 2", "held out"]),
+        (diagnosis, ["Backlash or friction wind-up at joint 2", "poses that the fit did not see"]),
         (plan, ["90 touches of 3 balls", "expected in the sphere"]),
         (o, ["condition", "o5"]),
     ]:

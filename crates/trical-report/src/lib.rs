@@ -9,6 +9,7 @@
 //! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
+//! | [`verdict_told`] | a diagnosis in a few lines |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
 //! | [`study`] | whole calibrations by simulation |
@@ -33,6 +34,7 @@ pub mod study;
 pub mod table;
 pub mod turn;
 pub mod validate_report;
+pub mod verdict_told;
 
 pub use error::{Error, Result};
 pub use error_map::ErrorMap;

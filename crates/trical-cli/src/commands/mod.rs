@@ -4,6 +4,7 @@ pub mod compensate;
 pub mod completions;
 pub mod convert;
 pub mod demo;
+pub mod demo_report;
 pub mod diagnose;
 pub mod effects;
 pub mod export;

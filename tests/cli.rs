@@ -56,7 +56,7 @@ const HEADER: &str = "ball,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ix_mm,iy_mm
 #[test]
 fn the_demo_tells_its_story_and_leaves_what_it_says() {
     let place = Place::new();
-    let o = place.run(&["demo", "--out", "demo"]);
+    let o = place.run(&["demo", "--conceal", "none", "--out", "demo"]);
     let text = String::from_utf8_lossy(&o.stdout);
     assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
     assert!(text.lines().count() < 40, "{text}");
@@ -106,6 +106,34 @@ fn the_demo_tells_its_story_and_leaves_what_it_says() {
 }
 
 #[test]
+fn the_demo_finds_what_is_concealed_in_its_arm_and_the_seal_says_the_same() {
+    let place = Place::new();
+    let json = |args: &[&str]| -> serde_json::Value {
+        let o = place.run(&[&["demo", "--out", "demo", "--json"][..], args].concat());
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        serde_json::from_slice(&o.stdout).unwrap()
+    };
+    let claim = |told: &str| told.split(':').next().unwrap().to_owned();
+    // as the seed draws it, and as the user wants it
+    for args in [&["--seed", "2"][..], &["--conceal", "gear_ripple@2/80*2"]] {
+        let story = json(args);
+        let [sealed, said] = ["concealed", "said"].map(|k| claim(story[k].as_str().unwrap()));
+        assert_eq!(sealed, said, "{story}");
+        // modelled, it is smaller at poses that were never measured, and a program is driven better
+        let mean = |of: &str, model: &str| story[of][model]["mean_mm"].as_f64().unwrap();
+        assert!(mean("sphere", "after") < 0.6 * mean("sphere", "plain"), "{story}");
+        assert!(mean("sphere", "plain") < 0.5 * mean("sphere", "before"), "{story}");
+        assert!(mean("program", "after") < 0.02 && mean("program", "before") > 0.3, "{story}");
+        assert_eq!(story["verdict"]["rows"][1]["text"], sealed.as_str());
+    }
+    let o = place.run(&["demo", "--out", "demo", "--seed", "2"]);
+    let text = String::from_utf8_lossy(&o.stdout);
+    assert!(text.lines().count() < 40 && text.contains("The seal is broken"), "{text}");
+    assert!(place.path("demo/improved.toml").exists());
+    place.refuses(&["demo", "--conceal", "rust"], &["--conceal rust", "no such effect", "gear_ratio"]);
+}
+
+#[test]
 fn measuring_a_virtual_cell_from_another_process() {
     let place = Place::new();
     assert!(
@@ -148,7 +176,7 @@ fn an_mcap_recording_is_read_in_passes_as_its_csv_is() {
         assert!(o.status.success(), "{args:?}: {}", String::from_utf8_lossy(&o.stderr));
         String::from_utf8(o.stdout).unwrap()
     };
-    run(&["demo", "--out", "demo"]);
+    run(&["demo", "--conceal", "none", "--out", "demo"]);
     run(&["convert", "demo/run.mcap", "run.csv"]);
     let of = |recording: &str| run(&[identify(recording).as_slice(), &["--stream", "--json"]].concat());
     assert_eq!(of("demo/run.mcap"), of("run.csv").replace("run.csv", "demo/run.mcap"));

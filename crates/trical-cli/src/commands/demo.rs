@@ -39,6 +39,10 @@ const SPHERE: f64 = 0.2;
 /// Touches of each ball: as in the paper, and twice as many where something is concealed.
 const PER_BALL: [usize; 2] = [15, 30];
 
+/// A touch is accepted when its reading is shorter, m: nulled as in the paper; coarser where something is concealed, since an arm
+/// with backlash cannot be nulled. What the indicators still read is recorded either way.
+const ACCEPTED: [f64; 2] = [20e-6, 200e-6];
+
 /// What is concealed by default, drawn by the seed: flaws of the arm, of a size that one would notice.
 const DRAWN: [&str; 10] = [
     "lost_motion_direction@1",
@@ -177,7 +181,7 @@ pub fn run(args: &Args) -> Result<()> {
     let nominal = plan::model_to_identify(&story.robot, &story.cell)?;
     let (running, concealed) = true_arm(&story, &nominal)?;
     let (entries, told) = planned(&story, &nominal, concealed)?;
-    let recording = measured(&story, &running, &entries)?;
+    let recording = measured(&story, &running, &entries, ACCEPTED[usize::from(concealed)])?;
     let touches = recording.rows.len();
     let models = diagnosed(&story, recording)?;
     let seal = seal_broken(&story, &models)?;
@@ -270,7 +274,7 @@ fn planned(story: &Story<'_>, nominal: &Model, concealed: bool) -> Result<(Vec<P
 }
 
 /// 3. The measurement, through the drivers that a real cell would use, read back from the file.
-fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry]) -> Result<Recording> {
+fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry], accepted: f64) -> Result<Recording> {
     let path = story.file("run.mcap");
     if path.exists() {
         std::fs::remove_file(&path)
@@ -288,7 +292,7 @@ fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry]) -> 
         out: &path,
         resume: false,
         go: true,
-        settings: &Settings::default(),
+        settings: &Settings { epsilon: accepted, ..Settings::default() },
         // the demo of a seed is the same to the byte
         start_ns: 0,
         guard: &|from, to, touched| guard.check(from, to, touched),
@@ -297,7 +301,8 @@ fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry]) -> 
     let measured = perform(&session, &mut |p| view.show(&p))?;
     view.end();
     story.tell(format!(
-        "3. The arm touched each ball until all three indicators read less than 0.02 mm: {} touches,",
+        "3. The arm touched each ball until all three indicators read less than {} mm: {} touches,",
+        accepted * 1e3,
         measured.measured
     ))?;
     story.tell(format!(

@@ -109,6 +109,14 @@ class Identified(Reported):
 
         return errors(self.errors_mm, "identified")
 
+    def certificate(self, path: str | os.PathLike[str]) -> None:
+        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
+
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the share
+        of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        """
+        self._certificate(path)
+
 
 @dataclass(frozen=True, repr=False)
 class Validation(Reported):
@@ -154,6 +162,14 @@ class Validation(Reported):
         from ._plots import errors
 
         return errors(self.errors_mm, "the model")
+
+    def certificate(self, path: str | os.PathLike[str]) -> None:
+        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
+
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the share
+        of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        """
+        self._certificate(path)
 
 
 @dataclass(frozen=True, repr=False)

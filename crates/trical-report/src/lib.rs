@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`page`] | a report as one HTML file: sections, tables, figures, how it was made |
 //! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
+//! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
 //! | [`verdict_told`] | a diagnosis in a few lines |
@@ -16,6 +17,7 @@
 //! | [`table`] | tables and paragraphs for a terminal |
 
 pub mod blindness;
+pub mod certificate;
 pub mod deciding;
 pub mod diagnosis_report;
 pub mod error;

@@ -62,6 +62,17 @@ impl Made {
         let inputs = inputs.iter().map(|p| input(p)).collect();
         Self { version: env!("CARGO_PKG_VERSION"), command, notes: Vec::new(), inputs }
     }
+
+    /// The command.
+    #[must_use]
+    pub fn command(&self) -> &str {
+        &self.command
+    }
+
+    /// Names of the inputs, and the SHA-256 of their bytes.
+    pub fn hashes(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.inputs.iter().map(|i| (i.name.as_str(), i.sha256.as_str()))
+    }
 }
 
 fn input(path: &Path) -> Input {

@@ -376,6 +376,90 @@ fn an_occupied_port_is_refused() {
 }
 
 #[test]
+fn files_to_start_from_are_those_that_the_program_reads() {
+    let place = Place::new();
+    assert!(place.run(&["init", "new"]).status.success());
+    let args = ["--robot", "new/robot.toml", "--cell", "new/cell.toml"];
+    // they are read; one touch is not enough, and is said to be so
+    place.refuses(&[&["identify", "new/recording.csv"][..], &args].concat(), &["more measurements"]);
+    let read = |name: &str| std::fs::read(place.path(name)).unwrap();
+    let before = read("new/cell.toml");
+    place.refuses(&["init", "new"], &["new/robot.toml", "exists already"]);
+    assert_eq!(before, read("new/cell.toml"));
+}
+
+/// The demo's touches as a CSV.
+fn touches(place: &Place) -> String {
+    assert!(place.run(&["demo", "--conceal", "none", "--out", "demo"]).status.success());
+    assert!(place.run(&["convert", "demo/run.mcap", "run.csv"]).status.success());
+    std::fs::read_to_string(place.path("run.csv")).unwrap()
+}
+
+#[test]
+fn wrong_input_is_noticed() {
+    let place = Place::new();
+    let text = touches(&place);
+    // the same recording twice, whatever it is called
+    place.write("again.csv", &text);
+    place.refuses(
+        &[&["identify", "run.csv", "again.csv"][..], &CELL_ARGS].concat(),
+        &["again.csv", "same measurements", "run.csv"],
+    );
+    // joints in rad: sizes that no arm has
+    let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let joint = |name: &str| (name.starts_with('q') && name.ends_with("_deg")) || name.starts_with("qc");
+    let in_rad = |(k, cell): (usize, &str)| match cell.parse::<f64>() {
+        Ok(v) if joint(columns[k]) => v.to_radians().to_string(),
+        _ => cell.to_owned(),
+    };
+    let rows = text.lines().enumerate().map(|(k, line)| match k {
+        0 => line.to_owned(),
+        _ => line.split(',').enumerate().map(in_rad).collect::<Vec<_>>().join(","),
+    });
+    place.write("rad.csv", &(rows.collect::<Vec<_>>().join("\n") + "\n"));
+    place.refuses(&identify("rad.csv"), &["rad.csv, columns q1_deg", "looks like rad"]);
+    // a spreadsheet's way of writing is read, with one note
+    let spreadsheet = format!("\u{feff}{}", text.replace(',', ";").replace('.', ","));
+    place.write("sheet.csv", &spreadsheet);
+    let o = place.run(&[&["identify", "sheet.csv"][..], &CELL_ARGS, &["--json"]].concat());
+    let err = String::from_utf8_lossy(&o.stderr);
+    assert!(o.status.success() && err.lines().filter(|l| l.contains("note: sheet.csv")).count() == 1, "{err}");
+    let plain = place.run(&[&["identify", "run.csv"][..], &CELL_ARGS, &["--json"]].concat());
+    let [a, b] = [o, plain].map(|o| String::from_utf8_lossy(&o.stdout).replace("sheet.csv", "run.csv"));
+    assert_eq!(a, b);
+    // all columns that are not known in one message
+    let unknown = text.replacen("t_s,", "colour,t_s,size,", 1);
+    place.write("unknown.csv", &unknown);
+    place.refuses(&identify("unknown.csv"), &["header", "unknown columns 'colour', 'size'"]);
+    // a program is compensated with a cell that is not that of the fit
+    place.write("other.toml", &CELL.replace("xyz_mm = [150.0,", "xyz_mm = [150.5,"));
+    let program =
+        ["compensate", "demo/sample.mod", "--robot", "robot.toml", "--model", "demo/calibrated.toml", "--check"];
+    let said = |cell: &str| {
+        let o = place.run(&[&program[..], &["--cell", cell]].concat());
+        String::from_utf8_lossy(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(
+        said("other.toml")
+            .contains("other.toml is not the cell that demo/calibrated.toml was fitted with (its base lies 0.500 mm")
+    );
+    assert!(!said("cell.toml").contains("is not the cell"));
+}
+
+#[test]
+fn tracker_points_in_metres_are_noticed() {
+    let place = Place::new();
+    let mut text = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+    for k in 0..30 {
+        let q = f64::from(k);
+        let (x, y, z) = (0.4 * (0.2 * q).cos(), 0.4 * (0.2 * q).sin(), 0.3 + 0.01 * q);
+        text += &format!("{},{},{},10,{},5,{x},{y},{z}\n", 11.5 * q - 170.0, q, 20.0 - q, 2.0 * q);
+    }
+    place.write("m.csv", &text);
+    place.refuses(&identify("m.csv"), &["m.csv, columns x_mm, y_mm, z_mm", "looks like m"]);
+}
+
+#[test]
 fn help_is_there_for_every_command() {
     let place = Place::new();
     let o = place.run(&["--help"]);

@@ -5,7 +5,7 @@ use serde::Serialize;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::caution::{cautions, too_many};
+use crate::caution::{beyond_limits, cautions, too_many};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
@@ -157,6 +157,7 @@ impl Calibration {
     pub fn cautions(&self) -> Vec<String> {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
+        out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.passes.is_none() {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));

@@ -11,6 +11,7 @@ pub mod export;
 pub mod gauge;
 pub mod guided;
 pub mod identify;
+pub mod init;
 pub mod measure;
 pub mod plan;
 pub mod repeatability;

@@ -297,30 +297,6 @@ impl ModelFile {
         })
     }
 
-    /// How a cell differs from that of the fit, in words; `None` where base, tool and balls are the same.
-    #[must_use]
-    pub fn other_cell(&self, cell: &Cell) -> Option<String> {
-        const SAME: f64 = 1e-9;
-        let own = &self.model.cell;
-        let base = (own.world_from_base.translation - cell.world_from_base.translation).norm();
-        let turn = (own.world_from_base.rotation - cell.world_from_base.rotation).norm() / std::f64::consts::SQRT_2;
-        let tool = (own.tool.tcp - cell.tool.tcp).norm();
-        let balls = own.balls.iter().zip(&cell.balls).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-        let mut all = Vec::new();
-        if base > SAME || turn > SAME {
-            all.push(format!("its base lies {:.3} mm and {:.4} deg from that", base * 1e3, turn.to_degrees()));
-        }
-        if tool > SAME {
-            all.push(format!("its tool point {:.3} mm", tool * 1e3));
-        }
-        if own.balls.len() != cell.balls.len() {
-            all.push(format!("it has {} balls instead of {}", cell.balls.len(), own.balls.len()));
-        } else if balls > SAME {
-            all.push(format!("its balls up to {:.3} mm", balls * 1e3));
-        }
-        (!all.is_empty()).then(|| all.join(", "))
-    }
-
     /// Refuses a model of another arm than `robot`.
     ///
     /// # Errors

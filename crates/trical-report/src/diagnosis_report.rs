@@ -10,6 +10,7 @@ use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, St
 
 use crate::error::Result;
 use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
+use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table::number;
@@ -17,6 +18,9 @@ use crate::verdict_told;
 
 /// Findings with a figure of their own.
 const SHOWN: usize = 12;
+
+/// Findings whose coefficients are written out; a curve has more.
+const FEW: usize = 8;
 
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
@@ -139,24 +143,23 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
             format!("{}{sd}", number(&c.name, c.value, &c.unit))
         })
         .collect();
-    let mut text = vec![format!("{}. {}.", f.located, values.join("; "))];
+    let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
+    let mut text = vec![format!("{}. {told}.", f.located), format!("What to do: {}", f.action)];
     if !f.rivals.is_empty() {
         text.push(format!(
             "This data cannot exclude {}. trical diagnose --next 8 plans touches that decide.",
             rivals(f)
         ));
     }
-    Ok(Section {
-        heading: format!("{number_of}. {}", verdict::heading(f)),
-        text,
-        figures: vec![Figure {
-            caption: "Each point is one measurement: its error along the direction in which this effect acts, everything else \
+    let mut figures = finding_figures::figures(f, d)?;
+    figures.push(Figure {
+        caption:
+            "Each point is one measurement: its error along the direction in which this effect acts, everything else \
                       modelled, without this effect and with it."
                 .into(),
-            svg: plots::scatter(&label, "error, mm", false, false, &series)?,
-        }],
-        ..Section::default()
-    })
+        svg: plots::scatter(&label, "error, mm", false, false, &series)?,
+    });
+    Ok(Section { heading: format!("{number_of}. {}", verdict::heading(f)), text, figures, ..Section::default() })
 }
 
 /// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
@@ -439,7 +442,8 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(nameless(d)?);
-    sections.push(errors.section()?);
+    sections.push(Section { folded: true, ..errors.section()? });
+    sections.push(Section { folded: true, ..errors.by_joint()? });
     sections.extend(errors.pictures()?);
     let known = d.model.terms.iter().filter(|t| t.sd.is_some());
     sections.push(Section {
@@ -449,6 +453,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
                 .into(),
         ],
         tables: vec![parameters(&d.model, known, half_width(None), |_| String::new())],
+        folded: true,
         ..Section::default()
     });
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
@@ -466,6 +471,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
                 .into(),
         ],
         tables: vec![blind],
+        folded: true,
         ..Section::default()
     });
     if !d.rejected.is_empty() {

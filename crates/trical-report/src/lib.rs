@@ -9,6 +9,7 @@
 //! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
 //! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
+//! | [`finding_figures`] | the curve or the spectrum of a finding |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
 //! | [`verdict_told`] | a diagnosis in a few lines |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
@@ -24,6 +25,7 @@ pub mod error;
 pub mod error_map;
 pub mod evidence;
 pub mod export;
+pub mod finding_figures;
 pub mod heat;
 pub mod identify_report;
 pub mod outline;

@@ -33,6 +33,8 @@ pub struct Section {
     pub tables: Vec<Vec<Vec<String>>>,
     /// Figures.
     pub figures: Vec<Figure>,
+    /// Whether it is closed until somebody opens it; on paper it is open.
+    pub folded: bool,
 }
 
 /// A file that a report was made from.

@@ -124,16 +124,8 @@ pub fn run(args: &Args) -> Result<()> {
         own_base: args.own_base,
         details: args.check,
     };
-    let other = file.other_cell(&cell);
     let nominal = Model::nominal(robot, cell);
-    let mut report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
-    report.cautions.extend(other.map(|how| {
-        format!(
-            "{} is not the cell that {} was fitted with ({how}): targets are moved by this difference too",
-            args.cell.cell.display(),
-            args.model.display()
-        )
-    }));
+    let report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
     tell(args, &job, &report)?;
     if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }
 }

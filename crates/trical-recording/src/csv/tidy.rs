@@ -26,7 +26,7 @@ pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
     let as_it_is = separator.is_none()
         && !index
         && header.split(by).map(|n| n.trim().trim_matches('"').trim()).eq(names.iter())
-        && text.lines().all(|l| l.is_empty() || !blank(l));
+        && text.lines().all(|l| !blank(l));
     if as_it_is {
         return (Cow::Borrowed(text), None);
     }
@@ -46,7 +46,8 @@ pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
             }
             // where the header is still to come, the number of the line is lost
             if headed {
-                out.push('\n');
+                // a reader counts lines with a blank, not those without
+                out.push_str(" \n");
             }
             continue;
         }
@@ -84,7 +85,7 @@ pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
         did("the first column is an index and is left out");
     }
     if done.is_empty() {
-        return (Cow::Borrowed(text), None);
+        return (Cow::Owned(out), None);
     }
     if let Some(name) = done.iter_mut().find(|d| SEPARATORS.iter().any(|(_, name)| name == *d)) {
         *name = if *name == "tabs" { "columns are separated by tabs" } else { "columns are separated by semicolons" };

@@ -111,7 +111,8 @@ struct Step {
 /// The filter `W` that makes such noise white: of a column with an entry for every scalar of the data, what could not be foreseen from
 /// the measurements before. It is the inverse root of the noise's correlations: `W'W` is their inverse.
 pub struct Filter {
-    kept: f64,
+    /// Of the noise that it makes white.
+    pub correlation: CorrelatedNoise,
     steps: Vec<Step>,
 }
 
@@ -135,7 +136,7 @@ impl Filter {
             let next = kept * kept * variance * (1.0 - gain) + (1.0 - kept * kept) * (1.0 - white);
             ends.insert(chain, (first, next));
         }
-        Self { kept, steps }
+        Self { correlation, steps }
     }
 
     /// Whether there is anything to do.
@@ -156,7 +157,7 @@ impl Filter {
         for (row, step) in self.steps.iter().enumerate() {
             if let Some(b) = step.before {
                 let new = column[b] * self.steps[b].root;
-                forecasts[row] = self.kept * (forecasts[b] + self.steps[b].gain * new);
+                forecasts[row] = self.correlation.kept * (forecasts[b] + self.steps[b].gain * new);
             }
             column[row] = (column[row] - forecasts[row]) / step.root;
         }
@@ -166,7 +167,7 @@ impl Filter {
     pub fn apply_transposed(&self, column: &mut [f64]) {
         let mut of_forecasts = vec![0.0; self.steps.len()];
         for (row, step) in self.steps.iter().enumerate().rev() {
-            let next = self.kept * of_forecasts[row];
+            let next = self.correlation.kept * of_forecasts[row];
             let new = column[row] / step.root + step.gain * next;
             if let Some(b) = step.before {
                 of_forecasts[b] = next - new;

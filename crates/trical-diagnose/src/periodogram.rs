@@ -9,7 +9,6 @@ use trical_ident::identify::Identified;
 use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
-use crate::correlated_noise::CorrelatedNoise;
 use crate::covariates::name;
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::effects::ripple;
@@ -94,15 +93,7 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
             log_prior: 0.0,
         })
         .collect();
-    let linear = Linear::new(
-        &fitted.model,
-        [0, fitted.model.terms.len()],
-        &columns,
-        &[],
-        data,
-        &fitted.noise,
-        CorrelatedNoise::WHITE,
-    )?;
+    let linear = Linear::new(&fitted.model, [0, fitted.model.terms.len()], &columns, &[], data, &fitted.noise)?;
     let poses = data.used_poses();
     let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
     for o in &data.observations {

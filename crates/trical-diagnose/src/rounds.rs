@@ -6,9 +6,10 @@ use trical_ident::error::Result;
 use trical_ident::folds::Folds;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{Identified, fit_model, fit_model_knowing, fit_some, prepared};
+use trical_ident::identify::{Identified, fit_model, fit_some, prepared};
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
+use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
 use trical_model::{Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
 
@@ -25,8 +26,8 @@ use crate::parts::Parts;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, HELD_OUT_NATS, LACK_OF_FIT_P, MOST_ROUNDS,
-    NOISE_ALTERNATIONS, ROWS_ALIKE, TRIED_WITH_CURVES,
+    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, PAYS_ERRORS,
+    ROWS_ALIKE, SETTLED_SHARE, TRIED_WITH_CURVES,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -84,13 +85,12 @@ impl Round {
         self.fitted.data.observations.len()
     }
 
-    fn is_as(&self, other: &Self) -> bool {
-        let sorted = |r: &Self| {
-            let mut chosen = r.chosen.clone();
-            chosen.sort_unstable();
-            chosen
-        };
-        self.rows_kept() == other.rows_kept() && sorted(self) == sorted(other)
+    /// Whether another one chose the same: effects and places, from the same rows; `candidates` are those of both.
+    fn is_as(&self, other: &Self, candidates: &[Candidate]) -> bool {
+        let alike = |a: usize| other.chosen.iter().any(|b| a == *b || candidates[a].is_alike(&candidates[*b]));
+        self.rows_kept() == other.rows_kept()
+            && self.chosen.len() == other.chosen.len()
+            && self.chosen.iter().all(|a| alike(*a))
     }
 }
 
@@ -168,13 +168,13 @@ impl Rounds {
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
-            let before = (self.chosen.clone(), self.correlation);
+            let before = (self.chosen.clone(), self.correlation, self.touch_sigma());
             self.choose(rounds.is_empty())?;
             let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
             self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
                 // the exact fit does not follow the linear picture: what was there before stays
-                (self.chosen, self.correlation) = before;
+                (self.chosen, self.correlation) = (before.0, before.1);
                 self.refit()?;
                 break;
             }
@@ -185,9 +185,10 @@ impl Rounds {
                 continue;
             }
             let new = self.round();
-            let been_there = rounds.iter().any(|r| r.is_as(&new));
+            let been_there = rounds.iter().any(|r| r.is_as(&new, &self.candidates));
+            let same_noise = round > 0 && self.touch_sigma() > before.2 * (1.0 - SETTLED_SHARE);
             rounds.push(new);
-            if been_there {
+            if been_there || same_noise {
                 break;
             }
         }
@@ -197,7 +198,7 @@ impl Rounds {
     /// Goes back to the likeliest of some rounds, of those that kept the same rows as the last one.
     fn take_likeliest(&mut self, mut rounds: Vec<Round>) -> Result<()> {
         let Some(last) = rounds.pop() else { return Ok(()) };
-        rounds.retain(|r| r.rows_kept() == last.rows_kept() && !r.is_as(&last));
+        rounds.retain(|r| r.rows_kept() == last.rows_kept() && !r.is_as(&last, &self.candidates));
         if rounds.is_empty() {
             return Ok(());
         }
@@ -230,10 +231,14 @@ impl Rounds {
 
     /// How likely the residuals are if `candidates` are all that happens, in the linear picture at a model that was fitted with effects.
     fn nats(&self, model: &Model, candidates: &[Candidate], correlation: CorrelatedNoise) -> Result<f64> {
-        let design = self.design_at(model, candidates, &[], correlation)?;
+        Ok(self.nats_of(&self.design_at(model, candidates, &[], correlation)?, candidates))
+    }
+
+    /// The same of their design.
+    fn nats_of(&self, design: &Design, candidates: &[Candidate]) -> f64 {
         let temper = temper(&self.kept);
         let all: Vec<usize> = (0..candidates.len()).collect();
-        Ok(design.nats(temper) + Search::new(&design, candidates, temper).total(&design.start(), &all))
+        design.nats(temper) + Search::new(design, candidates, temper).total(&design.start(), &all)
     }
 
     /// Some of the candidates.
@@ -314,14 +319,15 @@ impl Rounds {
     /// Chooses what explains the residuals: effects beside white noise, or fewer beside correlated noise. A slow effect that is not
     /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are.
     fn choose(&mut self, first: bool) -> Result<()> {
-        let mut best = self.explanation(self.correlation, &self.chosen)?;
+        let mut design = self.design(&self.searched(), &[], self.correlation)?;
+        let mut best = self.explanation(&mut design, self.correlation, &self.chosen)?;
         if first {
             let (bare, _) = self.noise_beside(&[])?;
             for start in [CorrelatedNoise::WHITE, bare] {
                 if best.tried.contains(&start) {
                     continue;
                 }
-                let other = self.explanation(start, &[])?;
+                let other = self.explanation(&mut design, start, &[])?;
                 best.tried.extend(&other.tried);
                 if other.nats > best.nats {
                     best = Explanation { tried: best.tried, ..other };
@@ -332,17 +338,16 @@ impl Rounds {
         Ok(())
     }
 
-    /// Effects and correlation of the noise, each chosen beside the other in turn from `correlation` on.
-    fn explanation(&self, correlation: CorrelatedNoise, initial: &[usize]) -> Result<Explanation> {
+    /// Effects and correlation of the noise, each chosen beside the other in turn from `correlation` on; `design` has all candidates.
+    fn explanation(&self, design: &mut Design, correlation: CorrelatedNoise, initial: &[usize]) -> Result<Explanation> {
         let mut best =
             Explanation { chosen: initial.to_vec(), correlation, nats: f64::NEG_INFINITY, tried: Vec::new() };
         let mut next = correlation;
         while !best.tried.contains(&next) && best.tried.len() < NOISE_ALTERNATIONS {
             checkpoint()?;
             best.tried.push(next);
-            let design = self.design(&self.searched(), &[], next)?;
-            checkpoint()?;
-            let chosen = self.searcher(&design).choose(&design.start(), &best.chosen);
+            design.set_noise(next, &self.kept);
+            let chosen = self.searcher(design).choose(&design.start(), &best.chosen);
             let (correlation, nats) = self.noise_beside(&chosen)?;
             next = correlation;
             if nats >= best.nats {
@@ -355,9 +360,11 @@ impl Rounds {
     /// How the noise is most likely correlated if `set` is all that happens, and how likely both are, nats.
     fn noise_beside(&self, set: &[usize]) -> Result<(CorrelatedNoise, f64)> {
         let candidates = self.members(set);
+        let mut design = self.design(&candidates, &[], CorrelatedNoise::WHITE)?;
         CorrelatedNoise::likeliest(longest_recording(&self.kept), |correlation| {
             checkpoint()?;
-            self.nats(&self.fitted.model, &candidates, correlation)
+            design.set_noise(correlation, &self.kept);
+            Ok(self.nats_of(&design, &candidates))
         })
     }
 
@@ -444,9 +451,7 @@ impl Rounds {
         for c in self.held.iter().chain(&self.chosen).map(|c| &self.candidates[*c]) {
             for (t, sd) in c.terms.iter().zip(&c.scales) {
                 let mut term: Term = t.clone();
-                if let Some(fitted) =
-                    self.fitted.model.terms.iter().find(|m| m.does_as(t)).filter(|_| c.is_long_curve())
-                {
+                if let Some(fitted) = self.fitted.model.terms[self.baseline_terms..].iter().find(|m| m.does_as(t)) {
                     (term.value, term.sd) = (fitted.value, fitted.sd);
                 }
                 if !c.is_long_curve() && model.terms.iter().any(|o| o.name == term.name) {
@@ -461,7 +466,8 @@ impl Rounds {
         let fixed = self.baseline_terms..self.baseline_terms + if curves { 0 } else { held };
         let free: Vec<usize> = (0..model.terms.len()).filter(|k| !fixed.contains(k)).collect();
         let of_free: Vec<Known> = free.iter().map(|k| known[*k]).collect();
-        self.fitted = fit_some(model, free, &self.kept, &self.fitted.noise, &of_free, Vec::new())?;
+        let noise = &self.fitted.noise;
+        self.fitted = fit_some(model, free, &self.kept, noise, &of_free, Vec::new(), &LmParams::WITHIN_NOISE)?;
         self.known = known;
         Ok(())
     }
@@ -651,7 +657,8 @@ impl Rounds {
         let mut at = kept.iter();
         model.terms.retain(|_| at.next().copied().unwrap_or(false));
         let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
-        fit_model_knowing(model, data, &self.fitted.noise, &known, Vec::new())
+        let free = (0..model.terms.len()).collect();
+        fit_some(model, free, data, &self.fitted.noise, &known, Vec::new(), &LmParams::WITHIN_NOISE)
     }
 
     /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
@@ -679,20 +686,25 @@ impl Rounds {
     }
 }
 
-/// Members of the groups that do not better the log score of unseen blocks beside those that stay.
+/// Members of the groups that do not better the log score of unseen blocks beside those that stay, by more than chance: what each
+/// block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017).
 fn what_does_not_pay(parts: &Parts<'_>, mut groups: Vec<Group>) -> Vec<usize> {
-    let sum = |out: &[usize]| parts.scores(out, None).iter().sum::<f64>();
     let mut out: Vec<usize> = Vec::new();
-    let mut now = sum(&out);
+    let mut now = parts.scores(&out, None);
     while !groups.is_empty() {
-        let without = |g: &Group| sum(&[&out[..], &g.members[..]].concat());
-        let scores: Vec<f64> = groups.iter().map(without).collect();
-        let Some((worst, best)) = scores.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-        if now - best > HELD_OUT_NATS {
+        let without: Vec<Vec<f64>> =
+            groups.iter().map(|g| parts.scores(&[&out[..], &g.members[..]].concat(), None)).collect();
+        let sure = without.iter().map(|w| {
+            let gains: Vec<f64> = now.iter().zip(w).map(|(with, without)| with - without).collect();
+            let sum: f64 = gains.iter().sum();
+            sum - PAYS_ERRORS * gains.iter().map(|g| g * g).sum::<f64>().sqrt()
+        });
+        let Some((worst, least)) = sure.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if least > 0.0 {
             break;
         }
         out.extend(groups.swap_remove(worst).members);
-        now = best;
+        now.clone_from(&without[worst]);
     }
     out
 }

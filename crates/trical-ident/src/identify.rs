@@ -189,10 +189,11 @@ pub fn fit_model_knowing(
     dependent: Vec<Dependent>,
 ) -> Result<Identified> {
     let free = (0..model.terms.len()).collect();
-    fit_some(model, free, data, start_noise, known, dependent)
+    fit_some(model, free, data, start_noise, known, dependent, &LmParams::default())
 }
 
-/// As [`fit_model_knowing`] of the terms `free` alone, all others as they are; `known` is of the free terms in their order.
+/// As [`fit_model_knowing`] of the terms `free` alone, all others as they are, as exactly as `params` says; `known` is of the free
+/// terms in their order.
 ///
 /// # Errors
 /// As [`fit_model`].
@@ -203,17 +204,17 @@ pub fn fit_some(
     start_noise: &Noise,
     known: &[Known],
     dependent: Vec<Dependent>,
+    params: &LmParams,
 ) -> Result<Identified> {
     let p = free.len();
     let mut forward = Forward::new(model, free)?;
     check_observations(&forward, data)?;
     let mut noise = start_noise.clone();
-    let params = LmParams::default();
     let mut solver = Solver::new(p);
     if let Some(sample) = sample(data) {
         near(&mut solver, &mut forward, &sample, &noise, known);
     }
-    let mut report = solver.minimize(&mut forward, data, &noise, known, &params)?;
+    let mut report = solver.minimize(&mut forward, data, &noise, known, params)?;
     let mut residuals = weighted_residuals(&forward, data, &noise);
     let mut said = noise.clone();
     for _ in 0..2 {
@@ -229,7 +230,7 @@ pub fn fit_some(
         }
         noise = updated;
         said = noise.clone();
-        report = solver.minimize(&mut forward, data, &noise, known, &params)?;
+        report = solver.minimize(&mut forward, data, &noise, known, params)?;
         residuals = weighted_residuals(&forward, data, &noise);
     }
     let r = factor_of(&solver, &forward, data, &noise, known);

@@ -52,6 +52,12 @@ pub struct LmParams {
     pub huber: f64,
 }
 
+impl LmParams {
+    /// As exact as the data are: coefficients within a hundredth of their standard deviation. For fits that are one step of a search.
+    pub const WITHIN_NOISE: Self =
+        Self { max_iterations: 100, cost_tolerance: 1e-7, step_tolerance: 1e-2, huber: f64::INFINITY };
+}
+
 impl Default for LmParams {
     fn default() -> Self {
         Self { max_iterations: 100, cost_tolerance: 1e-10, step_tolerance: 1e-6, huber: f64::INFINITY }

@@ -34,7 +34,7 @@ pub(crate) struct Linear {
     /// Residual of each row, predicted minus measured.
     pub residual: Vec<f64>,
     /// What makes the noise white. Inner products are taken of what it leaves; residual, Jacobian and columns are those of the measurements,
-    /// touches in the device's axes where it works.
+    /// touches in the device's axes, whose noise it is.
     pub filter: Filter,
     /// Pose of each row.
     pub pose_of_row: Vec<usize>,
@@ -73,7 +73,6 @@ impl Linear {
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
-        correlation: CorrelatedNoise,
     ) -> Result<Self> {
         let own = model.terms.len();
         let p = parameters;
@@ -93,7 +92,7 @@ impl Linear {
         let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
         let mut all = Self {
             residual: vec![0.0; rows],
-            filter: Filter::new(correlation, data),
+            filter: Filter::new(CorrelatedNoise::WHITE, data),
             pose_of_row: vec![0; rows],
             sigma_of_row: Vec::with_capacity(rows),
             jacobian: Mat::zeros(rows, p),
@@ -117,7 +116,7 @@ impl Linear {
             }
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
             let mut residual = *ws.residual();
-            if all.filter.works() && matches!(o.measured, Measured::Touch { .. }) {
+            if matches!(o.measured, Measured::Touch { .. }) {
                 let tool = forward.world_from_tool(&o.state, &mut ws).rotation;
                 in_device_axes(&tool, &mut residual[..3]);
                 in_device_axes(&tool, &mut block[..3 * total]);
@@ -249,6 +248,16 @@ impl Linear {
                 *v = says * d;
             }
         }
+    }
+
+    /// All columns after the filter, `rows x width`.
+    pub fn columns(&self) -> Mat<f64> {
+        let mut all = Mat::zeros(self.rows(), self.width);
+        for column in 0..self.width {
+            self.column(column, all.col_as_slice_mut(column));
+            self.filter.apply(all.col_as_slice_mut(column));
+        }
+        all
     }
 
     /// `(WX)'Y` of all columns `X`, `width x k`, for `rows x k` numbers.

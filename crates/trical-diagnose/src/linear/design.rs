@@ -12,7 +12,10 @@ use trical_model::Model;
 
 use super::columns::Linear;
 use crate::candidate::Candidate;
-use crate::correlated_noise::CorrelatedNoise;
+use crate::correlated_noise::{CorrelatedNoise, Filter};
+
+/// Of so many columns all rows are kept at once, and all products taken together.
+const FEW: usize = 512;
 
 /// A linearized fit with candidates.
 pub struct Design {
@@ -71,9 +74,24 @@ impl Design {
         noise: &Noise,
         correlation: CorrelatedNoise,
     ) -> Result<Self> {
-        let linear = Linear::new(model, [parameters, effects], candidates, weights, data, noise, correlation)?;
-        let (spans, width) = spans(candidates.iter().map(|c| c.terms.len()));
+        let linear = Linear::new(model, [parameters, effects], candidates, weights, data, noise)?;
+        let spans = spans(candidates.iter().map(|c| c.terms.len()));
         let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
+        Ok(Self::of(linear, spans, precision, Filter::new(correlation, data)))
+    }
+
+    /// Becomes the design of the same rows (of `data`) with noise of another correlation.
+    pub fn set_noise(&mut self, correlation: CorrelatedNoise, data: &Dataset) {
+        if let Some(linear) = self.linear.take_if(|l| l.filter.correlation != correlation) {
+            let (spans, precision) = (std::mem::take(&mut self.spans), std::mem::take(&mut self.precision));
+            *self = Self::of(linear, spans, precision, Filter::new(correlation, data));
+        }
+    }
+
+    /// Inner products of the rows after the filter.
+    fn of(mut linear: Linear, spans: Vec<(usize, usize)>, precision: Vec<f64>, filter: Filter) -> Self {
+        linear.filter = filter;
+        let width = precision.len();
         let (rows, p) = (linear.rows(), linear.jacobian.ncols());
         // an orthonormal basis of the parameters, and behind it the residual after projection, twice for the last digits
         let mut jacobian = linear.jacobian.clone();
@@ -95,11 +113,20 @@ impl Design {
             }
         }
         let ss = basis.col_as_slice(p).iter().map(|v| v * v).sum();
-        let products = linear.products(basis);
+        let columns = (width <= FEW).then(|| linear.columns());
+        let products = match &columns {
+            Some(x) => x.transpose() * &basis,
+            None => linear.products(basis),
+        };
         let projected = Mat::from_fn(p, width, |i, a| products[(a, i)]);
         let b = products.col_as_slice(p).to_vec();
 
-        let among: Vec<Vec<f64>> = spans.par_iter().map(|(from, to)| linear.products_among(*from, *to)).collect();
+        let all = columns.map(|x| x.transpose() * &x);
+        let among: Vec<Vec<f64>> = match &all {
+            Some(all) => spans.iter().map(|(from, to)| lower(all, *from, *to)).collect(),
+            None => spans.par_iter().map(|(from, to)| linear.products_among(*from, *to)).collect(),
+        };
+        let grams = spans.iter().map(|_| OnceLock::new()).collect();
         let (mut squares, mut left, mut beside, mut beside_at) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for ((from, to), among) in spans.iter().zip(&among) {
             beside_at.push(beside.len());
@@ -117,12 +144,12 @@ impl Design {
                 }
             }
         }
-        Ok(Self {
+        let design = Self {
             rows,
             parameters: p,
             linear: Some(linear),
             width,
-            grams: spans.iter().map(|_| OnceLock::new()).collect(),
+            grams,
             spans,
             squares,
             precision,
@@ -133,7 +160,11 @@ impl Design {
             b,
             ss,
             of_parameters,
-        })
+        };
+        if let Some(all) = all {
+            design.keep(&(0..design.spans.len()).collect::<Vec<_>>(), all);
+        }
+        design
     }
 
     /// The rows; `None` for a narrowed design.
@@ -162,13 +193,18 @@ impl Design {
         if columns.is_empty() {
             return;
         }
-        let mut all = linear.products_of(&columns);
+        self.keep(&new, linear.products_of(&columns));
+    }
+
+    /// Keeps inner products of all columns with those of some candidates, `width x k`, after projection.
+    fn keep(&self, set: &[usize], mut products: Mat<f64>) {
+        let columns: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
         let known = Mat::from_fn(self.parameters, columns.len(), |i, j| self.projected[(i, columns[j])]);
-        matmul(all.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
+        matmul(products.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
         let mut at = 0;
-        for c in new {
-            let k = self.spans[c].1 - self.spans[c].0;
-            self.grams[c].get_or_init(|| all.subcols(at, k).to_owned());
+        for c in set {
+            let k = self.spans[*c].1 - self.spans[*c].0;
+            self.grams[*c].get_or_init(|| products.subcols(at, k).to_owned());
             at += k;
         }
     }
@@ -192,14 +228,18 @@ impl Design {
     }
 }
 
-/// First and one past the last column of candidates with so many columns, and how many there are.
-fn spans(counts: impl Iterator<Item = usize>) -> (Vec<(usize, usize)>, usize) {
+/// Products of the columns `from..to` with each other: row by row of the lower triangle, diagonal included.
+fn lower(products: &Mat<f64>, from: usize, to: usize) -> Vec<f64> {
+    (from..to).flat_map(|i| (from..=i).map(move |j| products[(i, j)])).collect()
+}
+
+/// First and one past the last column of candidates with so many columns.
+fn spans(counts: impl Iterator<Item = usize>) -> Vec<(usize, usize)> {
     let mut at = 0;
-    let spans = counts
+    counts
         .map(|k| {
             at += k;
             (at - k, at)
         })
-        .collect();
-    (spans, at)
+        .collect()
 }

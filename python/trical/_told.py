@@ -16,6 +16,8 @@ _Path = str | os.PathLike[str]
 def _word(value: object) -> str:
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
+    if hasattr(value, "columns") and hasattr(value, "shape"):
+        return "a DataFrame"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_word, value))}]"
     return repr(value)

@@ -323,3 +323,14 @@ def test_ctrl_c_in_the_midst_of_a_setting_ends_a_study() -> None:
 def test_errors_have_names_and_one_sentence(touches: trical.Recording, call, kind: str, said: str) -> None:
     with pytest.raises(getattr(trical, kind), match=said):
         call(touches)
+
+
+def test_frames_are_recordings_and_results_are_certified(touches: trical.Recording, tmp_path: Path) -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed")
+    fitted = trical.identify(touches.to_pandas(), **FILES)
+    assert fitted.parameters == trical.identify(touches, **FILES).parameters
+    fitted.certificate(tmp_path / "c.html")
+    text = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "Pose accuracy AP" in text and "a DataFrame" in text
+    trical.validate(fitted.model, touches).certificate(tmp_path / "v.html")
+    assert "Distance accuracy AD" in (tmp_path / "v.html").read_text(encoding="utf-8")

@@ -304,7 +304,7 @@ fn reports_of_demo_plan_and_diagnosis_are_drawn_without_a_network() {
     self_contained(&folder.join("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
     let html = std::fs::read_to_string(folder.join("d.html")).unwrap();
     assert!(html.contains("before: 31 parameters") && html.contains("<td>c_2</td>"));
-    assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 5));
+    assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 11));
 }
 
 #[test]

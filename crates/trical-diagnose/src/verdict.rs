@@ -242,8 +242,8 @@ fn row_of(step: &Step, findings: &[Finding], [before_mm, after_mm]: [f64; 2]) ->
 fn rest_row(findings: Vec<usize>, errors: [f64; 2]) -> VerdictRow {
     let text = match findings.len() {
         0 => "Smaller curves without a name".to_owned(),
-        1 => "1 finding that is smaller or not sure".to_owned(),
-        n => format!("{n} findings that are smaller or not sure"),
+        1 => "1 smaller or less sure finding".to_owned(),
+        n => format!("{n} smaller or less sure findings"),
     };
     VerdictRow { findings, ..plain_row(RowKind::Rest, text, errors) }
 }
@@ -406,7 +406,7 @@ mod tests {
                 row("Plain model, 31 parameters", "0.90", "0.90"),
                 row("Joints read before the arm had settled at joint 1", "0.90", "0.50"),
                 row("Encoder error at joints 1 and 2", "0.50", "0.10"),
-                row("1 finding that is smaller or not sure", "0.10", "0.10"),
+                row("1 smaller or less sure finding", "0.10", "0.10"),
                 row("Whole model, 90 parameters", "0.10", "0.10"),
             ]
         );

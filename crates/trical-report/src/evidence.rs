@@ -18,7 +18,7 @@ use crate::table;
 const POINTS: usize = 4000;
 
 /// So many marks and arms in the picture of the cell.
-const MARKS: usize = 1200;
+const MARKS: usize = 400;
 const ARMS: usize = 45;
 
 /// So many rejected rows are listed.

@@ -76,7 +76,7 @@ fn axes<'a, 'c, 's>(
 pub const LIVE: &str = "<div class=\"plot\">";
 
 /// A plot has so many points at most: a drawing of bounded size, whatever the recording.
-const MOST_POINTS: usize = 700;
+const MOST_POINTS: usize = 450;
 
 /// Which of many points are drawn: of those that fall into one cell of a grid, the first. Single points far from others stay. The grid is
 /// made coarser until few enough are left.
@@ -333,7 +333,8 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
 /// A spectrum: amplitude of each whole number of cycles a turn; `marks` are those that were named.
 pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: &[f64]) -> Result<String> {
     let high = amplitudes.iter().map(|p| p.1).fold(1e-12, f64::max) * 1.2;
-    draw((620, 300), |root| {
+    let mut bars = String::new();
+    let svg = draw((620, 300), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
             .x_label_area_size(44)
@@ -343,8 +344,10 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
         axes(&mut chart, x_label, y_label, |mesh| {
             mesh.x_label_formatter(&|x| format!("{x:.0}"));
         })?;
-        let bars = amplitudes.iter().map(|p| PathElement::new(vec![(p.0, 0.0), *p], AFTER.stroke_width(2)));
-        chart.draw_series(bars).map_err(failed)?;
+        for p in amplitudes {
+            let ((x, top), (_, foot)) = (chart.backend_coord(p), chart.backend_coord(&(p.0, 0.0)));
+            let _ = write!(bars, "M{x} {foot}V{top}");
+        }
         for n in marks {
             let top = amplitudes.iter().min_by(|a, b| (a.0 - n).abs().total_cmp(&(b.0 - n).abs())).map_or(0.0, |p| p.1);
             let line = PathElement::new(vec![(*n, 0.0), (*n, top)], BEFORE.stroke_width(3));
@@ -354,7 +357,8 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
             chart.draw_series(std::iter::once(name)).map_err(failed)?;
         }
         Ok(())
-    })
+    })?;
+    Ok(with_more(&svg, &format!("<path d=\"{bars}\" stroke=\"#2666a5\" stroke-width=\"1.6\"/>")))
 }
 
 /// A staircase: bars from left to right, each with its label below.

@@ -1,10 +1,12 @@
 //! The joint fit of everything that was chosen, in parts: what the fit to the others says of each, in errors and in log scores of blocks of
 //! neighbouring poses, and what disjoint parts say of the same coefficients.
 
+use std::sync::OnceLock;
+
 use trical_ident::folds::{FOLDS, Folds};
 use trical_ident::identify::ErrorSummary;
 
-use crate::linear::{Design, Partition};
+use crate::linear::{Alone, Design, Partition};
 use crate::probability::{Replication, replication};
 use crate::settings::{LAST_PERCENT, PARTS_BY_ROWS};
 
@@ -18,6 +20,8 @@ pub(crate) struct Parts<'a> {
     /// Of a row that the fit did not see.
     variance: f64,
     temper: f64,
+    /// The joint fit to parts alone, from when it is first asked for.
+    alone: OnceLock<Vec<Alone>>,
 }
 
 impl<'a> Parts<'a> {
@@ -53,7 +57,8 @@ impl<'a> Parts<'a> {
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let variance = seen.iter().map(|r| r * r).sum::<f64>() / seen.len().max(1) as f64;
         let blocks = folds.blocks();
-        (variance > 0.0).then_some(Self { partition, scored, block_of_row, blocks, variance, temper })
+        let alone = OnceLock::new();
+        (variance > 0.0).then_some(Self { partition, scored, block_of_row, blocks, variance, temper, alone })
     }
 
     /// Log score of each block without the candidates `out` and with `add` in their place.
@@ -75,12 +80,15 @@ impl<'a> Parts<'a> {
     /// Coefficients of some members from disjoint parts, compared: from each of four parts, or from halves where a part has few rows
     /// beside its parameters.
     pub(crate) fn replication(&self, members: &[usize], parameters: usize) -> Replication {
-        let least = self.partition.sizes().into_iter().min().unwrap_or(0);
-        let groups: Vec<Vec<usize>> = if least >= PARTS_BY_ROWS * parameters {
-            (0..FOLDS).map(|k| vec![k]).collect()
-        } else {
-            vec![(0..FOLDS / 2).collect(), (FOLDS / 2..FOLDS).collect()]
-        };
-        replication(&self.partition.apart(members, &groups), self.variance / self.temper)
+        let alone = self.alone.get_or_init(|| {
+            let least = self.partition.sizes().into_iter().min().unwrap_or(0);
+            let groups: Vec<Vec<usize>> = if least >= PARTS_BY_ROWS * parameters {
+                (0..FOLDS).map(|k| vec![k]).collect()
+            } else {
+                vec![(0..FOLDS / 2).collect(), (FOLDS / 2..FOLDS).collect()]
+            };
+            self.partition.alone(&groups)
+        });
+        replication(&self.partition.apart(members, alone), self.variance / self.temper)
     }
 }

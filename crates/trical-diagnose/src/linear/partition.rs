@@ -47,6 +47,12 @@ struct Fit {
     left: Mat<f64>,
 }
 
+/// The joint fit to a group of parts alone: inverse of its normal matrix, and the solution.
+pub struct Alone {
+    inverse: Mat<f64>,
+    x: Mat<f64>,
+}
+
 /// Coefficients of some candidates from one part of the data alone, SI, and their covariance for unit noise.
 pub struct Apart {
     /// Coefficients.
@@ -108,8 +114,8 @@ impl<'a> Partition<'a> {
             fits: Vec::new(),
         };
         let sums = |part: usize| {
-            let x = this.rows_of(part);
-            let r = Mat::from_fn(x.nrows(), 1, |i, _| linear.residual[this.rows[part][i]]);
+            let x = this.rows_of(part, &(0..n).collect::<Vec<_>>());
+            let r = this.residual_of(part);
             let mut gram = Mat::<f64>::zeros(n, n);
             matmul(gram.as_mut(), Accum::Replace, x.transpose(), x.as_ref(), 1.0, Par::Seq);
             let push = x.transpose() * &r;
@@ -121,38 +127,51 @@ impl<'a> Partition<'a> {
         Some(this)
     }
 
-    /// The scaled columns in the rows of a part.
-    fn rows_of(&self, part: usize) -> Mat<f64> {
-        let (m, n) = (self.linear.rows(), self.scale.len());
-        Mat::from_fn(self.rows[part].len(), n, |i, j| self.entries[j * m + self.rows[part][i]])
+    /// Some scaled columns in the rows of a part.
+    fn rows_of(&self, part: usize, columns: &[usize]) -> Mat<f64> {
+        let m = self.linear.rows();
+        Mat::from_fn(self.rows[part].len(), columns.len(), |i, j| self.entries[columns[j] * m + self.rows[part][i]])
     }
 
-    /// Normal matrix and right side over some parts, with the priors.
-    fn normal(&self, parts: impl Iterator<Item = usize>) -> (Mat<f64>, Mat<f64>) {
-        let n = self.scale.len();
+    /// Normal matrix and right side of some columns over some parts, with the priors.
+    fn normal(&self, parts: impl Iterator<Item = usize>, columns: &[usize]) -> (Mat<f64>, Mat<f64>) {
+        let n = columns.len();
         let (mut h, mut g) = (Mat::<f64>::zeros(n, n), Mat::<f64>::zeros(n, 1));
         for k in parts {
-            h += &self.grams[k];
-            for j in 0..n {
-                g[(j, 0)] -= self.pushes[k][j];
+            h += Mat::from_fn(n, n, |i, j| self.grams[k][(columns[i], columns[j])]);
+            for (i, j) in columns.iter().enumerate() {
+                g[(i, 0)] -= self.pushes[k][*j];
             }
         }
-        for j in 0..n {
-            h[(j, j)] += self.precision[j];
+        for (i, j) in columns.iter().enumerate() {
+            h[(i, i)] += self.precision[*j];
         }
         (h, g)
     }
 
     fn without_part(&self, part: usize) -> Option<Fit> {
-        let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part));
+        let all: Vec<usize> = (0..self.scale.len()).collect();
+        let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), &all);
         let factor = h.llt(Side::Lower).ok()?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
-        let tested = self.rows_of(part);
-        let mut left = Mat::from_fn(tested.nrows(), 1, |i, _| self.linear.residual[self.rows[part][i]]);
+        let tested = self.rows_of(part, &all);
+        let mut left = self.residual_of(part);
         matmul(left.as_mut(), Accum::Add, tested.as_ref(), x.as_ref(), 1.0, Par::Seq);
         let mut hat = Mat::<f64>::zeros(tested.nrows(), inverse.ncols());
         matmul(hat.as_mut(), Accum::Replace, tested.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
         Some(Fit { inverse, x, hat, left })
+    }
+
+    /// Residual of a part's rows by the fit of some columns alone to the other parts.
+    fn predicted_by(&self, part: usize, columns: &[usize]) -> Option<Mat<f64>> {
+        let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), columns);
+        let x = h.llt(Side::Lower).ok()?.solve(&g);
+        Some(self.residual_of(part) + self.rows_of(part, columns) * x)
+    }
+
+    /// Residual of a part's rows without any fit.
+    fn residual_of(&self, part: usize) -> Mat<f64> {
+        Mat::from_fn(self.rows[part].len(), 1, |i, _| self.linear.residual[self.rows[part][i]])
     }
 
     fn columns_of(&self, members: &[usize]) -> Vec<usize> {
@@ -196,6 +215,11 @@ impl<'a> Partition<'a> {
         if o.is_empty() && add.is_none() {
             return Some(fit.left.clone());
         }
+        if add.is_none() && 2 * o.len() > self.scale.len() {
+            // what is left is less than what goes
+            let kept: Vec<usize> = (0..self.scale.len()).filter(|j| !o.contains(j)).collect();
+            return self.predicted_by(part, &kept);
+        }
         let of_out = Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]);
         let factor = of_out.llt(Side::Lower).ok()?;
         let x_out = Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]);
@@ -231,34 +255,41 @@ impl<'a> Partition<'a> {
         Some(left)
     }
 
-    /// Coefficients of some members of the set from each group of parts alone, beside all others fitted to the same rows. Their own priors
-    /// are left out, so that parts are independent; what a part does not determine is not there.
+    /// The joint fit to each group of parts alone; groups that do not determine it are left out.
     #[must_use]
-    pub fn apart(&self, members: &[usize], groups: &[Vec<usize>]) -> Vec<Apart> {
+    pub fn alone(&self, groups: &[Vec<usize>]) -> Vec<Alone> {
+        let all: Vec<usize> = (0..self.scale.len()).collect();
+        let of = |parts: &Vec<usize>| {
+            let (h, g) = self.normal(parts.iter().copied(), &all);
+            let factor = h.llt(Side::Lower).ok()?;
+            Some(Alone { inverse: factor.inverse(), x: factor.solve(&g) })
+        };
+        groups.par_iter().filter_map(of).collect()
+    }
+
+    /// Coefficients of some members of the set from each of these fits, beside all others fitted to the same rows. Their own priors are
+    /// left out, so that parts are independent; what a part does not determine is not there.
+    #[must_use]
+    pub fn apart(&self, members: &[usize], alone: &[Alone]) -> Vec<Apart> {
         let own = self.columns_of(members);
-        groups
-            .iter()
-            .filter_map(|parts| {
-                let (mut h, g) = self.normal(parts.iter().copied());
-                for j in &own {
-                    // a trace of the prior keeps what the part does not determine finite
-                    h[(*j, *j)] -= (1.0 - OWN_PRIOR) * (self.precision[*j] - DAMPING);
-                }
-                let factor = h.llt(Side::Lower).ok()?;
-                let x = factor.solve(&g);
-                let mut unit = Mat::<f64>::zeros(self.scale.len(), own.len());
-                for (k, j) in own.iter().enumerate() {
-                    unit[(*j, k)] = 1.0;
-                }
-                let inverse = factor.solve(&unit);
-                Some(Apart {
-                    value: own.iter().map(|j| x[(*j, 0)] * self.scale[*j]).collect(),
-                    covariance: Mat::from_fn(own.len(), own.len(), |i, k| {
-                        inverse[(own[i], k)] * self.scale[own[i]] * self.scale[own[k]]
-                    }),
-                })
+        let k = own.len();
+        let of = |fit: &Alone| {
+            // what the rows and the priors say of them when all others are fitted too
+            let covariance = Mat::from_fn(k, k, |i, j| fit.inverse[(own[i], own[j])]);
+            let mut precision = covariance.llt(Side::Lower).ok()?.inverse();
+            let push = &precision * Mat::from_fn(k, 1, |i, _| fit.x[(own[i], 0)]);
+            for (i, j) in own.iter().enumerate() {
+                // a trace of the prior keeps what the part does not determine finite
+                precision[(i, i)] -= (1.0 - OWN_PRIOR) * (self.precision[*j] - DAMPING);
+            }
+            let covariance = precision.llt(Side::Lower).ok()?.inverse();
+            let value = &covariance * push;
+            Some(Apart {
+                value: own.iter().enumerate().map(|(i, j)| value[(i, 0)] * self.scale[*j]).collect(),
+                covariance: Mat::from_fn(k, k, |i, j| covariance[(i, j)] * self.scale[own[i]] * self.scale[own[j]]),
             })
-            .collect()
+        };
+        alone.iter().filter_map(of).collect()
     }
 
     /// Number of rows of each part.

@@ -333,7 +333,7 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
 /// A spectrum: amplitude of each whole number of cycles a turn; `marks` are those that were named.
 pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: &[f64]) -> Result<String> {
     let high = amplitudes.iter().map(|p| p.1).fold(1e-12, f64::max) * 1.2;
-    let mut bars = String::new();
+    let (mut bars, mut named) = (String::new(), String::new());
     let svg = draw((620, 300), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
@@ -349,16 +349,19 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
             let _ = write!(bars, "M{x} {foot}V{top}");
         }
         for n in marks {
-            let top = amplitudes.iter().min_by(|a, b| (a.0 - n).abs().total_cmp(&(b.0 - n).abs())).map_or(0.0, |p| p.1);
-            let line = PathElement::new(vec![(*n, 0.0), (*n, top)], BEFORE.stroke_width(3));
-            let name =
-                Text::new(format!("{n:.0}"), (*n, top + 0.08 * high), ("sans-serif", 13).into_font().color(&BEFORE));
-            chart.draw_series(std::iter::once(line)).map_err(failed)?;
-            chart.draw_series(std::iter::once(name)).map_err(failed)?;
+            let near = |a: &&(f64, f64), b: &&(f64, f64)| (a.0 - n).abs().total_cmp(&(b.0 - n).abs());
+            let top = amplitudes.iter().min_by(near).map_or(0.0, |p| p.1);
+            let ((x, top), (_, foot)) = (chart.backend_coord(&(*n, top)), chart.backend_coord(&(*n, 0.0)));
+            let _ = write!(
+                named,
+                "<path d=\"M{x} {foot}V{top}\" stroke=\"#c85c46\" stroke-width=\"3\"/><text x=\"{x}\" y=\"{}\" font-family=\"sans-serif\" \
+                 font-size=\"13\" text-anchor=\"middle\" fill=\"#c85c46\">{n:.0}</text>",
+                top - 5
+            );
         }
         Ok(())
     })?;
-    Ok(with_more(&svg, &format!("<path d=\"{bars}\" stroke=\"#2666a5\" stroke-width=\"1.6\"/>")))
+    Ok(with_more(&svg, &format!("<path d=\"{bars}\" stroke=\"#2666a5\" stroke-width=\"1.6\"/>{named}")))
 }
 
 /// A staircase: bars from left to right, each with its label below.

@@ -57,8 +57,8 @@ def identify(
     """Identify an arm's parameters from recordings of it.
 
     Args:
-        recordings: paths (CSV or MCAP), Recordings or DataFrames, one or several; each keeps its own measuring frame where it has
-            one.
+        recordings: paths (CSV or MCAP), Recordings or DataFrames, one or several; each keeps its own measuring frame
+            where it has one.
         robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
         cell: path of a cell.toml, or a Cell.
         joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.

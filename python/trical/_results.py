@@ -112,8 +112,8 @@ class Identified(Reported):
     def certificate(self, path: str | os.PathLike[str]) -> None:
         """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
 
-        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the share
-        of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
+        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
         """
         self._certificate(path)
 
@@ -166,8 +166,8 @@ class Validation(Reported):
     def certificate(self, path: str | os.PathLike[str]) -> None:
         """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
 
-        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the share
-        of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
+        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
         """
         self._certificate(path)
 
@@ -259,7 +259,9 @@ class Diagnosis(Reported):
         columns = ("claim", "probability", "error before, mm", "after, mm", "what to do")
         rows: list[list[object]] = []
         for r in self.answer["verdict"]["rows"]:
-            sure = "" if r["confidence"] is None else " to ".join(dict.fromkeys(f"{100 * p:.0f}" for p in r["confidence"]))
+            sure = (
+                "" if r["confidence"] is None else " to ".join(dict.fromkeys(f"{100 * p:.0f}" for p in r["confidence"]))
+            )
             claim = ", ".join(filter(None, (r["text"], r["perhaps"])))
             rows.append([claim, sure and f"{sure} %", float(r["before_mm"]), float(r["after_mm"]), r["action"] or ""])
         head = "error at poses that the fit did not see, mm rms"

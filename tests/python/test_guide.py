@@ -114,7 +114,8 @@ def test_every_message_appears_as_the_guide_quotes_it(shell) -> None:
     text = (GUIDE / "messages.md").read_text()
     assert text.count("\n### `") == len(PROVOKED.findall(text)), "a message that nothing provokes"
     done = shell(
-        "trical demo --conceal none --out demo-out; trical convert demo-out/run.mcap run.csv; cp demo-out/{robot,cell}.toml ."
+        "trical demo --conceal none --out demo-out; trical convert demo-out/run.mcap run.csv;"
+        "cp demo-out/{robot,cell}.toml ."
     )
     assert done.returncode == 0, done.stdout
     for message, code, script in PROVOKED.findall(text):

@@ -18,7 +18,8 @@ MODULE TriCal
     !   03 pose x y z q1..q4         21 clock, s                23 temperature
     !   04 joints j1..j6             24 who are you             99 close
     !   06 tool x y z q1..q4         30 (sent only) joint sample: s j1..j6
-    !   08 speed mm/s deg/s
+    !   08 speed mm/s deg/s          25, 26 (while the arm moves) stop, alive?
+    ! A client that sends anything else is disconnected.
     ! A RAPID string holds 80 characters: longer replies are sent in pieces.
     !**************************************************************************
 
@@ -32,6 +33,11 @@ MODULE TriCal
     LOCAL CONST num MAX_SUM:=10;           ! mm, all corrections since a MoveAbsJ
     LOCAL CONST num MAX_TCP_SPEED:=100;    ! mm/s
     LOCAL CONST num MAX_ORI_SPEED:=30;     ! deg/s
+    LOCAL CONST num MAX_TURN:=10;          ! deg, each joint by a correction
+    LOCAL CONST num MAX_TOOL:=500;         ! mm, TCP from the flange, each axis
+    ! While the arm moves, a client that is not heard for so long is gone, and
+    ! the arm stops.
+    LOCAL CONST num WATCHDOG:=5;           ! s
     ! deg; here those of the IRB 120-3/0.6. Narrow them to what your cell allows.
     LOCAL CONST num JOINT_LOW{6}:=[-165,-110,-110,-160,-120,-400];
     LOCAL CONST num JOINT_HIGH{6}:=[165,110,70,160,120,400];
@@ -54,13 +60,17 @@ MODULE TriCal
     LOCAL VAR speeddata vMove:=[20,10,200,20];
     LOCAL VAR num nSum:=0;
     LOCAL VAR clock ckTime;
-    LOCAL VAR intnum iSample;
+    LOCAL VAR intnum iWatch;
     LOCAL VAR num nSampleTime:=0;
+    LOCAL VAR clock ckHeard;
+    LOCAL VAR bool bStop:=FALSE;
+    LOCAL VAR errnum ERR_TRICAL:=-1;
 
     ! Waits for a client, does what it asks, and waits for the next.
     PROC TriCalServer()
         ClkReset ckTime;
         ClkStart ckTime;
+        BookErrNo ERR_TRICAL;
         ! A correction is short: the nearest configuration is the right one.
         ConfL\Off;
         ConfJ\Off;
@@ -106,10 +116,9 @@ MODULE TriCal
         WHILE nEnd>StrLen(sBuffer) DO
             SocketReceive skClient\Str:=sPart\Time:=WAIT_MAX;
             IF StrLen(sBuffer)+StrLen(sPart)>80 THEN
-                ! No request is that long.
-                sBuffer:="";
-                nCode:=0;
-                Refuse "too long";
+                ! No request is that long: it is another language, and may have
+                ! a command in what follows.
+                bConnected:=FALSE;
                 RETURN FALSE;
             ENDIF
             sBuffer:=sBuffer+sPart;
@@ -122,7 +131,8 @@ MODULE TriCal
             sBuffer:="";
         ENDIF
         IF NOT Parse(sMessage) THEN
-            Refuse "not understood";
+            TPWrite "TriCal: not a client of TriCal, disconnected";
+            bConnected:=FALSE;
             RETURN FALSE;
         ENDIF
         RETURN TRUE;
@@ -216,6 +226,9 @@ MODULE TriCal
         CASE 24:
             sData:="TriCal "+NumToStr(VERSION,0)+" 6 ";
             Reply sData+NumToStr(MAX_CORRECTION,3);
+        CASE 25,26:
+            ! Nothing moves any more.
+            Reply "";
         CASE 99:
             Reply "";
             bConnected:=FALSE;
@@ -235,11 +248,16 @@ MODULE TriCal
         jTo.robax:=[nPar{1},nPar{2},nPar{3},nPar{4},nPar{5},nPar{6}];
         IF NOT WithinLimits(jTo) RETURN;
         nSum:=0;
-        StartSamples;
+        StartWatch;
         MoveAbsJ jTo\NoEOffs,vMove,fine,tTriCal\WObj:=wobj0;
         WaitRob\ZeroSpeed;
-        StopSamples;
+        StopWatch;
         Reply "";
+    ERROR
+        IF ERRNO=ERR_TRICAL THEN
+            Stopped;
+            RETURN;
+        ENDIF
     ENDPROC
 
     ! Displaces the TCP in the axes of the tool, orientation kept.
@@ -267,13 +285,18 @@ MODULE TriCal
         ! Raises ERR_ROBLIMIT where the arm cannot get there.
         jTo:=CalcJointT(pTo,tTriCal\WObj:=wobj0);
         IF NOT WithinLimits(jTo) RETURN;
+        IF NOT TurnsLittle(jTo) RETURN;
         nSum:=nSum+nLength;
-        StartSamples;
+        StartWatch;
         MoveL pTo,vMove,fine,tTriCal\WObj:=wobj0;
         WaitRob\ZeroSpeed;
-        StopSamples;
+        StopWatch;
         Reply "";
     ERROR
+        IF ERRNO=ERR_TRICAL THEN
+            Stopped;
+            RETURN;
+        ENDIF
         IF ERRNO=ERR_ROBLIMIT THEN
             Refuse "position cannot be reached";
             RETURN;
@@ -298,6 +321,27 @@ MODULE TriCal
         RETURN TRUE;
     ENDFUNC
 
+    ! Near a singular pose a short correction would turn a joint far.
+    LOCAL FUNC bool TurnsLittle(jointtarget jTo)
+        VAR jointtarget jNow;
+        VAR num nTurn{6};
+        jNow:=CJointT();
+        nTurn{1}:=Abs(jTo.robax.rax_1-jNow.robax.rax_1);
+        nTurn{2}:=Abs(jTo.robax.rax_2-jNow.robax.rax_2);
+        nTurn{3}:=Abs(jTo.robax.rax_3-jNow.robax.rax_3);
+        nTurn{4}:=Abs(jTo.robax.rax_4-jNow.robax.rax_4);
+        nTurn{5}:=Abs(jTo.robax.rax_5-jNow.robax.rax_5);
+        nTurn{6}:=Abs(jTo.robax.rax_6-jNow.robax.rax_6);
+        FOR i FROM 1 TO 6 DO
+            IF nTurn{i}>MAX_TURN THEN
+                Refuse "joint "+NumToStr(i,0)+" would turn by "
+                    +NumToStr(nTurn{i},3)+" deg by a correction";
+                RETURN FALSE;
+            ENDIF
+        ENDFOR
+        RETURN TRUE;
+    ENDFUNC
+
     LOCAL PROC SetTool()
         VAR num nNorm;
         IF nCount<>7 THEN
@@ -309,6 +353,14 @@ MODULE TriCal
             Refuse "no unit quaternion";
             RETURN;
         ENDIF
+        ! The speed limit is one of the TCP: a tool that is far out, or not
+        ! there, must not make the arm faster than it means.
+        FOR i FROM 1 TO 3 DO
+            IF Abs(nPar{i})>MAX_TOOL THEN
+                Refuse "tool over "+NumToStr(MAX_TOOL,0)+" mm";
+                RETURN;
+            ENDIF
+        ENDFOR
         tTriCal.tframe.trans:=[nPar{1},nPar{2},nPar{3}];
         tTriCal.tframe.rot:=NOrient([nPar{4},nPar{5},nPar{6},nPar{7}]);
         Reply "";
@@ -347,28 +399,92 @@ MODULE TriCal
         RETURN sText+" "+NumToStr(jNow.robax.rax_6,5);
     ENDFUNC
 
-    !-------------------------------------------- joint samples while moving
-    LOCAL PROC StartSamples()
-        IF nSampleTime<=0 RETURN;
-        IDelete iSample;
-        CONNECT iSample WITH trSample;
-        ITimer nSampleTime,iSample;
+    !------------------------------------------------------ while the arm moves
+    ! Ten times a second: is the client there, does it want a stop; samples.
+    ! Whether a trap may receive and send while a motion waits, and whether its
+    ! RAISE reaches the routine that moves, is settled on hardware only.
+    LOCAL PROC StartWatch()
+        VAR num nEvery:=0.1;
+        IF nSampleTime>nEvery nEvery:=nSampleTime;
+        IF nEvery>1 nEvery:=1;
+        bStop:=FALSE;
+        ClkStop ckHeard;
+        ClkReset ckHeard;
+        ClkStart ckHeard;
+        IDelete iWatch;
+        CONNECT iWatch WITH trWatch;
+        ITimer nEvery,iWatch;
     ENDPROC
 
     ! Ends the samples before the reply: the two never mix.
-    LOCAL PROC StopSamples()
-        IDelete iSample;
+    LOCAL PROC StopWatch()
+        IDelete iWatch;
     ENDPROC
 
-    LOCAL TRAP trSample
+    ! What the client says meanwhile.
+    LOCAL PROC HearClient()
+        VAR string sPart;
+        VAR num nEnd;
+        IF SocketPeek(skClient)=0 RETURN;
+        SocketReceive skClient\Str:=sPart\Time:=0.1;
+        ClkReset ckHeard;
+        ClkStart ckHeard;
+        IF StrLen(sBuffer)+StrLen(sPart)>80 THEN
+            bStop:=TRUE;
+            RETURN;
+        ENDIF
+        sBuffer:=sBuffer+sPart;
+        nEnd:=StrMatch(sBuffer,1,"#");
+        WHILE nEnd<=StrLen(sBuffer) DO
+            IF StrMatch(sBuffer,1,"25")=1 THEN
+                bStop:=TRUE;
+            ELSEIF StrMatch(sBuffer,1,"26")=1 THEN
+                SendText "26 1 #";
+            ELSE
+                ! Its turn comes when the arm stands.
+                RETURN;
+            ENDIF
+            IF nEnd<StrLen(sBuffer) THEN
+                sBuffer:=StrPart(sBuffer,nEnd+1,StrLen(sBuffer)-nEnd);
+            ELSE
+                sBuffer:="";
+            ENDIF
+            nEnd:=StrMatch(sBuffer,1,"#");
+        ENDWHILE
+    ERROR
+        ! The client is gone.
+        bStop:=TRUE;
+        RETURN;
+    ENDPROC
+
+    LOCAL TRAP trWatch
         VAR jointtarget jNow;
+        HearClient;
+        IF bStop OR ClkRead(ckHeard)>WATCHDOG THEN
+            IDelete iWatch;
+            StopMove\Quick;
+            ClearPath;
+            StartMove;
+            RAISE ERR_TRICAL;
+        ENDIF
+        IF nSampleTime<=0 RETURN;
         jNow:=CJointT();
         SocketSend skClient\Str:="30 1 "+NumToStr(ClkRead(ckTime),3)+" ";
         SocketSend skClient\Str:=JointsText(jNow)+"#";
     ERROR
-        ! The motion goes on; the client is missed when the reply is sent.
+        IF ERRNO=ERR_TRICAL RAISE;
+        ! The motion goes on; the client is missed by the watch.
         RETURN;
     ENDTRAP
+
+    ! The motion was stopped, and its path is gone.
+    LOCAL PROC Stopped()
+        StopWatch;
+        WaitRob\ZeroSpeed;
+        Refuse "stopped";
+        IF bStop SendText "25 1 #";
+        bStop:=FALSE;
+    ENDPROC
 
     !---------------------------------------------------------------- replies
     LOCAL PROC Reply(string sData)

@@ -23,6 +23,8 @@ MODULE TriCalRws
     LOCAL CONST num MAX_SUM:=10;           ! mm, all corrections since a MoveAbsJ
     LOCAL CONST num MAX_TCP_SPEED:=100;    ! mm/s
     LOCAL CONST num MAX_ORI_SPEED:=30;     ! deg/s
+    LOCAL CONST num MAX_TURN:=10;          ! deg, each joint by a correction
+    LOCAL CONST num MAX_TOOL:=500;         ! mm, TCP from the flange, each axis
     ! deg; here those of the IRB 120-3/0.6. Narrow them to what your cell allows.
     LOCAL CONST num JOINT_LOW{6}:=[-165,-110,-110,-160,-120,-400];
     LOCAL CONST num JOINT_HIGH{6}:=[165,110,70,160,120,400];
@@ -119,6 +121,7 @@ MODULE TriCalRws
         ! Raises ERR_ROBLIMIT where the arm cannot get there.
         jTo:=CalcJointT(pTo,tTriCal\WObj:=wobj0);
         IF NOT WithinLimits(jTo) RETURN;
+        IF NOT TurnsLittle(jTo) RETURN;
         nSum:=nSum+nLength;
         MoveL pTo,vMove,fine,tTriCal\WObj:=wobj0;
         WaitRob\ZeroSpeed;
@@ -147,6 +150,27 @@ MODULE TriCalRws
         RETURN TRUE;
     ENDFUNC
 
+    ! Near a singular pose a short correction would turn a joint far.
+    LOCAL FUNC bool TurnsLittle(jointtarget jTo)
+        VAR jointtarget jNow;
+        VAR num nTurn{6};
+        jNow:=CJointT();
+        nTurn{1}:=Abs(jTo.robax.rax_1-jNow.robax.rax_1);
+        nTurn{2}:=Abs(jTo.robax.rax_2-jNow.robax.rax_2);
+        nTurn{3}:=Abs(jTo.robax.rax_3-jNow.robax.rax_3);
+        nTurn{4}:=Abs(jTo.robax.rax_4-jNow.robax.rax_4);
+        nTurn{5}:=Abs(jTo.robax.rax_5-jNow.robax.rax_5);
+        nTurn{6}:=Abs(jTo.robax.rax_6-jNow.robax.rax_6);
+        FOR i FROM 1 TO 6 DO
+            IF nTurn{i}>MAX_TURN THEN
+                Refuse "joint "+NumToStr(i,0)+" would turn by "
+                    +NumToStr(nTurn{i},3)+" deg by a correction";
+                RETURN FALSE;
+            ENDIF
+        ENDFOR
+        RETURN TRUE;
+    ENDFUNC
+
     LOCAL PROC SetTool()
         VAR num nNorm;
         nNorm:=nReq{5}*nReq{5}+nReq{6}*nReq{6}+nReq{7}*nReq{7}+nReq{8}*nReq{8};
@@ -154,6 +178,14 @@ MODULE TriCalRws
             Refuse "no unit quaternion";
             RETURN;
         ENDIF
+        ! The speed limit is one of the TCP: a tool that is far out, or not
+        ! there, must not make the arm faster than it means.
+        FOR i FROM 2 TO 4 DO
+            IF Abs(nReq{i})>MAX_TOOL THEN
+                Refuse "tool over "+NumToStr(MAX_TOOL,0)+" mm";
+                RETURN;
+            ENDIF
+        ENDFOR
         tTriCal.tframe.trans:=[nReq{2},nReq{3},nReq{4}];
         tTriCal.tframe.rot:=NOrient([nReq{5},nReq{6},nReq{7},nReq{8}]);
     ENDPROC

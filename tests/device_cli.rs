@@ -334,13 +334,29 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
     assert_ne!(wrong, CELL);
     std::fs::write(place.path("cell.toml"), wrong).unwrap();
     let entries: Vec<Vec<&str>> = plan.lines().skip(1).map(|l| l.split(',').collect()).collect();
-    let of = |ball: &str| entries.iter().filter(|e| e[1] == ball).cloned().collect::<Vec<_>>();
-    let (approach, touch) = (|e: &[&str]| e[8..14].join(","), |e: &[&str]| e[2..8].join(","));
-    let mut says = vec!["s".to_owned()];
-    let go = |e: &[&str], says: &mut Vec<String>| {
-        says.extend([approach(e), touch(e), String::new(), approach(e)]);
+    let of = |ball: &str| (0..entries.len()).filter(|k| entries[*k][1] == ball).collect::<Vec<_>>();
+    let (approach, touch) = (|k: usize| entries[k][8..14].join(","), |k: usize| entries[k][2..8].join(","));
+    // free places in the order of the plan, each reached straight from its neighbours: the arm goes along them
+    let mut free = vec!["0,0,0,0,0,0".to_owned()];
+    let mut approaches = Vec::new();
+    for (k, e) in entries.iter().enumerate() {
+        free.extend(e[14].split(';').filter(|q| !q.trim().is_empty()).map(|q| q.trim().replace(' ', ",")));
+        approaches.push(free.len());
+        free.push(approach(k));
+    }
+    let stands = std::cell::Cell::new(0);
+    let along = |to: usize, says: &mut Vec<String>| {
+        while stands.get() != to {
+            stands.set(if stands.get() < to { stands.get() + 1 } else { stands.get() - 1 });
+            says.push(free[stands.get()].clone());
+        }
     };
-    for (k, e) in of("1").iter().enumerate() {
+    let mut says = vec!["s".to_owned()];
+    let go = |k: usize, says: &mut Vec<String>| {
+        along(approaches[k], says);
+        says.extend([touch(k), String::new(), approach(k)]);
+    };
+    for (k, e) in of("1").into_iter().enumerate() {
         go(e, &mut says);
         if k == 3 {
             // the tool point is asked for before the arm is driven away
@@ -349,9 +365,12 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
         }
     }
     for ball in ["1", "2", "3"] {
-        go(&of(ball)[0], &mut says);
+        go(of(ball)[0], &mut says);
     }
-    says.extend(["nonsense", "0,0,0,0,0,0", "", ""].map(str::to_owned));
+    // straight there the arm would meet something
+    says.push("0,109,0,0,0,0".to_owned());
+    along(0, &mut says);
+    says.extend(["nonsense", "", ""].map(str::to_owned));
     let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "led.mcap"];
     let more = ["--guided", "--go", "--per-ball", "12"];
     let mut child = place
@@ -363,7 +382,7 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
         .unwrap();
     child.stdin.take().unwrap().write_all((says.join("\n") + "\n").as_bytes()).unwrap();
     let o = child.wait_with_output().unwrap();
-    let out = text(&o.stdout);
+    let out = text(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(o.status.success(), "{out}\n{}", text(&o.stderr));
     for words in [
         "Mastering",
@@ -371,6 +390,7 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
         "The tool point lies at",
         "apart, the cell file says",
         "not understood",
+        "and was not driven",
         "36 touches measured",
     ] {
         assert!(out.contains(words), "'{words}' is missing in:\n{out}");
@@ -386,4 +406,124 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
     let told = json(&o);
     assert_eq!(told["observations"], 36);
     assert!(told["rms_mm"].as_f64().unwrap() < 0.02, "{}", told["rms_mm"]);
+}
+
+#[test]
+fn a_recording_is_gone_on_with_by_its_own_plan_only() {
+    let place = Place::new("2");
+    let cell = place.cell(&[]);
+    assert!(place.measure(&cell, &["--go"]).status.success());
+    let o = place.run(&[&["plan"][..], &CELL_ARGS, &["--per-ball", "2", "--seed", "7", "--out", "other.csv"]].concat());
+    assert!(o.status.success(), "{}", text(&o.stderr));
+    let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "run.mcap", "--go", "--resume"];
+    let other = [&["measure"][..], &CELL_ARGS, &links, &["--plan", "other.csv", "--visits", "2"]].concat();
+    refused(&place.run(&other), 2, "run.mcap: was recorded with another plan");
+    assert_eq!(place.rows("run.mcap").len(), 6);
+    // more visits of the same plan are welcome
+    assert!(place.measure(&cell, &["--go", "--resume", "--visits", "2"]).status.success());
+    assert_eq!(place.rows("run.mcap").len(), 12);
+}
+
+#[test]
+fn two_sessions_do_not_write_one_recording() {
+    let place = Place::new("4");
+    let cell = place.cell(&["--pace", "0.01"]);
+    let mut first = place.command(&measure_args(&cell, &["--go"])).spawn().unwrap();
+    while !place.path("run.mcap").exists() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    for more in [&["--go"][..], &["--go", "--resume"]] {
+        refused(&place.measure(&cell, more), 2, "run.mcap: another program is writing it");
+    }
+    assert!(first.wait().unwrap().success());
+    assert_eq!(place.rows("run.mcap").len(), 12);
+}
+
+#[test]
+fn what_a_command_reads_it_does_not_replace() {
+    let place = Place::new("2");
+    let gauge = ["--gauge", "uwave:///dev/none", "--controller", "rapid://127.0.0.1:1", "--plan", "plan.csv"];
+    for (args, out) in [
+        (vec!["plan", "--per-ball", "2"], "robot.toml"),
+        ([&["measure", "--go", "--resume"][..], &gauge].concat(), "cell.toml"),
+        ([&["measure", "--go"][..], &gauge].concat(), "./plan.csv"),
+    ] {
+        let o = place.run(&[&args[..], &CELL_ARGS, &["--out", out]].concat());
+        refused(&o, 2, &format!("{out}: is read by this command, and would be replaced"));
+    }
+    refused(&place.run(&["convert", "plan.csv", "plan.csv"]), 2, "plan.csv: is read by this command");
+    assert_eq!(std::fs::read_to_string(place.path("robot.toml")).unwrap(), ROBOT);
+}
+
+#[test]
+fn pipes_and_devices_are_no_recordings() {
+    let place = Place::new("0");
+    assert!(Command::new("mkfifo").arg(place.path("pipe.mcap")).status().unwrap().success());
+    for name in ["/dev/urandom", "/dev/zero", "pipe.mcap"] {
+        refused(&place.run(&["convert", name, "out.csv"]), 2, &format!("{name}: is a pipe or a device"));
+    }
+    let sparse = std::fs::File::create(place.path("huge.mcap")).unwrap();
+    sparse.set_len(5 << 30).unwrap();
+    refused(&place.run(&["convert", "huge.mcap", "out.csv"]), 2, "huge.mcap: has 5120 MiB");
+}
+
+#[test]
+fn settings_that_no_measurement_has_are_refused_and_lists_may_begin_with_a_minus() {
+    let place = Place::new("2");
+    let cell = place.cell(&["--start-deg", "-1,10,20,0,45,0"]);
+    for (option, value, words) in [
+        ("--epsilon-mm", "1e9", "tolerance of a touch: found 1000000000 mm, expected 0.0001 to 1"),
+        ("--epsilon-mm", "nan", "tolerance of a touch: found NaN mm"),
+        ("--travel-mm-s", "inf", "speed between the balls: found inf mm/s"),
+        ("--max-sum-mm", "-1", "longest sum of corrections"),
+    ] {
+        refused(&place.measure(&cell, &[&format!("{option}={value}"), "--go"]), 2, words);
+    }
+    assert!(!place.path("run.mcap").exists());
+    let jog =
+        place.run(&["robot", "jog", "--controller", &cell.controller, "--robot", "robot.toml", "--tool-mm", "-1,0,0"]);
+    assert!(jog.status.success() && text(&jog.stdout).contains("Nothing has moved"), "{}", text(&jog.stderr));
+    let o = place.measure(&cell, &["--stroke-mm", "-5.8,5.9"]);
+    assert!(o.status.success(), "{}", text(&o.stderr));
+}
+
+#[test]
+fn a_standard_error_that_nobody_reads_does_not_end_a_run() {
+    let place = Place::new("2");
+    let cell = place.cell(&[]);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    // the tolerance is warned about
+    let o = place.command(&measure_args(&cell, &["--go", "--epsilon-mm", "0.008", "--max-corrections", "100"]));
+    let mut command = o;
+    let status = command.stderr(full).status().unwrap();
+    assert!(status.success(), "{status:?}");
+    assert_eq!(place.rows("run.mcap").len(), 6);
+}
+
+#[test]
+fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
+    let place = Place::new("2");
+    for (signal, out) in [("-INT", "int.mcap"), ("-HUP", "hup.mcap"), ("-TERM", "term.mcap")] {
+        // motions as slow as a real arm's
+        let cell = place.cell(&["--pace", "1"]);
+        let links = ["--plan", "plan.csv", "--gauge", &cell.gauge, "--controller", &cell.controller, "--out", out];
+        let mut command =
+            place.command(&[&["measure"][..], &CELL_ARGS, &links, &["--go", "--travel-mm-s", "20"]].concat());
+        let child = command.stderr(Stdio::piped()).spawn().unwrap();
+        while !place.path(out).exists() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        std::thread::sleep(Duration::from_millis(400));
+        let begin = Instant::now();
+        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        let o = child.wait_with_output().unwrap();
+        assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
+        refused(&o, 1, "stopped by the user in the middle of a motion; the arm stands where it was stopped");
+        let joints =
+            || json(&place.run(&["robot", "joints", "--controller", &cell.controller, "--json"]))["joints_deg"].clone();
+        let stands = joints();
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(joints(), stands, "it still moves");
+        assert_ne!(stands, serde_json::json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), "it never moved");
+    }
 }

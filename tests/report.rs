@@ -17,7 +17,7 @@ fn good(folder: &Path, args: &[&str]) -> String {
 /// A folder with a demo, its recording as CSV too.
 fn demo() -> (tempfile::TempDir, PathBuf) {
     let place = tempfile::tempdir().unwrap();
-    good(place.path(), &["demo", "--conceal", "none", "--out", "demo"]);
+    good(place.path(), &["demo", "--conceal", "none", "--seed", "3", "--out", "demo"]);
     let folder = place.path().join("demo");
     good(&folder, &["convert", "run.mcap", "--out", "run.csv"]);
     (place, folder)

@@ -123,13 +123,15 @@ class Validation(Reported):
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
     `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
-    with what was identified there, and by region; `left_out` terms of the model that say nothing here; `errors_mm` (n,
-    2) one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
+    with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that the model was
+    not learnt at (None where it does not know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2)
+    one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
     after: Errors
     n: int
+    beyond: int | None
     sessions: list[dict[str, Any]]
     regions: list[dict[str, Any]]
     left_out: list[dict[str, Any]]
@@ -137,8 +139,8 @@ class Validation(Reported):
     errors_mm: Floats
 
     def __getitem__(self, key: str) -> Any:
-        """Return before, after, n, sessions, regions, left_out or rejected."""
-        if key not in ("before", "after", "n", "sessions", "regions", "left_out", "rejected"):
+        """Return before, after, n, beyond, sessions, regions, left_out or rejected."""
+        if key not in ("before", "after", "n", "beyond", "sessions", "regions", "left_out", "rejected"):
             raise KeyError(key)
         return getattr(self, key)
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use trical_ident::{JointSource, ToolSharing};
+use trical_model::urdf::UrdfPath;
 use trical_model::{Cell, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
 use trical_recording::{CsvStream, RecordError, open_large};
@@ -125,12 +126,22 @@ pub fn passes(paths: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> 
     })
 }
 
-/// Refuses an output that lies in a folder that does not exist, before any work is done.
-pub fn check_output(path: &Path) -> Result<()> {
+/// Refuses an output that lies in a folder that does not exist, or that would replace what is read, before any work is done.
+pub fn check_output<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if folder.is_dir() {
-        Ok(())
-    } else {
-        Err(CliError::Input(format!("{}: the folder {} does not exist", path.display(), folder.display())))
+    if !folder.is_dir() {
+        return Err(CliError::Input(format!("{}: the folder {} does not exist", path.display(), folder.display())));
     }
+    for input in inputs {
+        let input = UrdfPath::of(input).map_or_else(|| input.to_owned(), |urdf| urdf.path);
+        if let (Ok(a), Ok(b)) = (path.canonicalize(), input.canonicalize())
+            && a == b
+        {
+            return Err(CliError::Input(format!(
+                "{}: is read by this command, and would be replaced; expected another name for what it writes",
+                path.display()
+            )));
+        }
+    }
+    Ok(())
 }

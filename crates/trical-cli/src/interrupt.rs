@@ -1,24 +1,46 @@
-//! Ctrl-C: the first asks for an orderly end, a second one ends the program at once.
+//! Ctrl-C, a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
+//! program at once.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use trical_device::controller::StopCount;
 
 use crate::error::{CliError, Result};
 
 /// Exit code after a second Ctrl-C, as shells have it.
 const INTERRUPTED: i32 = 130;
 
-/// A flag that Ctrl-C (or a request to terminate) sets; when it is set already, the program ends at once.
-pub fn flag() -> Result<Arc<AtomicBool>> {
-    let wanted = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        // in this order, or the first one would end the program already
-        flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&wanted))
-            .and_then(|_| flag::register(signal, Arc::clone(&wanted)))
-            .map_err(|e| CliError::Failed(format!("Ctrl-C cannot be watched: {e}")))?;
-    }
-    Ok(wanted)
+/// After a second Ctrl-C the program ends when a motion under way has been told to stop.
+const STOP_FIRST: Duration = Duration::from_millis(200);
+
+/// What Ctrl-C does while the arm may move.
+#[derive(Clone, Default)]
+pub struct Interrupt {
+    /// Set by the first one: the work ends in order.
+    pub asked: Arc<AtomicBool>,
+    /// How many there were: each stops the motion under way.
+    pub stops: StopCount,
+}
+
+/// Watches for Ctrl-C, a request to terminate, and the end of the terminal.
+pub fn watch() -> Result<Interrupt> {
+    let interrupt = Interrupt { asked: Arc::default(), stops: Arc::new(AtomicUsize::new(0)) };
+    let failed = |e: std::io::Error| CliError::Failed(format!("Ctrl-C cannot be watched: {e}"));
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
+    let told = interrupt.clone();
+    let listen = move || {
+        for _ in signals.forever() {
+            told.asked.store(true, Ordering::Relaxed);
+            if told.stops.fetch_add(1, Ordering::Relaxed) > 0 {
+                std::thread::sleep(STOP_FIRST);
+                std::process::exit(INTERRUPTED);
+            }
+        }
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failed)?;
+    Ok(interrupt)
 }

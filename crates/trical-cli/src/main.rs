@@ -1,5 +1,14 @@
 //! The `trical` binary: commands, progress, reports. Algorithms live in the other crates.
 
+/// Writes a line on standard error; one that nobody can read any more must not end the program while the arm moves.
+macro_rules! note {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+pub(crate) use note;
+
 mod commands;
 mod error;
 mod input;
@@ -8,6 +17,7 @@ mod measure_view;
 mod progress;
 
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -60,8 +70,13 @@ enum Command {
     Completions(commands::completions::Args),
 }
 
+/// Characters of a message; what a file holds is part of some.
+const LONGEST_MESSAGE: usize = 900;
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    // a file that reached the limit of its size is then an error of writing, and no end in the middle of a motion
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let result = match cli.command {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),
@@ -84,7 +99,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("trical: {e}");
+            note!("trical: {}", trical_model::error::shortened(&e.to_string(), LONGEST_MESSAGE));
             ExitCode::from(e.code())
         }
     }

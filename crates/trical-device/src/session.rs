@@ -4,26 +4,28 @@ mod settings;
 mod told;
 mod touch_here;
 
+use std::cell::RefCell;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use nalgebra::Vector3;
+use sha2::{Digest, Sha256};
 use thiserror::Error;
-use trical_model::{Cell, Joints, Robot, urdf};
+use trical_model::ik::continue_from;
+use trical_model::{Cell, Forward, Joints, Model, ModelError, Robot, State, urdf};
 
 pub use settings::Settings;
 pub use told::Told;
 pub use touch_here::{BaseFit, SetUpError, base, tool_point};
 
-use crate::controller::{ControllerError, open_controller};
+use crate::controller::{ControllerError, StopCount, open_controller};
 use crate::gauge::{GaugeError, open_gauge};
-use crate::procedure::{PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
+use crate::procedure::{MoveGuard, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
+use crate::url::without_secrets;
 use trical_recording::RecordError;
-use trical_recording::mcap::{Attachment, Header, RecordingWriter};
-
-/// Says whether the arm may move from the first joint values to the second into the touch of a ball (counted from 0), or
-/// into none; one sentence why not.
-pub type Guard<'a> = &'a dyn Fn(&Joints, &Joints, Option<usize>) -> Result<(), String>;
+use trical_recording::mcap::{Attachment, Header, RecordingWriter, check_not_written};
 
 /// What a measuring run needs.
 pub struct Session<'a> {
@@ -50,14 +52,22 @@ pub struct Session<'a> {
     /// When the recording begins, ns since 1970.
     pub start_ns: u64,
     /// Asked before each motion (the collision model).
-    pub guard: Guard<'a>,
+    pub guard: MoveGuard<'a>,
     /// Set by who wants it to end in order.
     pub cancel: &'a AtomicBool,
+    /// How often the user has asked for the end: a motion under way stops when it grows. `None` = it ends first.
+    pub stops: Option<StopCount>,
 }
 
 /// Why a session ended early.
 #[derive(Debug, Error)]
 pub enum SessionError {
+    /// A setting that no measurement has; nothing has moved.
+    #[error("{0}")]
+    Settings(String),
+    /// Robot or cell make no sense; nothing has moved.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// The gauge cannot be used; nothing has moved.
     #[error(transparent)]
     Gauge(GaugeError),
@@ -87,11 +97,29 @@ pub enum SessionError {
     Finish(RecordError),
 }
 
+/// A recording that is gone on with after a longer break tells of a wrong clock rather, s: a year.
+const LONGEST_BREAK_S: f64 = 366.0 * 86_400.0;
+
 /// Nanoseconds since 1970.
 #[must_use]
 pub fn now_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_nanos()).unwrap_or(0)
+}
+
+/// Tells one plan from another: SHA-256 of what its first round of visits says, to the decimals of a plan file; `None` where
+/// there is no plan. `stride` = numbers of one round.
+fn plan_sha256(plan: &[PlanEntry], stride: Option<u64>) -> Option<String> {
+    let mut hash = Sha256::new();
+    for entry in plan.iter().filter(|entry| stride.is_none_or(|stride| entry.index < stride)) {
+        hash.update(format!("{} {}", entry.index, entry.ball));
+        for q in entry.via.iter().chain([&entry.joints]).flatten() {
+            // no -0
+            hash.update(format!(" {}", (q.to_degrees() * 1e6).round() + 0.0));
+        }
+        hash.update("\n");
+    }
+    (!plan.is_empty()).then(|| hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 impl Session<'_> {
@@ -105,9 +133,10 @@ impl Session<'_> {
             Attachment::toml("cell.toml", self.cell.to_toml()),
         ];
         header.robot_description = Some(urdf::write(self.robot, self.cell, &[]));
-        header.settings.insert("gauge".to_owned(), self.gauge.to_owned());
-        header.settings.insert("controller".to_owned(), self.controller.to_owned());
+        header.settings.insert("gauge".to_owned(), without_secrets(self.gauge));
+        header.settings.insert("controller".to_owned(), without_secrets(self.controller));
         header.settings.extend(self.settings.named());
+        header.plan_sha256 = plan_sha256(self.plan, self.stride);
         header
     }
 
@@ -117,17 +146,25 @@ impl Session<'_> {
     /// # Errors
     /// See [`SessionError`].
     pub fn perform(&self, watch: &mut dyn FnMut(Progress)) -> Result<RunReport, SessionError> {
-        let guard = |from: &Joints, to: &Joints| {
-            let touched = self.plan.iter().find(|e| e.joints == *to).map(|e| e.ball);
-            (self.guard)(from, to, touched)
-        };
+        self.settings.check().map_err(SessionError::Settings)?;
         let mut options = self.settings.options(self.robot, self.cell);
         options.go = self.go;
         options.stride = self.stride;
-        options.guard = Some(&guard);
+        options.guard = Some(self.guard);
+        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
+        let ws = RefCell::new(nominal.workspace());
+        let corrected = |at: &Joints, by: [f64; 3]| {
+            let (state, ws) = (State::at(at), &mut *ws.borrow_mut());
+            let mut tool = nominal.world_from_tool(&state, ws);
+            // the controller's tool has the axes of the flange
+            tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
+            continue_from(&nominal, &tool, &state, ws).ok()
+        };
+        options.corrected = Some(&corrected);
         if !self.go {
             return self.rehearse(&options);
         }
+        check_not_written(self.out).map_err(SessionError::Recording)?;
         let mut gauge = open_gauge(self.gauge).map_err(SessionError::Gauge)?;
         let mut controller = open_controller(self.controller).map_err(SessionError::Controller)?;
         if controller.joint_count() != self.robot.dof() {
@@ -137,6 +174,9 @@ impl Session<'_> {
                 robot: self.robot.name.clone(),
                 expected: self.robot.dof(),
             });
+        }
+        if let Some(stops) = &self.stops {
+            controller.stop_when(Arc::clone(stops));
         }
         let mut log = self.open(&mut options, watch).map_err(SessionError::Recording)?;
         let result = run(self.plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, self.cancel, watch);
@@ -168,8 +208,18 @@ impl Session<'_> {
         }
         // warm-up and creep go on while nobody measures
         #[expect(clippy::cast_precision_loss, reason = "s since the recording began")]
-        let since = self.start_ns.saturating_sub(before.start_ns) as f64 * 1e-9;
-        options.begin_t = log.last_t().max(if before.start_ns == 0 { 0.0 } else { since });
+        let since = (self.start_ns as f64 - before.start_ns as f64) * 1e-9;
+        options.begin_t = log.last_t();
+        if before.start_ns != 0 && (0.0..LONGEST_BREAK_S).contains(&since) {
+            options.begin_t = log.last_t().max(since);
+        } else if before.start_ns != 0 {
+            watch(Progress::Warning(format!(
+                "by this computer's clock the recording began {:.0} days {}: the clock was or is wrong, and the times of the \
+                 recording go on where it ended",
+                since.abs() / 86_400.0,
+                if since < 0.0 { "in the future" } else { "ago" }
+            )));
+        }
         Ok(log)
     }
 

@@ -6,16 +6,29 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{url:?}: {problem}")]
 pub struct UrlError {
-    /// The URL as it was given.
+    /// The URL as it was given, without a password.
     pub url: String,
     /// What was found and what was expected.
     pub problem: String,
 }
 
+/// A URL as it may be shown and recorded: the value of `password` is left out.
+#[must_use]
+pub fn without_secrets(text: &str) -> String {
+    let hidden = |part: &str| match part.split_once('=') {
+        Some(("password", _)) => "password=...".to_owned(),
+        _ => part.to_owned(),
+    };
+    match text.split_once('?') {
+        Some((place, query)) => format!("{place}?{}", query.split('&').map(hidden).collect::<Vec<_>>().join("&")),
+        None => text.to_owned(),
+    }
+}
+
 /// A device URL in its parts; values are percent-decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceUrl {
-    /// The URL as it was given, for messages.
+    /// The URL as it was given, without a password, for messages.
     pub text: String,
     /// What stands before `://`, in lower case.
     pub scheme: String,
@@ -30,7 +43,7 @@ impl DeviceUrl {
     /// # Errors
     /// No `://`, an empty place, a key without `=`, a key given twice, a broken percent escape.
     pub fn parse(text: &str) -> Result<Self, UrlError> {
-        let fail = |problem: String| UrlError { url: text.to_owned(), problem };
+        let fail = |problem: String| UrlError { url: without_secrets(text), problem };
         let (scheme, rest) = text
             .split_once("://")
             .ok_or_else(|| fail("no \"://\" in it; expected scheme://place, e.g. uwave:///dev/ttyUSB0".to_owned()))?;
@@ -54,7 +67,7 @@ impl DeviceUrl {
             pairs.push((key.to_owned(), value));
         }
         let place = percent_decode(place).ok_or_else(|| fail("broken percent escape in the place".to_owned()))?;
-        Ok(Self { text: text.to_owned(), scheme: scheme.to_ascii_lowercase(), place, query: pairs })
+        Ok(Self { text: without_secrets(text), scheme: scheme.to_ascii_lowercase(), place, query: pairs })
     }
 
     /// An error about this URL.
@@ -128,6 +141,15 @@ fn percent_decode(text: &str) -> Option<String> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn a_password_is_in_no_message() {
+        let url = "rws://host?user=me&password=s3cret&unit=ROB_1";
+        assert_eq!(without_secrets(url), "rws://host?user=me&password=...&unit=ROB_1");
+        assert_eq!(without_secrets("rapid://host:5000"), "rapid://host:5000");
+        let error = DeviceUrl::parse(url).unwrap().error("wrong").to_string();
+        assert!(!error.contains("s3cret") && error.contains("user=me"), "{error}");
+    }
 
     #[test]
     fn parts_and_escapes() {

@@ -4,10 +4,14 @@
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
+mod common;
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use trical_device::controller::{RapidClient, RapidSettings};
-use trical_device::{Controller, ControllerError, open_controller};
+use trical_device::controller::{RapidClient, RapidSettings, StopCount};
+use trical_device::{CellOptions, Controller, ControllerError, VirtualCell, open_controller};
 
 /// A server that answers each whole request by a script, for one client.
 fn server(mut script: impl FnMut(&str) -> Option<String> + Send + 'static) -> String {
@@ -193,4 +197,75 @@ fn the_url_opens_the_client() {
     let address = server(sound);
     let mut controller = open_controller(&format!("rapid://{address}?timeout_s=1&stream_ms=0")).unwrap();
     controller.ping().unwrap();
+}
+
+#[test]
+fn a_controller_that_falls_silent_in_a_motion_is_not_waited_for() {
+    let address = server(|request| {
+        if request.starts_with("02") || request.starts_with("26") { Some(String::new()) } else { sound(request) }
+    });
+    let settings = RapidSettings { move_timeout: Duration::from_secs(120), ..settings() };
+    let mut client = RapidClient::connect(&address, settings).unwrap();
+    let begin = std::time::Instant::now();
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
+}
+
+#[test]
+fn a_stop_is_sent_and_confirmed_while_the_arm_moves() {
+    let moving = std::sync::atomic::AtomicBool::new(false);
+    let mut client = connect(move |request| match &request[..2] {
+        // the motion takes for ever
+        "02" => {
+            moving.store(true, Ordering::Relaxed);
+            Some(String::new())
+        }
+        "25" => Some(if moving.swap(false, Ordering::Relaxed) { "02 0 stopped#25 1 #" } else { "25 1 #" }.to_owned()),
+        _ => sound(request),
+    })
+    .unwrap();
+    let stops = StopCount::default();
+    client.stop_when(Arc::clone(&stops));
+    let asks = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(80));
+        stops.fetch_add(1, Ordering::Relaxed);
+    });
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Stopped), "{error}");
+    asks.join().unwrap();
+    // the line can still be used, and the arm be moved again
+    assert!(client.joints().is_ok());
+    client.correct([1e-3, 0.0, 0.0]).unwrap();
+}
+
+#[test]
+fn who_speaks_another_language_is_disconnected_and_moves_nothing() {
+    let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
+    for text in [
+        "POST / HTTP/1.1\r\nHost: robot\r\nContent-Length: 99\r\n\r\n#02 10 0 0 0 0 0 #",
+        "hello #02 10 0 0 0 0 0 #",
+        &format!("{}#02 10 0 0 0 0 0 #", "x".repeat(2000)),
+    ] {
+        let mut stream = std::net::TcpStream::connect(cell.address()).unwrap();
+        stream.write_all(text.as_bytes()).unwrap();
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        assert_eq!(answer, "", "{text:?}");
+    }
+    assert_eq!(cell.motions(), 0);
+}
+
+#[test]
+fn an_arm_whose_client_is_gone_stops() {
+    let options = CellOptions { pace: 1.0, dwell: 0.0, ..CellOptions::default() };
+    let cell = VirtualCell::start(Box::new(common::Gantry::default()), options).unwrap();
+    let mut stream = std::net::TcpStream::connect(cell.address()).unwrap();
+    // 1 rad of the gantry is 1 m, at 0.1 m/s
+    stream.write_all(b"02 57.29578 0 0 0 0 0 #").unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    drop(stream);
+    std::thread::sleep(Duration::from_millis(300));
+    let stands = cell.state().q;
+    assert!((0.001..0.5).contains(&stands[0]), "{stands:?}");
 }

@@ -89,7 +89,7 @@ fn faults_of_the_arm_have_their_own_errors() {
     let mut bench = bench();
     bench.run(&plan(1), &options()).unwrap();
     let error = bench.fails(Fault::BallsRemoved);
-    assert!(matches!(error.violation(), Some(Violation::StaleTouch | Violation::NoContact { .. })), "{error}");
+    assert!(matches!(error.violation(), Some(Violation::NoContact { .. })), "{error}");
     bench.cell.clear_faults();
     let error = bench.fails(Fault::StuckArm);
     assert!(matches!(error.violation(), Some(Violation::NotArrived { .. })), "{error}");

@@ -10,9 +10,9 @@ use common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
 use trical_device::procedure::{Retreat, Violation, stride, visits};
 use trical_device::virtual_cell::Unsettled;
 use trical_device::{
-    CellOptions, PlanEntry, ProcedureError, ProcedureOptions, Progress, open_controller, open_gauge, run,
+    CellOptions, Fault, PlanEntry, ProcedureError, ProcedureOptions, Progress, open_controller, open_gauge, run,
 };
-use trical_model::recording::Measured;
+use trical_model::recording::{Joints, Measured};
 
 #[test]
 fn forty_five_touches_close_on_the_balls() {
@@ -82,7 +82,7 @@ fn a_plan_beyond_the_limits_is_refused_before_anything_moves() {
     assert!(error.to_string().contains("nothing has moved"));
     assert_eq!(bench.cell.motions(), 0);
 
-    let refuse = |_: &_, to: &[f64; 9]| {
+    let refuse = |_: &_, to: &[f64; 9], _| {
         if to[2] < 0.0 { Err("link 4 would touch the floor".to_owned()) } else { Ok(()) }
     };
     let error = bench.run(&plan(2), &ProcedureOptions { guard: Some(&refuse), ..self::options() }).unwrap_err();
@@ -172,10 +172,12 @@ fn at_a_touch_the_true_tcp_is_the_reading_away_from_the_ball() {
     let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
     let cancel = AtomicBool::new(false);
     let mut truth = Vec::new();
-    let mut watch = |event| {
-        if matches!(event, Progress::Measured { .. }) {
-            truth.push(cell.true_tcp().0);
-        }
+    let mut last = [0.0; 3];
+    let mut watch = |event| match event {
+        // the last reading is the one that is recorded
+        Progress::Reading { .. } => last = cell.true_tcp().0,
+        Progress::Measured { .. } => truth.push(last),
+        _ => {}
     };
     run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap();
     for (tcp, ball) in truth.iter().zip(&BALLS) {
@@ -240,4 +242,157 @@ fn repeat_visits_come_from_both_sides_without_corrections() {
         assert_eq!(linear(1), turned, "place {place}: every other visit comes from beyond");
         assert_eq!(linear(1), linear(3), "place {place}");
     }
+}
+
+#[test]
+fn an_arm_that_was_jogged_between_touches_is_noticed_and_left_alone() {
+    let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
+    let cancel = AtomicBool::new(false);
+    let mut motions = 0;
+    let mut watch = |event| {
+        if matches!(event, Progress::Begin { index: 1, .. }) {
+            motions = cell.motions();
+            cell.inject(Fault::Jogged { joint: 3, by_mdeg: 14_000 });
+        }
+    };
+    let error =
+        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+    assert!(matches!(error.violation(), Some(Violation::Elsewhere { joint: 4, .. })), "{error}");
+    assert!(error.to_string().contains("something else has moved the arm; the arm is left where it stands"), "{error}");
+    assert_eq!((cell.motions(), rows.len()), (motions, 1));
+}
+
+#[test]
+fn a_way_back_that_the_guard_refuses_is_not_driven() {
+    let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
+    let cancel = AtomicBool::new(false);
+    let closed = AtomicBool::new(false);
+    let guard = |_: &Joints, _: &Joints, _: Option<usize>| {
+        if closed.load(Ordering::Relaxed) { Err("the gate is closed".to_owned()) } else { Ok(()) }
+    };
+    let mut motions = 0;
+    let mut watch = |event| {
+        if matches!(event, Progress::Reading { index: 1, .. }) {
+            motions = cell.motions();
+            closed.store(true, Ordering::Relaxed);
+            cancel.store(true, Ordering::Relaxed);
+        }
+    };
+    let options = ProcedureOptions { guard: Some(&guard), ..options() };
+    let error =
+        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options, &cancel, &mut watch).unwrap_err();
+    let text = error.to_string();
+    assert!(text.contains("could NOT go back") && text.contains("the gate is closed) and was not driven"), "{text}");
+    assert_eq!(cell.motions(), motions, "{text}");
+}
+
+#[test]
+fn every_motion_is_asked_of_the_guard_from_where_the_arm_is() {
+    let mut bench = bench();
+    let asked = std::sync::Mutex::new(Vec::new());
+    let guard = |from: &Joints, to: &Joints, touched: Option<usize>| {
+        asked.lock().unwrap().push((*from, *to, touched));
+        Ok(())
+    };
+    let plan = plan(3);
+    let rounds = visits(&plan, 2);
+    let options =
+        ProcedureOptions { retreat: Retreat::Approach, stride: Some(stride(&plan)), guard: Some(&guard), ..options() };
+    let report = bench.run(&rounds, &options).unwrap();
+    let asked = asked.into_inner().unwrap();
+    let motions = bench.cell.motions() as usize - report.corrections;
+    // each plan's way is asked for before anything moves, and each motion when it is made; some are asked for twice
+    assert!(asked.len() >= motions + rounds.len(), "{} of {motions}", asked.len());
+    // the way out of a touch too, from where the corrections have led
+    let out = |row: &trical_model::recording::Row| {
+        asked.iter().any(|(from, _, touched)| *from == row.state.q && touched.is_some())
+    };
+    assert!(bench.rows.iter().all(out));
+}
+
+#[test]
+fn an_arm_that_stands_at_a_touch_leaves_it_on_a_way_that_the_guard_allows() {
+    let start = plan(1)[0].joints;
+    let cell =
+        trical_device::VirtualCell::start(Box::new(Gantry::default()), CellOptions { start, ..CellOptions::default() })
+            .unwrap();
+    let mut bench = Bench { cell, ..bench() };
+    bench.gauge = open_gauge(&bench.cell.gauge_url()).unwrap();
+    bench.controller = open_controller(&bench.cell.controller_url()).unwrap();
+    let refuse = |from: &Joints, to: &Joints, _: Option<usize>| {
+        let leaves = (from[0] - start[0]).abs() < 1e-6 && *to == plan(1)[0].via[1];
+        if leaves { Err("stem y would come within 2 mm of post 1".to_owned()) } else { Ok(()) }
+    };
+    let error = bench.run(&plan(2), &ProcedureOptions { guard: Some(&refuse), ..options() }).unwrap_err();
+    assert!(matches!(error, ProcedureError::Leave { .. }), "{error}");
+    assert!(error.to_string().contains("post 1) and was not driven; jog the arm by hand"), "{error}");
+    assert_eq!(bench.cell.motions(), 0);
+}
+
+#[test]
+fn a_stem_that_does_not_follow_is_no_measurement() {
+    // in free air it reads as if it touched
+    let mut stuck = bench();
+    let error = stuck.fails(Fault::StuckStem { axis: 0 });
+    assert!(matches!(error.violation(), Some(Violation::NotFree { axis: 'x', .. })), "{error}");
+    assert!(stuck.rows.is_empty());
+    // it sticks while it touches, which looks like the end of the corrections
+    let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
+    let cancel = AtomicBool::new(false);
+    let mut watch = |event| {
+        if matches!(event, Progress::Reading { index: 1, corrections: 0, .. }) {
+            cell.inject(Fault::StuckStem { axis: 1 });
+        }
+    };
+    let error =
+        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+    assert!(matches!(error.violation(), Some(Violation::NoResponse { axis: 'y', .. })), "{error}");
+    assert_eq!(rows.len(), 1);
+    // with no point in free air before the touch, it has to follow a step aside
+    let mut stuck = bench();
+    let entry = PlanEntry { via: vec![], ..plan(1).remove(0) };
+    stuck.cell.inject(Fault::StuckStem { axis: 2 });
+    let error = stuck.run(&[entry], &options()).unwrap_err();
+    assert!(matches!(error.violation(), Some(Violation::Stale { axis: 'z', .. })), "{error}");
+    assert!(stuck.rows.is_empty());
+}
+
+#[test]
+fn a_clock_that_jumps_leaves_the_rows_in_order() {
+    for seconds in [4_000_000_000, -5_000_000_000, i64::MAX] {
+        let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
+        let cancel = AtomicBool::new(false);
+        let mut watch = |event| {
+            if matches!(event, Progress::Begin { index: 1, .. }) {
+                cell.inject(Fault::ClockJump { seconds });
+            }
+        };
+        let report = run(&plan(4), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch);
+        let report = report.unwrap();
+        assert!(report.warnings.iter().any(|w| w.contains("the controller's clock has jumped")), "{report:?}");
+        let times: Vec<f64> = rows.iter().map(|row| row.state.t.unwrap()).collect();
+        assert!(times.windows(2).all(|t| t[0] <= t[1]) && times[3] < 1e4, "{times:?}");
+    }
+}
+
+#[test]
+fn corrections_are_asked_of_the_guard_before_they_are_made() {
+    let refuses = |far: bool| {
+        let mut bench = bench();
+        let corrected = |at: &Joints, by: [f64; 3]| {
+            let mut to = *at;
+            to[4] += if far { 1.0 } else { by[0].abs() };
+            Some(to)
+        };
+        let guard = |from: &Joints, to: &Joints, _: Option<usize>| {
+            let correction = from[4] != to[4] && from[3] == to[3] && from[0] == to[0];
+            if correction { Err("the housing would meet the post".to_owned()) } else { Ok(()) }
+        };
+        let options = ProcedureOptions { guard: Some(&guard), corrected: Some(&corrected), ..options() };
+        let report = bench.run(&plan(1), &options).unwrap_err();
+        assert!(bench.rows.is_empty());
+        report.to_string()
+    };
+    assert!(refuses(false).contains("the housing would meet the post) and was not driven"), "{}", refuses(false));
+    assert!(refuses(true).contains("turns joint 5 by 57.296 deg"), "{}", refuses(true));
 }

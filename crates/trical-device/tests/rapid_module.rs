@@ -140,5 +140,5 @@ fn the_module_of_the_web_services_has_what_the_client_writes_and_reads() {
         lines.map(str::to_owned).collect()
     };
     assert_eq!(limits(&module), limits(&self::module()));
-    assert_eq!(limits(&module).len(), 6);
+    assert_eq!(limits(&module).len(), 8);
 }

@@ -11,6 +11,7 @@ use common::{Gantry, options, plan};
 use trical_device::{
     CellOptions, PlanEntry, ProcedureOptions, Progress, VirtualCell, open_controller, open_gauge, run,
 };
+use trical_model::Recording;
 use trical_model::recording::Row;
 use trical_recording::mcap::Header;
 use trical_recording::mcap::{Attachment, RunLog, each_row, write_recording};
@@ -210,8 +211,11 @@ fn a_run_that_was_broken_off_is_taken_up_with_nothing_lost_or_doubled() {
     let cell = cell();
     let mut log = RecordingWriter::create(&path, &header()).unwrap();
     drive(&cell, &mut log, &path, &plan(7), &options(), 3);
-    // as after a crash: no end is written
-    std::mem::forget(log);
+    // as after a crash: no end is written, and nobody holds the file
+    let crashed = folder.path().join("crashed");
+    std::fs::copy(&path, &crashed).unwrap();
+    drop(log);
+    std::fs::rename(&crashed, &path).unwrap();
 
     let (mut log, before) = RecordingWriter::resume(&path, &Header { start_ns: 1, ..header() }).unwrap();
     let before = before.unwrap();
@@ -250,6 +254,63 @@ fn a_recording_is_taken_up_with_the_same_robot_and_cell_only() {
     assert!(error.to_string().contains("number of joints"), "{error}");
     let error = RecordingWriter::create(&path, &header()).err().unwrap();
     assert!(matches!(error, RecordError::Exists { .. }));
+}
+
+#[test]
+fn a_recording_is_taken_up_with_its_own_plan_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let of = |plan: &str| Header { plan_sha256: Some(plan.to_owned()), ..header() };
+    RecordingWriter::create(&path, &of("a")).unwrap().finish().unwrap();
+    for other in [of("b"), header()] {
+        let error = RecordingWriter::resume(&path, &other).err().unwrap().to_string();
+        assert!(error.contains("run.mcap: was recorded with another plan"), "{error}");
+    }
+    RecordingWriter::resume(&path, &of("a")).unwrap().0.finish().unwrap();
+    // and still so once it was taken up
+    assert!(RecordingWriter::resume(&path, &of("b")).is_err());
+}
+
+#[test]
+fn a_recording_has_one_writer() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let log = RecordingWriter::create(&path, &header()).unwrap();
+    let busy = |error: RecordError| {
+        assert!(matches!(error, RecordError::Busy { .. }), "{error}");
+        assert!(error.to_string().contains("run.mcap: another program is writing it"), "{error}");
+    };
+    busy(RecordingWriter::resume(&path, &header()).err().unwrap());
+    busy(RecordingWriter::create(&path, &header()).err().unwrap());
+    busy(write_recording(&path, &Recording { joints: 6, ..Recording::default() }, &header()).unwrap_err());
+    log.finish().unwrap();
+    let (log, _) = RecordingWriter::resume(&path, &header()).unwrap();
+    // the new file has the name of the old one, and is locked as well
+    busy(RecordingWriter::resume(&path, &header()).err().unwrap());
+    log.finish().unwrap();
+}
+
+#[test]
+fn a_link_beside_a_recording_is_not_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, precious) = (folder.path().join("run.mcap"), folder.path().join("precious"));
+    std::fs::write(&precious, "mine").unwrap();
+    std::os::unix::fs::symlink(&precious, folder.path().join("run.mcap.part")).unwrap();
+    let error = RecordingWriter::create(&path, &header()).err().unwrap().to_string();
+    assert!(error.contains("run.mcap.part: found a link"), "{error}");
+    assert_eq!(std::fs::read_to_string(&precious).unwrap(), "mine");
+}
+
+#[test]
+fn a_measurement_that_could_not_be_read_again_is_not_written() {
+    let (_folder, path, _) = recorded(2);
+    let (mut log, before) = RecordingWriter::resume(&path, &header()).unwrap();
+    let mut row = before.unwrap().recording.rows[1];
+    row.state.t = Some(1e12);
+    let error = log.measurement(&row).unwrap_err().to_string();
+    assert!(error.contains("run.mcap: a measurement was not written") && error.contains("t_s"), "{error}");
+    log.finish().unwrap();
+    assert_eq!(rows(&read_recording(&path).unwrap()), [0, 1]);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use trical_device::controller::rtde::{self, kind};
-use trical_device::controller::{UrClient, UrSettings};
+use trical_device::controller::{StopCount, UrClient, UrSettings};
 use trical_device::{Controller, ControllerError, open_controller};
 
 struct Robot {
@@ -226,4 +226,28 @@ fn the_url_opens_the_client() {
     let mut controller = open_controller(&url).unwrap();
     controller.ping().unwrap();
     assert_eq!(controller.joint_count(), 6);
+}
+
+#[test]
+fn a_stop_by_the_user_reaches_the_arm() {
+    let (settings, robot) = server();
+    let settings = UrSettings { move_timeout: Duration::from_secs(60), ..settings };
+    let mut client = UrClient::connect("127.0.0.1", settings).unwrap();
+    robot.lock().unwrap().ignores = true;
+    let stops = StopCount::default();
+    client.stop_when(Arc::clone(&stops));
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(80));
+        stops.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    });
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Stopped), "{error}");
+    drop(client);
+    for _ in 0..200 {
+        if robot.lock().unwrap().programs.len() == 2 {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(robot.lock().unwrap().programs[1].contains("stopj(2.0)"));
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use trical_model::error::{parse_toml, read_text};
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
-use trical_model::{Basis, Cell, Model, Pose, Robot, Site, Term};
+use trical_model::{Basis, Cell, Joints, Model, Pose, Robot, Site, Support, Term};
 
 use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
@@ -26,17 +26,16 @@ pub struct ModelFile {
 }
 
 /// A recording that a model was learnt on.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Session {
     /// Its name.
     pub recording: String,
     /// What tells it from others: see [`crate::dataset::fingerprint`].
-    #[serde(default)]
     pub fingerprint: String,
     /// Its measuring frame, counted from 1, if it has one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<usize>,
+    /// Joint angles that it visited.
+    pub visited: Support,
 }
 
 /// The newest version of model files: sessions came with 2.
@@ -54,11 +53,24 @@ struct File {
     robot: toml::Table,
     cell: toml::Table,
     #[serde(default, rename = "session", skip_serializing_if = "Vec::is_empty")]
-    sessions: Vec<Session>,
+    sessions: Vec<SessionFile>,
     #[serde(default, rename = "frame", skip_serializing_if = "Vec::is_empty")]
     frames: Vec<FrameFile>,
     #[serde(default, rename = "term")]
     terms: Vec<TermFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SessionFile {
+    recording: String,
+    #[serde(default)]
+    fingerprint: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frame: Option<usize>,
+    /// For each joint the stretches of its angle modulo a turn that were visited, deg; mm of sliding joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    visited: Vec<Vec<[f64; 2]>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -98,13 +110,18 @@ impl ModelFile {
     /// A model that was fitted to `data`.
     #[must_use]
     pub fn of(model: Model, data: &Dataset) -> Self {
-        let each = data.names.iter().zip(&data.fingerprints).zip(&data.frame_of_recording);
-        let sessions = each.map(|((name, fingerprint), frame)| Session {
+        let each = data.names.iter().zip(&data.fingerprints).zip(&data.frame_of_recording).enumerate();
+        let poses = |recording: usize| -> Vec<Joints> {
+            data.observations.iter().filter(|o| o.recording == recording).map(|o| o.state.q).collect()
+        };
+        let sessions = each.map(|(k, ((name, fingerprint), frame))| Session {
             recording: name.clone(),
             fingerprint: fingerprint.clone(),
             frame: frame.map(|f| f + 1),
+            visited: Support::of(&model.robot, &poses(k)),
         });
-        Self { model, joints: data.joints, references: data.references.clone(), sessions: sessions.collect() }
+        let sessions = sessions.collect();
+        Self { model, joints: data.joints, references: data.references.clone(), sessions }
     }
 
     /// A model that no recording says anything about: drawn by chance, or nominal.
@@ -117,6 +134,12 @@ impl ModelFile {
     #[must_use]
     pub fn recordings(&self) -> Vec<&str> {
         self.sessions.iter().map(|s| s.recording.as_str()).collect()
+    }
+
+    /// Joint angles that its recordings visited; empty where the file does not say.
+    #[must_use]
+    pub fn visited(&self) -> Support {
+        self.sessions.iter().fold(Support::default(), |all, s| all.with(&s.visited))
     }
 
     /// Session (from 1) that a recording with this fingerprint is.
@@ -167,7 +190,16 @@ impl ModelFile {
             program: format!("trical {}", env!("CARGO_PKG_VERSION")),
             joints: self.joints,
             recordings: Vec::new(),
-            sessions: self.sessions.clone(),
+            sessions: self
+                .sessions
+                .iter()
+                .map(|s| SessionFile {
+                    recording: s.recording.clone(),
+                    fingerprint: s.fingerprint.clone(),
+                    frame: s.frame,
+                    visited: s.visited.stretches(),
+                })
+                .collect(),
             robot: table(&m.robot.to_toml()),
             cell: table(&m.cell.to_toml()),
             frames,
@@ -288,13 +320,16 @@ impl ModelFile {
                 frames.len()
             )));
         }
-        let named = file.recordings.into_iter().map(|recording| Session { recording, ..Session::default() }).collect();
-        Ok(Self {
-            model: Model { robot, cell, frames, terms },
-            joints: file.joints,
-            references,
-            sessions: if file.sessions.is_empty() { named } else { file.sessions },
-        })
+        let named = file.recordings.into_iter().map(|recording| Session { recording, ..Session::default() });
+        let known = file.sessions.into_iter().map(|s| Session {
+            recording: s.recording,
+            fingerprint: s.fingerprint,
+            frame: s.frame,
+            visited: Support::from_stretches(&robot, &s.visited),
+        });
+        let known: Vec<Session> = known.collect();
+        let sessions = if known.is_empty() { named.collect() } else { known };
+        Ok(Self { model: Model { robot, cell, frames, terms }, joints: file.joints, references, sessions })
     }
 
     /// Refuses a model of another arm than `robot`.
@@ -346,7 +381,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".part{}", std::process::id()));
     let part = path.with_file_name(name);
-    let written = std::fs::File::create(&part)
+    // never into a file that is there, nor through a link: what a program of this number left is taken away
+    if part.symlink_metadata().is_ok() {
+        std::fs::remove_file(&part).map_err(|e| problem(&e))?;
+    }
+    let written = std::fs::File::create_new(&part)
         .and_then(|mut f| f.write_all(bytes).and_then(|()| f.sync_all()))
         .and_then(|()| std::fs::rename(&part, path));
     if written.is_err() {

@@ -113,6 +113,8 @@ pub struct Validation {
     pub after: ErrorSummary,
     /// Number of measurements that were scored.
     pub n: usize,
+    /// How many of them are at joint angles that the model was not learnt at; `null` where its file does not say.
+    pub beyond: Option<usize>,
     /// The same by recording.
     pub sessions: Vec<SessionErrors>,
     /// The same by region.
@@ -136,6 +138,17 @@ pub struct Validation {
 }
 
 impl Validation {
+    /// Where the model had to say something of joint angles that it was not learnt at, in a sentence.
+    #[must_use]
+    pub fn beyond_in_words(&self) -> Option<String> {
+        self.beyond.filter(|n| *n > 0).map(|n| {
+            format!(
+                "{n} of {} measurements are at joint angles that the model was not learnt at (by more than 3 deg).",
+                self.n
+            )
+        })
+    }
+
     /// One sentence for each reason for which terms say nothing here.
     #[must_use]
     pub fn left_out_in_words(&self) -> Vec<String> {
@@ -234,12 +247,15 @@ pub fn validate(
             after: ErrorSummary::of(&of.iter().map(|p| p.1).collect::<Vec<_>>()),
         }
     });
+    let visited = file.visited();
+    let beyond: Vec<bool> = scored.observations.iter().map(|o| visited.beyond(&o.state.q).is_some()).collect();
     Ok(Validation {
         before: ErrorSummary::of(&before),
         after: ErrorSummary::of(&after),
         n: pairs.len(),
+        beyond: (!visited.is_empty()).then(|| beyond.iter().filter(|b| **b).count()),
         sessions: sessions.collect(),
-        regions: regions(&scored, &pairs),
+        regions: regions(&scored, &pairs, &beyond),
         left_out,
         rejected,
         errors: pairs,
@@ -406,7 +422,8 @@ fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model
     Ok(forward.into_model())
 }
 
-fn regions(data: &Dataset, errors: &[(f64, f64)]) -> Vec<Region> {
+/// Errors by joint angle, ball, and place; and, where some are `beyond` the angles that the model was learnt at, of these and the others.
+fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region> {
     let mut out = Vec::new();
     let mut add = |region: String, pick: &dyn Fn(usize) -> bool| {
         let chosen: Vec<&(f64, f64)> = errors.iter().enumerate().filter(|(i, _)| pick(*i)).map(|(_, e)| e).collect();
@@ -420,6 +437,10 @@ fn regions(data: &Dataset, errors: &[(f64, f64)]) -> Vec<Region> {
         }
     };
     let o = &data.observations;
+    if beyond.contains(&true) {
+        add("joint angles that the model was learnt at".into(), &|i| !beyond[i]);
+        add("joint angles that it was not learnt at".into(), &|i| beyond[i]);
+    }
     for joint in 0..data.dof {
         let q: Vec<f64> = o.iter().map(|o| o.state.q[joint]).collect();
         let mut sorted = q.clone();

@@ -92,6 +92,26 @@ fn two_sessions_are_learnt_and_a_third_with_its_own_frame_and_tool_is_predicted_
 }
 
 #[test]
+fn a_model_file_says_where_it_was_learnt_and_validate_what_lies_beyond() {
+    let truth = truth();
+    // of the first session only what has joint 1 on one side
+    let mut half = seen(&truth, 1, [0.0; 3]);
+    half.rows.retain(|r| r.state.q[0] < 0.3);
+    let c = learnt(&truth, &[half], ToolSharing::FromData);
+    let file = ModelFile::parse(&file(&c).to_toml().unwrap(), "calibrated.toml").unwrap();
+    let other = seen(&truth, 2, [0.0; 3]);
+    let v = validate(&truth.robot, &truth.cell, &file, std::slice::from_ref(&other), None, None).unwrap();
+    let q = |o: &trical_ident::Observation| o.state.q[0];
+    let surely = v.data.observations.iter().filter(|o| q(o) > 0.3 + 0.06).count();
+    let perhaps = v.data.observations.iter().filter(|o| q(o) > 0.2).count();
+    let beyond = v.beyond.unwrap();
+    assert!((surely..=perhaps).contains(&beyond) && beyond > 20, "{surely} {beyond} {perhaps}");
+    let [within, without] = [&v.regions[0], &v.regions[1]];
+    assert_eq!((within.n + without.n, without.n), (v.n, beyond));
+    assert!(v.beyond_in_words().unwrap().starts_with(&format!("{beyond} of {} measurements", v.n)));
+}
+
+#[test]
 fn a_recording_that_the_model_was_learnt_on_is_known_again_and_nothing_is_refitted_there() {
     let truth = truth();
     let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [2e-3, -1e-3, 3e-3])];

@@ -1,5 +1,7 @@
 //! What a program does not say, and whoever compensates it does.
 
+use trical_model::Support;
+
 /// What a program does not say.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -23,4 +25,6 @@ pub struct Options {
     pub own_base: bool,
     /// Keep a row for each target in the report.
     pub details: bool,
+    /// Joint angles at which the model was learnt; empty where nobody knows.
+    pub visited: Support,
 }

@@ -98,6 +98,9 @@ pub struct Report {
     pub rewritten: usize,
     /// Targets that were not.
     pub problems: Vec<Problem>,
+    /// Targets that were rewritten although the model was not learnt at their joint angles: how many, and the first of them.
+    pub beyond: usize,
+    pub(crate) first_beyond: Vec<Problem>,
     /// Farthest that a target moved, m.
     pub largest_move: f64,
     /// Mean and largest error that the model predicts with the program as it was, m.
@@ -141,6 +144,7 @@ impl Report {
             "meant_with":
                 self.setups.iter().map(|(s, n)| json!({ "tool_and_frame": s, "targets": n })).collect::<Vec<_>>(),
             "unknown_places": self.unknown_places,
+            "beyond": self.beyond,
         });
         if !self.rows.is_empty() {
             value["rows"] = self
@@ -217,6 +221,14 @@ impl<'a> Tally<'a> {
         if let Some(n) = self.counts.get_mut(spot.setup.map_or(self.scan.setups.len(), |s| s as usize)) {
             *n += 1;
         }
+        if let Some(joint) = self.options.visited.beyond(&done.joints) {
+            self.report.beyond += 1;
+            if self.report.first_beyond.len() < PLACES {
+                let (file, line, name) = self.place(spot);
+                let what = format!("joint {joint}");
+                self.report.first_beyond.push(Problem { file, line, name, what });
+            }
+        }
         if self.options.details {
             let (file, line, name) = self.place(spot);
             self.report.rows.push(TargetRow {
@@ -246,6 +258,16 @@ impl<'a> Tally<'a> {
     }
 
     pub fn report(mut self) -> Report {
+        if self.report.beyond > 0 {
+            let first: Vec<String> = self.report.first_beyond.iter().map(ToString::to_string).collect();
+            let more = if self.report.beyond > first.len() { ", and more" } else { "" };
+            self.report.cautions.push(format!(
+                "{} of {} targets are at joint angles that the model was not learnt at (by more than 3 deg): {}{more}",
+                self.report.beyond,
+                self.report.rewritten,
+                first.join(", ")
+            ));
+        }
         for (at, what) in &self.scan.problems {
             let (file, line) = self.line(*at);
             self.report.problems.push(Problem { file, line, name: String::new(), what: what.clone() });

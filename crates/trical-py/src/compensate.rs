@@ -81,6 +81,7 @@ pub fn _compensate(
         configuration_off: any_configuration,
         own_base,
         details: out.is_none(),
+        visited: file.visited(),
     };
     let job = Job { program: &program, out: out.as_deref(), dialect: dialect.as_deref(), frames: &frames, partial };
     let dialect = job.dialect()?;

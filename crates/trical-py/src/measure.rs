@@ -98,7 +98,8 @@ fn ended(e: SessionError) -> Failed {
         SessionError::Gauge(e) => e.into(),
         SessionError::Controller(e) => e.into(),
         SessionError::Recording(e) => e.into(),
-        SessionError::OtherArm { .. } => bad(e.to_string()).into(),
+        SessionError::Model(e) => e.into(),
+        SessionError::OtherArm { .. } | SessionError::Settings(_) => bad(e.to_string()).into(),
         SessionError::Run(e) if !e.is_cancelled() => {
             MeasuringError::new_err(format!("{e}; what was measured is safe, resume=True goes on")).into()
         }
@@ -161,6 +162,7 @@ pub fn _measure(
             start_ns: now_ns(),
             guard: &|from: &Joints, to: &Joints, touched| guard.check(from, to, touched),
             cancel,
+            stops: None,
         };
         let mut told = Told::default();
         let report = session.perform(&mut retell(&mut told, tell)).map_err(ended)?;
@@ -207,6 +209,7 @@ pub fn _touch_here(
             // a person brought the arm where it stands
             guard: &|_, _, _| Ok(()),
             cancel,
+            stops: None,
         };
         let (mut log, before) = RecordingWriter::resume(&out, &session.header())?;
         let index = before.iter().flat_map(|b| &b.recording.rows).filter_map(|r| r.seq).max().map_or(0, |s| s + 1);

@@ -364,6 +364,7 @@ pub(crate) const LONGEST_LINE: usize = 1 << 20;
 
 /// The bytes of a file; one without ends of lines is given up before it fills the memory.
 fn whole_lines(path: &Path) -> Result<Vec<u8>> {
+    crate::open::check_file(path, true)?;
     let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
     let file = std::fs::File::open(path).map_err(|e| error(format!("cannot be read: {e}")))?;
     let (mut bytes, mut line, mut begin) = (Vec::new(), 1, 0);

@@ -71,6 +71,20 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
+    /// Another program writes it.
+    #[error("{}: another program is writing it; wait until that has ended, or choose another name", path.display())]
+    Busy {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A measurement that could not be read again, and was not written.
+    #[error("{}: a measurement was not written, for it could not be read again: {problem}", path.display())]
+    NotReadable {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
+    },
     /// The MCAP library refuses.
     #[error("{}: cannot write ({source})", path.display())]
     Mcap {
@@ -91,7 +105,7 @@ pub enum RecordError {
         /// What was found and what was expected.
         problem: String,
     },
-    /// A recording to be resumed belongs to another robot, cell or arm.
+    /// A recording to be resumed belongs to another robot, cell, plan or arm.
     #[error("{}: was recorded with another {what}; resume with the same one, or begin a new recording", path.display())]
     Different {
         /// The file.

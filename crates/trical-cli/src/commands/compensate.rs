@@ -91,7 +91,8 @@ fn finite(name: &str, value: Option<f64>, from: f64, to: f64) -> Result<()> {
 pub fn run(args: &Args) -> Result<()> {
     let name = args.program.display().to_string();
     if let Some(out) = &args.out {
-        input::check_output(out)?;
+        let read = [&args.program, &args.model].into_iter().chain(&args.frames);
+        input::check_output(out, read.map(PathBuf::as_path))?;
     }
     finite("--temp-c", args.temp_c, -100.0, 200.0)?;
     finite("--payload-kg", args.payload_kg, 0.0, 1e4)?;
@@ -123,6 +124,7 @@ pub fn run(args: &Args) -> Result<()> {
         configuration_off: args.any_configuration,
         own_base: args.own_base,
         details: args.check,
+        visited: file.visited(),
     };
     let nominal = Model::nominal(robot, cell);
     let report = job.run(&nominal, &file.model, &options).map_err(&failed)?;

@@ -36,14 +36,14 @@ pub fn run(args: &Args) -> Result<()> {
     let Some(output) = args.output.as_ref().or(args.out.as_ref()) else {
         return Err(CliError::Input("expected the name of a file to write".into()));
     };
-    input::check_output(output)?;
+    input::check_output(output, [args.input.as_path()])?;
     if let Some(source) = UrdfPath::of(&args.input) {
         return arm(&source, output, args.json);
     }
     let joints = if is_mcap(&args.input)? { None } else { Some(args.joints) };
     let (recording, lost) = open_damaged(&args.input, joints)?;
     if let Some(lost) = &lost {
-        eprintln!("trical: note: {lost}");
+        crate::note!("trical: note: {lost}");
     }
     match output.extension().and_then(|e| e.to_str()) {
         Some("csv") => {

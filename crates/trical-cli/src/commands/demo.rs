@@ -297,6 +297,7 @@ fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry], acc
         start_ns: 0,
         guard: &|from, to, touched| guard.check(from, to, touched),
         cancel: &AtomicBool::new(false),
+        stops: None,
     };
     let measured = perform(&session, &mut |p| view.show(&p))?;
     view.end();

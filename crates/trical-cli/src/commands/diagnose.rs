@@ -52,7 +52,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     for file in [&args.out, &args.report].into_iter().flatten().chain(args.next.map(|_| &args.next_out)) {
-        input::check_output(file)?;
+        input::check_output(file, args.recordings.iter().map(PathBuf::as_path).chain(args.cell.files()))?;
     }
     let (robot, cell) = args.cell.load()?;
     if args.next.is_some() && cell.balls.is_empty() {

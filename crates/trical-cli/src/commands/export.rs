@@ -39,7 +39,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     for out in [&args.urdf, &args.mdh, &args.error_map].into_iter().flatten() {
-        input::check_output(out)?;
+        input::check_output(out, [Some(&args.model), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path))?;
     }
     let file = ModelFile::load(&args.model)?;
     if let Some(robot) = &args.robot {

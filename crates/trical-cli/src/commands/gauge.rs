@@ -142,7 +142,7 @@ fn list(as_json: bool) -> Result<()> {
 fn warn(gauge: &mut dyn Gauge) -> Vec<String> {
     let warnings = gauge.take_warnings();
     for w in &warnings {
-        eprintln!("trical: note: {w}");
+        crate::note!("trical: note: {w}");
     }
     warnings
 }
@@ -154,7 +154,7 @@ pub fn shown(reading: &[f64; 3]) -> String {
 }
 
 fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bool) -> Result<()> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::watch()?.asked;
     let begin = Instant::now();
     let mut shown_so_far = 0;
     let mut failures = 0;
@@ -178,7 +178,7 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
                 if failures >= 5 || count.is_some() {
                     return Err(failed(e));
                 }
-                eprintln!("trical: note: {e}");
+                crate::note!("trical: note: {e}");
             }
         }
         warn(gauge);
@@ -190,7 +190,7 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
 }
 
 fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: bool) -> Result<()> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::watch()?.asked;
     let Trial { says: about, seconds_each: each, axes, .. } =
         trial(gauge, usize::try_from(count).unwrap_or(usize::MAX), &stop).map_err(failed)?;
     if !as_json {
@@ -220,7 +220,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
     let mut answered = Vec::new();
     if let Some(wait) = stems {
         for (k, name) in AXES.iter().enumerate() {
-            eprintln!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
+            crate::note!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
             answered.push(stem_answers(gauge, k, wait, &stop).map_err(failed)? * 1e3);
             if !as_json {
                 say(format!("axis {name} answers"))?;
@@ -245,13 +245,13 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
 }
 
 fn zero(link: &Link, as_json: bool) -> Result<()> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::watch()?.asked;
     let mastered = master(&link.gauge, &stop).map_err(|e| match e {
         GaugeError::Url(_) | GaugeError::Open { .. } => CliError::Input(e.to_string()),
         e => failed(e),
     })?;
     for w in &mastered.warnings {
-        eprintln!("trical: note: {w}");
+        crate::note!("trical: note: {w}");
     }
     let (zero, url) = (mastered.zero, mastered.url);
     if as_json {

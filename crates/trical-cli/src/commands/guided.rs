@@ -1,12 +1,12 @@
 //! `trical measure --guided`: mastering, tool point, world frame, plan and measurement, in plain words.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::master;
-use trical_device::procedure::stride;
-use trical_device::session::{Guard, SetUpError, Settings, base, now_ns, tool_point};
+use trical_device::procedure::{MoveGuard, stride};
+use trical_device::session::{SetUpError, Settings, base, now_ns, tool_point};
 use trical_device::{PlanEntry, Progress, Session, open_controller, visits};
 use trical_ident::write_whole;
 use trical_model::{Cell, JointKind, Joints, Robot, Row};
@@ -18,6 +18,7 @@ use crate::commands::gauge::{shown, typed};
 use crate::commands::measure::{done, perform};
 use crate::commands::plan;
 use crate::error::{CliError, Result};
+use crate::interrupt::Interrupt;
 use crate::measure_view::View;
 use crate::say;
 
@@ -25,7 +26,7 @@ use crate::say;
 const ORIENTATIONS: usize = 4;
 
 /// For touches where the arm stands: a person brought it there.
-const FREE: Guard<'static> = &|_, _, _| Ok(());
+const FREE: MoveGuard<'static> = &|_, _, _| Ok(());
 
 /// What a guided session begins with; gauge and cell get better on the way.
 pub struct Guided<'a> {
@@ -46,7 +47,7 @@ pub struct Guided<'a> {
     /// How to measure.
     pub settings: &'a Settings,
     /// Set by Ctrl-C.
-    pub cancel: &'a AtomicBool,
+    pub interrupt: &'a Interrupt,
 }
 
 enum Answer {
@@ -99,7 +100,13 @@ impl Guided<'_> {
         self.out.with_file_name(format!("{stem}.{what}"))
     }
 
-    fn session<'s>(&'s self, entries: &'s [PlanEntry], out: &'s Path, resume: bool, guard: Guard<'s>) -> Session<'s> {
+    fn session<'s>(
+        &'s self,
+        entries: &'s [PlanEntry],
+        out: &'s Path,
+        resume: bool,
+        guard: MoveGuard<'s>,
+    ) -> Session<'s> {
         Session {
             robot: self.robot,
             cell: &self.cell,
@@ -113,7 +120,8 @@ impl Guided<'_> {
             settings: self.settings,
             start_ns: now_ns(),
             guard,
-            cancel: self.cancel,
+            cancel: &self.interrupt.asked,
+            stops: Some(Arc::clone(&self.interrupt.stops)),
         }
     }
 
@@ -121,7 +129,7 @@ impl Guided<'_> {
         tell(&format!("> {text}"))?;
         loop {
             let line = typed()?;
-            if self.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+            if self.interrupt.asked.load(std::sync::atomic::Ordering::Relaxed) {
                 return Err(CliError::Failed("stopped by the user; nothing moves".into()));
             }
             let Some(line) = line else {
@@ -172,9 +180,22 @@ impl Guided<'_> {
         }
     }
 
+    /// A straight way that the collision model allows from where the arm is; at a ball the stems may meet it.
     fn drive(&self, q: &Joints) -> std::result::Result<(), String> {
         let mut controller = open_controller(self.controller).map_err(|e| e.to_string())?;
+        let settle = controller.joint_settle();
+        let at = wait_settled(controller.as_mut(), &settle, &self.interrupt.asked).map_err(|e| e.to_string())?;
+        let guard = MotionGuard::new(self.robot, &self.cell).map_err(|e| e.to_string())?;
+        let free = |ball| guard.check(&at, q, Some(ball)).is_ok();
+        if let Err(why) = guard.check(&at, q, None)
+            && !(0..self.cell.balls.len()).any(free)
+        {
+            return Err(format!(
+                "the straight way there is refused ({why}) and was not driven; go there in smaller steps, or jog the arm by hand"
+            ));
+        }
         controller.set_speed(self.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
+        controller.stop_when(Arc::clone(&self.interrupt.stops));
         controller.move_joints(q).map_err(|e| e.to_string())
     }
 
@@ -187,7 +208,7 @@ impl Guided<'_> {
             if !matches!(on, Answer::Go) {
                 return tell("The readings are taken as they come.");
             }
-            match master(&self.gauge, self.cancel) {
+            match master(&self.gauge, &self.interrupt.asked) {
                 Ok(mastered) => {
                     self.gauge = mastered.url;
                     return tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&mastered.zero)));
@@ -201,7 +222,7 @@ impl Guided<'_> {
     fn touch_here(&self, log: &mut RecordingWriter, ball: usize, index: u64) -> std::result::Result<Row, String> {
         let mut note = |p| {
             if let Progress::Warning(w) = p {
-                eprintln!("trical: note: {w}");
+                crate::note!("trical: note: {w}");
             }
         };
         let session = self.session(&[], self.out, false, FREE);
@@ -306,7 +327,7 @@ impl Guided<'_> {
             }
             let start = open_controller(self.controller).and_then(|mut controller| {
                 let settle = controller.joint_settle();
-                wait_settled(controller.as_mut(), &settle, self.cancel)
+                wait_settled(controller.as_mut(), &settle, &self.interrupt.asked)
             });
             let start = match start {
                 Ok(start) => start,
@@ -336,7 +357,7 @@ impl Guided<'_> {
     }
 
     fn measure(&self, entries: &[PlanEntry], stride: u64) -> Result<()> {
-        tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it and makes it go back the way it came.")?;
+        tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it.")?;
         // the cell as it was found
         let guard = MotionGuard::new(self.robot, &self.cell)?;
         let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
@@ -362,7 +383,7 @@ impl Guided<'_> {
                         self.beside("cell.toml").display()
                     ));
                 }
-                Err(e) if self.cancel.load(std::sync::atomic::Ordering::Relaxed) => return Err(e),
+                Err(e) if self.interrupt.asked.load(std::sync::atomic::Ordering::Relaxed) => return Err(e),
                 Err(e) => {
                     tell(&format!("The measurement has stopped: {e}."))?;
                     resume = self.out.exists();

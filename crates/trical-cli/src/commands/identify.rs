@@ -89,7 +89,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     for file in [&args.out, &args.report, &args.certificate].into_iter().flatten() {
-        input::check_output(file)?;
+        input::check_output(file, input::files(&args.recordings, &args.cell, args.known.as_deref()))?;
     }
     let (robot, cell) = args.cell.load()?;
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();

@@ -1,6 +1,7 @@
 //! `trical measure`: the automated procedure over a gauge and a controller.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde_json::json;
 use trical_device::procedure::stride;
@@ -17,9 +18,9 @@ use crate::{interrupt, say};
 /// Arguments of `trical measure`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Nothing moves without --go: the whole run is printed instead. Ctrl-C ends a run in order: the motion under way \
-    ends, the arm goes back the way it came. A second Ctrl-C ends the program at once; the controller still ends the motion \
-    under way. --resume goes on in both cases. What each stop means: docs/cell.md."
+    after_help = "Nothing moves without --go: the whole run is printed instead. Ctrl-C ends a run in order: a motion under way \
+    is stopped and the arm stays there; between motions it goes back the way it came. A second Ctrl-C stops the motion too, and \
+    ends the program at once. So do a request to terminate and a terminal that is closed. --resume goes on in all cases. What each stop means: docs/cell.md."
 )]
 pub struct Args {
     #[command(flatten)]
@@ -83,7 +84,7 @@ pub struct Settings {
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub max_corrections: usize,
     /// Readings between which a stem touches its ball
-    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', allow_negative_numbers = true, default_values_t = [-5.9, 5.9])]
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', allow_hyphen_values = true, default_values_t = [-5.9, 5.9])]
     pub stroke_mm: Vec<f64>,
     /// Temperature, recorded with each touch where the controller has no sensor
     #[arg(long, value_name = "DEGC", allow_negative_numbers = true)]
@@ -133,11 +134,11 @@ pub fn perform(session: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_output(&args.out)?;
+    input::check_output(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
     let (robot, cell) = args.cell.load()?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;
-    let cancel = interrupt::flag()?;
+    let interrupt = interrupt::watch()?;
     if args.guided {
         let about = guided::Guided {
             robot: &robot,
@@ -148,7 +149,7 @@ pub fn run(args: &Args) -> Result<()> {
             plan: args.plan.as_deref(),
             per_ball: args.per_ball,
             settings: &settings,
-            cancel: &cancel,
+            interrupt: &interrupt,
         };
         return about.lead();
     }
@@ -171,14 +172,15 @@ pub fn run(args: &Args) -> Result<()> {
         settings: &settings,
         start_ns: now_ns(),
         guard: &|from, to, touched| guard.check(from, to, touched),
-        cancel: &cancel,
+        cancel: &interrupt.asked,
+        stops: Some(Arc::clone(&interrupt.stops)),
     };
     let mut view = View::new();
     let report = perform(&session, &mut |p| view.show(&p));
     view.end();
     let report = report?;
     for w in &report.warnings {
-        eprintln!("trical: note: {w}");
+        crate::note!("trical: note: {w}");
     }
     let refused = report.steps.iter().find(|step| step.contains("REFUSED"));
     if args.json {

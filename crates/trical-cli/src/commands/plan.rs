@@ -67,14 +67,14 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     points: Option<usize>,
     /// With --points: where a tracker stands in {w}; the tool's --facing-axis looks there
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_negative_numbers = true, requires = "points")]
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, requires = "points")]
     facing_mm: Vec<f64>,
     /// With --facing-mm: which direction of the tool, in its own axes, carries the reflector
     #[arg(
         long,
         value_name = "X,Y,Z",
         value_delimiter = ',',
-        allow_negative_numbers = true,
+        allow_hyphen_values = true,
         default_value = "0,0,1",
         requires = "facing_mm"
     )]
@@ -89,7 +89,7 @@ pub struct Args {
     #[arg(long, value_enum, ignore_case = true, default_value_t = Best::D)]
     criterion: Best,
     /// Where the arm is to be accurate: a sphere in {w}; without it, 200 mm about a point 100 mm above the balls
-    #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_hyphen_values = true)]
     sphere_mm: Vec<f64>,
     /// Largest angle between the device's z axis and straight down
     #[arg(long, value_name = "DEG", default_value_t = 90.0)]
@@ -98,7 +98,7 @@ pub struct Args {
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     noise_mm: f64,
     /// Where the arm stands before the first touch: its joints; without it, all zero
-    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
     /// Where to write the plan
     #[arg(long, value_name = "FILE")]
@@ -208,8 +208,9 @@ pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     check_counts(args)?;
-    input::check_output(&args.out)?;
-    args.report.as_deref().map_or(Ok(()), input::check_output)?;
+    for out in [Some(&args.out), args.report.as_ref()].into_iter().flatten() {
+        input::check_output(out, args.cell.files())?;
+    }
     let (robot, cell) = args.cell.load()?;
     if let Some(count) = args.points {
         return points(args, &robot, &cell, count);

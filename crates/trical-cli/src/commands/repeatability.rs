@@ -65,7 +65,7 @@ fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Ce
     }
     let (recording, lost) = open_damaged(path, None)?;
     if let Some(lost) = lost {
-        eprintln!("trical: note: {lost}");
+        crate::note!("trical: note: {lost}");
     }
     if robot.is_none() || cell.is_none() {
         let inside = read_recording(path)?;

@@ -66,10 +66,10 @@ struct Jog {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, requires = "joint")]
     by_deg: Option<f64>,
     /// Where all joints go
-    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     joints_deg: Vec<f64>,
     /// By how much the tool goes along its own axes
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true)]
     tool_mm: Vec<f64>,
     /// No joint goes farther than this
     #[arg(long, value_name = "DEG", default_value_t = 5.0)]

@@ -102,7 +102,7 @@ struct PlatformArgs {
     #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', default_values_t = [100.0, 200.0, 300.0, 400.0])]
     side_mm: Vec<f64>,
     /// Heights above the balls of cell.toml
-    #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.0, 150.0])]
+    #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', allow_hyphen_values = true, default_values_t = [0.0, 150.0])]
     height_mm: Vec<f64>,
     /// How much higher every second ball is (a second plate)
     #[arg(long, value_name = "MM,MM,...", value_delimiter = ',', default_values_t = [0.0, 250.0])]

@@ -42,7 +42,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     for file in [&args.report, &args.certificate].into_iter().flatten() {
-        input::check_output(file)?;
+        input::check_output(file, input::files(&args.recordings, &args.cell, Some(&args.model)))?;
     }
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<()> {
     for session in &v.sessions {
         say(format!("  {}", session.in_words()))?;
     }
-    for line in v.left_out_in_words() {
+    for line in v.left_out_in_words().into_iter().chain(v.beyond_in_words()) {
         for part in table::wrapped(&line, 108, "  ") {
             say(part)?;
         }

@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "MM", default_value_t = 0.004)]
     placement_mm: f64,
     /// Where the arm stands at first; all zero without it
-    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
     /// The two addresses as JSON, in one line
     #[arg(long)]
@@ -118,7 +118,8 @@ pub fn seal(truth: &Model, path: &std::path::Path) -> Result<()> {
 /// Runs the command: until the process is ended.
 pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.seal {
-        input::check_output(path)?;
+        let more = [&args.truth, &args.faults].into_iter().flatten().map(PathBuf::as_path);
+        input::check_output(path, args.cell.files().into_iter().chain(more))?;
     }
     let (robot, cell) = args.cell.load()?;
     let mut truth = match &args.truth {
@@ -145,7 +146,7 @@ pub fn run(args: &Args) -> Result<()> {
     } else {
         format!("--gauge '{gauge}' --controller '{controller}'")
     })?;
-    eprintln!("the virtual cell answers until it is ended with Ctrl-C");
+    crate::note!("the virtual cell answers until it is ended with Ctrl-C");
     while running.is_running() {
         std::thread::sleep(std::time::Duration::from_millis(200));
     }

@@ -8,7 +8,8 @@ pub mod rws_protocol;
 pub mod trial;
 pub mod ur;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use thiserror::Error;
@@ -20,6 +21,28 @@ use trical_recording::motion::JointSample;
 pub use rapid::{RapidClient, RapidSettings};
 pub use rws::{RwsClient, RwsSettings};
 pub use ur::{UrClient, UrSettings};
+
+/// How often the user has asked for the end. A motion under way is stopped when it grows; the next one may begin all the same,
+/// so that the arm can be led back.
+pub type StopCount = Arc<AtomicUsize>;
+
+/// What a driver knows of stops: nobody asks for any until it is told who may.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Stops(Option<StopCount>);
+
+impl Stops {
+    pub(crate) fn listen(&mut self, count: StopCount) {
+        self.0 = Some(count);
+    }
+
+    /// How often so far.
+    pub(crate) fn so_far(&self) -> usize {
+        self.0.as_ref().map_or(0, |count| count.load(Ordering::Relaxed))
+    }
+}
+
+/// A stop is looked for this often while the arm moves.
+pub(crate) const LOOK_FOR_STOP: Duration = Duration::from_millis(50);
 
 /// A robot controller.
 ///
@@ -80,6 +103,10 @@ pub trait Controller: Send {
     fn temperature(&mut self) -> Result<Option<f64>, ControllerError> {
         Ok(None)
     }
+
+    /// Who may stop a motion under way: it then ends, through the controller, with [`ControllerError::Stopped`]. A controller
+    /// without this finishes its motion.
+    fn stop_when(&mut self, _count: StopCount) {}
 
     /// When the joints of this arm are taken as standing still.
     fn joint_settle(&self) -> JointSettle {
@@ -179,6 +206,19 @@ pub enum ControllerError {
         /// By how much, in deg.
         moves_deg: f64,
         /// How long it was given, in s.
+        seconds: f64,
+    },
+    /// The user asked to stop, and the controller has stopped the motion under way.
+    #[error("stopped by the user in the middle of a motion")]
+    Stopped,
+    /// The user asked to stop, and the controller does not say that it did.
+    #[error(
+        "robot controller {controller}: asked to stop the arm, and has not confirmed it within {seconds} s; use the emergency stop if it still moves"
+    )]
+    StopNotConfirmed {
+        /// Name of the controller.
+        controller: String,
+        /// How long it was given, s.
         seconds: f64,
     },
     /// The user asked to stop.

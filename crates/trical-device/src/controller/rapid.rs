@@ -7,9 +7,18 @@ use std::time::{Duration, Instant};
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
-use super::{Controller, ControllerError, JointSettle};
+use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops};
 use crate::gauge::shorten;
 use trical_recording::motion::JointSample;
+
+/// How long a controller may take to say that the arm stands after a stop.
+const STOP_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How often each end of the line hears of the other while the arm moves.
+const ALIVE_EVERY: Duration = Duration::from_secs(1);
+
+/// More joint samples than any motion has; a controller that sends more is not ours.
+const MOST_SAMPLES: usize = 100_000;
 
 /// Settings of the connection.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +56,7 @@ pub struct RapidClient<S> {
     joints: usize,
     correction_limit: f64,
     history: Vec<JointSample>,
+    stops: Stops,
     /// Why the connection can no longer be used: a late answer would be taken for the next one.
     broken: Option<String>,
 }
@@ -90,6 +100,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             joints: 0,
             correction_limit: 0.0,
             history: Vec::new(),
+            stops: Stops::default(),
             broken: None,
         };
         client.identify()?;
@@ -149,9 +160,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
         if let Some(reason) = &self.broken {
             return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
         }
-        if let Err(error) = self.stream.write_all(request.as_bytes()).and_then(|()| self.stream.flush()) {
-            return Err(self.lost(error.to_string()));
-        }
+        self.send(request)?;
         let deadline = Instant::now() + timeout;
         loop {
             let Some(message) = self.next_message(deadline)? else {
@@ -164,6 +173,8 @@ impl<S: Read + Write + Send> RapidClient<S> {
             };
             match protocol::parse_reply(&message) {
                 Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
+                // to a sign of life that came when the motion had ended
+                Some(Reply { code: code::ALIVE, .. }) => {}
                 Some(reply) if reply.code == wanted && reply.ok => return Ok(reply.data),
                 Some(reply) if reply.code == wanted => {
                     let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };
@@ -178,6 +189,79 @@ impl<S: Read + Write + Send> RapidClient<S> {
                     return Err(self.garbage(request, &message, format!("{wanted:02} 1 ... #")));
                 }
             }
+        }
+    }
+
+    fn send(&mut self, request: &str) -> Result<(), ControllerError> {
+        let sent = self.stream.write_all(request.as_bytes()).and_then(|()| self.stream.flush());
+        sent.map_err(|error| self.lost(error.to_string()))
+    }
+
+    /// After the motion's request: waits for its reply. Meanwhile each end tells the other that it is alive, and the arm is
+    /// stopped where the user asks for it.
+    fn motion_reply(&mut self, wanted: u8, request: &str) -> Result<(), ControllerError> {
+        let before = self.stops.so_far();
+        let (begin, timeout) = (Instant::now(), self.settings.move_timeout);
+        let (mut heard, mut said) = (begin, begin);
+        loop {
+            let now = Instant::now();
+            if self.stops.so_far() > before {
+                return Err(self.stop());
+            }
+            let silent = [(now - begin, timeout), (now - heard, self.settings.timeout.max(2 * ALIVE_EVERY))];
+            if let Some((_, limit)) = silent.into_iter().find(|(time, limit)| time >= limit) {
+                // whatever the arm does now, it is not waited for
+                let _ = self.send(&protocol::write_request(code::STOP, &[], 0));
+                self.broken = Some(format!("no answer to {request:?} before"));
+                return Err(ControllerError::Silent {
+                    controller: self.name.clone(),
+                    request: request.to_owned(),
+                    seconds: limit.as_secs_f64(),
+                });
+            }
+            if now - said >= ALIVE_EVERY {
+                said = now;
+                self.send(&protocol::write_request(code::ALIVE, &[], 0))?;
+            }
+            let Some(message) = self.next_message((now + LOOK_FOR_STOP).min(begin + timeout))? else { continue };
+            heard = Instant::now();
+            match protocol::parse_reply(&message) {
+                Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
+                // a module that does not know it refuses it, and is alive
+                Some(Reply { code: code::ALIVE, .. }) => {}
+                Some(reply) if reply.code == wanted && reply.ok => return Ok(()),
+                Some(reply) if reply.code == wanted => {
+                    let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };
+                    let controller = self.name.clone();
+                    return Err(ControllerError::Refused { controller, request: request.to_owned(), reason });
+                }
+                _ => {
+                    self.broken = Some(format!("an answer before was {:?}", shorten(&message)));
+                    return Err(self.garbage(request, &message, format!("{wanted:02} 1 ... #")));
+                }
+            }
+        }
+    }
+
+    /// Stops the motion under way: done when the controller has answered, behind whatever it still had to say.
+    fn stop(&mut self) -> ControllerError {
+        let wait = |client: &mut Self| -> Result<bool, ControllerError> {
+            client.send(&protocol::write_request(code::STOP, &[], 0))?;
+            let deadline = Instant::now() + STOP_TIMEOUT;
+            while let Some(message) = client.next_message(deadline)? {
+                if protocol::parse_reply(&message).is_some_and(|reply| reply.code == code::STOP) {
+                    return Ok(true);
+                }
+            }
+            Ok(false)
+        };
+        match wait(self) {
+            Ok(true) => ControllerError::Stopped,
+            Ok(false) => {
+                self.broken = Some("it did not confirm a stop".to_owned());
+                ControllerError::StopNotConfirmed { controller: self.name.clone(), seconds: STOP_TIMEOUT.as_secs_f64() }
+            }
+            Err(error) => error,
         }
     }
 
@@ -227,7 +311,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             return false;
         };
         self.history.push(JointSample { t: *t, q });
-        true
+        self.history.len() < MOST_SAMPLES
     }
 
     fn simple(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<String, ControllerError> {
@@ -236,8 +320,12 @@ impl<S: Read + Write + Send> RapidClient<S> {
     }
 
     fn motion(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<(), ControllerError> {
+        if let Some(reason) = &self.broken {
+            return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
+        }
         let request = protocol::write_request(wanted, parameters, decimals);
-        self.request(wanted, &request, self.settings.move_timeout).map(|_| ())
+        self.send(&request)?;
+        self.motion_reply(wanted, &request)
     }
 }
 
@@ -296,6 +384,10 @@ impl<S: Read + Write + Send> Controller for RapidClient<S> {
             Some([temperature]) => Ok(Some(*temperature)),
             _ => Err(self.garbage("23 #", answer.as_bytes(), "a temperature in degC")),
         }
+    }
+
+    fn stop_when(&mut self, count: StopCount) {
+        self.stops.listen(count);
     }
 
     fn joint_settle(&self) -> JointSettle {

@@ -17,6 +17,8 @@
 //! | 22 | stream joints while moving, every so many ms; 0 = off | |
 //! | 23 | temperature | `degC`, or nothing where there is no sensor |
 //! | 24 | who are you | `TriCal <version> <number of joints> <correction limit mm>` |
+//! | 25 | stop the motion under way; taken while it is | after the motion's own reply, which is refused |
+//! | 26 | alive? taken while the arm moves; a module that hears nothing for some seconds then stops it | |
 //! | 30 | (never requested) | `seconds j1 .. j6`: a sample of the stream |
 //! | 99 | close | |
 
@@ -49,6 +51,10 @@ pub mod code {
     pub const TEMPERATURE: u8 = 23;
     /// Report name, version, joints and limit.
     pub const IDENTIFY: u8 = 24;
+    /// Stop the motion under way.
+    pub const STOP: u8 = 25;
+    /// Say that both ends are alive, while the arm moves.
+    pub const ALIVE: u8 = 26;
     /// A sample of the stream.
     pub const SAMPLE: u8 = 30;
     /// Close the connection.

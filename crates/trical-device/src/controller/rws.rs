@@ -10,9 +10,12 @@ use trical_model::recording::Joints;
 
 use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
-use super::{Controller, ControllerError, JointSettle};
+use super::{Controller, ControllerError, JointSettle, StopCount, Stops};
 use crate::gauge::shorten;
 use trical_recording::motion::JointSample;
+
+/// Stops the RAPID program.
+const STOP_PATH: &str = "/rw/rapid/execution?action=stop";
 
 /// Settings of the connection.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +69,7 @@ pub struct RwsClient {
     /// Number of the last request; `None` = the module was not asked yet.
     sequence: Option<u64>,
     history: Vec<JointSample>,
+    stops: Stops,
 }
 
 impl RwsClient {
@@ -90,6 +94,7 @@ impl RwsClient {
             begin: Instant::now(),
             sequence: None,
             history: Vec::new(),
+            stops: Stops::default(),
         };
         let path = protocol::joints_path(&client.settings.unit);
         match client.request(HttpMethod::GET, &path, "") {
@@ -254,8 +259,13 @@ impl RwsClient {
         self.set("nReq", &request)?;
         self.set("nSeq", &next.to_string())?;
         self.sequence = Some(next);
-        let begin = Instant::now();
+        let (begin, before) = (Instant::now(), self.stops.so_far());
         while self.number("nAck")? != next {
+            if self.stops.so_far() > before {
+                // the whole program stops, and has to be started again by hand [I]
+                self.request(HttpMethod::POST, STOP_PATH, "stopmode=stop")?;
+                return Err(ControllerError::Stopped);
+            }
             if begin.elapsed() > timeout {
                 return Err(ControllerError::Silent {
                     controller: self.name.clone(),
@@ -323,6 +333,10 @@ impl Controller for RwsClient {
     /// The clock of this computer since the connection was made: the services' own has whole seconds only.
     fn clock(&mut self) -> Result<f64, ControllerError> {
         Ok(self.begin.elapsed().as_secs_f64())
+    }
+
+    fn stop_when(&mut self, count: StopCount) {
+        self.stops.listen(count);
     }
 
     fn joint_settle(&self) -> JointSettle {

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rtde::{self, State, kind};
-use super::{Controller, ControllerError, JointSettle};
+use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops};
 use crate::gauge::shorten;
 use trical_recording::motion::JointSample;
 
@@ -106,6 +106,7 @@ pub struct UrClient {
     tcp: [f64; 3],
     linear: f64,
     angular: f64,
+    stops: Stops,
 }
 
 impl UrClient {
@@ -144,7 +145,17 @@ impl UrClient {
         let drain = move || std::io::copy(&mut drained, &mut std::io::sink()).map(|_| ());
         std::thread::Builder::new().name("ur data".to_owned()).spawn(listen).map_err(failed)?;
         std::thread::Builder::new().name("ur program port".to_owned()).spawn(drain).map_err(failed)?;
-        let client = Self { name, settings, shared, data, script, tcp: [0.0; 3], linear: 0.01, angular: 0.1 };
+        let client = Self {
+            name,
+            settings,
+            shared,
+            data,
+            script,
+            tcp: [0.0; 3],
+            linear: 0.01,
+            angular: 0.1,
+            stops: Stops::default(),
+        };
         client.fresh()?;
         Ok(client)
     }
@@ -177,6 +188,7 @@ impl UrClient {
                     seconds: timeout.as_secs_f64(),
                 });
             }
+            let left = left.min(LOOK_FOR_STOP);
             seen = self.shared.news.wait_timeout(seen, left).map_or_else(|e| e.into_inner().0, |(seen, _)| seen);
         }
     }
@@ -225,15 +237,19 @@ impl UrClient {
             program,
             "  set_tcp(p[{x:.7},{y:.7},{z:.7},0,0,0])\n  {motion}\n  write_output_integer_register(24, {number})\nend\n"
         );
+        let before = self.stops.so_far();
         self.send(&program)?;
         let result = self.wait(motion, self.settings.move_timeout, |seen| {
+            if self.stops.so_far() > before {
+                return Some(Err(ControllerError::Stopped));
+            }
             let state = seen.latest?;
             if let Err(error) = self.standing(&state, motion) {
                 return Some(Err(error));
             }
             (state.done == number).then_some(Ok(state))
         });
-        if let Err(ControllerError::Silent { .. }) = &result {
+        if let Err(ControllerError::Silent { .. } | ControllerError::Stopped) = &result {
             self.send("def trical_stop():\n  stopj(2.0)\nend\n")?;
         }
         result.map(|_| ())
@@ -373,6 +389,10 @@ impl Controller for UrClient {
 
     fn clock(&mut self) -> Result<f64, ControllerError> {
         self.fresh().map(|state| state.t)
+    }
+
+    fn stop_when(&mut self, count: StopCount) {
+        self.stops.listen(count);
     }
 
     fn joint_settle(&self) -> JointSettle {

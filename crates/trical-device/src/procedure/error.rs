@@ -66,7 +66,7 @@ impl ProcedureError {
     /// Whether the user asked for the end.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        matches!(self.violation(), Some(Violation::Cancelled))
+        matches!(self.violation(), Some(Violation::Cancelled | Violation::Stopped))
     }
 }
 
@@ -85,6 +85,9 @@ pub enum Violation {
     /// The user asked to stop.
     #[error("stopped by the user")]
     Cancelled,
+    /// The user asked to stop, and the motion under way was stopped.
+    #[error("stopped by the user in the middle of a motion")]
+    Stopped,
     /// One correction is too long.
     #[error("the correction would be {length_mm:.3} mm, the limit is {limit_mm:.3} mm")]
     Correction {
@@ -139,7 +142,7 @@ pub enum Violation {
     },
     /// A channel shows the same after a motion along it.
     #[error(
-        "indicator {axis} still reads {reading_mm:.4} mm after a motion of {moved_mm:.3} mm along it: its transmitter may be dead"
+        "indicator {axis} still reads {reading_mm:.4} mm after a motion of {moved_mm:.3} mm along it: its transmitter may be dead, or the stem stuck"
     )]
     Stale {
         /// Which axis.
@@ -149,20 +152,33 @@ pub enum Violation {
         /// How far it should have changed in mm.
         moved_mm: f64,
     },
-    /// No channel has changed between the approach point and the touch.
+    /// A channel does not follow the first part of the way out of a touch.
     #[error(
-        "no indicator has changed between the approach point and the touch: the gauge repeats old values, or touches at both"
+        "indicator {axis} reads {before_mm:.4} mm at the touch and {after_mm:.4} mm on the way out of it; expected a change of {least_mm:.3} mm at least: the stem is stuck, or its transmitter repeats an old value; the touch is not recorded"
     )]
-    StaleTouch,
-    /// A channel has not changed between the approach point and the touch.
+    NoResponse {
+        /// Which axis.
+        axis: char,
+        /// What it reads at the touch, mm.
+        before_mm: f64,
+        /// What it reads after the motion, mm.
+        after_mm: f64,
+        /// How much it should have changed at least, mm.
+        least_mm: f64,
+    },
+    /// A channel reads at the approach point as if its stem touched something.
     #[error(
-        "indicator {axis} reads {reading_mm:.4} mm at the touch and read the same at the approach point, where its stem was free: its transmitter may be dead, or the stem stuck"
+        "indicator {axis} reads {reading_mm:.4} mm at the approach point, where its stem is free; expected a reading outside {low_mm:.3} to {high_mm:.3} mm: the stem is stuck, its transmitter repeats an old value, or the indicator has another stroke"
     )]
-    StaleAxis {
+    NotFree {
         /// Which axis.
         axis: char,
         /// What it reads in mm.
         reading_mm: f64,
+        /// Lower end of what a touch reads, in mm.
+        low_mm: f64,
+        /// Upper end in mm.
+        high_mm: f64,
     },
     /// A joint is or would be outside its limits.
     #[error("joint {joint} at {value_deg:.3} deg is outside its limits {low_deg:.3} to {high_deg:.3} deg")]
@@ -196,15 +212,15 @@ pub enum Violation {
     },
     /// A correction moved a joint too far: near a singular pose.
     #[error(
-        "a correction of {length_mm:.3} mm moved joint {joint} by {moved_deg:.3} deg, the limit is {limit_deg:.3} deg: the pose is near a singular one"
+        "a correction of {length_mm:.3} mm turns joint {joint} by {turn_deg:.3} deg, the limit is {limit_deg:.3} deg: the pose is near a singular one"
     )]
     JointChange {
         /// Which joint, counted from 1.
         joint: usize,
         /// Length of the correction in mm.
         length_mm: f64,
-        /// How far the joint moved in deg.
-        moved_deg: f64,
+        /// How far the joint turns in deg.
+        turn_deg: f64,
         /// The limit in deg.
         limit_deg: f64,
     },
@@ -214,9 +230,26 @@ pub enum Violation {
         /// Length of the correction in mm.
         length_mm: f64,
     },
-    /// The collision model refuses a motion.
+    /// The collision model refuses a motion of the plan.
     #[error("the motion is refused: {0}")]
     Guard(String),
+    /// The collision model refuses the way from where the arm is, and it was not driven.
+    #[error(
+        "the way from where the arm stands is refused ({0}) and was not driven; jog the arm by hand to a place from where the way is free"
+    )]
+    NoWay(String),
+    /// Somebody else has moved the arm.
+    #[error(
+        "joint {joint} was left at {left_deg:.3} deg and is at {found_deg:.3} deg: something else has moved the arm"
+    )]
+    Elsewhere {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// Where the arm stood after its last motion, deg.
+        left_deg: f64,
+        /// Where it is now, deg.
+        found_deg: f64,
+    },
 }
 
 impl From<GaugeError> for Violation {
@@ -232,6 +265,7 @@ impl From<ControllerError> for Violation {
     fn from(error: ControllerError) -> Self {
         match error {
             ControllerError::Cancelled => Self::Cancelled,
+            ControllerError::Stopped => Self::Stopped,
             other => Self::Controller(other),
         }
     }
@@ -244,6 +278,10 @@ pub enum RetreatOutcome {
     Done,
     /// It had not left the place where it was.
     NotNeeded,
+    /// Something else has moved it, and may do so again.
+    LeftAlone,
+    /// It was stopped on its way, and stands there.
+    Stopped,
     /// The touch was recorded, and the failure came on the way back.
     Interrupted,
     /// It could not go back.
@@ -255,6 +293,8 @@ impl fmt::Display for RetreatOutcome {
         match self {
             Self::Done => write!(f, "the arm went back the way it came"),
             Self::NotNeeded => write!(f, "the arm had not left its place"),
+            Self::LeftAlone => write!(f, "the arm is left where it stands: jog it to a free place by hand"),
+            Self::Stopped => write!(f, "the arm stands where it was stopped"),
             Self::Interrupted => {
                 write!(f, "the touch is recorded, but the arm stopped on its way back: look where it stands")
             }

@@ -10,7 +10,11 @@ use crate::gauge::Settle;
 use trical_recording::motion::MotionSense;
 
 /// Says whether the arm may move from the first joint values to the second, in joint interpolation; one sentence why not.
-pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints) -> Result<(), String> + 'a);
+/// On the way into and out of a touch the stems may meet its ball (counted from 0), elsewhere none.
+pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints, Option<usize>) -> Result<(), String> + 'a);
+
+/// Where the nominal arm's joints would be after a displacement of the tool (m, in its axes); `None` where it cannot say.
+pub type CorrectedJoints<'a> = &'a (dyn Fn(&Joints, [f64; 3]) -> Option<Joints> + 'a);
 
 /// Limits of the procedure; whatever is beyond ends the run and makes the arm retreat.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,8 +117,10 @@ pub struct ProcedureOptions<'a> {
     pub dead_band: f64,
     /// Read the gauge at the approach point, and take a gauge that shows the same at the touch as stale.
     pub check_release: bool,
-    /// Asked before every joint motion towards a touch (the collision model). The way back is the way that was allowed.
+    /// Asked before every joint motion (the collision model), from where the controller says that the arm is.
     pub guard: Option<MoveGuard<'a>>,
+    /// With this the guard is asked for corrections too, and turns of joints are known before they are made.
+    pub corrected: Option<CorrectedJoints<'a>>,
 }
 
 impl Default for ProcedureOptions<'_> {
@@ -141,6 +147,7 @@ impl Default for ProcedureOptions<'_> {
             dead_band: MotionSense::DEAD_BAND,
             check_release: true,
             guard: None,
+            corrected: None,
         }
     }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::steps::{check_finite, check_guard, check_joints, check_plan};
+use super::steps::{check_finite, check_guard, check_joints, check_plan, check_way};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
@@ -15,6 +15,11 @@ use crate::controller::{Controller, largest_difference, wait_settled};
 use crate::gauge::{AXES, Gauge, settled_reading};
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::{JointSample, MotionSense};
+
+/// Times of a controller that stand in another order than they were asked for, s: no jump yet.
+const CLOCK_SLACK_S: f64 = 1.0;
+/// A clock that goes on by more than a day from one step to the next has jumped.
+const LONGEST_STEP_S: f64 = 86_400.0;
 
 /// Drives through a plan; every accepted touch is in the log before the arm leaves it.
 ///
@@ -46,11 +51,13 @@ pub fn run(
         cancel,
         progress,
         motion: MotionSense::new(options.dead_band),
-        clock_begin: 0.0,
+        clock_offset: 0.0,
+        t: options.begin_t,
         at: [0.0; trical_model::recording::MAX_JOINTS],
         trail: Vec::new(),
         report: RunReport::default(),
         known: options.known.clone(),
+        touching: None,
         retreating: false,
     };
     let not_begun = |violation| ProcedureError::Start { violation: Box::new(violation) };
@@ -59,7 +66,6 @@ pub fn run(
         runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
     }
     let total = plan.len();
-    let mut first = true;
     for (number, entry) in plan.iter().enumerate() {
         let done = runner.report.measured + runner.report.skipped;
         if options.skip.contains(&entry.index) {
@@ -68,10 +74,12 @@ pub fn run(
         }
         (runner.progress)(Progress::Begin { index: entry.index, ball: entry.ball, done, total });
         runner.trail = vec![runner.at];
-        let led_in = if first { runner.led_in(plan, number) } else { None };
-        first = false;
+        let led_in = runner.led_in(plan, number);
         let result = match runner.touch(led_in.as_ref().unwrap_or(entry), total) {
             Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+            // whoever moves the arm by hand has it
+            Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
+            Err(violation @ Violation::Elsewhere { .. }) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),
         };
         if let Err((violation, retreat)) = result {
@@ -94,8 +102,10 @@ struct Runner<'a, 'o> {
     cancel: &'a AtomicBool,
     progress: &'a mut dyn FnMut(Progress),
     motion: MotionSense,
-    /// The controller's clock when the run began.
-    clock_begin: f64,
+    /// What is added to the controller's clock to get the recording's time.
+    clock_offset: f64,
+    /// The last time of the recording, s.
+    t: f64,
     /// Where the arm stands.
     at: Joints,
     /// Where the arm has been since the entry began, in order; the way back.
@@ -103,6 +113,8 @@ struct Runner<'a, 'o> {
     report: RunReport,
     /// Joints at the touches of the first round.
     known: BTreeMap<u64, Joints>,
+    /// The ball that the stems may meet: from the way into its touch until the arm is back at the approach point.
+    touching: Option<usize>,
     /// After a failure nothing but the arm matters.
     retreating: bool,
 }
@@ -118,7 +130,7 @@ impl Runner<'_, '_> {
             ));
         }
         self.controller.ping()?;
-        self.clock_begin = self.controller.clock()?;
+        self.clock_offset = options.begin_t - self.controller.clock()?;
         if let Some(tcp) = options.tcp_in_flange {
             self.controller.set_tool(tcp)?;
         }
@@ -148,7 +160,10 @@ impl Runner<'_, '_> {
         ));
         check_joints(before, self.options)?;
         self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
-        self.drive(before)
+        self.touching = Some(entry.ball);
+        self.drive(before)?;
+        self.touching = None;
+        Ok(())
     }
 
     /// The entry with a way to it from where the arm stands, where the straight one is not allowed: along the plan's own
@@ -157,7 +172,7 @@ impl Runner<'_, '_> {
         let options = self.options;
         let entry = plan.get(number)?;
         let first = entry.via.first()?;
-        if options.retreat != Retreat::Approach || check_guard(&self.at, first, options).is_ok() {
+        if options.retreat != Retreat::Approach || check_guard(&self.at, first, None, options).is_ok() {
             return None;
         }
         // free points in the order of the plan: each can be reached from its neighbours
@@ -166,8 +181,9 @@ impl Runner<'_, '_> {
         let mut near: Vec<usize> = (0..ways.len()).collect();
         let far = |at: &usize| ways.get(*at).map_or(f64::INFINITY, |q| largest_difference(q, &self.at).1);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let from =
-            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, options).is_ok()))?;
+        let from = near
+            .into_iter()
+            .find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, None, options).is_ok()))?;
         let mut via: Vec<Joints> = if from <= target {
             ways.get(from..target)?.to_vec()
         } else {
@@ -180,36 +196,27 @@ impl Runner<'_, '_> {
     /// Steps (a) to (g): to the ball, read and correct, record.
     fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
         let options = self.options;
+        let limits = &options.limits;
         self.controller.set_speed(options.travel_speed, options.rotation_speed)?;
         for q in &entry.via {
             self.go(q)?;
         }
         self.check_cancelled()?;
-        let free = if options.check_release && !entry.via.is_empty() { Some(self.settled_reading()?) } else { None };
-
+        if options.check_release && !entry.via.is_empty() {
+            self.check_free()?;
+        }
         self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
         self.arrive(entry)?;
         let mut reading = self.read(entry, 0)?;
-        // channels that may repeat an old value: no motion has shown yet that they live
-        let mut doubtful = options.check_release;
-        if let Some(free) = free {
-            let same: Vec<usize> = (0..3).filter(|axis| is_same(free[*axis], reading[*axis])).collect();
-            match same.as_slice() {
-                [] => doubtful = false,
-                [_, _, _] => return Err(Violation::StaleTouch),
-                // a stem that was free at the approach point cannot read there what it reads at the ball
-                [axis, ..] => {
-                    return Err(Violation::StaleAxis { axis: AXES[*axis], reading_mm: reading[*axis] * 1e3 });
-                }
-            }
-        }
+        // with no way out of the touch, channels that have not followed a correction may be stuck, or repeat an old value
+        let mut follows = [!options.check_release || !entry.via.is_empty(); 3];
         let mut corrections = 0;
         let mut total_length = 0.0;
-        while norm(&reading) >= options.epsilon || doubtful {
+        while norm(&reading) >= options.epsilon || follows.contains(&false) {
             if norm(&reading) < options.epsilon {
                 // a little aside along all axes: each channel has to follow, and the loop goes back
                 reading = self.aside(entry, reading, &mut corrections, &mut total_length)?;
-                doubtful = false;
+                follows = [true; 3];
                 continue;
             }
             if corrections >= options.limits.iterations {
@@ -220,31 +227,75 @@ impl Runner<'_, '_> {
                 });
             }
             let after = self.follow(entry, reading, &mut corrections, &mut total_length)?;
-            doubtful = options.check_release && reading.iter().zip(&after).any(|(a, b)| is_same(*a, *b));
+            for k in 0..3 {
+                // a step of `confirm` or more, of which a gap in a joint may have swallowed most
+                follows[k] |= reading[k].abs() >= limits.confirm && responds(reading[k], after[k], reading[k]);
+            }
             reading = after;
         }
-        self.record(entry, reading, corrections, total)
+        let row = self.measured(entry, reading)?;
+        if options.check_release && !entry.via.is_empty() {
+            self.check_response(entry, &reading)?;
+        }
+        self.accept(row, corrections, total)
     }
 
-    /// From the approach point to the touch: where it was found at an earlier visit, and every other time from beyond.
+    /// At the approach point each stem has to read as one that touches nothing.
+    fn check_free(&mut self) -> Result<(), Violation> {
+        let free = self.settled_reading()?;
+        let [low, high] = self.options.limits.stroke;
+        match (0..3).find(|k| (low..=high).contains(&free[*k])) {
+            None => Ok(()),
+            Some(k) => Err(Violation::NotFree {
+                axis: AXES[k],
+                reading_mm: free[k] * 1e3,
+                low_mm: low * 1e3,
+                high_mm: high * 1e3,
+            }),
+        }
+    }
+
+    /// A little way out of the touch, towards the approach point: the whole way takes every stem out of its stroke, so every
+    /// channel has to follow this part of it. One that does not measures nothing, whatever it reads.
+    fn check_response(&mut self, entry: &PlanEntry, reading: &[f64; 3]) -> Result<(), Violation> {
+        let Some(approach) = entry.via.last() else { return Ok(()) };
+        let part = self.options.beyond;
+        let out = std::array::from_fn(|k| self.at[k] + part * (approach[k] - self.at[k]));
+        check_joints(&out, self.options)?;
+        self.drive(&out)?;
+        let after = self.settled_reading()?;
+        // a gap in a joint may swallow some of it
+        let least = 0.25 * part * self.options.limits.stroke[1].abs();
+        match (0..3).find(|k| (after[*k] - reading[*k]).abs() < least) {
+            None => Ok(()),
+            Some(k) => Err(Violation::NoResponse {
+                axis: AXES[k],
+                before_mm: reading[k] * 1e3,
+                after_mm: after[k] * 1e3,
+                least_mm: least * 1e3,
+            }),
+        }
+    }
+
+    /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond.
     fn arrive(&mut self, entry: &PlanEntry) -> Result<(), Violation> {
-        let stride = self.options.stride.unwrap_or(u64::MAX).max(1);
+        let options = self.options;
+        let stride = options.stride.unwrap_or(u64::MAX).max(1);
         let (round, place) = (entry.index / stride, entry.index % stride);
         let found = if round > 0 { self.known.get(&place).copied() } else { None };
-        let Some(found) = found else {
-            return self.go(&entry.joints);
-        };
+        let touch = found.unwrap_or(entry.joints);
+        let from_beyond = found.is_some() && round % 2 == 1;
+        let beyond = std::array::from_fn(|k| touch[k] + options.beyond * (touch[k] - self.at[k]));
+        check_joints(&touch, options)?;
         self.check_cancelled()?;
-        check_guard(&self.at, &entry.joints, self.options)?;
-        check_joints(&found, self.options)?;
-        self.trail.push(found);
-        if round % 2 == 1 {
-            let from = self.at;
-            let beyond = std::array::from_fn(|k| found[k] + self.options.beyond * (found[k] - from[k]));
-            check_joints(&beyond, self.options)?;
+        // from here on the arm may be on its way, so the way back begins at the point before
+        self.trail.push(touch);
+        self.touching = Some(entry.ball);
+        if from_beyond {
+            check_joints(&beyond, options)?;
             self.drive(&beyond)?;
         }
-        self.drive(&found)
+        self.drive(&touch)
     }
 
     fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {
@@ -274,14 +325,8 @@ impl Runner<'_, '_> {
         Ok(reading)
     }
 
-    /// Step (g): stores the joints that the controller reports.
-    fn record(
-        &mut self,
-        entry: &PlanEntry,
-        reading: [f64; 3],
-        corrections: usize,
-        total: usize,
-    ) -> Result<(), Violation> {
+    /// Step (g): the joints that the controller reports, and what belongs to them.
+    fn measured(&mut self, entry: &PlanEntry, reading: [f64; 3]) -> Result<Row, Violation> {
         self.at = self.settled_joints()?;
         self.note_joints()?;
         let t = self.time()?;
@@ -301,9 +346,15 @@ impl Runner<'_, '_> {
             ..State::at(&[])
         };
         let measured = Measured::Touch { ball: entry.ball, reading };
-        let row = Row { state, measured, seq: Some(entry.index), line: 0 };
+        Ok(Row { state, measured, seq: Some(entry.index), line: 0 })
+    }
+
+    /// Stores a measurement; it is safe when this returns.
+    fn accept(&mut self, row: Row, corrections: usize, total: usize) -> Result<(), Violation> {
         self.log.measurement(&row)?;
-        self.known.insert(entry.index % self.options.stride.unwrap_or(u64::MAX).max(1), self.at);
+        if let Some(index) = row.seq {
+            self.known.insert(index % self.options.stride.unwrap_or(u64::MAX).max(1), row.state.q);
+        }
         self.report.measured += 1;
         let done = self.report.measured + self.report.skipped;
         (self.progress)(Progress::Measured { row: Box::new(row), corrections, done, total });
@@ -314,14 +365,31 @@ impl Runner<'_, '_> {
     fn go(&mut self, target: &Joints) -> Result<(), Violation> {
         self.check_cancelled()?;
         check_joints(target, self.options)?;
-        check_guard(&self.at, target, self.options)?;
         // from here on the arm may be on its way, so the way back begins at the point before
         self.trail.push(*target);
         self.drive(target)
     }
 
-    /// A joint motion, and whether it arrived.
+    /// Where the controller says that the arm is, before it is moved: somebody may have moved it since.
+    fn look(&mut self) -> Result<(), Violation> {
+        let left = self.at;
+        self.at = if self.retreating { self.settled_joints()? } else { self.controller.joints()? };
+        check_finite(&self.at)?;
+        let (joint, off) = largest_difference(&left, &self.at);
+        if off > self.options.limits.arrival && !self.retreating {
+            return Err(Violation::Elsewhere {
+                joint: joint + 1,
+                left_deg: left[joint].to_degrees(),
+                found_deg: self.at[joint].to_degrees(),
+            });
+        }
+        Ok(())
+    }
+
+    /// A joint motion that the collision model allows from where the arm is, and whether it arrived.
     fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
+        self.look()?;
+        check_way(&self.at, target, self.touching, self.options)?;
         self.controller.move_joints(target)?;
         self.at = self.settled_joints()?;
         let noted = self.note_joints();
@@ -381,7 +449,12 @@ impl Runner<'_, '_> {
             let Some(target) = self.trail.last().copied() else {
                 break;
             };
-            self.drive(&target)?;
+            match self.drive(&target) {
+                // the arm is not where its way led it: a point further back may be free to go to
+                Err(Violation::NoWay(_)) if self.retreating && self.trail.len() > keep + 1 => continue,
+                driven => driven?,
+            }
+            self.touching = None;
             self.controller.set_speed(self.options.travel_speed, self.options.rotation_speed)?;
         }
         Ok(())
@@ -397,8 +470,19 @@ impl Runner<'_, '_> {
         Ok(self.on_recording(clock))
     }
 
-    fn on_recording(&self, clock: f64) -> f64 {
-        self.options.begin_t + (clock - self.clock_begin)
+    /// By the controller's clock, but without its jumps: the times of a recording never go back, and stay readable.
+    fn on_recording(&mut self, clock: f64) -> f64 {
+        let t = clock + self.clock_offset;
+        if !(self.t - CLOCK_SLACK_S..=self.t + LONGEST_STEP_S).contains(&t) {
+            self.clock_offset = self.t - clock;
+            self.warn(format!(
+                "the controller's clock has jumped by {:.3e} s; the times of the recording go on without the jump",
+                t - self.t
+            ));
+            return self.t;
+        }
+        self.t = self.t.max(t);
+        self.t
     }
 
     /// Logs where the joints have been, and where they are.
@@ -428,6 +512,11 @@ impl Runner<'_, '_> {
 /// Whether a channel shows the same: means of equal readings may differ in the last bits.
 fn is_same(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-9
+}
+
+/// Whether a channel has followed a step along it; a gap in a joint may have swallowed most of it.
+fn responds(before: f64, after: f64, step: f64) -> bool {
+    (before - after).abs() >= 0.25 * step.abs()
 }
 
 fn norm(v: &[f64; 3]) -> f64 {

@@ -26,8 +26,9 @@ pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize
         let stops = entry.via.iter().enumerate().map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
         for (name, q) in stops.chain(std::iter::once(("the touch".to_owned(), &entry.joints))) {
             let speed = if name == "the touch" { options.touch_speed } else { options.travel_speed };
+            let touched = (name == "the touch").then_some(entry.ball);
             let refused = check_joints(q, options)
-                .and_then(|()| from.map_or(Ok(()), |from| check_guard(from, q, options)))
+                .and_then(|()| from.map_or(Ok(()), |from| check_guard(from, q, touched, options)))
                 .map_or_else(|violation| format!("; REFUSED: {violation}"), |()| String::new());
             steps.push(format!(
                 "{head}: move to {name} at {:.0} mm/s: {} deg{refused}",
@@ -89,9 +90,24 @@ pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result
     Ok(())
 }
 
-/// Whether the collision model allows a motion.
-pub(super) fn check_guard(from: &Joints, to: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
-    options.guard.map_or(Ok(()), |guard| guard(from, to)).map_err(Violation::Guard)
+/// Whether the collision model allows a motion; `touched` is the ball that the stems may meet on it.
+pub(super) fn check_guard(
+    from: &Joints,
+    to: &Joints,
+    touched: Option<usize>,
+    options: &ProcedureOptions<'_>,
+) -> Result<(), Violation> {
+    options.guard.map_or(Ok(()), |guard| guard(from, to, touched)).map_err(Violation::Guard)
+}
+
+/// As [`check_guard`], for the way from where the arm is.
+pub(super) fn check_way(
+    from: &Joints,
+    to: &Joints,
+    touched: Option<usize>,
+    options: &ProcedureOptions<'_>,
+) -> Result<(), Violation> {
+    options.guard.map_or(Ok(()), |guard| guard(from, to, touched)).map_err(Violation::NoWay)
 }
 
 /// Checks a plan and settings before anything moves.
@@ -128,10 +144,11 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
         let wrong =
             |violation| ProcedureError::Plan { index: entry.index, ball: entry.ball, violation: Box::new(violation) };
         let mut from = stood;
-        for q in entry.via.iter().chain(std::iter::once(&entry.joints)) {
+        let ways = entry.via.iter().map(|q| (q, None));
+        for (q, touched) in ways.chain(std::iter::once((&entry.joints, Some(entry.ball)))) {
             check_joints(q, options).map_err(wrong)?;
             if let Some(from) = from {
-                check_guard(from, q, options).map_err(wrong)?;
+                check_guard(from, q, touched, options).map_err(wrong)?;
             }
             from = Some(q);
         }

@@ -51,6 +51,36 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Refuses settings that no measurement has.
+    ///
+    /// # Errors
+    /// One sentence: which, what was found, what is expected.
+    pub fn check(&self) -> Result<(), String> {
+        let [low, high] = self.stroke;
+        for (name, value, least, most, unit, scale) in [
+            ("tolerance of a touch", self.epsilon, 1e-7, 1e-3, "mm", 1e3),
+            ("repeatability of the arm", self.repeatability, 0.0, 1e-3, "mm", 1e3),
+            ("speed between the balls", self.travel_speed, 1e-4, 0.25, "mm/s", 1e3),
+            ("speed at a ball", self.touch_speed, 1e-4, 0.25, "mm/s", 1e3),
+            ("longest correction", self.max_correction, 1e-5, 0.05, "mm", 1e3),
+            ("longest sum of corrections", self.max_sum, 1e-5, 0.1, "mm", 1e3),
+            ("lower end of the stroke", low, -0.1, 0.0, "mm", 1e3),
+            ("upper end of the stroke", high, 0.0, 0.1, "mm", 1e3),
+            ("temperature", self.temp_c.unwrap_or(20.0), -100.0, 200.0, "degC", 1.0),
+            ("mass on the flange", self.payload_kg.unwrap_or(0.0), 0.0, 1e4, "kg", 1.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(format!(
+                    "{name}: found {} {unit}, expected {} to {}",
+                    tidy(value * scale),
+                    tidy(least * scale),
+                    tidy(most * scale)
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// As the procedure takes them, for an arm and a cell. Nothing moves with these yet.
     #[must_use]
     pub fn options<'a>(&self, robot: &Robot, cell: &Cell) -> ProcedureOptions<'a> {

@@ -38,11 +38,14 @@ struct Entry {
     per_mille: Option<u16>,
     ms: Option<u32>,
     by_mm: Option<[f64; 3]>,
+    joint: Option<usize>,
+    by_deg: Option<f64>,
+    by_s: Option<i64>,
 }
 
 const KNOWN: &str = "silent, garbage, unsolicited, drop_bytes, double_bytes, garble_bytes (per_mille), late (ms), pieces, \
-    stale (axis), status (axis, status), battery_low (axis), swapped_axes, flipped_axis (axis), balls_removed, \
-    slipped_plate (by_mm), refuse, stuck, stall, drop_connection";
+    stale (axis), stuck_stem (axis), status (axis, status), battery_low (axis), swapped_axes, flipped_axis (axis), balls_removed, \
+    slipped_plate (by_mm), jogged (joint, by_deg), clock_jump (by_s), refuse, stuck, stall, drop_connection";
 
 /// Reads a script.
 ///
@@ -91,6 +94,15 @@ fn scheduled(e: &Entry) -> std::result::Result<Scheduled, String> {
         "late" => Fault::Late { milliseconds: e.ms.ok_or("expected ms")? },
         "pieces" => Fault::Pieces,
         "stale" => Fault::Stale { axis: axis()? },
+        "stuck_stem" => Fault::StuckStem { axis: axis()? },
+        "jogged" => {
+            let joint = e.joint.filter(|j| *j >= 1).ok_or("expected joint, counted from 1")? - 1;
+            let by_deg = e.by_deg.filter(|v| v.abs() <= 360.0).ok_or("expected by_deg, 360 at most")?;
+            #[expect(clippy::cast_possible_truncation, reason = "within 360 deg")]
+            let by_mdeg = (by_deg * 1e3).round() as i32;
+            Fault::Jogged { joint, by_mdeg }
+        }
+        "clock_jump" => Fault::ClockJump { seconds: e.by_s.ok_or("expected by_s")? },
         "battery_low" => Fault::BatteryLow { axis: axis()? },
         "status" => Fault::Status {
             axis: axis()?,

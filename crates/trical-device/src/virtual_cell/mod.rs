@@ -127,6 +127,23 @@ pub enum Fault {
         /// Which axis.
         axis: usize,
     },
+    /// The stem of an axis is stuck: it reads 3 to 5 um, whatever the arm does.
+    StuckStem {
+        /// Which axis.
+        axis: usize,
+    },
+    /// A person jogs a joint, once.
+    Jogged {
+        /// Which joint, counted from 0.
+        joint: usize,
+        /// By how much, in thousandths of a degree.
+        by_mdeg: i32,
+    },
+    /// The controller's clock is off by so many s.
+    ClockJump {
+        /// By how much.
+        seconds: i64,
+    },
     /// The receiver answers nothing.
     Silence,
     /// The receiver answers nonsense.

@@ -11,6 +11,9 @@ use super::{Fault, lock};
 use crate::controller::rapid_protocol::{self as protocol, code};
 use trical_recording::motion::JointSample;
 
+/// A client that says nothing for so long while the arm moves is taken for gone, as the module does.
+const WATCHDOG: Duration = Duration::from_secs(5);
+
 /// Serves clients until `stop`.
 pub(super) fn serve(listener: &TcpListener, world: &Arc<Mutex<World>>, stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
@@ -42,6 +45,7 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
             let (reply, takes, pieces, stalls) = {
                 let mut world = lock(world);
                 world.commands += 1;
+                world.jog();
                 let stalls = world.has(&Fault::Stall) && is_motion(&message);
                 let pieces = world.has(&Fault::Pieces);
                 let begin = world.clock();
@@ -50,8 +54,16 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
                 };
                 (reply, (world.clock() - begin) * world.options.pace, pieces, stalls)
             };
+            let mut reply = reply;
             if takes > 0.0 {
-                wait(takes, stop);
+                if let Some(end) = travel(takes, &mut stream, &mut pending, stop)? {
+                    lock(world).stop_at(end.part);
+                    let code = protocol::parse_request(&message).map_or(0, |request| request.code);
+                    reply = protocol::write_reply(code, false, "stopped");
+                    if end.asked {
+                        reply.push_str(&protocol::write_reply(code::STOP, true, ""));
+                    }
+                }
                 lock(world).stand();
             }
             if stalls {
@@ -68,18 +80,64 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
     Ok(())
 }
 
-/// Lets real time pass, in s.
-fn wait(seconds: f64, stop: &AtomicBool) {
-    let begin = Instant::now();
-    while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
-        std::thread::sleep(Duration::from_millis(5));
-    }
+/// A motion that ended early.
+struct Stopped {
+    /// How much of it was made, 0 to 1.
+    part: f64,
+    /// Whether the client has asked for it.
+    asked: bool,
 }
 
-/// Whether the arm is to move.
+/// Lets the real time of a motion pass, in s. It is stopped where the client asks for it, is gone, or says nothing any more.
+fn travel(
+    seconds: f64,
+    stream: &mut TcpStream,
+    pending: &mut Vec<u8>,
+    stop: &AtomicBool,
+) -> io::Result<Option<Stopped>> {
+    let begin = Instant::now();
+    let mut heard = begin;
+    stream.set_nonblocking(true)?;
+    let result = loop {
+        let part = begin.elapsed().as_secs_f64() / seconds;
+        if part >= 1.0 || stop.load(Ordering::Relaxed) {
+            break None;
+        }
+        let mut bytes = [0_u8; 256];
+        match stream.read(&mut bytes) {
+            Ok(count @ 1..) => {
+                heard = Instant::now();
+                pending.extend_from_slice(bytes.get(..count).unwrap_or_default());
+            }
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => std::thread::sleep(Duration::from_millis(2)),
+            Ok(0) | Err(_) => break Some(Stopped { part, asked: false }),
+        }
+        let end = pending.iter().position(|byte| *byte == b'#');
+        let code = end.and_then(|end| protocol::parse_request(pending.get(..end)?)).map(|request| request.code);
+        match (code, end) {
+            (Some(code::STOP), Some(end)) => {
+                pending.drain(..=end);
+                break Some(Stopped { part, asked: true });
+            }
+            (Some(code::ALIVE), Some(end)) => {
+                pending.drain(..=end);
+                stream.write_all(protocol::write_reply(code::ALIVE, true, "").as_bytes())?;
+            }
+            // what else is asked for waits for the motion's end
+            _ => {}
+        }
+        if heard.elapsed() > WATCHDOG || pending.len() > protocol::LONGEST {
+            break Some(Stopped { part, asked: false });
+        }
+    };
+    stream.set_nonblocking(false)?;
+    Ok(result)
+}
+
+/// Whether the arm is to move, or somebody wants to know how it moves.
 fn is_motion(message: &[u8]) -> bool {
     let code = protocol::parse_request(message).map(|request| request.code);
-    matches!(code, Some(code::MOVE_JOINTS | code::CORRECT))
+    matches!(code, Some(code::MOVE_JOINTS | code::CORRECT | code::ALIVE | code::STOP))
 }
 
 /// What the controller sends on a request; `None` closes the connection.
@@ -87,9 +145,8 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
     if world.has(&Fault::DropConnection) {
         return None;
     }
-    let Some(request) = protocol::parse_request(message) else {
-        return Some(protocol::write_reply(0, false, "not understood"));
-    };
+    // who speaks another language may have a command somewhere in what follows
+    let request = protocol::parse_request(message)?;
     let count = world.joint_count();
     let wrong_count = || Err("wrong number of parameters".to_owned());
     let mut samples = Vec::new();
@@ -100,7 +157,7 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
         })
     };
     let result: Result<String, String> = match (request.code, request.parameters.as_slice()) {
-        (code::PING | code::TOOL, _) => Ok(String::new()),
+        (code::PING | code::TOOL | code::STOP | code::ALIVE, _) => Ok(String::new()),
         (code::MOVE_JOINTS, degrees) => match protocol::parse_joints(degrees, count) {
             Some(target) => moved(world.move_joints(&target)),
             None => wrong_count(),
@@ -112,7 +169,7 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
         (code::ZONE, [fine]) if *fine == 1.0 => Ok(String::new()),
         (code::ZONE, _) => Err("only fine".to_owned()),
         (code::CORRECT, [x, y, z]) => moved(world.correct([x * 1e-3, y * 1e-3, z * 1e-3])),
-        (code::CLOCK, _) => Ok(format!("{:.3}", world.clock())),
+        (code::CLOCK, _) => Ok(format!("{:.3}", world.clock_shown())),
         (code::STREAM, [interval]) if *interval >= 0.0 => {
             world.stream_interval = interval * 1e-3;
             Ok(String::new())

@@ -9,7 +9,11 @@ use trical_model::recording::{Joints, State};
 
 use super::script::Counters;
 use super::{CellOptions, Fault, Frame, Plant};
+use crate::controller::largest_difference;
 use trical_recording::motion::{JointSample, MotionSense};
+
+/// No joint turns by more in a correction, rad: 10 deg; near a singular pose it would.
+const LARGEST_TURN: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
 /// Never more joint samples in one motion.
 const MOST_SAMPLES: usize = 200;
@@ -19,6 +23,8 @@ pub(super) struct World {
     pub(super) options: CellOptions,
     pub(super) faults: Vec<Fault>,
     q: Joints,
+    /// Where the last motion began.
+    came_from: Joints,
     commanded: Joints,
     motion: MotionSense,
     clock: f64,
@@ -38,6 +44,8 @@ pub(super) struct World {
     angular_speed: f64,
     pub(super) stream_interval: f64,
     pub(super) motions: u64,
+    /// Whether a person has jogged the arm already.
+    jogged: bool,
     /// Sum of the corrections since the last joint motion, m.
     corrected: f64,
 }
@@ -51,6 +59,7 @@ impl World {
             plant,
             faults: Vec::new(),
             q,
+            came_from: q,
             commanded: q,
             motion: MotionSense::default(),
             clock: 0.0,
@@ -66,6 +75,7 @@ impl World {
             angular_speed: 0.5,
             stream_interval: 0.0,
             motions: 0,
+            jogged: false,
             corrected: 0.0,
             options,
         };
@@ -142,6 +152,29 @@ impl World {
         self.clock
     }
 
+    /// What the controller says that its clock shows.
+    pub(super) fn clock_shown(&self) -> f64 {
+        let jumps =
+            self.active().map(|fault| if let Fault::ClockJump { seconds } = fault { *seconds as f64 } else { 0.0 });
+        self.clock + jumps.sum::<f64>()
+    }
+
+    /// Between two requests a person may jog the arm.
+    pub(super) fn jog(&mut self) {
+        let found = self.active().find_map(|fault| match fault {
+            Fault::Jogged { joint, by_mdeg } => Some((*joint, f64::from(*by_mdeg) * 1e-3)),
+            _ => None,
+        });
+        let Some((joint, by_deg)) = found.filter(|_| !self.jogged) else { return };
+        self.jogged = true;
+        if let Some(q) = self.q.get_mut(joint) {
+            *q += by_deg.to_radians();
+        }
+        self.q = on_grid(&self.q);
+        self.motion.push(&self.q);
+        self.settle();
+    }
+
     pub(super) fn temperature(&mut self) -> Option<f64> {
         self.plant.temperature(self.clock)
     }
@@ -173,6 +206,14 @@ impl World {
     pub(super) fn true_tcp(&mut self) -> Frame {
         let state = self.state();
         self.plant.tcp(&state)
+    }
+
+    /// The last motion was stopped when so much of it was made, 0 to 1.
+    pub(super) fn stop_at(&mut self, part: f64) {
+        let (from, to) = (self.came_from, self.q);
+        self.q = on_grid(&std::array::from_fn(|joint| from[joint] + part * (to[joint] - from[joint])));
+        self.settle();
+        self.stand();
     }
 
     /// MoveAbsJ of the virtual controller; gives samples on the way.
@@ -212,12 +253,19 @@ impl World {
             return Err("position cannot be reached".to_owned());
         };
         self.check_limits(&target)?;
+        let (joint, turn) = largest_difference(&self.q, &target);
+        if turn > LARGEST_TURN {
+            return Err(format!("joint {} would turn by {:.3} deg by a correction", joint + 1, turn.to_degrees()));
+        }
         self.corrected += length;
         Ok(self.go(&target))
     }
 
     /// What an indicator shows, m.
     pub(super) fn indicator(&self, axis: usize) -> f64 {
+        if self.has(&Fault::StuckStem { axis }) {
+            return [3e-6, 4e-6, 5e-6][(self.motions % 3) as usize];
+        }
         let source = if self.has(&Fault::SwappedAxes) { [1, 0, 2][axis] } else { axis };
         let late = self.stopped.elapsed().as_secs_f64() < self.options.radio_delay;
         let value = if late {
@@ -261,6 +309,7 @@ impl World {
         self.clock += duration + self.options.dwell;
         self.before = self.indicators;
         self.commanded = target;
+        self.came_from = start;
         self.q = target;
         self.motion.push(&target);
         self.settle();
@@ -289,16 +338,16 @@ impl World {
             let (_, rotation) = self.plant.tcp(&state);
             std::array::from_fn::<f64, 3, _>(|axis| (0..3).map(|row| rotation[row][axis] * by[row]).sum())
         });
-        if !self.has(&Fault::BallsRemoved) {
-            for ball in 0..self.plant.balls() {
-                let mut offset = self.plant.offset_to_ball(&state, ball);
-                for (offset, slipped) in offset.iter_mut().zip(slipped.unwrap_or_default()) {
-                    *offset += slipped;
-                }
-                let within = offset.iter().all(|d| (low..=high).contains(d));
-                if within && touched.is_none_or(|best| norm(&offset) < norm(&best)) {
-                    touched = Some(offset);
-                }
+        let removed = self.has(&Fault::BallsRemoved);
+        for ball in 0..self.plant.balls() {
+            // asked at each place where the arm comes to rest: who watches the arm hears of all of them
+            let mut offset = self.plant.offset_to_ball(&state, ball);
+            for (offset, slipped) in offset.iter_mut().zip(slipped.unwrap_or_default()) {
+                *offset += slipped;
+            }
+            let within = !removed && offset.iter().all(|d| (low..=high).contains(d));
+            if within && touched.is_none_or(|best| norm(&offset) < norm(&best)) {
+                touched = Some(offset);
             }
         }
         // drawn whether touched or not, so that the same motions give the same noise

@@ -11,7 +11,7 @@ use fixtures::{
     IRB, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
 };
 use proptest::prelude::*;
-use trical_model::{Basis, Forward, MAX_JOINTS, Model, Shape, Site, State, Term, Tool, Variable};
+use trical_model::{Basis, Forward, MAX_JOINTS, Model, Shape, Site, State, Support, Term, Tool, Variable};
 use trical_program::{Dialect, Frames, Options, ProgramError, Report, compensate};
 
 fn options() -> Options {
@@ -51,6 +51,32 @@ fn an_identity_model_changes_no_byte() {
         assert!(unmarked(&out) == text, "{d:?}");
         assert!(report.largest_move < 1e-9);
     }
+}
+
+#[test]
+fn targets_at_joint_angles_that_the_model_was_not_learnt_at_are_named() {
+    let (d, text, frames, nominal, targets) = programs().into_iter().next().unwrap();
+    let asked = |visited: Support| {
+        let options = Options { visited, ..options() };
+        compensate(&text, "p", d, &nominal, &nominal, &frames, &options, &mut Vec::new()).unwrap()
+    };
+    let all = asked(Support::default());
+    assert!(all.beyond == 0 && all.cautions.is_empty(), "{:?}", all.cautions);
+    let everywhere: Vec<trical_model::Joints> = all.rows.iter().map(|r| r.joints).collect();
+    assert_eq!(asked(Support::of(&nominal.robot, &everywhere)).beyond, 0);
+    // joint 3 was never where the first target has it
+    let others: Vec<_> = everywhere
+        .iter()
+        .map(|q| {
+            let mut q = *q;
+            q[2] = everywhere[0][2] + 0.1;
+            q
+        })
+        .collect();
+    let some = asked(Support::of(&nominal.robot, &others));
+    assert!(some.beyond > 0 && some.beyond <= targets);
+    let first = format!("line {}", all.rows[0].line);
+    assert!(some.cautions[0].contains(&first) && some.cautions[0].contains("joint 3"), "{:?}", some.cautions);
 }
 
 #[test]

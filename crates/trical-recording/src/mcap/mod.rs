@@ -5,6 +5,7 @@
 //! accepted; the reader takes what is whole out of a file that was cut anywhere.
 
 pub mod cdr;
+mod lock;
 mod read;
 pub mod schema;
 mod walk;
@@ -19,6 +20,7 @@ use trical_model::{Cell, Robot};
 use crate::error::RecordError;
 use crate::motion::JointSample;
 
+pub use lock::check_not_written;
 pub use read::{each_row, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 
@@ -52,6 +54,8 @@ pub struct Header {
     pub attachments: Vec<Attachment>,
     /// Settings; the program's version is added.
     pub settings: BTreeMap<String, String>,
+    /// The plan's hash, where there is a plan: a recording goes on with its own plan only.
+    pub plan_sha256: Option<String>,
     /// The robot as URDF, for viewers.
     pub robot_description: Option<String>,
 }
@@ -65,6 +69,7 @@ impl Header {
             start_ns: 0,
             attachments: Vec::new(),
             settings: BTreeMap::new(),
+            plan_sha256: None,
             robot_description: None,
         }
     }

@@ -37,6 +37,7 @@ pub fn read_bytes(name: &Path, bytes: &[u8]) -> Result<ReadRecording, RecordErro
 
 /// Takes all whole records out of a file.
 pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
+    crate::open::check_file(path, true)?;
     let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
     raw_of(path, &bytes)
 }

@@ -1,7 +1,7 @@
 //! Writing of recordings, and taking up one that was broken off.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
@@ -9,13 +9,17 @@ use mcap::records::{MessageHeader, Metadata};
 use trical_model::recording::{Recording, Row};
 
 use super::cdr::{self, JointState};
+use super::lock::{begin_beside, lock_existing, temporary_beside};
 use super::read::{interpret, read_raw};
 use super::walk::RawFile;
 use super::{Header, ReadRecording, RunLog, schema};
 use crate::error::RecordError;
 use crate::json;
 use crate::motion::JointSample;
-use crate::shared::Shared;
+use crate::shared::{Places, Shared};
+
+/// Where the metadata hold the plan's hash.
+const PLAN: &str = "plan_sha256";
 
 /// Writes a recording; every accepted measurement is on disk before [`RunLog::measurement`] returns.
 pub struct RecordingWriter {
@@ -43,8 +47,10 @@ impl RecordingWriter {
     /// # Errors
     /// The file exists or cannot be written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordError> {
+        let exists = || RecordError::Exists { path: path.to_owned() };
+        lock_existing(path)?.map_or(Ok(()), |_| Err(exists()))?;
         if path.exists() {
-            return Err(RecordError::Exists { path: path.to_owned() });
+            return Err(exists());
         }
         Self::begin(path, header, None)
     }
@@ -55,11 +61,13 @@ impl RecordingWriter {
     /// counting from its own beginning ([`ReadRecording::start_ns`]).
     ///
     /// # Errors
-    /// The file cannot be read or written, is no recording, or was made with another robot, cell or number of joints.
+    /// The file cannot be read or written, is no recording, or was made with another robot, cell, plan or number of joints.
     pub fn resume(path: &Path, header: &Header) -> Result<(Self, Option<ReadRecording>), RecordError> {
         if !path.exists() {
             return Ok((Self::begin(path, header, None)?, None));
         }
+        // until the new file has its name
+        let _old = lock_existing(path)?;
         let raw = read_raw(path)?;
         let read = interpret(path, &raw)?;
         let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
@@ -67,6 +75,10 @@ impl RecordingWriter {
             if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
                 return Err(different(&ours.name));
             }
+        }
+        let plan = read.metadata.get("trical").and_then(|settings| settings.get(PLAN));
+        if !raw.messages.is_empty() && plan != header.plan_sha256.as_ref() {
+            return Err(different("plan, or does not say with which"));
         }
         if !read.recording.rows.is_empty() && read.recording.joints != header.joint_names.len() {
             return Err(different("number of joints"));
@@ -102,13 +114,7 @@ impl RecordingWriter {
         shared: Shared,
         before: Option<&RawFile>,
     ) -> Result<Self, RecordError> {
-        let temporary = temporary_beside(path);
-        let file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(true)
-            .open(&temporary)
-            .map_err(RecordError::io(&temporary, "create"))?;
+        let file = begin_beside(path)?;
         Self::write_head(file, path, header, shared, before)
     }
 
@@ -131,6 +137,7 @@ impl RecordingWriter {
         let mut metadata = header.settings.clone();
         metadata.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
         metadata.insert("start_ns".to_owned(), header.start_ns.to_string());
+        metadata.extend(header.plan_sha256.iter().map(|hash| (PLAN.to_owned(), hash.clone())));
         let mut records = before.map(|raw| raw.metadata.clone()).unwrap_or_default();
         if before.is_some() {
             let times = records.iter().filter(|(name, _)| name.starts_with("trical.resumed")).count();
@@ -298,7 +305,12 @@ impl RunLog for RecordingWriter {
 
     fn measurement(&mut self, row: &Row) -> Result<(), RecordError> {
         let text = json::row_to_json(row, &self.shared);
-        self.message(self.channels.measurement, row.state.t.unwrap_or(self.last_t), text.as_bytes())?;
+        // a row that the reader refuses would take those before it along
+        json::row_from_json(text.as_bytes(), &mut Places::default())
+            .map_err(|problem| RecordError::NotReadable { path: self.path.clone(), problem })?;
+        // what the recording holds stands in the order of time; a row says itself when it was measured
+        let t = self.last_t.max(row.state.t.unwrap_or(self.last_t));
+        self.message(self.channels.measurement, t, text.as_bytes())?;
         self.sync()
     }
 }
@@ -315,6 +327,8 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
         let t = row.state.t.unwrap_or(writer.last_t);
         writer.message(writer.channels.measurement, t, text.as_bytes())?;
     }
+    // a recording that another program writes is not replaced
+    let _old = lock_existing(path)?;
     writer.finish()?;
     publish(path)
 }
@@ -323,12 +337,6 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
 fn publish(path: &Path) -> Result<(), RecordError> {
     std::fs::rename(temporary_beside(path), path).map_err(RecordError::io(path, "rename the new file to it"))?;
     sync_directory(path)
-}
-
-fn temporary_beside(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".part");
-    path.with_file_name(name)
 }
 
 /// Makes a rename last.

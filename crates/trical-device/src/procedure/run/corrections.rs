@@ -1,9 +1,11 @@
 //! Corrections at a touch: how the TCP is displaced, and whether the channels follow.
 
-use super::{Runner, is_same, norm};
+use trical_model::recording::Joints;
+
+use super::{Runner, is_same, norm, responds};
 use crate::controller::largest_difference;
 use crate::gauge::AXES;
-use crate::procedure::steps::check_joints;
+use crate::procedure::steps::{check_joints, check_way};
 use crate::procedure::{PlanEntry, Violation};
 
 impl Runner<'_, '_> {
@@ -25,7 +27,7 @@ impl Runner<'_, '_> {
             self.correct([step; 3], *total_length)?;
             *corrections += 1;
             let after = self.read(entry, *corrections)?;
-            match (0..3).find(|k| (before[*k] - after[*k]).abs() < 0.25 * confirm) {
+            match (0..3).find(|k| !responds(before[*k], after[*k], confirm)) {
                 None => return Ok(after),
                 Some(k) if moved > confirm => {
                     return Err(Violation::Stale { axis: AXES[k], reading_mm: after[k] * 1e3, moved_mm: moved * 1e3 });
@@ -84,24 +86,36 @@ impl Runner<'_, '_> {
             });
         }
         self.check_cancelled()?;
+        self.look()?;
         let before = self.at;
+        if let Some(to) = self.options.corrected.and_then(|corrected| corrected(&before, reading)) {
+            self.check_turn(&before, &to, length)?;
+            check_way(&before, &to, self.touching, self.options)?;
+        }
         self.controller.correct(reading)?;
         self.at = self.settled_joints()?;
         self.note_joints()?;
         check_joints(&self.at, self.options)?;
-        let (joint, moved) = largest_difference(&before, &self.at);
-        if moved == 0.0 && length > limits.stale {
+        if largest_difference(&before, &self.at).1 == 0.0 && length > limits.stale {
             return Err(Violation::NotMoved { length_mm: length * 1e3 });
         }
-        if moved > limits.joint_change {
+        self.check_turn(&before, &self.at, length)?;
+        self.report.corrections += 1;
+        Ok(())
+    }
+
+    /// Whether a correction turns no joint too far.
+    fn check_turn(&self, before: &Joints, after: &Joints, length: f64) -> Result<(), Violation> {
+        let limit = self.options.limits.joint_change;
+        let (joint, turn) = largest_difference(before, after);
+        if turn > limit {
             return Err(Violation::JointChange {
                 joint: joint + 1,
                 length_mm: length * 1e3,
-                moved_deg: moved.to_degrees(),
-                limit_deg: limits.joint_change.to_degrees(),
+                turn_deg: turn.to_degrees(),
+                limit_deg: limit.to_degrees(),
             });
         }
-        self.report.corrections += 1;
         Ok(())
     }
 

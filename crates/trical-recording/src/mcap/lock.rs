@@ -1,0 +1,81 @@
+//! One writer for each recording: an advisory lock on the file, from the one beside it on until the writer ends, however it
+//! ends.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::path::{Path, PathBuf};
+
+use crate::error::RecordError;
+
+/// The file in which a recording is begun.
+pub(super) fn temporary_beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".part");
+    path.with_file_name(name)
+}
+
+/// Says whether another program writes a recording, in a file that may not be there.
+///
+/// # Errors
+/// [`RecordError::Busy`], or the file cannot be opened.
+pub fn check_not_written(path: &Path) -> Result<(), RecordError> {
+    lock_existing(path).map(|_| ())
+}
+
+/// A recording that is there, kept from other writers while the file is open.
+pub(super) fn lock_existing(path: &Path) -> Result<Option<File>, RecordError> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let file = File::open(path).map_err(RecordError::io(path, "open"))?;
+    lock(&file, path)?;
+    Ok(Some(file))
+}
+
+/// The file beside, empty, kept from other writers while it is open. Links are not followed: they could lead to any file.
+pub(super) fn begin_beside(path: &Path) -> Result<File, RecordError> {
+    let temporary = temporary_beside(path);
+    let wrong = |problem: &str| RecordError::File {
+        file: temporary.display().to_string(),
+        problem: format!("{problem}; expected no file, or one that was left by a recording that was broken off"),
+    };
+    if temporary.symlink_metadata().is_ok_and(|found| !found.is_file()) {
+        return Err(wrong("found a link, a folder or a device"));
+    }
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(false);
+    #[cfg(unix)]
+    {
+        use nix::fcntl::OFlag;
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags((OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK).bits());
+    }
+    let file = options.open(&temporary).map_err(RecordError::io(&temporary, "create"))?;
+    lock(&file, path)?;
+    // whoever had it may have given it its name meanwhile
+    if !is_at(&file, &temporary) {
+        return Err(RecordError::Busy { path: path.to_owned() });
+    }
+    file.set_len(0).map_err(RecordError::io(&temporary, "write"))?;
+    Ok(file)
+}
+
+fn lock(file: &File, path: &Path) -> Result<(), RecordError> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(RecordError::Busy { path: path.to_owned() }),
+        // a file system without locks
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+/// Whether a path leads to this very file.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let same = |a: std::fs::Metadata, b: std::fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
+    file.metadata().and_then(|ours| path.symlink_metadata().map(|theirs| same(ours, theirs))).unwrap_or(false)
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.is_file()
+}

@@ -15,6 +15,9 @@ const SMALL_SHARE: f64 = 0.01;
 /// Claims with less of a probability are told with their strongest rival.
 const RIVAL_TOLD_BELOW: f64 = 0.9;
 
+/// A name that is less sure than this, of a place that is not sure either, has no row of its own.
+const LEAST_TOLD: f64 = 0.1;
+
 /// A claim that lowers the error at unseen poses by a smaller part of it has no row of its own.
 const LEAST_STEP: f64 = 0.01;
 
@@ -256,7 +259,8 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
     let mut rest: Vec<Step> = Vec::new();
     for step in steps(findings, unexplained) {
         let next = (here * here - step.gain).max(0.0).sqrt();
-        if next > here * (1.0 - LEAST_STEP) {
+        let guessed = step.confidence.is_some_and(|[_, high]| high < LEAST_TOLD);
+        if next > here * (1.0 - LEAST_STEP) || guessed {
             rest.push(step);
         } else {
             rows.push(row_of(&step, findings, [here, next]));
@@ -442,6 +446,7 @@ mod tests {
             said([0.3, 0.2, 0.1]),
             (text("Perhaps backlash or friction wind-up at joint 3"), String::new(), false)
         );
+        assert_eq!(said([0.05, 0.02, 0.01]).0, "1 smaller or less sure finding");
     }
 
     #[test]

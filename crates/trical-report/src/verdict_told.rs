@@ -12,6 +12,9 @@ const LINES: usize = 10;
 /// So wide is a line at most.
 const WIDE: usize = 110;
 
+/// Errors in another session that are so many times larger are told in the verdict.
+const MUCH_WORSE: f64 = 1.3;
+
 /// What an action says that asks nothing of the owner but to use the model.
 const BY_THE_MODEL: &str = "Let the calibrated model correct it";
 
@@ -80,6 +83,12 @@ fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
     lines
 }
 
+/// What the whole model is worth in a session that it was not fitted to, where that is much worse.
+fn elsewhere(d: &Diagnosis) -> Option<String> {
+    let other = d.after.held_out.by_session.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
+    Some(format!("; in a session that it was not fitted to, {:.1$} mm", other.rms_mm, decimals(d)))
+}
+
 /// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.
 #[must_use]
 pub fn lines(d: &Diagnosis) -> Vec<String> {
@@ -94,7 +103,10 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
     );
     let decimals = decimals(d);
     let table = |claims: usize, advised: usize| -> Vec<String> {
-        let rows = d.verdict.shortened(claims);
+        let mut rows = d.verdict.shortened(claims);
+        if let (Some(whole), Some(elsewhere)) = (rows.last_mut(), elsewhere(d)) {
+            whole.text += &elsewhere;
+        }
         let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
         std::iter::once(head.clone()).chain(each).collect()
     };

@@ -56,7 +56,7 @@ const HEADER: &str = "ball,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ix_mm,iy_mm
 #[test]
 fn the_demo_tells_its_story_and_leaves_what_it_says() {
     let place = Place::new();
-    let o = place.run(&["demo", "--out", "demo"]);
+    let o = place.run(&["demo", "--conceal", "none", "--out", "demo"]);
     let text = String::from_utf8_lossy(&o.stdout);
     assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
     assert!(text.lines().count() < 40, "{text}");
@@ -106,6 +106,34 @@ fn the_demo_tells_its_story_and_leaves_what_it_says() {
 }
 
 #[test]
+fn the_demo_finds_what_is_concealed_in_its_arm_and_the_seal_says_the_same() {
+    let place = Place::new();
+    let json = |args: &[&str]| -> serde_json::Value {
+        let o = place.run(&[&["demo", "--out", "demo", "--json"][..], args].concat());
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        serde_json::from_slice(&o.stdout).unwrap()
+    };
+    let claim = |told: &str| told.split(':').next().unwrap().to_owned();
+    // as the seed draws it, and as the user wants it
+    for args in [&["--seed", "2"][..], &["--conceal", "gear_ripple@2/80*2"]] {
+        let story = json(args);
+        let [sealed, said] = ["concealed", "said"].map(|k| claim(story[k].as_str().unwrap()));
+        assert_eq!(sealed, said, "{story}");
+        // modelled, it is smaller at poses that were never measured, and a program is driven better
+        let mean = |of: &str, model: &str| story[of][model]["mean_mm"].as_f64().unwrap();
+        assert!(mean("sphere", "after") < 0.6 * mean("sphere", "plain"), "{story}");
+        assert!(mean("sphere", "plain") < 0.5 * mean("sphere", "before"), "{story}");
+        assert!(mean("program", "after") < 0.02 && mean("program", "before") > 0.3, "{story}");
+        assert_eq!(story["verdict"]["rows"][1]["text"], sealed.as_str());
+    }
+    let o = place.run(&["demo", "--out", "demo", "--seed", "2"]);
+    let text = String::from_utf8_lossy(&o.stdout);
+    assert!(text.lines().count() < 40 && text.contains("The seal is broken"), "{text}");
+    assert!(place.path("demo/improved.toml").exists());
+    place.refuses(&["demo", "--conceal", "rust"], &["--conceal rust", "no such effect", "gear_ratio"]);
+}
+
+#[test]
 fn measuring_a_virtual_cell_from_another_process() {
     let place = Place::new();
     assert!(
@@ -148,7 +176,7 @@ fn an_mcap_recording_is_read_in_passes_as_its_csv_is() {
         assert!(o.status.success(), "{args:?}: {}", String::from_utf8_lossy(&o.stderr));
         String::from_utf8(o.stdout).unwrap()
     };
-    run(&["demo", "--out", "demo"]);
+    run(&["demo", "--conceal", "none", "--out", "demo"]);
     run(&["convert", "demo/run.mcap", "run.csv"]);
     let of = |recording: &str| run(&[identify(recording).as_slice(), &["--stream", "--json"]].concat());
     assert_eq!(of("demo/run.mcap"), of("run.csv").replace("run.csv", "demo/run.mcap"));
@@ -345,6 +373,77 @@ fn an_occupied_port_is_refused() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
     place.refuses(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", &port]].concat(), &[&port, "in use"]);
+}
+
+#[test]
+fn files_to_start_from_are_those_that_the_program_reads() {
+    let place = Place::new();
+    assert!(place.run(&["init", "new"]).status.success());
+    let args = ["--robot", "new/robot.toml", "--cell", "new/cell.toml"];
+    // they are read; one touch is not enough, and is said to be so
+    place.refuses(&[&["identify", "new/recording.csv"][..], &args].concat(), &["only ball 2 was touched"]);
+    let read = |name: &str| std::fs::read(place.path(name)).unwrap();
+    let before = read("new/cell.toml");
+    place.refuses(&["init", "new"], &["new/robot.toml", "exists already"]);
+    assert_eq!(before, read("new/cell.toml"));
+}
+
+/// The demo's touches as a CSV.
+fn touches(place: &Place) -> String {
+    assert!(place.run(&["demo", "--conceal", "none", "--out", "demo"]).status.success());
+    assert!(place.run(&["convert", "demo/run.mcap", "run.csv"]).status.success());
+    std::fs::read_to_string(place.path("run.csv")).unwrap()
+}
+
+#[test]
+fn wrong_input_is_noticed() {
+    let place = Place::new();
+    let text = touches(&place);
+    // the same recording twice, whatever it is called
+    place.write("again.csv", &text);
+    place.refuses(
+        &[&["identify", "run.csv", "again.csv"][..], &CELL_ARGS].concat(),
+        &["again.csv", "same measurements", "run.csv"],
+    );
+    // joints in rad: sizes that no arm has
+    let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let joint = |name: &str| (name.starts_with('q') && name.ends_with("_deg")) || name.starts_with("qc");
+    let in_rad = |(k, cell): (usize, &str)| match cell.parse::<f64>() {
+        Ok(v) if joint(columns[k]) => v.to_radians().to_string(),
+        _ => cell.to_owned(),
+    };
+    let rows = text.lines().enumerate().map(|(k, line)| match k {
+        0 => line.to_owned(),
+        _ => line.split(',').enumerate().map(in_rad).collect::<Vec<_>>().join(","),
+    });
+    place.write("rad.csv", &(rows.collect::<Vec<_>>().join("\n") + "\n"));
+    place.refuses(&identify("rad.csv"), &["rad.csv, columns q1_deg", "looks like rad"]);
+    // a spreadsheet's way of writing is read, with one note
+    let spreadsheet = format!("\u{feff}{}", text.replace(',', ";").replace('.', ","));
+    place.write("sheet.csv", &spreadsheet);
+    let o = place.run(&[&["identify", "sheet.csv"][..], &CELL_ARGS, &["--json"]].concat());
+    let err = String::from_utf8_lossy(&o.stderr);
+    assert!(o.status.success() && err.lines().filter(|l| l.contains("note: sheet.csv")).count() == 1, "{err}");
+    let plain = place.run(&[&["identify", "run.csv"][..], &CELL_ARGS, &["--json"]].concat());
+    let [a, b] = [o, plain].map(|o| String::from_utf8_lossy(&o.stdout).replace("sheet.csv", "run.csv"));
+    assert_eq!(a, b);
+    // all columns that are not known in one message
+    let unknown = text.replacen("t_s,", "colour,t_s,size,", 1);
+    place.write("unknown.csv", &unknown);
+    place.refuses(&identify("unknown.csv"), &["header", "unknown columns 'colour', 'size'"]);
+}
+
+#[test]
+fn tracker_points_in_metres_are_noticed() {
+    let place = Place::new();
+    let mut text = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+    for k in 0..30 {
+        let q = f64::from(k);
+        let (x, y, z) = (0.4 * (0.2 * q).cos(), 0.4 * (0.2 * q).sin(), 0.3 + 0.01 * q);
+        text += &format!("{},{},{},10,{},5,{x},{y},{z}\n", 11.5 * q - 170.0, q, 20.0 - q, 2.0 * q);
+    }
+    place.write("m.csv", &text);
+    place.refuses(&identify("m.csv"), &["m.csv, columns x_mm, y_mm, z_mm", "looks like m"]);
 }
 
 #[test]

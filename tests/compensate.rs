@@ -17,7 +17,7 @@ impl Place {
         p.write("robot.toml", ROBOT.as_bytes());
         p.write("cell.toml", CELL.as_bytes());
         p.write("sample.mod", PROGRAM.as_bytes());
-        let o = p.run(&["demo", "--out", "demo"]);
+        let o = p.run(&["demo", "--conceal", "none", "--out", "demo"]);
         assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
         p
     }

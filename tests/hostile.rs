@@ -284,8 +284,10 @@ fn programs_of_one_nest_of_brackets() {
         return;
     }
     let p = Place::new();
-    let demo =
-        Command::new(env!("CARGO_BIN_EXE_trical")).args(["demo", "--out", "demo"]).current_dir(p.0.path()).output();
+    let demo = Command::new(env!("CARGO_BIN_EXE_trical"))
+        .args(["demo", "--conceal", "none", "--out", "demo"])
+        .current_dir(p.0.path())
+        .output();
     assert!(demo.unwrap().status.success());
     let many = 5_000_000;
     for (name, text) in [

@@ -17,7 +17,7 @@ fn good(folder: &Path, args: &[&str]) -> String {
 /// A folder with a demo, its recording as CSV too.
 fn demo() -> (tempfile::TempDir, PathBuf) {
     let place = tempfile::tempdir().unwrap();
-    good(place.path(), &["demo", "--seed", "3", "--out", "demo"]);
+    good(place.path(), &["demo", "--conceal", "none", "--seed", "3", "--out", "demo"]);
     let folder = place.path().join("demo");
     good(&folder, &["convert", "run.mcap", "--out", "run.csv"]);
     (place, folder)
@@ -237,6 +237,42 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
 }
 
 #[test]
+fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
+    let (_place, folder) = demo();
+    let out: &[&str] = &["--out", "out.toml", "--certificate", "c.html", "--json"];
+    let json = good(&folder, &[&["identify", "run.csv"][..], &CELL, out].concat());
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let mm = |v: &serde_json::Value| format!("{:.3}", v.as_f64().unwrap());
+    let html = std::fs::read_to_string(folder.join("c.html")).unwrap();
+    // every pose was visited once: AP is the error, RP is not known
+    let accuracy = html.split("Pose accuracy AP").nth(1).unwrap().split("</tr>").next().unwrap();
+    for number in ["mean_nominal_mm", "max_nominal_mm", "mean_mm", "max_mm"] {
+        assert!(accuracy.contains(&mm(&json[number])), "{number}: {accuracy}");
+    }
+    assert!(!html.contains("Pose repeatability") && html.contains("RP is not known"));
+    assert!(html.contains("Measurements within 0.1 mm</td>") && html.contains(">100.0 %</td>"));
+    assert!(html.contains("poses of the fit") && html.contains("Serial number"));
+    match Command::new("sha256sum").arg(folder.join("out.toml")).output() {
+        Ok(o) => assert!(html.contains(&String::from_utf8_lossy(&o.stdout)[..64]), "the model's own hash"),
+        Err(e) => println!("skipped: sha256sum: {e}"),
+    }
+    let args: &[&str] = &["--model", "out.toml", "--certificate", "v.html"];
+    let said = good(&folder, &[&["validate", "run.csv"][..], &CELL, args].concat());
+    assert!(said.contains("the model was fitted to run.csv") && said.contains("Wrote v.html"), "{said}");
+    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    assert!(html.contains("The model was fitted to run.csv"));
+    // one sheet of paper
+    let Some(chromium) = chromium() else { return };
+    // A4 with its margins, in pixels of a 96th of an inch
+    let measure = "<script>onload = () => { const high = document.body.scrollHeight;\
+                   if (high > 1017) console.log('longer than a page: ' + high); }</script></body>";
+    let paper = folder.join("v.paper.html");
+    let html = html.replace("@media print", "@media all").replace("</body>", measure);
+    std::fs::write(&paper, html.replace("<body>", "<body style=\"width: 688px\">")).unwrap();
+    seen(chromium, &paper);
+}
+
+#[test]
 fn what_was_rejected_is_named_in_the_report() {
     let (_place, folder) = demo();
     let text = std::fs::read_to_string(folder.join("run.csv")).unwrap();
@@ -268,7 +304,7 @@ fn reports_of_demo_plan_and_diagnosis_are_drawn_without_a_network() {
     self_contained(&folder.join("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
     let html = std::fs::read_to_string(folder.join("d.html")).unwrap();
     assert!(html.contains("before: 31 parameters") && html.contains("<td>c_2</td>"));
-    assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 5));
+    assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 11));
 }
 
 #[test]

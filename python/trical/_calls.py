@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from . import _native
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
-from ._recording import PathLike, Recording
+from ._recording import Frame, PathLike, Recording
 from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Validation
 from ._told import Made
 
@@ -19,13 +19,19 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-Recordings = PathLike | Recording | Sequence[PathLike | Recording]
+Recordings = PathLike | Recording | Frame | Sequence[PathLike | Recording | Frame]
 
 
 def _sources(recordings: Recordings) -> list[str | Rows]:
-    if isinstance(recordings, str | os.PathLike | Recording):
+    if isinstance(recordings, str | os.PathLike | Recording) or hasattr(recordings, "columns"):
         recordings = [recordings]
-    return [r._rows if isinstance(r, Recording) else os.fspath(r) for r in recordings]
+
+    def one(r: Any) -> str | Rows:
+        if hasattr(r, "columns"):
+            r = Recording.from_frame(r)
+        return r._rows if isinstance(r, Recording) else os.fspath(r)
+
+    return [one(r) for r in recordings]
 
 
 def _file(part: PathLike | Robot | Cell) -> Any:
@@ -51,8 +57,8 @@ def identify(
     """Identify an arm's parameters from recordings of it.
 
     Args:
-        recordings: paths (CSV or MCAP) or Recordings, one or several; each keeps its own measuring frame where it has
-            one.
+        recordings: paths (CSV or MCAP), Recordings or DataFrames, one or several; each keeps its own measuring frame
+            where it has one.
         robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
         cell: path of a cell.toml, or a Cell.
         joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.

@@ -267,6 +267,9 @@ class Told:
     def write(self, path: _Path, call: str, inputs: Sequence[str]) -> None:
         """Write the report: one HTML file, whole or not at all, made by `call` from `inputs`."""
 
+    def certify(self, path: _Path, call: str, inputs: Sequence[str]) -> None:
+        """Write the certificate of a calibration or a validation, made by `call` from `inputs`."""
+
 @final
 class GaugeLink:
     """A gauge; `trical.Gauge` shows it."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from . import _html
 from ._native import Rows, TricalError
@@ -23,6 +23,17 @@ PathLike = str | os.PathLike[str]
 _KINDS = ("touch", "point", "reference", "distance", "pose")
 _KNOWN = ("commanded", "directions", "torques", "time", "temperature", "payload", "pose", "place")
 _MEASURED = ("ball", "indicators", "target", "reference", "position", "orientation", "anchor", "distance")
+
+
+class Frame(Protocol):
+    """A DataFrame: pandas, polars, or whatever has columns and gives them by name."""
+
+    @property
+    def columns(self) -> Iterable[Any]:
+        """Names of the columns."""
+
+    def __getitem__(self, name: Any, /) -> Any:
+        """Return a column."""
 
 
 class Recording:
@@ -111,6 +122,32 @@ class Recording:
         `part` is true: then its complete measurements are taken.
         """
         return cls._of(Rows.load(os.fspath(path), joints, part))
+
+    @classmethod
+    def from_frame(cls, frame: Frame, *, name: str = "DataFrame") -> Recording:
+        """Read a DataFrame (pandas, polars, or whatever has `columns` and columns by name) with the columns of the CSV.
+
+        Names, units and meaning are those of docs/formats.md: mm and degrees; what is missing in a row is NaN or None.
+        `identify`, `diagnose` and `validate` take such a frame as it is. Raises RecordingError.
+        """
+        import csv
+        import tempfile
+
+        import numpy as np
+
+        columns = {str(c): np.asarray(frame[c], dtype=object).tolist() for c in frame.columns}
+
+        def cell(x: Any) -> Any:
+            # NaN is not equal to itself
+            return "" if x is None or x != x else float(x) if isinstance(x, np.floating) else x
+
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, f"{name}.csv")
+            with open(path, "w", encoding="utf-8", newline="") as f:
+                writer = csv.writer(f, lineterminator="\n")
+                writer.writerow(columns)
+                writer.writerows([cell(x) for x in row] for row in zip(*columns.values(), strict=True))
+            return cls.load(path)
 
     def save(self, path: PathLike) -> None:
         """Write a .csv or an .mcap, by the ending of the name."""

@@ -109,6 +109,14 @@ class Identified(Reported):
 
         return errors(self.errors_mm, "identified")
 
+    def certificate(self, path: str | os.PathLike[str]) -> None:
+        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
+
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
+        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        """
+        self._certificate(path)
+
 
 @dataclass(frozen=True, repr=False)
 class Validation(Reported):
@@ -156,6 +164,14 @@ class Validation(Reported):
         from ._plots import errors
 
         return errors(self.errors_mm, "the model")
+
+    def certificate(self, path: str | os.PathLike[str]) -> None:
+        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
+
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
+        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        """
+        self._certificate(path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -232,15 +248,8 @@ class Diagnosis(Reported):
         return joints
 
     def __str__(self) -> str:
-        """Held-out error before and after, and a line for each finding."""
-        base, final = self.answer["baseline"], self.answer["final"]
-        lines = [f"held out {base['holdout_rms_mm']:.4f} -> {final['holdout_rms_mm']:.4f} mm"]
-        lines += [
-            f"  {f['effect']} at {site_words(f['site'])}: {100 * f['confidence']:.0f} % sure, lambda {f['lambda']:.1f}"
-            for f in self.findings
-        ]
-        lines += [f"  without a name: {site_words(u['site'])}, {u['region']}" for u in self.unexplained]
-        return "\n".join(lines)
+        """The verdict, as the command prints it: what is wrong, how sure that is, what it costs, what to do."""
+        return "\n".join(self.answer["verdict"]["lines"])
 
     def __repr__(self) -> str:
         """As str, with a head."""
@@ -249,42 +258,22 @@ class Diagnosis(Reported):
         return f"<trical.Diagnosis: {n} finding{'' if n == 1 else 's'}>\n{self}{tail}"
 
     def _repr_html_(self) -> str:
-        base, final = self.answer["baseline"], self.answer["final"]
-        head = f"held out {base['holdout_rms_mm']:.4f} to {final['holdout_rms_mm']:.4f} mm rms"
-        columns = ("finding", "sure, %", "lambda", "coefficients", "held out before, mm", "after, mm", "could also be")
+        columns = ("claim", "probability", "error before, mm", "after, mm", "what to do")
         rows: list[list[object]] = []
-        for f in self.findings:
-            values = (
-                f"{c['name']} = {c['value']:.4g}{_unit(c['unit'])} (sd {_sd(c['sd'])})" for c in f["coefficients"]
+        for r in self.answer["verdict"]["rows"]:
+            sure = (
+                "" if r["confidence"] is None else " to ".join(dict.fromkeys(f"{100 * p:.0f}" for p in r["confidence"]))
             )
-            rivals = (f"{r['effect']} at {site_words(r['site'])}" for r in f["rivals"])
-            rows.append(
-                [
-                    f"{f['effect']} at {site_words(f['site'])}",
-                    round(100 * f["confidence"]),
-                    float(f["lambda"]),
-                    ", ".join(values),
-                    float(f["evidence"]["holdout_rms_before_mm"]),
-                    float(f["evidence"]["holdout_rms_after_mm"]),
-                    ", ".join(rivals),
-                ]
-            )
-        nameless = (f"without a name: {site_words(u['site'])}, {u['region']}" for u in self.unexplained)
-        return _html.table(columns, rows, head) + "".join(map(_html.note, [*nameless, *self.answer["cautions"]]))
+            claim = ", ".join(filter(None, (r["text"], r["perhaps"])))
+            rows.append([claim, sure and f"{sure} %", float(r["before_mm"]), float(r["after_mm"]), r["action"] or ""])
+        head = "error at poses that the fit did not see, mm rms"
+        return _html.table(columns, rows, head) + "".join(map(_html.note, self.answer["cautions"]))
 
     def plot(self) -> Figure:
         """Draw position errors before and after, and how sure the findings are; needs matplotlib (trical[plot])."""
         from ._plots import diagnosis
 
         return diagnosis(self)
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
-
-
-def _sd(sd: float | None) -> str:
-    return "-" if sd is None else f"{sd:.2g}"
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,6 +16,8 @@ _Path = str | os.PathLike[str]
 def _word(value: object) -> str:
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
+    if hasattr(value, "columns") and hasattr(value, "shape"):
+        return "a DataFrame"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_word, value))}]"
     return repr(value)
@@ -66,6 +68,11 @@ class Reported:
         if self._made is None:
             raise TricalError("this result was pickled or built by hand: its report is to be written where it was made")
         self._made.told.write(path, self._made.call, self._made.inputs)
+
+    def _certificate(self, path: _Path) -> None:
+        if self._made is None:
+            raise TricalError("this result was pickled or built by hand: certify it where it was made")
+        self._made.told.certify(path, self._made.call, self._made.inputs)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what the report is made of: it may be large, and stays in the process that made it."""

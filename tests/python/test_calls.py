@@ -125,7 +125,7 @@ def test_results_are_readable(
     for result, words in [
         (fitted, ["nominal arm", "poses not in the fit", "parameters from 90"]),
         (v, ["after: the model", "90 measurements"]),
-        (diagnosis, ["lost_motion_direction at joint 2", "held out"]),
+        (diagnosis, ["Backlash or friction wind-up at joint 2", "poses that the fit did not see"]),
         (plan, ["90 touches of 3 balls", "expected in the sphere"]),
         (o, ["condition", "o5"]),
     ]:
@@ -323,3 +323,15 @@ def test_ctrl_c_in_the_midst_of_a_setting_ends_a_study() -> None:
 def test_errors_have_names_and_one_sentence(touches: trical.Recording, call, kind: str, said: str) -> None:
     with pytest.raises(getattr(trical, kind), match=said):
         call(touches)
+
+
+def test_frames_are_recordings_and_results_are_certified(touches: trical.Recording, tmp_path: Path) -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed")
+    fitted = trical.identify(touches.to_pandas(), **FILES)
+    values = [p["value"] for p in trical.identify(touches, **FILES).parameters]
+    assert [p["value"] for p in fitted.parameters] == pytest.approx(values, rel=1e-9)
+    fitted.certificate(tmp_path / "c.html")
+    text = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "Pose accuracy AP" in text and "a DataFrame" in text
+    trical.validate(fitted.model, touches).certificate(tmp_path / "v.html")
+    assert "Distance accuracy AD" in (tmp_path / "v.html").read_text(encoding="utf-8")

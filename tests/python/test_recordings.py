@@ -209,3 +209,13 @@ def test_a_worker_that_knows_only_the_module_can_unpickle(recording: trical.Reco
     code = "import pickle, sys; print(len(pickle.load(open(sys.argv[1], 'rb'))))"
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "r.pickle"], capture_output=True, text=True)
     assert done.stdout.strip() == "5", done.stderr
+
+
+def test_a_frame_is_taken_as_it_is(recording: trical.Recording) -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed")
+    frame = recording.to_pandas()
+    again = trical.Recording.from_frame(frame)
+    for name in ("q", "ball", "indicators", "directions", "time"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(recording, name), err_msg=name)
+    with pytest.raises(trical.RecordingError, match="unknown column 'colour'"):
+        trical.Recording.from_frame(frame.assign(colour="red"))

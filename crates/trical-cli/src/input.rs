@@ -111,7 +111,11 @@ pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
 
 /// Reads one recording, CSV or MCAP. A damaged MCAP is refused.
 pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
-    Ok(trical_recording::open(path, Some(joints))?)
+    let recording = trical_recording::open(path, Some(joints))?;
+    for note in &recording.notes {
+        eprintln!("note: {note}");
+    }
+    Ok(recording)
 }
 
 /// The recordings to be read in passes, if they are: where that is `wanted`, or where they are large and it is `allowed`.

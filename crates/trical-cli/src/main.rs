@@ -42,8 +42,10 @@ enum Command {
     Diagnose(commands::diagnose::Args),
     /// The catalogue of effects that a diagnosis can name
     Effects(commands::effects::Args),
-    /// The whole story on a virtual cell: plan, measure, identify, validate, compensate, report
+    /// The whole story on a virtual cell: conceal a flaw, plan, measure, diagnose, validate, compensate, report
     Demo(commands::demo::Args),
+    /// Files to start from: a commented robot.toml and cell.toml, a recording with the columns
+    Init(commands::init::Args),
     /// Plan collision-free, informative touches
     Plan(commands::plan::Args),
     /// Simulate whole calibrations: touches against error, chosen against random, platforms of balls compared
@@ -81,6 +83,7 @@ fn main() -> ExitCode {
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
         Command::Demo(args) => commands::demo::run(&args),
+        Command::Init(args) => commands::init::run(&args),
         Command::Plan(args) => commands::plan::run(&args),
         Command::Study(args) => commands::study::run(&args),
         Command::Measure(args) => commands::measure::run(&args),

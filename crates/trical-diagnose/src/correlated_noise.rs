@@ -33,8 +33,8 @@ impl CorrelatedNoise {
     pub fn caution(&self) -> Option<String> {
         (*self != Self::WHITE).then(|| {
             format!(
-                "noise remembers itself: what no effect explains is alike in measurements that follow each other (correlation {:.2} from one \
-                 to the next); effects were judged beside such noise, but standard deviations are stated as if it were white",
+                "noise is correlated from one measurement to the next ({:.2}): effects were judged with that in mind, but standard \
+                 deviations are stated as if it were white",
                 self.kept * (1.0 - self.white)
             )
         })

@@ -136,6 +136,50 @@ pub struct Verdict {
     pub unnamed_share: f64,
     /// What the owner of the arm can do.
     pub actions: Vec<String>,
+    /// The same as a table: first the plain model, then one row for each claim, last the whole model.
+    pub rows: Vec<VerdictRow>,
+}
+
+/// What a row of the verdict is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RowKind {
+    /// The plain model, before anything was added.
+    Plain,
+    /// The model with everything that was found.
+    Whole,
+    /// A finding, or alike ones at several places.
+    Finding,
+    /// Curves without a name that the model has.
+    Curves,
+    /// What is too small or not sure enough for a row of its own.
+    Rest,
+    /// What is left and has no name.
+    Unexplained,
+}
+
+/// A row of the verdict. Its errors are at poses that the fit did not see, mm rms. A row begins where the one before it ends: the
+/// squared error is divided among the rows by what each finding took when it was added, the most important first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct VerdictRow {
+    /// What it is about.
+    pub kind: RowKind,
+    /// The claim, at the finest level that is more likely right than not.
+    pub text: String,
+    /// What it may be in particular, or instead: "perhaps" a name that is less sure, "or" the strongest rival.
+    pub perhaps: Option<String>,
+    /// The lowest and the highest probability of what the row says; `None` where it claims nothing.
+    pub confidence: Option<[f64; 2]>,
+    /// Error without it.
+    pub before_mm: f64,
+    /// And with it.
+    pub after_mm: f64,
+    /// What the owner of the arm can do.
+    pub action: Option<&'static str>,
+    /// Whether the extended model has it and programs are corrected for it.
+    pub corrected: bool,
+    /// Numbers of the findings that it sums up, counted from 1.
+    pub findings: Vec<usize>,
 }
 
 /// An effect that this data set could not show at a typical size.
@@ -171,6 +215,8 @@ pub struct Unexplained {
     pub curve: Vec<(f64, f64)>,
     /// Units of the curve's two columns.
     pub curve_units: (String, String),
+    /// Whether the extended model has this curve; if not, it only says where a mismatch is.
+    pub modelled: bool,
 }
 
 /// The fit before anything was added.

@@ -4,7 +4,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
-use trical_model::{Forward, Model, Place, Scope};
+use trical_model::{Forward, Model, Place, Scope, Term};
 
 use crate::candidate::Candidate;
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Replicated, Rival, Unexplained};
@@ -60,22 +60,20 @@ pub(crate) struct Proof {
 }
 
 pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {
-    local
-        .terms
-        .iter()
-        .filter_map(|t| {
-            let fitted = model.terms.iter().find(|m| m.does_as(t))?;
-            let u = unit(fitted);
-            // a gap is what it measures: positive, though it adds to the angle against the sense of motion
-            let sign = if fitted.basis.sense.is_some() { -1.0 } else { 1.0 };
-            Some(Coefficient {
-                name: fitted.name.clone(),
-                value: sign * fitted.value * u.per_si,
-                unit: u.name,
-                sd: fitted.sd.map(|s| s * u.per_si),
-            })
-        })
-        .collect()
+    local.terms.iter().filter_map(|t| model.terms.iter().find(|m| m.does_as(t))).map(coefficient).collect()
+}
+
+/// A term's coefficient in its unit.
+pub(crate) fn coefficient(term: &Term) -> Coefficient {
+    let u = unit(term);
+    // a gap is what it measures: positive, though it adds to the angle against the sense of motion
+    let sign = if term.basis.sense.is_some() { -1.0 } else { 1.0 };
+    Coefficient {
+        name: term.name.clone(),
+        value: sign * term.value * u.per_si,
+        unit: u.name,
+        sd: term.sd.map(|s| s * u.per_si),
+    }
 }
 
 /// A finding of an effect, and the best candidate of each of its rivals; probabilities and words come later.
@@ -197,6 +195,7 @@ pub(crate) fn unexplained_from(
         holdout_rms_after_mm: after.blocks,
         curve: located.curve,
         curve_units: located.units,
+        modelled: true,
     }
 }
 
@@ -218,6 +217,7 @@ fn unexplained_by_probe(
         variable: m.variable,
         curve,
         curve_units: (units.to_owned(), units.to_owned()),
+        modelled: false,
     }
 }
 

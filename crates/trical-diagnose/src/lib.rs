@@ -56,7 +56,8 @@ pub mod verdict;
 
 pub use alternatives::Undecided;
 pub use diagnosis::{
-    Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Replicated, Rival, Unexplained, Verdict,
+    Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Replicated, Rival, RowKind, Unexplained,
+    Verdict, VerdictRow,
 };
 pub use effect_id::{Cause, EffectId};
 pub use joint_choice::diagnose_recordings;

@@ -61,7 +61,11 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
     let effective = rounds.effective_parameters();
     let diagnosis = Diagnosis {
-        verdict: verdict::of(&findings, &unexplained),
+        verdict: verdict::of(
+            &findings,
+            &unexplained,
+            [(arm_parameters(&baseline), none.blocks), (arm_parameters(&fitted.model), usual.rms_mm)],
+        ),
         baseline: Baseline {
             parameters: arm_parameters(&baseline),
             rms_mm: ErrorSummary::of(&before_errors).rms_mm,

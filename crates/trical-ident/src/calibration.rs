@@ -2,10 +2,10 @@
 //! at poses, blocks and sessions that it did not see. Command line, Python and reports show what this returns.
 
 use serde::Serialize;
-use trical_model::{Cell, Motion, Recording, Robot, Site, Task};
+use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::caution::{cautions, too_many};
+use crate::caution::{beyond_limits, cautions, too_many};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
@@ -119,7 +119,9 @@ pub struct SessionSetup {
 pub struct Calibration {
     /// The fit.
     pub fitted: Identified,
-    /// Errors of the nominal arm, its frame and tool identified, m, one for each observation of `fitted.data`.
+    /// The nominal arm, its frame and tool identified.
+    pub nominal: Model,
+    /// Its errors, m, one for each observation of `fitted.data`.
     pub each_before: Vec<f64>,
     /// And summed up, of all rows.
     pub before: ErrorSummary,
@@ -155,6 +157,7 @@ impl Calibration {
     pub fn cautions(&self) -> Vec<String> {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
+        out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.passes.is_none() {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));
@@ -312,6 +315,7 @@ pub fn calibrate(
     };
     task.step(1.0, "done")?;
     Ok(Calibration {
+        nominal: nominal.model,
         before: ErrorSummary::of(&each_before),
         errors: ErrorSummary::of(&after),
         each_before,
@@ -350,10 +354,11 @@ pub fn calibrate_stream(
     task.step(0.2, "fitting in passes")?;
     let streamed = identify_stream(robot, cell, stream, &data, options.choice.clone(), options.keep_outliers)?;
     // of what is drawn: the sample
-    let each_before = identify(robot, cell, &streamed.identified.data, ParameterSet::Nominal)?.errors()?;
+    let nominal = identify(robot, cell, &streamed.identified.data, ParameterSet::Nominal)?;
     task.step(1.0, "done")?;
     Ok(Calibration {
-        each_before,
+        each_before: nominal.errors()?,
+        nominal: nominal.model,
         before: streamed.before,
         errors: streamed.errors,
         held_out: HeldOut::default(),

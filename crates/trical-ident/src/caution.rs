@@ -1,6 +1,8 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Basis, Model, Motion, Site};
+use trical_model::{Basis, JointKind, Model, Motion, Robot, Site};
+
+use crate::dataset::Dataset;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
 const FAR: f64 = 0.1;
@@ -8,6 +10,38 @@ const TURNED: f64 = 0.35;
 
 /// Fewer numbers measured for each parameter than this leave little to check the fit with.
 const FEW: f64 = 2.0;
+
+/// Joints are beyond their limits by more than this, rad (a prismatic one: m), before it is worth a word.
+const BEYOND: f64 = 0.02;
+
+/// Joints of the recordings that lie beyond the arm's limits.
+#[must_use]
+pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
+    let beyond = |q: f64, [low, high]: [f64; 2]| (low - q).max(q - high);
+    let joints = (0..robot.dof()).filter_map(|k| {
+        let limits = robot.joints[k].limits;
+        let worst = data
+            .observations
+            .iter()
+            .map(|o| o.state.q[k])
+            .max_by(|a, b| beyond(*a, limits).total_cmp(&beyond(*b, limits)))?;
+        let (per_si, unit) = match robot.joints[k].kind {
+            JointKind::Revolute => (1.0_f64.to_degrees(), "deg"),
+            JointKind::Prismatic => (1e3, "mm"),
+        };
+        (beyond(worst, limits) > BEYOND).then(|| {
+            let [low, high] = limits.map(|l| l * per_si);
+            format!("joint {} at {:.1} {unit} (limits {low:.0} to {high:.0})", k + 1, worst * per_si)
+        })
+    });
+    let all: Vec<String> = joints.collect();
+    (!all.is_empty()).then(|| {
+        format!(
+            "joints were recorded beyond their limits, {}: is this the robot file of this arm, in its signs?",
+            all.join(", ")
+        )
+    })
+}
 
 /// In one sentence each; `rows` numbers were measured for so many `parameters`.
 #[must_use]

@@ -124,6 +124,17 @@ impl Dataset {
             joints,
             dof: first.joints,
         };
+        for (k, print) in this.fingerprints.iter().enumerate() {
+            if let Some(same) = this.fingerprints[..k].iter().position(|p| p == print) {
+                return Err(IdentError::File {
+                    file: this.names[k].clone(),
+                    problem: format!(
+                        "holds the same measurements as {}; expected each recording once",
+                        this.names[same]
+                    ),
+                });
+            }
+        }
         let mut row = 0;
         for (index, recording) in recordings.iter().enumerate() {
             if recording.joints != this.dof {

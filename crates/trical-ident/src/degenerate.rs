@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
-use trical_model::{Cell, JointKind, MAX_JOINTS, Measured, Robot};
+use trical_model::{Cell, Forward, Joint, JointKind, MAX_JOINTS, Measured, Model, Robot};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
@@ -56,6 +56,78 @@ pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Places spread so many times less than the arm moved are in m where mm are expected (1000, and some room).
+const METRES: std::ops::Range<f64> = 300.0..3000.0;
+
+/// Joints that all stay below 2 pi "deg" while places spread so many times more than the arm moved are in rad (57.3, and some room).
+const RADIANS: f64 = 15.0;
+
+/// Refuses measured places in m and joints in rad: sizes that no arm has. Each recording is compared with where the nominal arm says that
+/// it was.
+///
+/// # Errors
+/// One sentence with the file and the columns.
+pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
+    let Ok(forward) = Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new()) else { return Ok(()) };
+    let mut ws = forward.workspace();
+    for (k, name) in data.names.iter().enumerate() {
+        let mut pairs: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::new();
+        let mut largest = 0.0_f64;
+        for o in data.observations.iter().filter(|o| o.recording == k) {
+            let place = match &o.measured {
+                Measured::Touch { ball, .. } => cell.balls.get(*ball).copied(),
+                Measured::Point { position, .. } | Measured::Pose { position, .. } => Some(Vector3::from(*position)),
+                Measured::Reference { .. } | Measured::Distance { .. } => None,
+            };
+            let Some(place) = place else { continue };
+            pairs.push((place, forward.world_from_tool(&o.state, &mut ws).translation));
+            let turns = |(q, j): (&f64, &Joint)| if j.kind == JointKind::Revolute { q.abs() } else { 0.0 };
+            largest = o.state.q.iter().zip(&robot.joints).map(turns).fold(largest, f64::max);
+        }
+        let (measured, moved) = (spread(pairs.iter().map(|p| p.0)), spread(pairs.iter().map(|p| p.1)));
+        let error = |place: &str, problem: String| {
+            Err(IdentError::Recording { file: name.clone(), place: place.to_owned(), problem })
+        };
+        let is_point = |o: &&Observation| !matches!(o.measured, Measured::Touch { .. });
+        if METRES.contains(&(moved / measured))
+            && data.observations.iter().filter(|o| o.recording == k).all(|o| is_point(&o))
+        {
+            return error(
+                "columns x_mm, y_mm, z_mm",
+                format!(
+                    "the points spread over {:.3} mm, but the arm moved over {:.0} mm; expected mm, found what looks like m",
+                    measured * 1e3,
+                    moved * 1e3
+                ),
+            );
+        }
+        if largest <= TURN_AS_DEG && measured > RADIANS * moved {
+            return error(
+                "columns q1_deg ...",
+                format!(
+                    "the joints stay below {:.2} deg, but the tool was found at places that spread over {:.0} mm; expected deg, found \
+                     what looks like rad",
+                    largest.to_degrees(),
+                    measured * 1e3
+                ),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// 2 pi taken for degrees, rad.
+const TURN_AS_DEG: f64 = 2.0 * std::f64::consts::PI * std::f64::consts::PI / 180.0;
+
+/// Root mean square distance from the mean.
+fn spread(points: impl Iterator<Item = Vector3<f64>>) -> f64 {
+    let points: Vec<Vector3<f64>> = points.collect();
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let n = points.len().max(1) as f64;
+    let middle = points.iter().sum::<Vector3<f64>>() / n;
+    (points.iter().map(|p| (p - middle).norm_squared()).sum::<f64>() / n).sqrt()
 }
 
 /// Number of poses that differ by more than [`SAME_RAD`] (or [`SAME_M`]) in some joint, roughly: joints are sorted into bins.

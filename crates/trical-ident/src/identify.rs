@@ -6,7 +6,7 @@ use faer::Mat;
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
 use crate::dataset::Dataset;
-use crate::degenerate::{check_balls, check_poses, check_values, different_poses, resting_joints};
+use crate::degenerate::{check_balls, check_poses, check_units, check_values, different_poses, resting_joints};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, factor, position_errors, weighted_residuals};
 use crate::identifiability::{
@@ -378,6 +378,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     }
     check_balls(cell, data)?;
     check_poses(robot, data)?;
+    check_units(robot, cell, data)?;
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.frames = vec![trical_model::Pose::identity(); data.frames()];
     let (terms, dependent) = independent_terms(judged(&model, data)?.as_ref(), data, choice)?;

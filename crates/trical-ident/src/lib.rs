@@ -13,7 +13,7 @@
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
-//! | [`repeatability`] | how far repeat visits scatter |
+//! | [`repeatability`], [`iso9283`] | how far repeat visits scatter; accuracy and repeatability as the standard has them |
 //! | [`joint_choice`] | which joint angles to believe |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
@@ -28,6 +28,7 @@ pub mod folds;
 pub mod gross;
 pub mod identifiability;
 pub mod identify;
+pub mod iso9283;
 pub mod joint_choice;
 pub mod known;
 pub mod model_file;

@@ -40,7 +40,7 @@ pub struct Scatter {
 
 /// Pose repeatability of ISO 9283: RP = mean(l) + 3 S.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
-fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
+pub(crate) fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
     if points.len() < 2 {
         return None;
     }
@@ -60,7 +60,7 @@ fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a count")]
-fn barycentre(points: &[Vector3<f64>]) -> Vector3<f64> {
+pub(crate) fn barycentre(points: &[Vector3<f64>]) -> Vector3<f64> {
     points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64
 }
 

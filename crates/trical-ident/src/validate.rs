@@ -132,6 +132,9 @@ pub struct Validation {
     /// The model as it was scored, with what was identified again.
     #[serde(skip)]
     pub model: Model,
+    /// The nominal arm as it was scored, and the same rows in its measuring frames.
+    #[serde(skip)]
+    pub nominal: (Model, Dataset),
 }
 
 impl Validation {
@@ -227,7 +230,7 @@ pub fn validate(
     let choice = Choice::from(ParameterSet::Nominal).with_own(OwnSetup::all(recordings.len()));
     let (nominal, dependent) = prepared(robot, cell, &plain, &choice)?;
     let nominal = fit_model(nominal, &plain, &Noise::usual(plain.names.len()), dependent)?;
-    let before = position_errors(&Forward::new(nominal.model, Vec::new())?, &plain);
+    let before = position_errors(&Forward::new(nominal.model.clone(), Vec::new())?, &plain);
     let pairs: Vec<(f64, f64)> = before.iter().copied().zip(after.iter().copied()).collect();
     let sessions = places.iter().enumerate().map(|(r, place)| {
         let of: Vec<&(f64, f64)> =
@@ -258,6 +261,7 @@ pub fn validate(
         errors: pairs,
         data: scored,
         model: forward.into_model(),
+        nominal: (nominal.model, plain),
     })
 }
 

@@ -140,4 +140,6 @@ pub struct Recording {
     pub places: Vec<String>,
     /// The rows.
     pub rows: Vec<Row>,
+    /// What was understood of a file that is not quite as it should be, one sentence each.
+    pub notes: Vec<String>,
 }

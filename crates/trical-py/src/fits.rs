@@ -17,6 +17,7 @@ use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
+use trical_report::verdict_told;
 
 use crate::arguments::{parameter_set, source};
 use crate::designs::{Touches, touches};
@@ -170,9 +171,7 @@ pub fn _diagnose<'py>(
     let (file, text, errors, planned, told) = long(py, progress, |task| -> Result<_> {
         let recordings = read_all(&recordings, robot.dof())?;
         let (found, source) = diagnose_recordings(&robot, &cell, &recordings, &options, task)?;
-        let mut value = serde_json::to_value(&found)?;
-        value["recordings"] = json!(found.data.names);
-        value["joints"] = json!(source);
+        let value = verdict_told::answer(&found, source)?;
         let errors =
             |model| -> Result<Vec<f64>> { Ok(position_errors(&Forward::new(model, Vec::new())?, &found.data)) };
         let pairs = pairs_mm(&errors(found.before.clone())?, &errors(found.model.clone())?);

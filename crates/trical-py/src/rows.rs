@@ -271,7 +271,7 @@ impl PyRows {
             let line = count(line.as_ref(), "line", k)?.map_or(k + 2, |l| l + 1);
             rows.push(Row { state, measured, seq, line });
         }
-        Ok(Self(Arc::new(Recording { name, joints, prismatic, places: places.into_names(), rows })))
+        Ok(Self(Arc::new(Recording { name, joints, prismatic, places: places.into_names(), rows, notes: Vec::new() })))
     }
 
     /// Where it came from.
@@ -299,6 +299,7 @@ impl PyRows {
         Ok(Self(Arc::new(Recording {
             name: shared.name.clone(),
             places: shared.places.clone(),
+            notes: shared.notes.clone(),
             rows,
             ..*shared.as_ref()
         })))

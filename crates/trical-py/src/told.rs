@@ -7,9 +7,9 @@ use trical_diagnose::Diagnosis;
 use trical_ident::{Calibration, JointSource, ModelFile, Validation, write_whole};
 use trical_model::{Cell, Robot};
 use trical_report::study::Study;
-use trical_report::{Made, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
+use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
 
-use crate::errors::Result;
+use crate::errors::{Result, bad};
 use crate::long::long;
 
 /// What was worked out, of whichever kind.
@@ -44,6 +44,21 @@ pub struct PyTold(pub Kept);
 
 #[pymethods]
 impl PyTold {
+    /// Writes the certificate of a calibration or a validation: one page, made by `call` from `inputs`.
+    fn certify(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
+        long(py, None, |_| -> Result<()> {
+            let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+            let made = Made::by(call, &inputs);
+            let html = match &self.0 {
+                Kept::Fitted(f) => certificate::of_calibration(f, &made)?,
+                Kept::Scored(s) => certificate::of_validation(&s.0, &made)?,
+                _ => return Err(bad("a certificate is of an identification or a validation").into()),
+            };
+            Ok(write_whole(&path, html.as_bytes())?)
+        })?;
+        Ok(())
+    }
+
     /// Writes the report: one HTML file, whole or not at all, that says it was made by `call` from `inputs`.
     fn write(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
         long(py, None, |_| -> Result<()> {

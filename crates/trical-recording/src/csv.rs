@@ -1,6 +1,7 @@
 //! Recordings as CSV: one row per measurement, columns known by name (`docs/formats.md`).
 
 mod layout;
+mod tidy;
 
 use std::io::Read as _;
 use std::path::Path;
@@ -80,12 +81,19 @@ impl Reader<'_> {
     }
 
     fn slots(&self, joints: usize) -> Result<Slots> {
+        let unknown: Vec<String> = self
+            .header
+            .iter()
+            .filter(|n| columns::find(n).is_none())
+            .map(|n| format!("'{}'", shortened(n, 60)))
+            .collect();
+        if !unknown.is_empty() {
+            let (s, known) = (if unknown.len() > 1 { "s" } else { "" }, columns::known());
+            return Err(self.wrong_header(format!("unknown column{s} {}; known are {known}", unknown.join(", "))));
+        }
         let mut found = [[[None; 2]; MAX_JOINTS]; FIELDS];
         for (at, name) in self.header.iter().enumerate() {
-            let Some((column, k, unit)) = columns::find(name) else {
-                let (name, known) = (shortened(name, 60), columns::known());
-                return Err(self.wrong_header(format!("unknown column '{name}'; known are {known}")));
-            };
+            let Some((column, k, unit)) = columns::find(name) else { continue };
             let which = usize::from(column.units.first() != Some(&unit));
             let slot = &mut found[column.field as usize][k][which];
             if slot.is_some() {
@@ -384,7 +392,14 @@ pub(crate) fn csv_reader(has_headers: bool) -> csv::ReaderBuilder {
     builder
 }
 
-/// Reads the bytes of a CSV recording; `file` is its name for messages.
+/// The names of a header line, as they are known.
+pub(crate) fn header_names(line: &str) -> Vec<String> {
+    let (line, _) = tidy::tidied(line);
+    line.split(',').map(|n| n.trim().trim_matches('"').to_owned()).collect()
+}
+
+/// Reads the bytes of a CSV recording; `file` is its name for messages. Separators, decimal commas, upper case, an index column and
+/// blank lines are understood where their meaning is certain; [`Recording::notes`] says so.
 ///
 /// # Errors
 /// As [`load_csv`].
@@ -398,6 +413,7 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     if text.contains('\0') {
         return Err(problem("is not a text file; expected a CSV recording"));
     }
+    let (text, note) = tidy::tidied(text);
     let mut csv = csv_reader(true).from_reader(text.as_bytes());
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
     let parser = Parser::new(file, &header, joints)?;
@@ -413,5 +429,6 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
         return Err(problem("has a header but no rows"));
     }
     let prismatic = parser.prismatic();
-    Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows })
+    let notes = note.map(|n| format!("{file}: {n}")).into_iter().collect();
+    Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows, notes })
 }

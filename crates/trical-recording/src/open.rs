@@ -7,7 +7,7 @@ use trical_model::{MAX_JOINTS, Recording};
 
 use crate::bounds::check_file;
 use crate::columns::{Field, find};
-use crate::csv::{load_csv, write_csv};
+use crate::csv::{header_names, load_csv, write_csv};
 use crate::error::{RecordError, Result};
 use crate::mcap::read_recording;
 
@@ -37,9 +37,9 @@ fn joints_of_csv(path: &Path) -> Result<usize> {
         .and_then(|f| BufReader::new(f.take(1 << 16)).read_until(b'\n', &mut line))
         .map_err(unreadable(path))?;
     let line = String::from_utf8_lossy(&line);
-    let names = line.trim_start_matches('\u{feff}').split(',').map(|n| n.trim().trim_matches('"'));
+    let names = header_names(line.trim_start_matches('\u{feff}'));
     let mut has = [false; MAX_JOINTS];
-    for (column, k, _) in names.filter_map(find) {
+    for (column, k, _) in names.iter().filter_map(|n| find(n)) {
         if let Some(has) = has.get_mut(k) {
             *has |= column.field == Field::Joints;
         }

@@ -24,7 +24,7 @@
       return best;
     };
     const ink = (_, k) => (k > 0 ? plot.series[k - 1].color : null);
-    const width = () => Math.max(280, Math.min(holder.clientWidth, 940));
+    const width = () => Math.max(240, Math.min(holder.clientWidth, 940));
     const u = new uPlot({
       width: width(),
       height: 340,
@@ -55,7 +55,12 @@
       ],
     }, plot.data, stage);
     holder.classList.add("drawn");
-    addEventListener("resize", () => u.setSize({ width: width(), height: 340 }));
+    const fit = () => u.setSize({ width: width(), height: 340 });
+    addEventListener("resize", fit);
+    // a plot that is folded away has no width until it is opened
+    const fold = holder.closest("details");
+    if (fold) fold.addEventListener("toggle", fit);
   };
   document.querySelectorAll(".plot").forEach(make);
+  addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((d) => { d.open = true; }));
 })();

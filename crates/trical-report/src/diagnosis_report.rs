@@ -4,18 +4,23 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, Rival};
+use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, verdict};
 use trical_ident::{ErrorSummary, JointSource};
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
 use crate::error::Result;
 use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
+use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table::number;
+use crate::verdict_told;
 
 /// Findings with a figure of their own.
 const SHOWN: usize = 12;
+
+/// Findings whose coefficients are written out; a curve has more.
+const FEW: usize = 8;
 
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
@@ -121,7 +126,8 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
     }
 }
 
-fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
+/// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
+pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
     let Seen { before, after, part } = seen(f, d)?;
     let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
@@ -137,24 +143,23 @@ fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Secti
             format!("{}{sd}", number(&c.name, c.value, &c.unit))
         })
         .collect();
-    let mut text = vec![format!("{}. {}.", f.located, values.join("; "))];
+    let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
+    let mut text = vec![format!("{}. {told}.", f.located), format!("What to do: {}", f.action)];
     if !f.rivals.is_empty() {
         text.push(format!(
             "This data cannot exclude {}. trical diagnose --next 8 plans touches that decide.",
             rivals(f)
         ));
     }
-    Ok(Section {
-        heading: format!("{number_of}. {}", f.in_words()),
-        text,
-        figures: vec![Figure {
-            caption: "Each point is one measurement: its error along the direction in which this effect acts, everything else \
+    let mut figures = finding_figures::figures(f, d)?;
+    figures.push(Figure {
+        caption:
+            "Each point is one measurement: its error along the direction in which this effect acts, everything else \
                       modelled, without this effect and with it."
                 .into(),
-            svg: plots::scatter(&label, "error, mm", false, false, &series)?,
-        }],
-        ..Section::default()
-    })
+        svg: plots::scatter(&label, "error, mm", false, false, &series)?,
+    });
+    Ok(Section { heading: format!("{number_of}. {}", verdict::heading(f)), text, figures, ..Section::default() })
 }
 
 /// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
@@ -260,7 +265,7 @@ fn map(d: &Diagnosis) -> Result<String> {
         }
     }
     for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
-        let short = format!("{}. {}, {}", k + 1, f.effect, f.site);
+        let short = format!("{}. {}", k + 1, verdict::heading(f));
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let y = 30.0 + 22.0 * k as f64;
         let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - LIST);
@@ -269,26 +274,48 @@ fn map(d: &Diagnosis) -> Result<String> {
     Ok(svg)
 }
 
-fn overview(d: &Diagnosis) -> Result<Section> {
-    let mut section = Section {
-        heading: "What was found".into(),
-        text: d
-            .cautions
-            .iter()
-            .map(|c| format!("Caution: {c}"))
-            .chain(d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")))
-            .collect(),
+/// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
+fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
+    let decimals = verdict_told::decimals(d);
+    let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
+    rows.extend(d.verdict.rows.iter().map(|r| {
+        let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
+        let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
+        vec![
+            verdict_told::claim(r, ""),
+            verdict_told::probability(r).unwrap_or_default(),
+            number(r.before_mm, !of_model && r.kind != RowKind::Unexplained),
+            number(r.after_mm, r.kind != RowKind::Unexplained),
+            verdict_told::advice(r),
+        ]
+    }));
+    rows
+}
+
+/// What a report begins with: the verdict as a table, cautions, notes.
+pub fn verdict_section(d: &Diagnosis) -> Section {
+    Section {
+        heading: "Verdict".into(),
+        text: std::iter::once(
+            "Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into(),
+        )
+        .chain(d.cautions.iter().map(|c| format!("Caution: {c}.")))
+        .chain(d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")))
+        .collect(),
+        tables: vec![verdict_table(d)],
         ..Section::default()
-    };
-    if d.findings.is_empty() {
-        section.text.push("No effect of the catalogue earns its place.".into());
-        return Ok(section);
     }
-    let mut rows = vec![row(["effect", "site", "sure", "lambda", "held out before, mm", "after, mm", "could also be"])];
+}
+
+/// Each finding in a row, with the evidence, and where they are on the arm.
+fn all_findings(d: &Diagnosis) -> Result<Section> {
+    let mut section = Section { heading: "All findings".into(), ..Section::default() };
+    let mut rows =
+        vec![row(["finding", "effect", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
         rows.push(vec![
-            format!("{}. {}", k + 1, f.effect),
-            f.site.to_string(),
+            format!("{}. {}", k + 1, verdict::heading(f)),
+            f.effect.to_string(),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
             format!("{:.4}", f.evidence.holdout_rms_before_mm),
@@ -298,8 +325,8 @@ fn overview(d: &Diagnosis) -> Result<Section> {
     }
     section.tables.push(rows);
     section.text.push(
-        "lambda is the size of an effect's traces in this data, in standard deviations of the noise; held out is the error at \
-         poses that the fit did not see, with this finding and those above it."
+        "lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
+         are at poses that the fit did not see, without and with this finding, in the order in which the findings were added."
             .into(),
     );
     section.figures.push(Figure {
@@ -367,20 +394,27 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
 
 /// The whole report.
 pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<String> {
-    let verdict = if d.findings.is_empty() && d.unexplained.is_none() {
+    let claims = d
+        .verdict
+        .rows
+        .iter()
+        .filter(|r| r.kind == RowKind::Finding)
+        .take(2)
+        .map(|r| format!("{}.", verdict_told::sentence(r)));
+    let said = if d.findings.is_empty() && d.unexplained.is_none() {
         format!(
-            "The model explains the data: {} parameters leave {:.4} mm, and nothing else earns its place.",
-            d.baseline.parameters, d.baseline.rms_mm
+            "The model explains the data: {} parameters leave {:.4} mm rms at poses that the fit did not see, and nothing was found \
+             that is missing in it.",
+            d.baseline.parameters, d.baseline.holdout_rms_mm
         )
     } else {
-        let names: Vec<String> = d.findings.iter().take(4).map(Finding::in_words).collect();
-        format!(
-            "The model lacked {}{}. Modelled, the error on poses that the fit did not see falls from {:.4} to {:.4} mm rms.",
-            if names.is_empty() { "something without a name".to_owned() } else { names.join(", ") },
-            if d.findings.len() > 4 { format!(" and {} more", d.findings.len() - 4) } else { String::new() },
-            d.baseline.holdout_rms_mm,
-            d.after.holdout_rms_mm
-        )
+        let decimals = verdict_told::decimals(d);
+        let falls = format!(
+            "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
+             modelled.",
+            d.baseline.holdout_rms_mm, d.after.holdout_rms_mm
+        );
+        claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
     };
     // of lengths and positions alike, m
     let lengths =
@@ -393,7 +427,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         ("after: everything found is modelled", &ErrorSummary::of(&after)),
     ]);
     let mut sections = vec![
-        overview(d)?,
+        verdict_section(d),
         Section {
             heading: "Position error before and after".into(),
             text: vec!["At the poses of the fit; the error at poses that it did not see is in the verdict.".into()],
@@ -401,11 +435,15 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
             ..Section::default()
         },
     ];
+    if !d.findings.is_empty() {
+        sections.push(all_findings(d)?);
+    }
     for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(nameless(d)?);
-    sections.push(errors.section()?);
+    sections.push(Section { folded: true, ..errors.section()? });
+    sections.push(Section { folded: true, ..errors.by_joint()? });
     sections.extend(errors.pictures()?);
     let known = d.model.terms.iter().filter(|t| t.sd.is_some());
     sections.push(Section {
@@ -415,6 +453,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
                 .into(),
         ],
         tables: vec![parameters(&d.model, known, half_width(None), |_| String::new())],
+        folded: true,
         ..Section::default()
     });
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
@@ -432,11 +471,12 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
                 .into(),
         ],
         tables: vec![blind],
+        folded: true,
         ..Section::default()
     });
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
     made.notes.push(format!("Joint angles that were believed: {source:?}.").to_lowercase().replacen('j', "J", 1));
-    page::render("TriCal: diagnosis", &verdict, &sections, &made)
+    page::render("TriCal: diagnosis", &said, &sections, &made)
 }

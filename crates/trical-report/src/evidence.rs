@@ -18,7 +18,7 @@ use crate::table;
 const POINTS: usize = 4000;
 
 /// So many marks and arms in the picture of the cell.
-const MARKS: usize = 1200;
+const MARKS: usize = 400;
 const ARMS: usize = 45;
 
 /// So many rejected rows are listed.
@@ -59,6 +59,20 @@ fn line_or_row(line: usize, row: usize) -> String {
     if line > 0 { format!("line {line}") } else { format!("row {row}") }
 }
 
+/// "run.csv, line 12, ball 2" for an observation; of one recording alone "line 12, ball 2".
+pub fn where_measured(data: &Dataset, k: usize) -> String {
+    let Some(o) = data.observations.get(k) else { return String::new() };
+    let what = match o.measured {
+        Measured::Touch { ball, .. } => format!(", ball {}", ball + 1),
+        Measured::Point { target, .. } => format!(", target {}", target + 1),
+        Measured::Distance { anchor, .. } => format!(", anchor {}", anchor + 1),
+        Measured::Reference { .. } | Measured::Pose { .. } => String::new(),
+    };
+    // one recording need not be named at each of its points
+    let recording = data.names.get(o.recording).filter(|_| data.names.len() > 1);
+    format!("{}{}{what}", recording.map_or_else(String::new, |r| format!("{r}, ")), line_or_row(o.line, o.row))
+}
+
 /// The pose nearest to the middle of them all.
 pub fn typical(poses: &[Joints]) -> Joints {
     let middle = poses.iter().fold([0.0; MAX_JOINTS], |mut sum, q| {
@@ -80,18 +94,8 @@ impl Errors<'_> {
         ((0..n).step_by(step).collect(), some)
     }
 
-    /// "run.csv, line 12, ball 2"; of one recording alone "line 12, ball 2".
     fn name(&self, k: usize) -> String {
-        let o = &self.data.observations[k];
-        let what = match o.measured {
-            Measured::Touch { ball, .. } => format!(", ball {}", ball + 1),
-            Measured::Point { target, .. } => format!(", target {}", target + 1),
-            Measured::Distance { anchor, .. } => format!(", anchor {}", anchor + 1),
-            Measured::Reference { .. } | Measured::Pose { .. } => String::new(),
-        };
-        // one recording need not be named at each of its points
-        let recording = self.data.names.get(o.recording).filter(|_| self.data.names.len() > 1);
-        format!("{}{}{what}", recording.map_or_else(String::new, |r| format!("{r}, ")), line_or_row(o.line, o.row))
+        where_measured(self.data, k)
     }
 
     /// Errors against `x`, before and after.

@@ -7,20 +7,25 @@
 //! |---|---|
 //! | [`page`] | a report as one HTML file: sections, tables, figures, how it was made |
 //! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
+//! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
+//! | [`finding_figures`] | the curve or the spectrum of a finding |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
+//! | [`verdict_told`] | a diagnosis in a few lines |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
 //! | [`study`] | whole calibrations by simulation |
 //! | [`table`] | tables and paragraphs for a terminal |
 
 pub mod blindness;
+pub mod certificate;
 pub mod deciding;
 pub mod diagnosis_report;
 pub mod error;
 pub mod error_map;
 pub mod evidence;
 pub mod export;
+pub mod finding_figures;
 pub mod heat;
 pub mod identify_report;
 pub mod outline;
@@ -33,6 +38,7 @@ pub mod study;
 pub mod table;
 pub mod turn;
 pub mod validate_report;
+pub mod verdict_told;
 
 pub use error::{Error, Result};
 pub use error_map::ErrorMap;

@@ -33,6 +33,8 @@ pub struct Section {
     pub tables: Vec<Vec<Vec<String>>>,
     /// Figures.
     pub figures: Vec<Figure>,
+    /// Whether it is closed until somebody opens it; on paper it is open.
+    pub folded: bool,
 }
 
 /// A file that a report was made from.
@@ -61,6 +63,17 @@ impl Made {
     pub fn by(command: String, inputs: &[&Path]) -> Self {
         let inputs = inputs.iter().map(|p| input(p)).collect();
         Self { version: env!("CARGO_PKG_VERSION"), command, notes: Vec::new(), inputs }
+    }
+
+    /// The command.
+    #[must_use]
+    pub fn command(&self) -> &str {
+        &self.command
+    }
+
+    /// Names of the inputs, and the SHA-256 of their bytes.
+    pub fn hashes(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.inputs.iter().map(|i| (i.name.as_str(), i.sha256.as_str()))
     }
 }
 

@@ -1,5 +1,7 @@
 //! Plots as SVG, to be put inline into a report.
 
+use std::fmt::Write as _;
+
 use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
@@ -73,6 +75,53 @@ fn axes<'a, 'c, 's>(
 /// What a plot that can be zoomed begins with.
 pub const LIVE: &str = "<div class=\"plot\">";
 
+/// A plot has so many points at most: a drawing of bounded size, whatever the recording.
+const MOST_POINTS: usize = 450;
+
+/// Which of many points are drawn: of those that fall into one cell of a grid, the first. Single points far from others stay. The grid is
+/// made coarser until few enough are left.
+fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
+    let all = || series.iter().flat_map(|s| s.points.iter()).filter(|p| p.0.is_finite() && p.1.is_finite());
+    let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), false));
+    let shared = same_x(series);
+    let chosen = |cells: f64| -> Vec<Vec<usize>> {
+        #[expect(clippy::cast_possible_truncation, reason = "cells of a grid")]
+        let cell = |p: &(f64, f64)| {
+            let at = |v: f64, r: &std::ops::Range<f64>| ((v - r.start) / (r.end - r.start) * cells) as i32;
+            (at(p.0, &x), at(p.1, &y))
+        };
+        let mut kept: Vec<Vec<usize>> = Vec::new();
+        for s in series {
+            let mut seen = std::collections::HashSet::new();
+            kept.push((0..s.points.len()).filter(|k| seen.insert(cell(&s.points[*k]))).collect());
+        }
+        if shared {
+            // before and after of a measurement are drawn together
+            let mut both: Vec<usize> = kept.concat();
+            both.sort_unstable();
+            both.dedup();
+            kept = vec![both; series.len()];
+        }
+        kept
+    };
+    let mut cells = 160.0;
+    loop {
+        let kept = chosen(cells);
+        if kept.iter().map(Vec::len).max().unwrap_or(0) <= MOST_POINTS {
+            return kept;
+        }
+        cells *= 0.85;
+    }
+}
+
+/// Whether all series have the same x, point by point.
+fn same_x(series: &[Series]) -> bool {
+    series.iter().skip(1).all(|s| {
+        s.points.len() == series[0].points.len()
+            && s.points.iter().zip(&series[0].points).all(|(a, b)| a.0.is_finite() && a.0 == b.0)
+    })
+}
+
 /// A scatter plot that can be zoomed, with a static picture for paper. With `curves`, points are joined.
 pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
     scatter_named(x_label, y_label, from_zero, curves, series, &[])
@@ -87,8 +136,16 @@ pub fn scatter_named(
     series: &[Series],
     names: &[String],
 ) -> Result<String> {
+    let kept = if curves { Vec::new() } else { drawn(series) };
+    let fewer: Vec<Series> = kept
+        .iter()
+        .zip(series)
+        .map(|(k, s)| Series { name: s.name, color: s.color, points: k.iter().map(|k| s.points[*k]).collect() })
+        .collect();
+    let series = if curves { series } else { &fewer };
+    let own: Vec<String> = kept.first().into_iter().flatten().filter_map(|k| names.get(*k).cloned()).collect();
     let picture = still(x_label, y_label, from_zero, curves, series)?;
-    let values = live(series, names);
+    let values = live(series, &own);
     let legend: Vec<_> = series
         .iter()
         .map(|s| {
@@ -107,11 +164,9 @@ pub fn scatter_named(
 
 /// Columns with one ascending x, and the names in that order.
 fn live(series: &[Series], names: &[String]) -> (Vec<Vec<Option<f64>>>, Vec<String>) {
-    let round = |v: f64| v.is_finite().then(|| (v * 1e6).round() / 1e6);
-    let shared = series.iter().skip(1).all(|s| {
-        s.points.len() == series[0].points.len()
-            && s.points.iter().zip(&series[0].points).all(|(a, b)| a.0.is_finite() && a.0 == b.0)
-    });
+    // five digits are finer than a screen
+    let round = |v: f64| v.is_finite().then(|| format!("{v:.4e}").parse::<f64>().unwrap_or(v));
+    let shared = same_x(series);
     let mut rows: Vec<(f64, Vec<Option<f64>>, String)> = Vec::new();
     for (s, these) in series.iter().enumerate() {
         for (k, (x, y)) in these.points.iter().enumerate().filter(|(_, p)| p.0.is_finite()) {
@@ -166,43 +221,147 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
 
 /// The static picture of a scatter plot.
 fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
-    draw((620, 360), |root| {
-        let all = || series.iter().flat_map(|s| s.points.iter());
+    let all = || series.iter().flat_map(|s| s.points.iter());
+    let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero));
+    let mut dots = String::new();
+    let svg = draw((620, 360), |root| {
+        let mut chart = ChartBuilder::on(root)
+            .margin(10)
+            .margin_top(26)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(x, y)
+            .map_err(failed)?;
+        axes(&mut chart, x_label, y_label, |_| ())?;
+        for s in series {
+            if curves {
+                chart
+                    .draw_series(LineSeries::new(s.points.iter().copied(), s.color.stroke_width(2)))
+                    .map_err(failed)?;
+            } else {
+                dots += &points(&chart, s);
+            }
+        }
+        Ok(())
+    })?;
+    let keys: Vec<(&str, RGBColor)> = series.iter().map(|s| (s.name, s.color)).collect();
+    Ok(with_more(&svg, &(dots + &legend(&keys))))
+}
+
+/// All points of a series as one path: a tenth of the size of a circle each.
+fn points(chart: &Chart<'_, '_>, s: &Series) -> String {
+    let mut path = String::new();
+    for p in s.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()) {
+        let (x, y) = chart.backend_coord(p);
+        let _ = write!(path, "M{x} {y}h0");
+    }
+    let (r, g, b) = (s.color.0, s.color.1, s.color.2);
+    format!(
+        "<path d=\"{path}\" stroke=\"#{r:02x}{g:02x}{b:02x}\" stroke-opacity=\"0.65\" stroke-width=\"6\" stroke-linecap=\"round\" \
+         fill=\"none\"/>"
+    )
+}
+
+/// Which colour is what, above a chart; nothing for a single series.
+fn legend(keys: &[(&str, RGBColor)]) -> String {
+    if keys.len() < 2 {
+        return String::new();
+    }
+    let mut out = String::new();
+    for (k, (name, color)) in keys.iter().enumerate() {
+        let x = 80 + 130 * k;
+        let (r, g, b) = (color.0, color.1, color.2);
+        let _ = write!(
+            out,
+            "<circle cx=\"{x}\" cy=\"14\" r=\"4\" fill=\"#{r:02x}{g:02x}{b:02x}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
+             font-size=\"13\" fill=\"#1d2733\">{name}</text>",
+            x + 9
+        );
+    }
+    out
+}
+
+/// An SVG with more in it, above the rest.
+fn with_more(svg: &str, more: &str) -> String {
+    svg.rfind("</svg>").map_or_else(|| svg.to_owned(), |end| format!("{}{more}{}", &svg[..end], &svg[end..]))
+}
+
+/// A fitted curve with its band over the data that it was fitted to.
+pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Band) -> Result<String> {
+    let kept = drawn(data);
+    let data: Vec<Series> = kept
+        .iter()
+        .zip(data)
+        .map(|(k, s)| Series { name: s.name, color: s.color, points: k.iter().map(|k| s.points[*k]).collect() })
+        .collect();
+    let x = data.iter().flat_map(|s| &s.points).map(|p| p.0).chain(curve.points.iter().map(|p| p.0));
+    // single points far off must not make the curve flat
+    let high = curve.points.iter().map(|p| p.3.abs().max(p.2.abs())).fold(0.0, f64::max);
+    let mut size: Vec<f64> = data.iter().flat_map(|s| &s.points).map(|p| p.1.abs()).collect();
+    size.sort_by(f64::total_cmp);
+    let usual = size.get(size.len() * 97 / 100).copied().unwrap_or(0.0);
+    let top = (1.15 * high).max(usual).max(1e-12);
+    let mut dots = String::new();
+    let svg = draw((620, 360), |root| {
+        let mut chart = ChartBuilder::on(root)
+            .margin(10)
+            .margin_top(26)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(range(x.collect::<Vec<_>>().into_iter(), false), -top..top)
+            .map_err(failed)?;
+        axes(&mut chart, x_label, y_label, |_| ())?;
+        for s in &data {
+            let inside = s.points.iter().filter(|p| p.1.abs() <= top).copied().collect();
+            dots += &points(&chart, &Series { points: inside, ..*s });
+        }
+        let up = curve.points.iter().map(|p| (p.0, p.3));
+        let down = curve.points.iter().rev().map(|p| (p.0, p.2));
+        let band = Polygon::new(up.chain(down).collect::<Vec<_>>(), curve.color.mix(0.25));
+        chart.draw_series(std::iter::once(band)).map_err(failed)?;
+        let line = curve.points.iter().map(|p| (p.0, p.1));
+        chart.draw_series(LineSeries::new(line, curve.color.stroke_width(2))).map_err(failed)?;
+        Ok(())
+    })?;
+    let mut keys: Vec<(&str, RGBColor)> = data.iter().map(|s| (s.name, s.color)).collect();
+    keys.push((&curve.name, curve.color));
+    // points behind the curve
+    let at = svg.find("<polygon").unwrap_or(svg.len());
+    Ok(with_more(&format!("{}{dots}{}", &svg[..at], &svg[at..]), &legend(&keys)))
+}
+
+/// A spectrum: amplitude of each whole number of cycles a turn; `marks` are those that were named.
+pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: &[f64]) -> Result<String> {
+    let high = amplitudes.iter().map(|p| p.1).fold(1e-12, f64::max) * 1.2;
+    let (mut bars, mut named) = (String::new(), String::new());
+    let svg = draw((620, 300), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
             .x_label_area_size(44)
             .y_label_area_size(64)
-            .build_cartesian_2d(range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero))
+            .build_cartesian_2d(range(amplitudes.iter().map(|p| p.0), false), 0.0..high)
             .map_err(failed)?;
-        axes(&mut chart, x_label, y_label, |_| ())?;
-        for s in series {
-            let color = s.color;
-            if curves {
-                chart
-                    .draw_series(LineSeries::new(s.points.iter().copied(), color.stroke_width(2)))
-                    .map_err(failed)?
-                    .label(s.name)
-                    .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], color.stroke_width(2)));
-            } else {
-                chart
-                    .draw_series(s.points.iter().map(|p| Circle::new(*p, 3, color.mix(0.65).filled())))
-                    .map_err(failed)?
-                    .label(s.name)
-                    .legend(move |(x, y)| Circle::new((x + 7, y), 4, color.filled()));
-            }
+        axes(&mut chart, x_label, y_label, |mesh| {
+            mesh.x_label_formatter(&|x| format!("{x:.0}"));
+        })?;
+        for p in amplitudes {
+            let ((x, top), (_, foot)) = (chart.backend_coord(p), chart.backend_coord(&(p.0, 0.0)));
+            let _ = write!(bars, "M{x} {foot}V{top}");
         }
-        if series.len() > 1 {
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::UpperLeft)
-                .background_style(WHITE.mix(0.85))
-                .border_style(RGBColor(200, 200, 200))
-                .label_font(("sans-serif", 13))
-                .draw()
-                .map_err(failed)?;
+        for n in marks {
+            let near = |a: &&(f64, f64), b: &&(f64, f64)| (a.0 - n).abs().total_cmp(&(b.0 - n).abs());
+            let top = amplitudes.iter().min_by(near).map_or(0.0, |p| p.1);
+            let ((x, top), (_, foot)) = (chart.backend_coord(&(*n, top)), chart.backend_coord(&(*n, 0.0)));
+            let _ = write!(
+                named,
+                "<path d=\"M{x} {foot}V{top}\" stroke=\"#c85c46\" stroke-width=\"3\"/><text x=\"{x}\" y=\"{}\" font-family=\"sans-serif\" \
+                 font-size=\"13\" text-anchor=\"middle\" fill=\"#c85c46\">{n:.0}</text>",
+                top - 5
+            );
         }
         Ok(())
-    })
+    })?;
+    Ok(with_more(&svg, &format!("<path d=\"{bars}\" stroke=\"#2666a5\" stroke-width=\"1.6\"/>{named}")))
 }
 
 /// A staircase: bars from left to right, each with its label below.

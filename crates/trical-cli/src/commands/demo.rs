@@ -1,31 +1,30 @@
-//! `trical demo`: the whole story on a virtual cell.
+//! `trical demo`: the whole story on a virtual cell, from an arm that conceals something to a program that goes where it says.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use nalgebra::Vector3;
 use trical_device::session::Settings;
-use trical_device::{ArmPlant, CellOptions, Session, VirtualCell, open_controller};
-use trical_diagnose::truth::draw_truth;
+use trical_device::{ArmPlant, CellOptions, PlanEntry, Session, VirtualCell, open_controller};
+use trical_diagnose::truth::{TruthError, draw_truth, hidden_in, hide};
+use trical_diagnose::{Coefficient, EffectId, diagnose_recordings, verdict};
 use trical_ident::{
-    Dataset, ErrorSummary, Identified, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
+    Dataset, ErrorSummary, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
 };
-use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State, Task};
+use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Place, Recording, Robot, State, Task};
 use trical_plan::{
     CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
     write_plan,
 };
 use trical_program::{Dialect, Frames, Options, Report};
 use trical_recording::read_recording;
-use trical_report::page::{Figure, Section, error_table, render};
-use trical_report::plan_told::{self, Told};
-use trical_report::plots::{self, AFTER, BEFORE, Series};
-use trical_report::{Made, plan_report, table};
+use trical_report::plan_told::Told;
+use trical_report::{plan_report, table, verdict_told};
 
-use crate::commands::identify::parameter_rows;
+use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
 use crate::commands::measure::perform;
-use crate::commands::{plan, virtual_cell};
+use crate::commands::{demo_report, plan, virtual_cell};
 use crate::error::{CliError, Result};
 use crate::measure_view::View;
 use crate::{input, progress, say};
@@ -37,41 +36,111 @@ const PROGRAM: &str = include_str!("../../assets/sample.mod");
 /// Radius of the sphere in which the paper validates, m.
 const SPHERE: f64 = 0.2;
 
+/// Touches of each ball: as in the paper, and twice as many where something is concealed.
+const PER_BALL: [usize; 2] = [15, 30];
+
+/// A touch is accepted when its reading is shorter, m: nulled as in the paper; coarser where something is concealed, since an arm
+/// with backlash cannot be nulled. What the indicators still read is recorded either way.
+const ACCEPTED: [f64; 2] = [20e-6, 200e-6];
+
+/// What is concealed by default, drawn by the seed: flaws of the arm, of a size that one would notice.
+const DRAWN: [&str; 10] = [
+    "lost_motion_direction@1",
+    "lost_motion_direction@2",
+    "lost_motion_direction@3",
+    "gear_ratio@1*3",
+    "gear_ratio@3*3",
+    "axis_wobble@1*3",
+    "joint_coupling",
+    "cross_axis_compliance@1*3",
+    "gear_ripple@2/80*2",
+    "gear_ripple@3/100*2",
+];
+
+/// Coefficients of an effect that are told; a curve has more.
+const COEFFICIENTS: usize = 2;
+
 /// Arguments of `trical demo`.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder for everything that is made
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Seed of the hidden arm and of all noise
+    /// Seed of the hidden arm, of what is concealed in it and of all noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// What to conceal in the arm: an effect of docs/effects.md with its site and its size in typical ones, as in
+    /// lost_motion_direction@3*2, or none. By default the seed draws one
+    #[arg(long, value_name = "EFFECT[@SITE][*SIZE]")]
+    conceal: Option<String>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
 }
 
-/// Errors of the TCP at some poses: nominal arm and calibrated arm, against the true one.
-struct Scored {
-    poses: Vec<Joints>,
-    places: Vec<Vector3<f64>>,
-    before: Vec<f64>,
-    after: Vec<f64>,
+impl Args {
+    /// What is concealed, as [`hide`] reads it.
+    fn wish(&self) -> Option<String> {
+        match self.conceal.as_deref() {
+            Some("none") => None,
+            Some(wish) => Some(wish.to_owned()),
+            None => {
+                // neighbouring seeds draw different effects
+                let drawn = self.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33;
+                let count = u64::try_from(DRAWN.len()).unwrap_or(1);
+                usize::try_from(drawn % count).ok().and_then(|k| DRAWN.get(k)).map(|wish| (*wish).to_owned())
+            }
+        }
+    }
 }
 
-fn score(truth: &Forward, before: &Forward, after: &Forward, poses: Vec<Joints>) -> Scored {
+/// The story as it is told, and where its files are.
+pub struct Story<'a> {
+    args: &'a Args,
+    robot: Robot,
+    cell: Cell,
+    begin: Instant,
+}
+
+impl Story<'_> {
+    fn tell(&self, line: impl AsRef<str>) -> Result<()> {
+        if self.args.json { Ok(()) } else { say(line.as_ref()) }
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.args.out.join(name)
+    }
+
+    fn made(&self, names: &[&str]) -> trical_report::Made {
+        let paths: Vec<PathBuf> = names.iter().map(|n| self.file(n)).collect();
+        input::made(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+    }
+}
+
+fn score(name: &'static str, truth: &Forward, models: [&Forward; 3], poses: Vec<Joints>) -> Scored {
+    // each pose is reached from the one before it
+    let states: Vec<State> = (0..poses.len())
+        .map(|k| {
+            let from = if k > 0 { poses[k - 1] } else { [0.0; MAX_JOINTS] };
+            let mut dir = [0_i8; MAX_JOINTS];
+            for (d, (to, from)) in dir.iter_mut().zip(poses[k].iter().zip(&from)) {
+                *d = if to > from { 1 } else { -1 };
+            }
+            State { dir: Some(dir), ..State::at(&poses[k]) }
+        })
+        .collect();
     let place = |f: &Forward| -> Vec<Vector3<f64>> {
         let mut ws = f.workspace();
-        poses.iter().map(|q| f.world_from_tool(&State::at(q), &mut ws).translation).collect()
+        states.iter().map(|s| f.world_from_tool(s, &mut ws).translation).collect()
     };
     let places = place(truth);
-    let off = |f: &Forward| place(f).iter().zip(&places).map(|(a, b)| (a - b).norm()).collect();
-    Scored { before: off(before), after: off(after), places, poses }
+    let errors = models.map(|f| place(f).iter().zip(&places).map(|(a, b)| (a - b).norm()).collect());
+    Scored { name, poses, places, errors }
 }
 
 /// The sample program rewritten for `model`, as the controller of the nominal arm reads it.
 fn rewritten(text: &[u8], nominal: &Model, model: &Model) -> Result<(Vec<u8>, Report)> {
-    let options = Options { model_name: "calibrated.toml".into(), details: true, ..Options::default() };
+    let options = Options { model_name: "improved.toml".into(), details: true, ..Options::default() };
     let mut out = Vec::new();
     let report = trical_program::compensate(
         text,
@@ -102,80 +171,128 @@ fn drive(cell: &VirtualCell, poses: &[(trical_model::Pose, Joints)]) -> Result<V
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let begin = Instant::now();
     let out = &args.out;
     std::fs::create_dir_all(out).map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", out.display())))?;
-    let mut told = Vec::new();
-    let mut tell = |line: String| -> Result<()> {
-        if !args.json {
-            say(&line)?;
-        }
-        told.push(line);
-        Ok(())
-    };
-    let file = |name: &str| out.join(name);
     let (robot, cell) = (Robot::parse(ROBOT, "robot.toml")?, Cell::parse(CELL, "cell.toml")?);
-    write_whole(&file("robot.toml"), ROBOT.as_bytes())?;
-    write_whole(&file("cell.toml"), CELL.as_bytes())?;
-    write_whole(&file("sample.mod"), PROGRAM.as_bytes())?;
-    let nominal = plan::model_to_identify(&robot, &cell)?;
+    let story = Story { args, robot, cell, begin: Instant::now() };
+    for (name, text) in [("robot.toml", ROBOT), ("cell.toml", CELL), ("sample.mod", PROGRAM)] {
+        write_whole(&story.file(name), text.as_bytes())?;
+    }
+    let nominal = plan::model_to_identify(&story.robot, &story.cell)?;
+    let (running, concealed) = true_arm(&story, &nominal)?;
+    let (entries, told) = planned(&story, &nominal, concealed)?;
+    let recording = measured(&story, &running, &entries, ACCEPTED[usize::from(concealed)])?;
+    let touches = recording.rows.len();
+    let models = diagnosed(&story, recording)?;
+    let seal = seal_broken(&story, &models)?;
+    let scores = validated(&story, &models)?;
+    let driven = program(&story, &running, &models.best)?;
+    let html = demo_report::render(
+        &models,
+        &seal,
+        &scores,
+        &driven,
+        &told,
+        &story.made(&["robot.toml", "cell.toml", "run.mcap", "truth.sealed.toml"]),
+    )?;
+    write_whole(&story.file("report.html"), html.as_bytes())?;
+    let seconds = story.begin.elapsed().as_secs_f64();
+    story.tell(format!("8. Everything is in {}: open report.html. ({seconds:.0} s)", out.display()))?;
+    if args.json {
+        let summary = |e: &[f64]| ErrorSummary::of(e);
+        let of = |s: &Scored| serde_json::json!({ "before": summary(&s.errors[0]), "plain": summary(&s.errors[1]), "after": summary(&s.errors[2]) });
+        let residual = ErrorSummary::of(&models.plain.errors()?);
+        let value = serde_json::json!({
+            "touches": touches,
+            "parameters": models.plain.free.len(),
+            "rms_mm": residual.rms_mm,
+            "concealed": seal.sealed,
+            "said": seal.said,
+            "verdict": models.diagnosis.verdict,
+            "sphere": of(&scores[0]),
+            "workspace": of(&scores[1]),
+            "program": { "before": driven[0], "after": driven[1] },
+            "out": out.display().to_string(),
+        });
+        return say(serde_json::to_string_pretty(&value)?);
+    }
+    Ok(())
+}
 
-    // 1. the virtual cell
-    let truth = draw_truth(&nominal, args.seed)?;
-    virtual_cell::seal(&truth, &file("truth.sealed.toml"))?;
-    let running =
-        VirtualCell::start(Box::new(ArmPlant::new(&truth)?), CellOptions::like_a_real_one(&truth, args.seed, 0))
-            .map_err(|e| CliError::Failed(e.to_string()))?;
-    tell(format!("1. A virtual cell runs: an {} whose true geometry is hidden, three balls, three", robot.name))?;
-    tell(format!("   indicators on {} and a controller on {}.", running.terminal().display(), running.address()))?;
+/// 1. A virtual cell with a true arm, drawn and sealed; whether something is concealed in it.
+fn true_arm(story: &Story<'_>, nominal: &Model) -> Result<(VirtualCell, bool)> {
+    let seed = story.args.seed;
+    let mut truth = draw_truth(nominal, seed)?;
+    let wish = story.args.wish();
+    if let Some(wish) = &wish {
+        hide(&mut truth, std::slice::from_ref(wish)).map_err(|e| match e {
+            TruthError::Wish { .. } => CliError::Input(format!("--conceal {e}")),
+            e => e.into(),
+        })?;
+    }
+    virtual_cell::seal(&truth, &story.file("truth.sealed.toml"))?;
+    let running = VirtualCell::start(Box::new(ArmPlant::new(&truth)?), CellOptions::like_a_real_one(&truth, seed, 0))
+        .map_err(|e| CliError::Failed(e.to_string()))?;
+    story.tell(format!(
+        "1. A virtual cell runs: an {}, three balls, three indicators on {} and a controller on",
+        story.robot.name,
+        running.terminal().display()
+    ))?;
+    let concealed = match (&story.args.conceal, &wish) {
+        (_, None) => "nothing else is concealed in it",
+        (Some(_), _) => "one more flaw is concealed in it",
+        (None, _) => "one more flaw, drawn by chance, is concealed in it",
+    };
+    story.tell(format!("   {}. Nobody knows the true geometry of the arm; {concealed}.", running.address()))?;
+    Ok((running, wish.is_some()))
+}
 
-    // 2. the plan
+/// 2. The plan.
+fn planned(story: &Story<'_>, nominal: &Model, concealed: bool) -> Result<(Vec<PlanEntry>, Told)> {
+    let per_ball = PER_BALL[usize::from(concealed)];
     let options = PlanOptions {
-        seed: args.seed,
+        seed: story.args.seed,
+        per_ball,
         parameters: Some(nominal.terms.clone()),
         start: Some([0.0; MAX_JOINTS]),
         ..PlanOptions::default()
     };
-    let planned = progress::with_bar("planning", |task| plan_touches(&robot, &cell, &options, task))?;
+    let (robot, cell) = (&story.robot, &story.cell);
+    let planned = progress::with_bar("planning", |task| plan_touches(robot, cell, &options, task))?;
     let entries = plan::entries(&planned.entries);
-    write_whole(&file("plan.csv"), write_plan(&robot, &planned.entries).as_bytes())?;
-    let dropped: usize = plan_told::rejected(&planned).values().sum();
-    tell(format!(
-        "2. {} touches are planned, 15 a ball: the most informative of {} that are reachable and",
+    write_whole(&story.file("plan.csv"), write_plan(robot, &planned.entries).as_bytes())?;
+    story.tell(format!(
+        "2. {} touches are planned, {per_ball} a ball: the most informative of {} that are reachable and",
         entries.len(),
         cell.balls.len() * options.pool_per_ball
     ))?;
-    tell(format!("   collide with nothing ({dropped} others were dropped; plan.html shows them)."))?;
+    story.tell("   collide with nothing (plan.html).")?;
+    let told = Told::new(nominal, planned, options)?;
+    let html = plan_report::render(robot, cell, &told, &story.made(&["robot.toml", "cell.toml"]))?;
+    write_whole(&story.file("plan.html"), html.as_bytes())?;
+    Ok((entries, told))
+}
 
-    let told = Told::new(&nominal, planned, options)?;
-    let made = |names: &[&str]| {
-        let paths: Vec<PathBuf> = names.iter().map(|n| file(n)).collect();
-        input::made(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
-    };
-    write_whole(
-        &file("plan.html"),
-        plan_report::render(&robot, &cell, &told, &made(&["robot.toml", "cell.toml"]))?.as_bytes(),
-    )?;
-
-    // 3. the measurement
-    let recording = file("run.mcap");
-    if recording.exists() {
-        std::fs::remove_file(&recording)
-            .map_err(|e| CliError::Input(format!("{}: cannot be replaced: {e}", recording.display())))?;
+/// 3. The measurement, through the drivers that a real cell would use, read back from the file.
+fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry], accepted: f64) -> Result<Recording> {
+    let path = story.file("run.mcap");
+    if path.exists() {
+        std::fs::remove_file(&path)
+            .map_err(|e| CliError::Input(format!("{}: cannot be replaced: {e}", path.display())))?;
     }
     let mut view = View::new();
-    let guard = MotionGuard::new(&robot, &cell)?;
+    let guard = MotionGuard::new(&story.robot, &story.cell)?;
     let session = Session {
-        robot: &robot,
-        cell: &cell,
-        plan: &entries,
+        robot: &story.robot,
+        cell: &story.cell,
+        plan: entries,
         stride: None,
         gauge: &running.gauge_url(),
         controller: &running.controller_url(),
-        out: &recording,
+        out: &path,
         resume: false,
         go: true,
-        settings: &Settings::default(),
+        settings: &Settings { epsilon: accepted, ..Settings::default() },
         // the demo of a seed is the same to the byte
         start_ns: 0,
         guard: &|from, to, touched| guard.check(from, to, touched),
@@ -184,65 +301,108 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let measured = perform(&session, &mut |p| view.show(&p))?;
     view.end();
-    tell(format!(
-        "3. The arm touched each ball until all three indicators read less than 0.02 mm: {} touches,",
+    story.tell(format!(
+        "3. The arm touched each ball until all three indicators read less than {} mm: {} touches,",
+        accepted * 1e3,
         measured.measured
     ))?;
-    tell(format!("   {} corrections, each touch on disk before the next move (run.mcap).", measured.corrections))?;
-
-    // 4. identification, from the file
-    let read = read_recording(&recording).map_err(|e| CliError::Failed(e.to_string()))?;
-    let data = Dataset::build(&[read.recording], JointSource::Read, None)?;
-    let data = reject_gross_errors(&robot, &cell, &data)?;
-    let clock = Instant::now();
-    let fitted = identify(&robot, &cell, &data, ParameterSet::Compliance)?;
-    let milliseconds = clock.elapsed().as_secs_f64() * 1e3;
-    let before = identify(&robot, &cell, &data, ParameterSet::Nominal)?;
-    ModelFile::of(fitted.model.clone(), &data).save(&file("calibrated.toml"))?;
-    let residual = ErrorSummary::of(&fitted.errors()?);
-    tell(format!(
-        "4. {} parameters are identified in {milliseconds:.1} ms; {:.3} mm rms are left. A few beside nominal:",
-        fitted.free.len(),
-        residual.rms_mm
+    story.tell(format!(
+        "   {} corrections, each touch on disk before the next move (run.mcap).",
+        measured.corrections
     ))?;
-    let rows = parameter_rows(&fitted);
-    let some: Vec<Vec<String>> = rows
-        .iter()
-        .filter(|r| {
-            ["parameter", "base_z", "tool_x", "alpha_2", "a_3", "d_4", "theta_3", "c_2", "c_3"].contains(&r[0].as_str())
-        })
-        .cloned()
-        .collect();
-    for line in table::lines(&some) {
-        tell(format!("   {line}"))?;
-    }
+    Ok(read_recording(&path).map_err(|e| CliError::Failed(e.to_string()))?.recording)
+}
 
-    // 5. validation against the unsealed truth
-    let sealed = file("truth.sealed.toml");
-    let validation =
-        progress::with_bar("validating", |task| validate(&sealed, &before, &fitted, &cell, args.seed, task))?;
-    tell("5. The truth is unsealed. Position error, mm, at poses that were never measured:".into())?;
-    let summary = |e: &[f64]| ErrorSummary::of(e);
-    let (sphere, whole) = (&validation.0, &validation.1);
-    let errors = [
-        ("400 mm sphere, before", summary(&sphere.before)),
-        ("400 mm sphere, after", summary(&sphere.after)),
-        ("whole workspace, before", summary(&whole.before)),
-        ("whole workspace, after", summary(&whole.after)),
-    ];
-    let error_rows = error_table(&errors.iter().map(|(n, e)| (*n, e)).collect::<Vec<_>>());
-    for line in table::lines(&error_rows) {
-        tell(format!("   {line}"))?;
+/// 4. Plain calibration and diagnosis.
+fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
+    let (robot, cell) = (&story.robot, &story.cell);
+    let recordings = [recording];
+    let data = Dataset::build(&recordings, JointSource::Read, None)?;
+    let data = reject_gross_errors(robot, cell, &data)?;
+    let clock = Instant::now();
+    let plain = identify(robot, cell, &data, ParameterSet::Compliance)?;
+    let milliseconds = clock.elapsed().as_secs_f64() * 1e3;
+    let nominal = identify(robot, cell, &data, ParameterSet::Nominal)?.model;
+    ModelFile::of(plain.model.clone(), &data).save(&story.file("calibrated.toml"))?;
+    let left = ErrorSummary::of(&plain.errors()?).rms_mm;
+    story.tell(format!(
+        "4. The plain model, {} parameters identified in {milliseconds:.1} ms, leaves {left:.3} mm rms (calibrated.toml).",
+        plain.free.len()
+    ))?;
+    let clock = Instant::now();
+    let options = trical_diagnose::Options::default();
+    let (diagnosis, _) =
+        progress::with_bar("diagnosing", |task| diagnose_recordings(robot, cell, &recordings, &options, task))?;
+    story.tell(format!("   The diagnosis says, after {:.1} s (improved.toml):", clock.elapsed().as_secs_f64()))?;
+    for line in verdict_told::lines(&diagnosis) {
+        story.tell(format!("   {line}"))?;
     }
+    let mut models = Models { nominal, best: plain.model.clone(), plain, diagnosis };
+    if models.found() {
+        models.best = models.diagnosis.model.clone();
+    }
+    ModelFile::of(models.best.clone(), &models.diagnosis.data).save(&story.file("improved.toml"))?;
+    Ok(models)
+}
 
-    // 6. a program
-    let controller = Model::nominal(robot.clone(), cell.clone());
+/// An effect, where, and how large.
+fn in_words(effect: EffectId, place: Place, coefficients: &[Coefficient]) -> String {
+    let values = coefficients.iter().take(COEFFICIENTS).map(|c| {
+        let sd = c.sd.map_or_else(String::new, |sd| format!(" (sd {})", table::two_digits(sd)));
+        format!("{}{sd}", table::number(&c.name, c.value, &c.unit))
+    });
+    let more = if coefficients.len() > COEFFICIENTS { ", ..." } else { "" };
+    format!("{}: {}{more}", verdict::named(effect, place), values.collect::<Vec<_>>().join(", "))
+}
+
+/// 5. The sealed file is read, for the first time.
+fn seal_broken(story: &Story<'_>, models: &Models) -> Result<Seal> {
+    let truth = ModelFile::load(&story.file("truth.sealed.toml"))?.model;
+    let join = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join("; ") };
+    let sealed = join(hidden_in(&truth).iter().map(|(e, p, c)| in_words(*e, *p, c)).collect());
+    let said =
+        join(models.diagnosis.findings.iter().take(2).map(|f| in_words(f.effect, f.site, &f.coefficients)).collect());
+    story.tell("5. The seal is broken (truth.sealed.toml):")?;
+    story.tell(format!("     concealed  {sealed}"))?;
+    story.tell(format!("     found      {said}"))?;
+    Ok(Seal { sealed, said })
+}
+
+/// 6. The models against the true arm, where it was never measured.
+fn validated(story: &Story<'_>, models: &Models) -> Result<[Scored; 2]> {
+    let scores = progress::with_bar("validating", |task| validate(story, models, task))?;
+    story.tell("6. Position error, mm, at poses that were never measured, against the true arm:")?;
+    for line in table::lines(&error_rows(models, &scores)) {
+        story.tell(format!("   {line}"))?;
+    }
+    Ok(scores)
+}
+
+fn validate(story: &Story<'_>, models: &Models, task: &Task<'_>) -> Result<[Scored; 2]> {
+    let truth = ModelFile::load(&story.file("truth.sealed.toml"))?.model;
+    let cell = &story.cell;
+    let centre = cell.balls.iter().sum::<Vector3<f64>>() / 3.0 + Vector3::new(0.0, 0.0, 0.1);
+    let collisions = CollisionModel::new(&truth.robot, cell)?;
+    let options = ValidationOptions { seed: story.args.seed, ..ValidationOptions::default() };
+    let sphere = poses_in_sphere(&collisions, &centre, SPHERE, 100, &options)?;
+    task.step(0.5, "")?;
+    let whole = poses_in_workspace(&collisions, 500, &options)?;
+    let forward = |m: &Model| Forward::new(m.clone(), Vec::new());
+    let truth = forward(&truth)?;
+    let each = [forward(&models.nominal)?, forward(&models.plain.model)?, forward(&models.best)?];
+    let [a, b, c] = &each;
+    Ok([score("400 mm sphere", &truth, [a, b, c], sphere), score("workspace", &truth, [a, b, c], whole)])
+}
+
+/// 7. A program as it was written and rewritten, driven on the virtual arm: how far its targets are missed.
+fn program(story: &Story<'_>, running: &VirtualCell, model: &Model) -> Result<[ErrorSummary; 2]> {
+    let controller = Model::nominal(story.robot.clone(), story.cell.clone());
     let (_, plain) = rewritten(PROGRAM.as_bytes(), &controller, &controller)?;
-    let (better, done) = rewritten(PROGRAM.as_bytes(), &controller, &fitted.model)?;
+    let (better, done) = rewritten(PROGRAM.as_bytes(), &controller, model)?;
     if let Some(problem) = done.problems.first() {
         return Err(CliError::Failed(format!("sample.mod: {problem}")));
     }
-    write_whole(&file("sample.compensated.mod"), &better)?;
+    write_whole(&story.file("sample.compensated.mod"), &better)?;
     // what the controller reads from the two files (the second without its mark), driven on the virtual arm
     let unmarked = better.iter().position(|b| *b == b'\n').map_or(0, |k| k + 1);
     let (_, again) = rewritten(&better[unmarked..], &controller, &controller)?;
@@ -251,181 +411,12 @@ pub fn run(args: &Args) -> Result<()> {
     let plain = poses(&plain);
     let rewritten: Vec<(trical_model::Pose, Joints)> =
         plain.iter().zip(poses(&again)).map(|((wanted, _), (_, q))| (*wanted, q)).collect();
-    let (missed, hit) = (drive(&running, &plain)?, drive(&running, &rewritten)?);
-    let (missed, hit) = (summary(&missed), summary(&hit));
-    tell(format!(
-        "6. A RAPID program is rewritten and driven: its {} targets are missed by {:.3} mm (mean) before and",
+    let driven = [ErrorSummary::of(&drive(running, &plain)?), ErrorSummary::of(&drive(running, &rewritten)?)];
+    story.tell(format!(
+        "7. A RAPID program is rewritten and driven: its {} targets are missed by {:.3} mm (mean) before and",
         plain.len(),
-        missed.mean_mm
+        driven[0].mean_mm
     ))?;
-    tell(format!("   {:.3} mm after (sample.compensated.mod).", hit.mean_mm))?;
-
-    // 7. the report
-    let html = report(
-        &fitted,
-        &rows,
-        &error_rows,
-        &validation,
-        (&missed, &hit),
-        &told,
-        &made(&["robot.toml", "cell.toml", "run.mcap"]),
-    )?;
-    write_whole(&file("report.html"), html.as_bytes())?;
-    tell(format!("7. Everything is in {}: open report.html. ({:.0} s)", out.display(), begin.elapsed().as_secs_f64()))?;
-    if args.json {
-        let value = serde_json::json!({
-            "touches": measured.measured,
-            "parameters": fitted.free.len(),
-            "rms_mm": residual.rms_mm,
-            "sphere": { "before": errors[0].1, "after": errors[1].1 },
-            "workspace": { "before": errors[2].1, "after": errors[3].1 },
-            "program": { "before": missed, "after": hit },
-            "out": out.display().to_string(),
-        });
-        return say(serde_json::to_string_pretty(&value)?);
-    }
-    Ok(())
-}
-
-fn validate(
-    sealed: &Path,
-    before: &Identified,
-    fitted: &Identified,
-    cell: &Cell,
-    seed: u64,
-    task: &Task<'_>,
-) -> Result<(Scored, Scored)> {
-    let truth = ModelFile::load(sealed)?.model;
-    let centre = cell.balls.iter().sum::<Vector3<f64>>() / 3.0 + Vector3::new(0.0, 0.0, 0.1);
-    let model = CollisionModel::new(&truth.robot, cell)?;
-    let options = ValidationOptions { seed, ..ValidationOptions::default() };
-    let sphere = poses_in_sphere(&model, &centre, SPHERE, 100, &options)?;
-    task.step(0.5, "")?;
-    let whole = poses_in_workspace(&model, 500, &options)?;
-    let truth = Forward::new(truth, Vec::new())?;
-    let before = Forward::new(before.model.clone(), Vec::new())?;
-    let after = Forward::new(fitted.model.clone(), Vec::new())?;
-    Ok((score(&truth, &before, &after, sphere), score(&truth, &before, &after, whole)))
-}
-
-fn report(
-    fitted: &Identified,
-    parameters: &[Vec<String>],
-    errors: &[Vec<String>],
-    validation: &(Scored, Scored),
-    program: (&ErrorSummary, &ErrorSummary),
-    told: &Told,
-    made: &Made,
-) -> Result<String> {
-    let (sphere, whole) = validation;
-    let mm = |x: &[f64], e: &[f64]| -> Vec<(f64, f64)> { x.iter().zip(e).map(|(x, e)| (*x, e * 1e3)).collect() };
-    let pair = |x: &[f64], s: &Scored| {
-        [
-            Series { name: "before", color: BEFORE, points: mm(x, &s.before) },
-            Series { name: "after", color: AFTER, points: mm(x, &s.after) },
-        ]
-    };
-    let q2: Vec<f64> = whole.poses.iter().map(|q| q[1].to_degrees()).collect();
-    let middle =
-        sphere.places.iter().sum::<Vector3<f64>>() / f64::from(u32::try_from(sphere.places.len().max(1)).unwrap_or(1));
-    let distance: Vec<f64> = whole.places.iter().map(|p| (p - middle).norm() * 1e3).collect();
-    let after_only = |x: &[f64]| [Series { name: "after", color: AFTER, points: mm(x, &whole.after) }];
-    let lowest = fitted.data.observations.iter().map(|o| o.state.q[1].to_degrees()).fold(f64::INFINITY, f64::min);
-    let residuals: Vec<(f64, f64)> = fitted
-        .errors()?
-        .iter()
-        .enumerate()
-        .map(|(k, e)| (f64::from(u32::try_from(k + 1).unwrap_or(0)), e * 1e3))
-        .collect();
-    let verdict = format!(
-        "{} touches of three balls took the mean position error in the whole workspace from {:.2} mm to {:.3} mm.",
-        fitted.data.observations.len(),
-        ErrorSummary::of(&whole.before).mean_mm,
-        ErrorSummary::of(&whole.after).mean_mm
-    );
-    let mut dropped = vec![["candidates dropped because of", "number"].map(String::from).to_vec()];
-    dropped.extend(plan_told::rejected(&told.plan).iter().map(|(r, n)| vec![r.clone(), n.to_string()]));
-    let sections = [
-        Section {
-            heading: "Position error before and after".into(),
-            text: vec![
-                "At 100 poses in a sphere of 400 mm and at 500 in the whole workspace, none of them measured. \
-                 Before is the nominal arm with only base and tool identified."
-                    .into(),
-            ],
-            list: Vec::new(),
-            tables: vec![errors.to_vec()],
-            figures: vec![
-                Figure {
-                    caption: "Error against joint 2, whole workspace.".into(),
-                    svg: plots::scatter("angle of joint 2, deg", "position error, mm", true, false, &pair(&q2, whole))?,
-                },
-                Figure {
-                    caption: "Error against the distance from the sphere's centre, whole workspace.".into(),
-                    svg: plots::scatter(
-                        "distance from the centre, mm",
-                        "position error, mm",
-                        true,
-                        false,
-                        &pair(&distance, whole),
-                    )?,
-                },
-                Figure {
-                    caption: format!(
-                        "After calibration only, against joint 2. The touches reached down to {lowest:.0} deg: below, \
-                         the model extrapolates."
-                    ),
-                    svg: plots::scatter("angle of joint 2, deg", "position error, mm", true, false, &after_only(&q2))?,
-                },
-                Figure {
-                    caption: "After calibration only, against the distance from the centre.".into(),
-                    svg: plots::scatter(
-                        "distance from the centre, mm",
-                        "position error, mm",
-                        true,
-                        false,
-                        &after_only(&distance),
-                    )?,
-                },
-            ],
-        },
-        Section {
-            heading: "A program, rewritten".into(),
-            text: vec![
-                "The targets of sample.mod, driven on the virtual arm as they were written, and as compensated.".into(),
-            ],
-            tables: vec![error_table(&[("as written", program.0), ("compensated", program.1)])],
-            ..Section::default()
-        },
-        Section {
-            heading: "The touches".into(),
-            text: vec![format!(
-                "What the {} parameters leave of each touch, in the order of measurement.",
-                fitted.free.len()
-            )],
-            list: Vec::new(),
-            tables: vec![dropped],
-            figures: plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?.into_iter().take(1).chain([Figure {
-                caption: "Residual of each touch.".into(),
-                svg: plots::scatter(
-                    "touch",
-                    "residual, mm",
-                    true,
-                    false,
-                    &[Series { name: "touch", color: AFTER, points: residuals }],
-                )?,
-            }]).collect(),
-        },
-        Section {
-            heading: "Parameters".into(),
-            text: vec![
-                "Nominal, identified, and standard deviation. alpha_k and a_k lie between axes k and k+1; rotations of the \
-                 base are what is added to cell.toml."
-                    .into(),
-            ],
-            tables: vec![parameters.to_vec()],
-            ..Section::default()
-        },
-    ];
-    Ok(render("TriCal: calibration of a virtual cell", &verdict, &sections, made)?)
+    story.tell(format!("   {:.3} mm after (sample.compensated.mod).", driven[1].mean_mm))?;
+    Ok(driven)
 }

@@ -3,24 +3,15 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_diagnose::{Diagnosis, Finding, Options, Rival, Undecided, diagnose_recordings, verdict};
+use trical_diagnose::{Diagnosis, EffectId, Options, Undecided, diagnose_recordings};
 use trical_ident::{JointSource, ModelFile, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
-use trical_report::{diagnosis_report, table};
+use trical_report::{diagnosis_report, table, verdict_told};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
 use crate::{progress, say};
-
-/// So many findings are told in full on the terminal.
-const IN_FULL: usize = 8;
-
-/// A finding that takes less of what can be explained is small.
-const SMALL_SHARE: f64 = 0.01;
-
-/// So many mismatches without a name are told.
-const NAMELESS: usize = 3;
 
 /// Touches that set explanations apart by less than this many standard deviations decide nothing.
 const TELLING: f64 = 1.0;
@@ -93,20 +84,13 @@ pub fn run(args: &Args) -> Result<()> {
         write_whole(&args.next_out, write_plan(&robot, &next.entries).as_bytes())?;
     }
     if args.json {
-        let mut value = serde_json::to_value(&diagnosis)?;
-        if let Some(map) = value.as_object_mut() {
-            map.insert("recordings".into(), serde_json::to_value(&diagnosis.data.names)?);
-            map.insert("joints".into(), serde_json::to_value(source)?);
-            if args.next.is_some() {
-                map.insert(
-                    "next".into(),
-                    next.as_ref().map_or(serde_json::Value::Null, |(u, n)| next_json(args, u, n)),
-                );
-            }
+        let mut value = verdict_told::answer(&diagnosis, source)?;
+        if args.next.is_some() {
+            value["next"] = next.as_ref().map_or(serde_json::Value::Null, |(u, n)| next_json(args, u, n));
         }
         return say(serde_json::to_string_pretty(&value)?);
     }
-    for line in lines(&diagnosis) {
+    for line in lines(args, &diagnosis) {
         say(line)?;
     }
     if args.joints == Joints::Auto {
@@ -173,99 +157,30 @@ fn little(next: &Next) -> String {
     format!("; for three, about {enough} would be needed")
 }
 
-/// Findings whose coefficients are told one by one; a curve has more.
-const FEW_COEFFICIENTS: usize = 6;
-
-/// One finding: what it is at the finest level that is sure, where, how large.
-fn finding_lines(f: &Finding) -> Vec<String> {
-    let head = format!("{} ({} at {}, lambda {:.1})", f.summary, f.effect, f.site, f.lambda);
-    let mut out = table::wrapped(&head, 104, "    ");
-    if let Some(first) = out.first_mut() {
-        *first = format!("  {}", first.trim_start());
+/// The verdict; where more stands; what makes it less sure.
+fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
+    let mut out = verdict_told::lines(d);
+    let mut more = Vec::new();
+    if args.report.is_none() {
+        more.push("--report FILE shows each finding and what this data could not show");
     }
-    let values: Vec<String> = f.coefficients.iter().map(|c| table::number(&c.name, c.value, &c.unit)).collect();
-    let size =
-        if values.len() > FEW_COEFFICIENTS { format!("{} coefficients", values.len()) } else { values.join(", ") };
-    out.extend(table::wrapped(&format!("{}; {size}", f.located), 104, "    "));
-    if !f.rivals.is_empty() {
-        let rivals: Vec<String> = f.rivals.iter().map(Rival::in_words).collect();
-        out.extend(table::wrapped(&format!("could also be {}", rivals.join(", ")), 104, "    "));
+    if args.out.is_none() && !(d.findings.is_empty() && d.unexplained.is_none()) {
+        more.push("--out FILE writes the model, which `compensate` uses");
     }
-    out
-}
-
-/// What is small or not sure, by family in one line.
-fn rest_line(rest: &[Finding]) -> Vec<String> {
-    let mut families: Vec<(&str, Vec<String>)> = Vec::new();
-    for f in rest {
-        let name = verdict::family(f.family);
-        let told = format!("{} at {} ({:.0} %)", f.effect, f.site, f.confidence * 100.0);
-        match families.iter_mut().find(|g| g.0 == name) {
-            Some(g) => g.1.push(told),
-            None => families.push((name, vec![told])),
-        }
+    if !more.is_empty() {
+        out.push(format!("More: {}.", more.join("; ")));
     }
-    families
-        .iter()
-        .flat_map(|(name, told)| table::wrapped(&format!("{name}: {}", told.join(", ")), 104, "    "))
-        .collect()
-}
-
-fn lines(d: &Diagnosis) -> Vec<String> {
-    let mut out = vec![format!(
-        "{} measurements at {} poses, {} rows rejected. {} parameters leave {:.4} mm rms (at unseen poses {:.4}).",
-        d.data.observations.len(),
-        d.after.poses,
-        d.rejected.len(),
-        d.baseline.parameters,
-        d.baseline.rms_mm,
-        d.baseline.holdout_rms_mm
-    )];
     out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
-    if d.findings.is_empty() && d.unexplained.is_none() {
-        out.push("The model explains the data: nothing found.".into());
-    }
-    // findings are in order of importance
-    let told = d.findings.iter().take(IN_FULL).take_while(|f| f.share >= SMALL_SHARE || f.confidence >= 0.5).count();
-    out.extend(d.findings[..told].iter().flat_map(finding_lines));
-    if d.findings.len() > told {
-        out.push(format!("  and {} smaller or less sure (all about them: --report, --json):", d.findings.len() - told));
-        out.extend(rest_line(&d.findings[told..]));
-    }
-    let nameless: Vec<_> = d.unexplained.iter().chain(&d.more_unexplained).collect();
-    for u in nameless.iter().take(NAMELESS) {
-        out.push(format!(
-            "  without a name: {} is off for {} ({:.4} mm; at unseen poses {:.4} -> {:.4} mm)",
-            u.site, u.region, u.rms_mm, u.holdout_rms_before_mm, u.holdout_rms_after_mm
-        ));
-    }
-    if nameless.len() > NAMELESS {
-        out.push(format!("  and {} smaller ones without a name", nameless.len() - NAMELESS));
-    }
-    if !(d.findings.is_empty() && d.unexplained.is_none()) {
-        let worst = d.after.held_out.worst().filter(|(how, _)| *how != "by block of poses");
-        let worst = worst.map_or_else(String::new, |(how, e)| format!("; the worst, {how}, {:.4} mean", e.mean_mm));
-        let text = format!(
-            "With all of it {} parameters ({:.0} effective) leave {:.4} mm rms; at blocks of poses that the fit did not see {:.4} rms, \
-             {:.4} mean{worst}.",
-            d.after.parameters,
-            d.after.effective_parameters,
-            d.after.rms_mm,
-            d.after.holdout_rms_mm,
-            d.after.holdout_mean_mm,
-        );
-        out.extend(table::wrapped(&text, 108, ""));
-    }
-    out.extend(d.cautions.iter().flat_map(|c| table::wrapped(&format!("Caution: {c}"), 108, "")));
-    let mut blind: Vec<&'static str> = Vec::new();
-    for b in &d.blind_to {
-        if !blind.contains(&b.effect.name()) {
-            blind.push(b.effect.name());
-        }
-    }
+    out.extend(d.cautions.iter().flat_map(|c| table::wrapped(&format!("Caution: {c}."), 108, "")));
+    let mut blind: Vec<EffectId> = d.blind_to.iter().map(|b| b.effect).collect();
+    blind.sort_unstable();
+    blind.dedup();
     if !blind.is_empty() {
-        let text = format!("This data could not show, at some sites at least: {}.", blind.join(", "));
-        out.extend(table::wrapped(&text, 108, ""));
+        let all = EffectId::ALL.len();
+        out.push(format!(
+            "{} of the {all} known effects would not show in this data, at some places at least.",
+            blind.len()
+        ));
     }
     out
 }

@@ -7,7 +7,7 @@ use trical_ident::{
     Calibration, Choice, ErrorSummary, Identified, KnownParameters, ModelFile, Options, ParameterSet, Rejected,
     calibrate, calibrate_stream, shown, write_whole,
 };
-use trical_report::{identify_report, table};
+use trical_report::{certificate, identify_report, table};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
@@ -78,6 +78,9 @@ pub struct Args {
     /// A report to read, print and sign, one HTML file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// A certificate to print and sign: one page, HTML, with accuracy and repeatability by the formulas of ISO 9283
+    #[arg(long, value_name = "FILE")]
+    certificate: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -85,7 +88,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    for file in [&args.out, &args.report].into_iter().flatten() {
+    for file in [&args.out, &args.report, &args.certificate].into_iter().flatten() {
         input::check_output(file, input::files(&args.recordings, &args.cell, args.known.as_deref()))?;
     }
     let (robot, cell) = args.cell.load()?;
@@ -112,6 +115,10 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
         write_whole(path, identify_report::render(&found, made)?.as_bytes())?;
+    }
+    if let Some(path) = &args.certificate {
+        let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
+        write_whole(path, certificate::of_calibration(&found, &made)?.as_bytes())?;
     }
     if args.json {
         return say(serde_json::to_string_pretty(&found)?);
@@ -199,7 +206,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
         say(line)?;
     }
     let written: Vec<String> =
-        [&args.out, &args.report].into_iter().flatten().map(|f| f.display().to_string()).collect();
+        [&args.out, &args.report, &args.certificate].into_iter().flatten().map(|f| f.display().to_string()).collect();
     if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use trical_ident::{ErrorSummary, ModelFile, Refit, validate, write_whole};
 
-use trical_report::{table, validate_report};
+use trical_report::{certificate, table, validate_report};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
@@ -31,6 +31,9 @@ pub struct Args {
     /// A report to read, print and sign, one HTML file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// A certificate to print and sign: one page, HTML, with accuracy and repeatability by the formulas of ISO 9283
+    #[arg(long, value_name = "FILE")]
+    certificate: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -38,8 +41,8 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    if let Some(report) = &args.report {
-        input::check_output(report, input::files(&args.recordings, &args.cell, Some(&args.model)))?;
+    for file in [&args.report, &args.certificate].into_iter().flatten() {
+        input::check_output(file, input::files(&args.recordings, &args.cell, Some(&args.model)))?;
     }
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
@@ -51,6 +54,10 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, Some(&args.model)));
         write_whole(path, validate_report::render(&v, &file, made)?.as_bytes())?;
+    }
+    if let Some(path) = &args.certificate {
+        let made = input::made(&input::files(&args.recordings, &args.cell, Some(&args.model)));
+        write_whole(path, certificate::of_validation(&v, &made)?.as_bytes())?;
     }
     if args.json {
         return say(serde_json::to_string_pretty(&v)?);
@@ -81,7 +88,16 @@ pub fn run(args: &Args) -> Result<()> {
     for line in table::lines(&rows) {
         say(line)?;
     }
-    args.report.as_ref().map_or(Ok(()), |r| say(format!("\nWrote {}", r.display())))
+    let fitted: Vec<&str> = v.sessions.iter().filter(|s| s.learnt.is_some()).map(|s| s.recording.as_str()).collect();
+    if !fitted.is_empty() {
+        say(format!(
+            "Caution: the model was fitted to {}: these errors say nothing about other poses.",
+            fitted.join(", ")
+        ))?;
+    }
+    let written: Vec<String> =
+        [&args.report, &args.certificate].into_iter().flatten().map(|p| p.display().to_string()).collect();
+    if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
 }
 
 fn refit(what: &[String]) -> Result<Option<Refit>> {

@@ -1,14 +1,16 @@
 //! Effects of the catalogue, hidden in a virtual arm.
 
 use trical_ident::dataset::{Dataset, JointSource};
-use trical_model::{Joints, MAX_JOINTS, Measured, Model, Recording, Row, State, Term};
+use trical_model::{Joints, MAX_JOINTS, Measured, Model, Place, Recording, Row, State, Term};
 
 use super::error::{Result, TruthError};
 use crate::candidate::Candidate;
 use crate::catalogue::catalogue;
 use crate::covariates::Covariates;
+use crate::diagnosis::Coefficient;
 use crate::effect_id::{Cause, EffectId};
 use crate::effects::ripple;
+use crate::findings::coefficient;
 
 /// Adds to a model what is asked for: `effect`, `effect@site`, `effect@site*size`, where size is in typical sizes
 /// and may be negative. For ripples the site is `joint/cycles`, for steps `site/seconds`.
@@ -46,6 +48,21 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
         model.terms.extend(terms(&found, size));
     }
     Ok(())
+}
+
+/// The effects of the catalogue that a model has, each with its place and its coefficients: what is hidden in a true arm.
+#[must_use]
+pub fn hidden_in(model: &Model) -> Vec<(EffectId, Place, Vec<Coefficient>)> {
+    let mut all: Vec<(EffectId, Place, Vec<Coefficient>)> = Vec::new();
+    for term in &model.terms {
+        let Some(effect) = EffectId::named(&term.effect) else { continue };
+        let place = Place::of(&term.site);
+        match all.iter_mut().find(|(e, p, _)| (*e, *p) == (effect, place)) {
+            Some((_, _, coefficients)) => coefficients.push(coefficient(term)),
+            None => all.push((effect, place, vec![coefficient(term)])),
+        }
+    }
+    all
 }
 
 /// Terms of a typical size, each by its own scale.
@@ -153,6 +170,9 @@ mod tests {
             of("joint_zero_shift")[0].value < 0.0 && format!("{:?}", of("joint_zero_shift")[0].basis).contains("600")
         );
         assert!(format!("{:?}", of("lost_motion_direction")[0].site).contains('3'));
+        let (effect, place, coefficients) = hidden_in(&with).remove(0);
+        assert_eq!((effect, place, coefficients.len()), (EffectId::LostMotionDirection, Place::Joint(3), 1));
+        assert!(coefficients[0].value > 0.0 && coefficients[0].unit == "deg", "{coefficients:?}");
         let says = |wish: &str| hide(&mut model(), &[wish.to_owned()]).unwrap_err().to_string();
         assert!(says("backlash").contains("known are") && says("backlash").contains("lost_motion_direction"));
         assert!(says("lost_motion_direction@9").contains("{\"joint\":1}"));

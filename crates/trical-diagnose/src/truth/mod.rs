@@ -6,4 +6,4 @@ mod hidden;
 
 pub use draw::draw_truth;
 pub use error::TruthError;
-pub use hidden::hide;
+pub use hidden::{hidden_in, hide};

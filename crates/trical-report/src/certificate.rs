@@ -1,0 +1,193 @@
+//! One page to print and sign: what an arm did before and after calibration, by the formulas of ISO 9283.
+
+use minijinja::{Environment, context};
+use sha2::{Digest, Sha256};
+use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
+use trical_ident::{Calibration, Dataset, ModelFile, Validation};
+use trical_model::{Measured, Model};
+
+use crate::error::{Error, Result};
+use crate::evidence::{row, where_measured};
+use crate::page::Made;
+
+/// To be filled in by hand.
+const BY_HAND: &str = "________________________";
+
+/// A model at some data: what a column of the certificate is made of.
+struct Column<'a> {
+    model: &'a Model,
+    data: &'a Dataset,
+    /// Position errors, m, in the order of the data.
+    errors: &'a [f64],
+}
+
+/// Of a validation: errors of a model file on recordings.
+///
+/// # Errors
+/// A model that cannot be evaluated.
+pub fn of_validation(v: &Validation, made: &Made) -> Result<String> {
+    let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
+    let fitted: Vec<&str> = v.sessions.iter().filter(|s| s.learnt.is_some()).map(|s| s.recording.as_str()).collect();
+    let caution = if fitted.is_empty() {
+        "The model was not fitted to these recordings.".to_owned()
+    } else {
+        format!("The model was fitted to {}: these errors say nothing about other poses.", fitted.join(", "))
+    };
+    render(
+        &Column { model: &v.nominal.0, data: &v.nominal.1, errors: &before },
+        &Column { model: &v.model, data: &v.data, errors: &after },
+        v.rejected.len(),
+        None,
+        vec![caution],
+        made,
+    )
+}
+
+/// Of a calibration: errors at the poses of the fit, and what is known of others.
+///
+/// # Errors
+/// A model that cannot be evaluated.
+pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
+    let after = c.fitted.errors()?;
+    let mut notes = vec![match c.held_out.worst() {
+        Some((how, e)) => format!(
+            "These are the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average and {:.3} mm at \
+             most. `trical validate` certifies the model on another recording.",
+            e.mean_mm, e.max_mm
+        ),
+        None => "These are the poses of the fit: the numbers say nothing about other poses.".to_owned(),
+    }];
+    if c.passes.is_some() {
+        notes.push(format!("Of {} measurements, a sample of {} is told here.", c.observations, after.len()));
+    }
+    render(
+        &Column { model: &c.nominal, data: &c.fitted.data, errors: &c.each_before },
+        &Column { model: &c.fitted.model, data: &c.fitted.data, errors: &after },
+        c.rejected,
+        Some(&ModelFile::of(c.fitted.model.clone(), &c.fitted.data)),
+        notes,
+        made,
+    )
+}
+
+fn instrument(data: &Dataset) -> String {
+    let mut kinds: Vec<&str> = data
+        .observations
+        .iter()
+        .map(|o| match o.measured {
+            Measured::Touch { .. } => "indicators touching precision balls",
+            Measured::Point { .. } | Measured::Reference { .. } => "points of a tracker",
+            Measured::Distance { .. } => "lengths from fixed anchors",
+            Measured::Pose { .. } => "poses of a tracker",
+        })
+        .collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    format!("{}, no. {BY_HAND}", kinds.join(", "))
+}
+
+fn temperature(data: &Dataset) -> String {
+    let all = || data.observations.iter().filter_map(|o| o.state.temp_c);
+    let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+    if low.is_finite() { format!("{low:.1} to {high:.1} degC") } else { BY_HAND.to_owned() }
+}
+
+fn numbers(before: &Column<'_>, after: &Column<'_>) -> Result<(Vec<Vec<String>>, Performance)> {
+    let columns = [before, after];
+    let told: Vec<Performance> =
+        columns.iter().map(|c| Ok(performance(&visited(c.model, c.data)?))).collect::<Result<_>>()?;
+    let mut rows = vec![row(["", "before: nominal arm", "after: calibrated"])];
+    let mut add = |name: &str, of: &dyn Fn(usize) -> Option<String>| {
+        if let (Some(b), Some(a)) = (of(0), of(1)) {
+            rows.push(vec![name.to_owned(), b, a]);
+        }
+    };
+    let pair = |o: Option<OverPoses>| o.map(|o| format!("{:.3} / {:.3}", o.mean_mm, o.max_mm));
+    add("Pose accuracy AP, mean / largest", &|k| pair(told[k].accuracy));
+    add("Pose repeatability RP, mean / largest", &|k| pair(told[k].repeatability));
+    add("Distance accuracy AD, mean / largest", &|k| pair(told[k].distance_accuracy));
+    for limit in LIMITS_MM {
+        add(&format!("Measurements within {limit} mm"), &|k| {
+            let errors = columns[k].errors;
+            let within = errors.iter().filter(|e| **e * 1e3 <= limit).count();
+            #[expect(clippy::cast_precision_loss, reason = "counts")]
+            let share = 100.0 * within as f64 / errors.len().max(1) as f64;
+            Some(format!("{share:.1} %"))
+        });
+    }
+    add("Worst measurement", &|k| {
+        let c = columns[k];
+        let (worst, error) = c.errors.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        Some(format!("{:.3} ({})", error * 1e3, where_measured(c.data, worst)))
+    });
+    let last = told.into_iter().next_back().ok_or_else(|| Error::Failed("nothing was scored".into()))?;
+    Ok((rows, last))
+}
+
+fn render(
+    before: &Column<'_>,
+    after: &Column<'_>,
+    rejected: usize,
+    file: Option<&ModelFile>,
+    mut notes: Vec<String>,
+    made: &Made,
+) -> Result<String> {
+    let mean = |errors: &[f64]| trical_ident::ErrorSummary::of(errors).mean_mm;
+    let (numbers, told) = numbers(before, after)?;
+    let [fewest, most] = told.visits;
+    let visits = match (fewest, most) {
+        (1, 1) => "once".to_owned(),
+        (few, most) if few == most => format!("{few} times"),
+        (few, most) => format!("{few} to {most} times"),
+    };
+    notes.push(format!(
+        "AP, RP and AD by the formulas of ISO 9283: AP is the distance from the commanded place to the mean of those attained, RP the mean \
+         distance from that mean and three standard deviations, AD the difference between distances attained and commanded of \
+         neighbouring poses. The standard asks for five poses of 30 visits; here {} poses were visited {visits} each{}.",
+        told.poses,
+        if told.repeatability.is_none() { ", so that RP is not known and AP contains it" } else { "" }
+    ));
+    notes.push(
+        "The nominal arm has its base (or the measuring frame) and its tool identified on the same measurements. The uncertainty of the \
+         instrument is contained in all numbers."
+            .into(),
+    );
+    let robot = &after.model.robot;
+    let fields: Vec<(&str, String)> = vec![
+        ("Arm", robot.name.clone()),
+        ("Serial number", BY_HAND.into()),
+        ("Instrument", instrument(after.data)),
+        ("Date of measurement", BY_HAND.into()),
+        ("Temperature", temperature(after.data)),
+        ("Recordings", after.data.names.join(", ")),
+        (
+            "Measurements",
+            format!("{} at {} poses; {rejected} rejected", after.errors.len(), after.data.used_poses().len()),
+        ),
+    ];
+    let mut inputs = Vec::new();
+    // of a model that was read, the file's own hash is among the inputs
+    if let Some(file) = file {
+        let hash: String = Sha256::digest(file.to_toml()?.as_bytes()).iter().map(|b| format!("{b:02x}")).collect();
+        inputs.push(("The model".to_owned(), hash));
+    }
+    inputs.extend(made.hashes().map(|(name, hash)| (name.to_owned(), hash.to_owned())));
+    let summary = format!(
+        "The calibrated model of this arm errs by {:.3} mm on average; the nominal arm by {:.3} mm.",
+        mean(after.errors),
+        mean(before.errors)
+    );
+    let mut env = Environment::new();
+    // the name ends in .html, so that text is escaped
+    env.add_template("certificate.html", include_str!("../assets/certificate.html"))
+        .and_then(|()| env.get_template("certificate.html"))
+        .and_then(|t| {
+            t.render(context! {
+                title => format!("Calibration certificate: {}", robot.name),
+                summary, fields, numbers, notes, inputs,
+                version => env!("CARGO_PKG_VERSION"),
+                command => made.command(),
+            })
+        })
+        .map_err(|e| Error::Failed(format!("the certificate could not be written: {e}")))
+}

@@ -1,0 +1,196 @@
+//! Pictures of what was found at a joint: the fitted curve over the data, and the spectrum of what a ripple leaves.
+
+use nalgebra::Vector3;
+use plotters::style::RGBColor;
+use trical_diagnose::{Diagnosis, EffectId, Finding};
+use trical_model::{Basis, JointKind, Model, Shape, Site, Term, Variable};
+
+use crate::error::Result;
+use crate::evidence::residuals;
+use crate::page::Figure;
+use crate::plots::{self, BEFORE, Band, Series};
+
+/// Colours of sessions.
+const SESSIONS: [(&str, RGBColor); 4] = [
+    ("session 1", RGBColor(38, 102, 165)),
+    ("session 2", RGBColor(46, 139, 87)),
+    ("session 3", RGBColor(148, 103, 189)),
+    ("session 4", RGBColor(120, 120, 120)),
+];
+
+/// Measurements whose lever arm is shorter than this share of the longest say little about an angle.
+const SHORT_LEVER: f64 = 0.25;
+
+/// Points of a fitted curve.
+const CURVE: u32 = 400;
+
+/// Most cycles a turn of a spectrum.
+const CYCLES: u32 = 256;
+
+/// How a joint is off at each measurement, without a finding and all else modelled.
+struct Angles {
+    joint: usize,
+    /// Index of the observation, joint angle in deg, how far it is off in deg.
+    points: Vec<(usize, f64, f64)>,
+    /// The finding's terms.
+    terms: Vec<Term>,
+}
+
+/// The angle by which the joint would have to be off to explain what is left without the finding; `None` where the finding is no curve of
+/// one revolute joint's own angle.
+fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
+    let own = |t: &&Term| f.coefficients.iter().any(|c| c.name == t.name);
+    let terms: Vec<Term> = d.model.terms.iter().filter(own).cloned().collect();
+    let Some(Site::Joint { joint }) = terms.first().map(|t| t.site) else { return Ok(None) };
+    let of_its_angle = |t: &Term| {
+        t.site == Site::Joint { joint } && t.basis.of == Variable::Joint { joint } && t.basis.sense.is_none()
+    };
+    let turns = d.model.robot.joints.get(joint - 1).is_some_and(|j| j.kind == JointKind::Revolute);
+    if !turns || !terms.iter().all(of_its_angle) {
+        return Ok(None);
+    }
+    const TINY: f64 = 1e-5;
+    let mut without: Model = d.model.clone();
+    without.terms.retain(|t| !own(&t));
+    let mut turned = without.clone();
+    let mut probe = Term::new("turned", "turned", Site::Joint { joint }, Basis::CONSTANT);
+    probe.value = TINY;
+    turned.terms.push(probe);
+    let (left, turned) = (residuals(&without, &d.data)?, residuals(&turned, &d.data)?);
+    let levers: Vec<Vector3<f64>> = left.iter().zip(&turned).map(|(a, b)| (b - a) / TINY).collect();
+    let longest = levers.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let points =
+        left.iter().zip(&levers).zip(&d.data.observations).enumerate().filter_map(|(k, ((left, lever), o))| {
+            let far = lever.norm() > SHORT_LEVER * longest;
+            let off = -lever.dot(left) / lever.norm_squared();
+            far.then(|| (k, o.state.q[joint - 1].to_degrees(), off.to_degrees()))
+        });
+    Ok(Some(Angles { joint, points: points.collect(), terms }))
+}
+
+/// Value and standard deviation (coefficients taken as independent) of the fitted curve at an angle, deg.
+fn curve_at(terms: &[Term], deg: f64) -> (f64, f64) {
+    let u = deg.to_radians();
+    let (mut value, mut variance) = (0.0, 0.0);
+    for t in terms {
+        let b = t.basis.shape.at(u).0;
+        value += t.value * b;
+        variance += (t.sd.unwrap_or(0.0) * b).powi(2);
+    }
+    (value.to_degrees(), variance.sqrt().to_degrees())
+}
+
+fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
+    let (low, high) = a.points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.1), h.max(p.1)));
+    let several = d.data.names.len() > 1;
+    let series: Vec<Series> = SESSIONS
+        .iter()
+        .take(d.data.names.len())
+        .enumerate()
+        .map(|(k, (name, color))| {
+            let last = k + 1 == SESSIONS.len();
+            let of = |i: usize| d.data.observations[i].recording == k || last && d.data.observations[i].recording > k;
+            Series {
+                name: if several { name } else { "measurements" },
+                color: *color,
+                points: a.points.iter().filter(|p| of(p.0)).map(|p| (p.1, p.2 * 1e3)).collect(),
+            }
+        })
+        .collect();
+    let curve = (0..=CURVE).map(|k| {
+        let deg = low + (high - low) * f64::from(k) / f64::from(CURVE);
+        let (value, sd) = curve_at(&a.terms, deg);
+        (deg, value * 1e3, (value - 1.96 * sd) * 1e3, (value + 1.96 * sd) * 1e3)
+    });
+    let band = Band { name: "fitted, 95 %".into(), color: BEFORE, points: curve.collect() };
+    let joint = a.joint;
+    Ok(Figure {
+        caption: format!(
+            "By how much joint {joint} is off, in thousandths of a degree: what each measurement asks for, everything else modelled, and \
+             the fitted curve with its 95 % band."
+        ),
+        svg: plots::curve_over_data(&format!("angle of joint {joint}, deg"), "joint off, mdeg", &series, &band)?,
+    })
+}
+
+/// Amplitude (mdeg) of the sine and cosine that fit best, for each whole number of cycles a turn.
+fn amplitudes(points: &[(usize, f64, f64)], most: u32) -> Vec<(f64, f64)> {
+    (1..=most)
+        .filter_map(|n| {
+            let n = f64::from(n);
+            let (mut ss, mut cc, mut sc, mut sy, mut cy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for (_, q, y) in points {
+                let (s, c) = (n * q.to_radians()).sin_cos();
+                ss += s * s;
+                cc += c * c;
+                sc += s * c;
+                sy += s * y;
+                cy += c * y;
+            }
+            let det = ss * cc - sc * sc;
+            // waves longer than what the joint moved through cannot be told from a line
+            (det > 0.05 * (ss * cc).max(1e-12)).then(|| {
+                let (a, b) = ((cc * sy - sc * cy) / det, (ss * cy - sc * sy) / det);
+                (n, a.hypot(b) * 1e3)
+            })
+        })
+        .collect()
+}
+
+/// Figures of a finding that is a curve of a joint's own angle: the curve over the data, and for gear ripples the spectrum, in which the
+/// gear's numbers are marked. None of any other finding.
+///
+/// # Errors
+/// A model that cannot be evaluated, or a figure that cannot be drawn.
+pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
+    let Some(angles) = angles(f, d)? else { return Ok(Vec::new()) };
+    let mut cycles: Vec<f64> = angles
+        .terms
+        .iter()
+        .filter_map(|t| match t.basis.shape {
+            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
+            _ => None,
+        })
+        .collect();
+    if f.effect != EffectId::GearRipple {
+        return Ok(vec![fitted_curve(&angles, d)?]);
+    }
+    cycles.sort_by(f64::total_cmp);
+    cycles.dedup();
+    let spectrum = amplitudes(&angles.points, CYCLES);
+    let joint = angles.joint;
+    Ok(vec![Figure {
+        caption: format!(
+            "How strongly joint {joint} is off with each number of cycles a turn, everything else modelled. Red and numbered is what the \
+             finding names: a number of the gear."
+        ),
+        svg: plots::spectrum(&format!("cycles per turn of joint {joint}"), "amplitude, mdeg", &spectrum, &cycles)?,
+    }])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spectrum_of_a_ripple_has_its_number_and_its_size() {
+        let points: Vec<(usize, f64, f64)> = (0..300_u32)
+            .map(|k| {
+                let q = 170.0 * (f64::from(k) * 0.7).sin();
+                (0, q, 0.008 * (80.0 * q.to_radians()).sin())
+            })
+            .collect();
+        let spectrum = amplitudes(&points, 120);
+        let (n, size) = spectrum.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+        assert!((n - 80.0).abs() < 0.1 && (size - 8.0).abs() < 0.01, "{n} {size}");
+    }
+
+    #[test]
+    fn the_band_of_a_curve_is_that_of_its_coefficients() {
+        let basis = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 1.0 });
+        let mut term = Term::new("sine_1", "joint_harmonic", Site::Joint { joint: 1 }, basis);
+        (term.value, term.sd) = (0.01_f64.to_radians(), Some(0.001_f64.to_radians()));
+        let (value, sd) = curve_at(&[term], 90.0);
+        assert!((value - 0.01).abs() < 1e-12 && (sd - 0.001).abs() < 1e-12);
+    }
+}

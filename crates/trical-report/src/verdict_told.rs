@@ -1,0 +1,128 @@
+//! The verdict of a diagnosis in a few lines for a terminal, and as rows for a page.
+
+use trical_diagnose::{Diagnosis, RowKind, VerdictRow};
+use trical_ident::JointSource;
+
+use crate::error::Result;
+use crate::table;
+
+/// So many lines at most, the first one included.
+const LINES: usize = 10;
+
+/// So wide is a line at most.
+const WIDE: usize = 110;
+
+/// Errors in another session that are so many times larger are told in the verdict.
+const MUCH_WORSE: f64 = 1.3;
+
+/// What an action says that asks nothing of the owner but to use the model.
+const BY_THE_MODEL: &str = "Let the calibrated model correct it";
+
+/// "99 %", "75 to 99 %".
+#[must_use]
+pub fn probability(row: &VerdictRow) -> Option<String> {
+    let [low, high] = row.confidence?.map(|p| format!("{:.0}", 100.0 * p));
+    Some(if low == high { format!("{high} %") } else { format!("{low} to {high} %") })
+}
+
+/// What to do about a row: "Modelled.", "Do: have the indicator calibrated."
+#[must_use]
+pub fn advice(row: &VerdictRow) -> String {
+    let mut said = Vec::new();
+    if row.corrected && matches!(row.kind, RowKind::Finding | RowKind::Curves) {
+        said.push("Modelled.".to_owned());
+    }
+    if let Some(action) = row.action.filter(|a| !a.starts_with(BY_THE_MODEL)) {
+        let mut chars = action.chars();
+        let first = chars.next().map(|c| c.to_ascii_lowercase()).into_iter();
+        said.push(format!("Do: {}", first.chain(chars).collect::<String>()));
+    }
+    said.join(" ")
+}
+
+/// "0.509 -> 0.171", or one number where nothing changes.
+#[must_use]
+pub fn errors(row: &VerdictRow, decimals: usize) -> String {
+    if matches!(row.kind, RowKind::Finding | RowKind::Curves | RowKind::Rest) {
+        format!("{:.decimals$} -> {:.decimals$}", row.before_mm, row.after_mm)
+    } else if row.kind == RowKind::Unexplained {
+        String::new()
+    } else {
+        format!("{:.decimals$}", row.after_mm)
+    }
+}
+
+/// Decimals that make the smallest error of a diagnosis readable.
+#[must_use]
+pub fn decimals(d: &Diagnosis) -> usize {
+    table::decimals_for(d.after.holdout_rms_mm).clamp(2, 5)
+}
+
+/// The claim and what else it may be: "Lost motion at joint 3, perhaps backlash (40 %)"; `sure` is said of the claim.
+#[must_use]
+pub fn claim(row: &VerdictRow, sure: &str) -> String {
+    let perhaps = row.perhaps.as_ref().map_or_else(String::new, |p| format!(", {p}"));
+    format!("{}{sure}{perhaps}", row.text)
+}
+
+/// The claim with its probability.
+#[must_use]
+pub fn sentence(row: &VerdictRow) -> String {
+    claim(row, &probability(row).map_or_else(String::new, |p| format!(" ({p})")))
+}
+
+fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
+    let wide = 2 * (decimals + 2) + 4;
+    let advice = if advised { advice(row) } else { String::new() };
+    let text = format!("{}. {advice}", sentence(row));
+    let indent = " ".repeat(wide + 4);
+    let mut lines = table::wrapped(text.trim_end(), WIDE, &indent);
+    if let Some(first) = lines.first_mut() {
+        *first = format!("  {:<wide$}  {}", errors(row, decimals), first.trim_start());
+    }
+    lines
+}
+
+/// What the whole model is worth in a session that it was not fitted to, where that is much worse.
+fn elsewhere(d: &Diagnosis) -> Option<String> {
+    let other = d.after.held_out.by_session.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
+    Some(format!("; in a session that it was not fitted to, {:.1$} mm", other.rms_mm, decimals(d)))
+}
+
+/// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.
+#[must_use]
+pub fn lines(d: &Diagnosis) -> Vec<String> {
+    let rejected = match d.rejected.len() {
+        0 => String::new(),
+        n => format!(", {n} more rejected"),
+    };
+    let head = format!(
+        "{} measurements at {} poses{rejected}. Error at poses that the fit did not see, mm rms:",
+        d.data.observations.len(),
+        d.after.poses
+    );
+    let decimals = decimals(d);
+    let table = |claims: usize, advised: usize| -> Vec<String> {
+        let mut rows = d.verdict.shortened(claims);
+        if let (Some(whole), Some(elsewhere)) = (rows.last_mut(), elsewhere(d)) {
+            whole.text += &elsewhere;
+        }
+        let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
+        std::iter::once(head.clone()).chain(each).collect()
+    };
+    // with all advice for as many claims as fit; one claim is always told
+    let most = d.verdict.rows.len();
+    (1..=most).rev().map(|claims| table(claims, claims)).find(|t| t.len() <= LINES).unwrap_or_else(|| table(1, 1))
+}
+
+/// What `--json` prints and Python reads: the diagnosis, its recordings, which joints were believed, the verdict's lines.
+///
+/// # Errors
+/// If it cannot be written as JSON.
+pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
+    let mut value = serde_json::to_value(d)?;
+    value["recordings"] = serde_json::to_value(&d.data.names)?;
+    value["joints"] = serde_json::to_value(source)?;
+    value["verdict"]["lines"] = serde_json::to_value(lines(d))?;
+    Ok(value)
+}

@@ -2,10 +2,9 @@
 
     proof/.venv/bin/python proof/recalibrate.py proof/runs/*/findings.jsonl
 
-prints `settings::RECALIBRATION` for cases that a program answered whose curves were the identity, and how well the curves do
-on cases that they were not learnt on (five folds of cases). A curve is constant + a logit(share) + b (share of the parts that
-agree).
-Findings on real backgrounds weigh as much together as those on drawn ones.
+prints `settings::RECALIBRATION` for cases that a program answered whose curves were the identity, and how well the
+curves do on cases that they were not learnt on (five folds of cases). A curve is constant + a logit(share) + b (share
+of the parts that agree). Findings on real backgrounds weigh as much together as those on drawn ones.
 """
 
 from __future__ import annotations

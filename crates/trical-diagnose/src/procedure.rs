@@ -254,9 +254,8 @@ impl<'a> Proving<'a> {
         let mut told: Vec<usize> = Vec::new();
         for r in self.search.rank(state) {
             let c = &candidates[r.candidate];
-            let known = others.contains(&r.candidate)
-                || c.is_alike(first)
-                || told.iter().any(|t| candidates[*t].is_alike(c));
+            let known =
+                others.contains(&r.candidate) || c.is_alike(first) || told.iter().any(|t| candidates[*t].is_alike(c));
             let nameless_here = c.cause == Cause::Unexplained && c.site.is_same_part(first.site);
             if known || (told.len() >= ALTERNATIVES && !nameless_here) {
                 continue;

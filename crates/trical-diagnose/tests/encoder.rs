@@ -66,7 +66,10 @@ fn a_curve_over_part_of_a_turn_holds_on_another_day() {
     let other = seen(&truth, 2);
     let error = |model: &Model| {
         let file = ModelFile::of(model.clone(), &d.data);
-        validate(&truth.robot, &truth.cell, &file, &[other.clone()], None, Some(Refit::ALL)).unwrap().after.mean_mm
+        validate(&truth.robot, &truth.cell, &file, std::slice::from_ref(&other), None, Some(Refit::ALL))
+            .unwrap()
+            .after
+            .mean_mm
     };
     let (with, without) = (error(&d.model), error(&d.before));
     assert!(with < 1.4 * LEAST_MM && with < 0.5 * without, "{with} mm, without the curve {without} mm");

@@ -145,6 +145,8 @@ pub fn visited(model: &Model, data: &Dataset) -> Result<Vec<Visited>> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, clippy::expect_used)]
+
     use super::*;
 
     /// Five poses on a line, 0.1 m apart, each visited 30 times: the attained places lie off the command by `off`, and around that by

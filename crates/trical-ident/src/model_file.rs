@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use trical_model::error::{parse_toml, read_text};
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
-use trical_model::{Basis, Cell, Joints, Model, Pose, Robot, Site, Support, Term};
+use trical_model::{Basis, Cell, Joints, Model, Pose, Robot, Scope, Site, Support, Term, Variable};
 
 use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
@@ -136,10 +136,15 @@ impl ModelFile {
         self.sessions.iter().map(|s| s.recording.as_str()).collect()
     }
 
-    /// Joint angles that its recordings visited; empty where the file does not say.
+    /// Joint angles that its recordings visited, of those joints whose angle a term of the arm is a function of: geometry and compliance
+    /// hold everywhere. Empty where the file does not say.
     #[must_use]
     pub fn visited(&self) -> Support {
-        self.sessions.iter().fold(Support::default(), |all, s| all.with(&s.visited))
+        let all = self.sessions.iter().fold(Support::default(), |all, s| all.with(&s.visited));
+        let follows = |t: &Term, joint| {
+            t.basis.of == Variable::Joint { joint } || t.basis.beside.is_some_and(|b| b.joint == joint)
+        };
+        all.of_joints(|joint| self.model.terms.iter().any(|t| t.scope() == Scope::Arm && follows(t, joint)))
     }
 
     /// Session (from 1) that a recording with this fingerprint is.

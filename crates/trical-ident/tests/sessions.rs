@@ -98,9 +98,15 @@ fn a_model_file_says_where_it_was_learnt_and_validate_what_lies_beyond() {
     let mut half = seen(&truth, 1, [0.0; 3]);
     half.rows.retain(|r| r.state.q[0] < 0.3);
     let c = learnt(&truth, &[half], ToolSharing::FromData);
-    let file = ModelFile::parse(&file(&c).to_toml().unwrap(), "calibrated.toml").unwrap();
+    let mut file = ModelFile::parse(&file(&c).to_toml().unwrap(), "calibrated.toml").unwrap();
     let other = seen(&truth, 2, [0.0; 3]);
-    let v = validate(&truth.robot, &truth.cell, &file, std::slice::from_ref(&other), None, None).unwrap();
+    let scored =
+        |file: &ModelFile| validate(&truth.robot, &truth.cell, file, std::slice::from_ref(&other), None, None).unwrap();
+    // geometry and compliance hold everywhere, a curve of joint 1's angle where it was learnt
+    assert_eq!(scored(&file).beyond, Some(0));
+    let basis = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 3.0 });
+    file.model.terms.push(Term::new("wave", "encoder_error", Site::Joint { joint: 1 }, basis));
+    let v = scored(&file);
     let q = |o: &trical_ident::Observation| o.state.q[0];
     let surely = v.data.observations.iter().filter(|o| q(o) > 0.3 + 0.06).count();
     let perhaps = v.data.observations.iter().filter(|o| q(o) > 0.2).count();

@@ -6,8 +6,8 @@ use crate::robot::{JointKind, Robot};
 /// An angle this near to one that was visited counts as visited, rad (3 deg), and a place on a slide, m.
 const REACH: [f64; 2] = [0.052_359_877_559_829_88, 0.03];
 
-/// Joint angles that recordings visited, each modulo a turn: what was learnt of a joint holds there. Beyond them curves return to nothing,
-/// and geometry is carried on.
+/// Joint angles that recordings visited, each modulo a turn: a curve that was learnt of a joint's angle holds there. Beyond them it returns
+/// to nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Support {
     joints: Vec<Visited>,
@@ -91,6 +91,14 @@ impl Support {
         Self { joints: self.joints.iter().zip(&other.joints).map(both).collect() }
     }
 
+    /// The same for some joints (from 1) alone: what hangs on the others' angles is known everywhere.
+    #[must_use]
+    pub fn of_joints(&self, matters: impl Fn(usize) -> bool) -> Self {
+        let everywhere = |turns| Visited { turns, stretches: vec![[f64::NEG_INFINITY, f64::INFINITY]] };
+        let each = self.joints.iter().enumerate();
+        Self { joints: each.map(|(k, v)| if matters(k + 1) { v.clone() } else { everywhere(v.turns) }).collect() }
+    }
+
     /// Whether nothing is known.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -130,6 +138,7 @@ mod tests {
         for new in [-166.9, 0.0, 25.0, 44.0, 170.0] {
             assert_eq!(s.beyond(&at(new)), Some(1), "{new}");
         }
+        assert_eq!(s.of_joints(|joint| joint != 1).beyond(&at(0.0)), None);
         // another joint
         let mut q = at(10.0);
         q[3] = 1.0;

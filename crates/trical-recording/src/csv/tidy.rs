@@ -124,6 +124,8 @@ fn has_index(text: &str, by: char, names: &[String]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, clippy::expect_used)]
+
     use super::*;
     use crate::csv::parse_csv;
 
@@ -149,7 +151,6 @@ mod tests {
             (&index, "is an index"),
             (&blank, "lines without a value"),
         ] {
-            let text = text.replace("; decimal", "; decimal");
             let read = parse_csv(format!("\u{feff}{text}").as_bytes(), "r.csv", 2).expect(says);
             assert_eq!(read.notes.len(), 1, "{says}");
             for word in says.split("; ") {

@@ -4,7 +4,7 @@
 
 prints `settings::RECALIBRATION` for cases that a program answered whose curves were the identity, and how well the
 curves do on cases that they were not learnt on (five folds of cases). A curve is constant + a logit(share) + b (share
-of the parts that agree). Findings on real backgrounds weigh as much together as those on drawn ones.
+of the parts that agree).
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def features(lines: list[dict], stated: str) -> np.ndarray:
     return np.stack([np.ones(len(lines)), np.log(p / (1 - p)), agree], 1)
 
 
-def learn(x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def learn(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Penalised maximum likelihood by Newton's method."""
     prior = np.array([0.0, 1.0, 0.0])
     c = prior.copy()
     for _ in range(50):
         p = 1 / (1 + np.exp(-x @ c))
-        slope = x.T @ (weight * (y - p)) - RIDGE * (c - prior)
-        step = np.linalg.solve(x.T @ (x * (weight * p * (1 - p))[:, None]) + RIDGE * np.eye(3), slope)
+        slope = x.T @ (y - p) - RIDGE * (c - prior)
+        step = np.linalg.solve(x.T @ (x * (p * (1 - p))[:, None]) + RIDGE * np.eye(3), slope)
         c = c + step
         if np.abs(step).max() < 1e-10:
             break
@@ -58,18 +58,14 @@ def main() -> int:
         return 1
     fold = np.array([zlib.crc32(x["case"].encode()) % 5 for x in lines])
     real = np.array([x["kind"] == "real" for x in lines])
-    weight = np.ones(len(lines))
-    if real.any() and not real.all():
-        weight[real] = (~real).sum() / real.sum()
-    weight *= len(weight) / weight.sum()
     print(f"{len(lines)} findings, {real.sum()} of them on real backgrounds")
     curves = []
     for stated, right in WHAT:
         x, y = features(lines, stated), np.array([v[right] for v in lines], float)
-        curves.append(learn(x, y, weight))
+        curves.append(learn(x, y))
         p = np.empty(len(y))
         for k in range(5):
-            c = learn(x[fold != k], y[fold != k], weight[fold != k])
+            c = learn(x[fold != k], y[fold != k])
             p[fold == k] = np.minimum(1 / (1 + np.exp(-x[fold == k] @ c)), LARGEST)
         was = np.array([v[stated] for v in lines])
         for name, some in (("drawn", ~real), ("real", real)):

@@ -13,6 +13,16 @@ pub struct Support {
     joints: Vec<Visited>,
 }
 
+/// Numbers of a unit of files (deg; mm of sliding joints) in one of ours.
+fn per_si(turns: bool) -> f64 {
+    if turns { 180.0 / std::f64::consts::PI } else { 1e3 }
+}
+
+/// A number in units of files, to a hundredth.
+fn shown(turns: bool, q: f64) -> f64 {
+    (q * per_si(turns) * 1e2).round() / 1e2
+}
+
 /// Stretches of one joint's angles, lower and upper end, in order; with no gap in one that is wider than twice the reach.
 #[derive(Clone, Debug, PartialEq)]
 struct Visited {
@@ -51,8 +61,9 @@ impl Support {
     pub fn of(robot: &Robot, poses: &[Joints]) -> Self {
         let visited = |(k, joint): (usize, &crate::robot::Joint)| {
             let none = Visited { turns: joint.kind == JointKind::Revolute, stretches: Vec::new() };
-            let each = poses.iter().map(|q| [none.within_turn(q[k]); 2]).collect();
-            Visited::of(none.turns, each)
+            // as a file has it
+            let of = |q: &Joints| shown(none.turns, none.within_turn(q[k])) / per_si(none.turns);
+            Visited::of(none.turns, poses.iter().map(|q| [of(q); 2]).collect())
         };
         Self { joints: robot.joints.iter().enumerate().map(visited).collect() }
     }
@@ -70,14 +81,10 @@ impl Support {
         Self { joints: robot.joints.iter().zip(stretches).map(visited).collect() }
     }
 
-    /// For each joint the stretches that were visited, lower and upper end in deg (mm of sliding joints), to a hundredth outwards.
+    /// For each joint the stretches that were visited, lower and upper end in deg (mm of sliding joints), to a hundredth.
     #[must_use]
     pub fn stretches(&self) -> Vec<Vec<[f64; 2]>> {
-        let of = |v: &Visited| {
-            let per_si = if v.turns { 180.0 / std::f64::consts::PI } else { 1e3 };
-            let outwards = |[a, b]: &[f64; 2]| [(a * per_si * 1e2).floor() / 1e2, (b * per_si * 1e2).ceil() / 1e2];
-            v.stretches.iter().map(outwards).collect()
-        };
+        let of = |v: &Visited| v.stretches.iter().map(|s| s.map(|q| shown(v.turns, q))).collect();
         self.joints.iter().map(of).collect()
     }
 
@@ -130,7 +137,7 @@ mod tests {
 
     #[test]
     fn what_was_visited_is_known_modulo_a_turn_and_three_degrees_around() {
-        let s = Support::of(&robot(), &[at(-178.0), at(-170.0), at(-172.0), at(10.0), at(40.0)]);
+        let s = Support::of(&robot(), &[at(-178.0), at(-170.0), at(-173.0), at(10.0), at(40.0)]);
         assert_eq!(s.stretches()[0], [[-178.0, -170.0], [10.0, 10.0], [40.0, 40.0]]);
         for known in [-175.0, -181.0 + 360.0, 180.0, 12.9, 370.0, -350.0, 37.1] {
             assert_eq!(s.beyond(&at(known)), None, "{known}");
@@ -150,7 +157,7 @@ mod tests {
         let [a, b] = [[at(0.0), at(2.0)], [at(5.0), at(90.0)]].map(|q| Support::of(&robot(), &q));
         let both = a.with(&b);
         assert_eq!(both.stretches()[0], [[0.0, 5.0], [90.0, 90.0]]);
-        assert_eq!(Support::from_stretches(&robot(), &both.stretches()).stretches(), both.stretches());
+        assert_eq!(Support::from_stretches(&robot(), &both.stretches()), both);
         assert_eq!(Support::default().with(&a), a);
         assert_eq!(Support::default().beyond(&at(3.0)), None);
     }

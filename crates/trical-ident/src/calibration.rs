@@ -145,6 +145,8 @@ pub struct Calibration {
     pub named: Vec<Rejected>,
     /// Whether gross errors were looked for.
     pub cleaned: bool,
+    /// Compliance was asked for and left out, since the robot has no masses.
+    pub without_compliance: bool,
     /// Passes over the files, where they were not read at once.
     pub passes: Option<usize>,
     /// What each session has of its own; empty for one session.
@@ -158,6 +160,13 @@ impl Calibration {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
         out.extend(beyond_limits(&f.model.robot, &f.data));
+        if self.without_compliance {
+            out.push(
+                "the robot has no masses, so that compliance was left out (mass_kg and cog_mm of every link in robot.toml would \
+                 give it)"
+                    .into(),
+            );
+        }
         if self.passes.is_none() {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));
@@ -283,9 +292,7 @@ pub fn calibrate(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
-    if set >= ParameterSet::Compliance {
-        robot.require_masses()?;
-    }
+    let without_compliance = options.choice.lacks_masses(robot)?;
     task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
     task.step(0.2, "fitting")?;
@@ -328,6 +335,7 @@ pub fn calibrate(
         rejected: data.rejected.len(),
         named: data.rejected.clone(),
         cleaned: !options.keep_outliers,
+        without_compliance,
         passes: None,
         sessions: session_setups(&fitted),
         fitted,
@@ -346,9 +354,7 @@ pub fn calibrate_stream(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
-    if set >= ParameterSet::Compliance {
-        robot.require_masses()?;
-    }
+    let without_compliance = options.choice.lacks_masses(robot)?;
     let sample = stream.sample()?;
     let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
     task.step(0.2, "fitting in passes")?;
@@ -370,6 +376,7 @@ pub fn calibrate_stream(
         rejected: streamed.rejected,
         named: streamed.named,
         cleaned: !options.keep_outliers,
+        without_compliance,
         passes: Some(streamed.passes + 1),
         sessions: Vec::new(),
         fitted: streamed.identified,

@@ -3,7 +3,7 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_model::{Forward, Measured, Model, Motion, Parameter, Site, State, Term, residual_rows};
+use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Site, State, Term, residual_rows};
 
 use crate::dataset::Dataset;
 use crate::error::Result;
@@ -215,6 +215,17 @@ impl Choice {
         self.set
     }
 
+    /// Whether compliance is asked for and the robot has no masses: it is left out then, unless joints were named for it.
+    ///
+    /// # Errors
+    /// Joints were named.
+    pub fn lacks_masses(&self, robot: &Robot) -> Result<bool> {
+        match robot.require_masses() {
+            Err(e) if self.set >= ParameterSet::Compliance && self.compliant.is_some() => Err(e.into()),
+            masses => Ok(self.set >= ParameterSet::Compliance && masses.is_err()),
+        }
+    }
+
     fn is_compliant(&self, joint: usize) -> bool {
         self.compliant.as_ref().is_none_or(|c| c.contains(&joint))
     }
@@ -291,7 +302,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
         terms.push(link(Parameter::Alpha, 0, "alpha"));
         terms.push(link(Parameter::A, 0, "a"));
     }
-    if set >= ParameterSet::Compliance {
+    if set >= ParameterSet::Compliance && model.robot.require_masses().is_ok() {
         terms.extend((1..=n).filter(|joint| choice.is_compliant(*joint)).map(|joint| {
             Term::new(
                 format!("c_{joint}"),

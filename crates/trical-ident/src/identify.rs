@@ -10,7 +10,7 @@ use crate::degenerate::{check_balls, check_poses, check_units, check_values, dif
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, factor, position_errors, weighted_residuals};
 use crate::identifiability::{
-    Choice, Dependent, Observability, ParameterSet, covariance, independent_terms, indices, spectrum, weakest_direction,
+    Choice, Dependent, Observability, covariance, independent_terms, indices, spectrum, weakest_direction,
 };
 use crate::known::Known;
 use crate::noise::Noise;
@@ -348,9 +348,7 @@ pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> 
 /// # Errors
 /// A robot without masses where compliance is asked for, or measurements that fix no frame.
 pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<(Model, Vec<Dependent>)> {
-    if choice.set() >= ParameterSet::Compliance {
-        robot.require_masses()?;
-    }
+    choice.lacks_masses(robot)?;
     check_values(robot, data)?;
     for o in &data.observations {
         if let Measured::Touch { ball, .. } = o.measured

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 use common::arm::{build, nominal, paper_terms, touch, truth};
 use trical_ident::{
-    JointSource, ModelFile, Options, ParameterSet, calibrate, identify, load_csv, reject_gross_errors, write_csv,
+    Choice, JointSource, ModelFile, Options, ParameterSet, calibrate, identify, load_csv, reject_gross_errors,
+    write_csv,
 };
-use trical_model::{Cell, Forward, Measured, Model, Robot};
+use trical_model::{Cell, Forward, Measured, Model, Robot, Task};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
@@ -100,6 +101,23 @@ fn a_touch_of_another_ball_than_noted_is_called_so() {
         .map(|r| (r.line, r.reason.contains(&format!("it fits ball {}: the wrong ball is noted", right + 1))))
         .collect();
     assert_eq!(said, [(22, true)]);
+}
+
+#[test]
+fn without_masses_compliance_is_left_out_and_said_and_refused_where_joints_are_named() {
+    let truth = truth(ParameterSet::Geometry, 10);
+    let mut robot = truth.robot.clone();
+    robot.joints.iter_mut().for_each(|j| j.mass = None);
+    let recording = touch(&truth, 60, 1e-5, 11);
+    let with = |choice: Choice| {
+        let options = Options { choice, ..Options::new(ParameterSet::Compliance) };
+        calibrate(&robot, &truth.cell, std::slice::from_ref(&recording), &options, &Task::silent())
+    };
+    let c = with(ParameterSet::Compliance.into()).unwrap();
+    assert_eq!(c.fitted.model.terms.len(), with(ParameterSet::Geometry.into()).unwrap().fitted.model.terms.len());
+    assert!(c.cautions().iter().any(|c| c.contains("no masses")), "{:?}", c.cautions());
+    let named = Choice::new(ParameterSet::Compliance, &[2], 6).unwrap();
+    assert!(with(named).unwrap_err().to_string().contains("no mass_kg"));
 }
 
 #[test]

@@ -72,7 +72,7 @@ def test_plots_without_matplotlib_say_what_to_install() -> None:
 import sys
 sys.modules["matplotlib"] = None
 import trical
-v = trical.Validation({}, {}, 0, [], [], [], [], None)
+v = trical.Validation({}, {}, 0, None, [], [], [], [], None)
 try:
     v.plot()
 except ImportError as e:

@@ -604,14 +604,14 @@ def test_what_happens_near_one_angle_is_told_there(
 def test_noise_that_remembers_itself_is_no_effect(tmp_path: Path, noise: str) -> None:
     answer = diagnosed(tmp_path, 2, 300, [], noise)
     assert not answer["findings"] and not answer["unexplained"]
-    assert any("noise remembers itself" in c for c in answer["cautions"])
+    assert any("noise is correlated" in c for c in answer["cautions"])
 
 
 def test_a_slow_effect_is_no_noise(tmp_path: Path) -> None:
     drift = {"effect": "tool_drift", "site": {"tool": True}, "p": {"by": [0.03 * MM, 0.02 * MM, -0.03 * MM]}}
     answer = diagnosed(tmp_path, 2, 300, [drift])
     assert [(f["effect"], f["site"]) for f in answer["findings"]] == [("tool_drift", {"tool": True})]
-    assert not any("noise remembers itself" in c for c in answer["cautions"])
+    assert not any("noise is correlated" in c for c in answer["cautions"])
 
 
 @pytest.mark.parametrize(

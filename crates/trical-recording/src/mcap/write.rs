@@ -308,8 +308,8 @@ impl RunLog for RecordingWriter {
         // a row that the reader refuses would take those before it along
         json::row_from_json(text.as_bytes(), &mut Places::default())
             .map_err(|problem| RecordError::NotReadable { path: self.path.clone(), problem })?;
-        // what the recording holds stands in the order of time; a row says itself when it was measured
-        let t = self.last_t.max(row.state.t.unwrap_or(self.last_t));
+        // when it was measured, though it is accepted later: who reads the file finds the joints of that time beside it
+        let t = row.state.t.unwrap_or(self.last_t);
         self.message(self.channels.measurement, t, text.as_bytes())?;
         self.sync()
     }

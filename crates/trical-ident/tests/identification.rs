@@ -171,7 +171,7 @@ fn the_real_irb_120_reads_as_in_the_literature() {
     let held_out = |set: ParameterSet| {
         let options = Options { joints: Some(JointSource::Commanded), ..Options::new(set) };
         let recordings = std::slice::from_ref(&recording);
-        let c = calibrate(&robot, &cell, recordings, &options, &trical_model::Task::silent()).unwrap();
+        let c = calibrate(&robot, &cell, recordings, &options, &Task::silent()).unwrap();
         assert_eq!(c.poses, 765);
         let (pose, block) = (c.held_out.by_pose.unwrap(), c.held_out.by_block.unwrap());
         assert!(block.mean_mm < 1.15 * pose.mean_mm, "{set:?}: {block:?} {pose:?}");

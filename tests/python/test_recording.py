@@ -96,8 +96,9 @@ def test_joint_states_decode_and_times_go_on(folder: Path) -> None:
 def test_measurements_are_the_rows_of_the_csv_and_the_arm_stands_where_they_say(folder: Path) -> None:
     with (folder / "run.mcap").open("rb") as f:
         reader = make_reader(f, decoder_factories=[DecoderFactory()])
-        measured = [(m.log_time, json.loads(m.data)) for _, _, m in reader.iter_messages(topics=["/measurement"])]
-        states = [(m.log_time, d) for _, _, m, d in reader.iter_decoded_messages(topics=["/joint_states"])]
+        # a measurement is logged when it is accepted, and published when it was made
+        measured = [(m.publish_time, json.loads(m.data)) for _, _, m in reader.iter_messages(topics=["/measurement"])]
+        states = [(m.publish_time, d) for _, _, m, d in reader.iter_decoded_messages(topics=["/joint_states"])]
     rows = rows_of(folder / "run.csv")
     assert len(measured) == len(rows) == TOUCHES
     for (time, message), row in zip(measured, rows, strict=True):

@@ -215,14 +215,18 @@ impl Choice {
         self.set
     }
 
-    /// Whether compliance is asked for and the robot has no masses: it is left out then, unless joints were named for it.
+    /// Whether compliance is asked for and the robot has no masses at all: it is left out then, unless joints were named for it.
     ///
     /// # Errors
-    /// Joints were named.
+    /// Joints were named, or some links have masses and others do not.
     pub fn lacks_masses(&self, robot: &Robot) -> Result<bool> {
+        if self.set < ParameterSet::Compliance {
+            return Ok(false);
+        }
+        let some = self.compliant.is_some() || robot.joints.iter().any(|j| j.mass.is_some());
         match robot.require_masses() {
-            Err(e) if self.set >= ParameterSet::Compliance && self.compliant.is_some() => Err(e.into()),
-            masses => Ok(self.set >= ParameterSet::Compliance && masses.is_err()),
+            Err(e) if some => Err(e.into()),
+            masses => Ok(masses.is_err()),
         }
     }
 

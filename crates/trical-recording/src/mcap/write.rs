@@ -260,10 +260,15 @@ impl RecordingWriter {
     }
 
     fn message(&mut self, channel_id: u16, t: f64, data: &[u8]) -> Result<(), RecordError> {
+        self.published(channel_id, t, t, data)
+    }
+
+    /// Writes a message logged at `t` of what was at `published` (s since the recording began).
+    fn published(&mut self, channel_id: u16, t: f64, published: f64, data: &[u8]) -> Result<(), RecordError> {
         self.last_t = self.last_t.max(t);
-        let log_time = self.log_time(t);
+        let [log_time, publish_time] = [t, published].map(|t| self.log_time(t));
         let next = self.sequences.entry(channel_id).or_insert(0);
-        let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time: log_time };
+        let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time };
         *next = next.wrapping_add(1);
         self.mcap.write_to_known_channel(&header, data).map_err(RecordError::mcap(&self.path))
     }
@@ -308,9 +313,9 @@ impl RunLog for RecordingWriter {
         // a row that the reader refuses would take those before it along
         json::row_from_json(text.as_bytes(), &mut Places::default())
             .map_err(|problem| RecordError::NotReadable { path: self.path.clone(), problem })?;
-        // when it was measured, though it is accepted later: who reads the file finds the joints of that time beside it
-        let t = row.state.t.unwrap_or(self.last_t);
-        self.message(self.channels.measurement, t, text.as_bytes())?;
+        // what the recording holds stands in the order of time; published is when it was measured, though it is accepted later
+        let measured = row.state.t.unwrap_or(self.last_t);
+        self.published(self.channels.measurement, self.last_t.max(measured), measured, text.as_bytes())?;
         self.sync()
     }
 }

@@ -73,9 +73,8 @@ impl Support {
     pub fn from_stretches(robot: &Robot, stretches: &[Vec<[f64; 2]>]) -> Self {
         let visited = |(joint, own): (&crate::robot::Joint, &Vec<[f64; 2]>)| {
             let turns = joint.kind == JointKind::Revolute;
-            let per_si = if turns { 180.0 / std::f64::consts::PI } else { 1e3 };
-            let good =
-                own.iter().map(|s| s.map(|x| x / per_si)).filter(|[a, b]| a.is_finite() && b.is_finite() && a <= b);
+            let si = own.iter().map(|s| s.map(|x| x / per_si(turns)));
+            let good = si.filter(|[a, b]| a.is_finite() && b.is_finite() && a <= b);
             Visited::of(turns, good.collect())
         };
         Self { joints: robot.joints.iter().zip(stretches).map(visited).collect() }

@@ -5,12 +5,12 @@ use serde::Serialize;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::caution::{beyond_limits, cautions, too_many};
+use crate::caution::{beyond_limits, cautions, held, near_nominal, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::folds::{FOLDS, Folds};
-use crate::identifiability::{Choice, Observability, OwnSetup, ParameterSet};
+use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::solver::LmReport;
@@ -145,8 +145,8 @@ pub struct Calibration {
     pub named: Vec<Rejected>,
     /// Whether gross errors were looked for.
     pub cleaned: bool,
-    /// Compliance was asked for and left out, since the robot has no masses.
-    pub without_compliance: bool,
+    /// From what it is known how far joints give way.
+    pub elasticity: Elasticity,
     /// Passes over the files, where they were not read at once.
     pub passes: Option<usize>,
     /// What each session has of its own; empty for one session.
@@ -160,13 +160,9 @@ impl Calibration {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
         out.extend(beyond_limits(&f.model.robot, &f.data));
-        if self.without_compliance {
-            out.push(
-                "the robot has no masses, so that compliance was left out (mass_kg and cog_mm of every link in robot.toml would \
-                 give it)"
-                    .into(),
-            );
-        }
+        out.extend(without_masses(self.elasticity, &f.model));
+        out.extend(held(&f.model.robot, &f.data, &f.held()));
+        out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));
@@ -189,6 +185,9 @@ struct Summary<'a> {
     blocks: usize,
     parameters: Vec<Shown>,
     not_identifiable: Vec<Vec<&'a str>>,
+    held: Vec<&'a str>,
+    near_nominal: Vec<&'a str>,
+    elasticity: Elasticity,
     correlated: Vec<(String, String, f64)>,
     at_limit: Vec<&'a str>,
     observability: &'a Observability,
@@ -251,8 +250,12 @@ impl Serialize for Calibration {
             not_identifiable: f
                 .dependent
                 .iter()
+                .filter(|d| !d.held)
                 .map(|d| std::iter::once(&d.name).chain(&d.with).map(String::as_str).collect())
                 .collect(),
+            held: f.held(),
+            near_nominal: f.kept_near_nominal(),
+            elasticity: self.elasticity,
             correlated: f.correlated(0.9),
             at_limit: f.stopped(),
             observability: &f.observability,
@@ -292,9 +295,9 @@ pub fn calibrate(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
-    let without_compliance = options.choice.lacks_masses(robot)?;
     task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
+    let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting")?;
     let own = own_setup(robot, cell, &data, &options.choice, options.tool)?;
     let choice = options.choice.clone().with_own(own);
@@ -335,7 +338,7 @@ pub fn calibrate(
         rejected: data.rejected.len(),
         named: data.rejected.clone(),
         cleaned: !options.keep_outliers,
-        without_compliance,
+        elasticity,
         passes: None,
         sessions: session_setups(&fitted),
         fitted,
@@ -354,9 +357,9 @@ pub fn calibrate_stream(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
-    let without_compliance = options.choice.lacks_masses(robot)?;
     let sample = stream.sample()?;
     let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
+    let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting in passes")?;
     let streamed = identify_stream(robot, cell, stream, &data, options.choice.clone(), options.keep_outliers)?;
     // of what is drawn: the sample
@@ -376,7 +379,7 @@ pub fn calibrate_stream(
         rejected: streamed.rejected,
         named: streamed.named,
         cleaned: !options.keep_outliers,
-        without_compliance,
+        elasticity,
         passes: Some(streamed.passes + 1),
         sessions: Vec::new(),
         fitted: streamed.identified,

@@ -45,6 +45,7 @@ pub mod touches;
 pub mod trilateration;
 pub mod units;
 pub mod validate;
+mod weak;
 
 pub use calibration::{
     Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
@@ -53,7 +54,7 @@ pub use caution::cautions;
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
-pub use identifiability::{Choice, ChoiceError, Dependent, Observability, OwnSetup, ParameterSet};
+pub use identifiability::{Choice, ChoiceError, Dependent, Elasticity, Observability, OwnSetup, ParameterSet};
 pub use identify::{ErrorSummary, Identified, fit_model, identify};
 pub use joint_choice::clean;
 pub use known::KnownParameters;

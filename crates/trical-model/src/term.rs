@@ -262,8 +262,14 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
         | Variable::Moment { joint, .. }
         | Variable::FootMoment { joint, .. }
         | Variable::PartMoment { joint, .. }
+        | Variable::Torque { joint }
         | Variable::Lag { joint } => {
             joint_index(joint)?;
+        }
+        Variable::Inclination { first, last } => {
+            if joint_index(last)? < joint_index(first)? {
+                return Err(no_site());
+            }
         }
         _ => {}
     }

@@ -19,11 +19,11 @@ use crate::say;
 pub enum Set {
     /// The nominal arm: measuring frame (or base) and tool points only
     Nominal,
-    /// And the geometry (17 parameters on a 6-joint arm)
+    /// And the whole geometry of a rigid arm, the twist of near-parallel axes included
     Geometry,
-    /// And the compliance of the joints that carry gravity: the paper's 31 parameters
+    /// The paper's 31 parameters: the geometry without that twist, and the compliance of the joints that carry a torque
     Compliance,
-    /// And the twist of near-parallel axes, which the paper's list lacks
+    /// The geometry and the compliance: as rich as the robot file and the recordings allow
     Complete,
 }
 
@@ -53,7 +53,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "read")]
     joints: Joints,
     /// Which parameters to identify
-    #[arg(long, value_enum, default_value = "compliance")]
+    #[arg(long, value_enum, default_value = "complete")]
     model: Set,
     /// Compliance of these joints only, e.g. 2,3,4,5
     #[arg(long, value_delimiter = ',', value_name = "JOINTS")]

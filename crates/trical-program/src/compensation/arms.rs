@@ -55,6 +55,11 @@ fn site_of_device(site: &Site) -> bool {
     matches!(site, Site::Tool(_) | Site::Payload(_) | Site::Target { .. })
 }
 
+/// Whether a term asks for what a joint's sensor measured: a program has no such reading.
+pub(crate) fn by_measured_torque(term: &Term) -> bool {
+    matches!(term.basis.of, Variable::Torque { .. })
+}
+
 /// Whether a term can move the tool in {w}.
 fn moves_tool(term: &Term) -> bool {
     !matches!(
@@ -83,7 +88,7 @@ impl<'a> Compensator<'a> {
     ) -> Result<Self, ProgramError> {
         let input = |e: trical_model::ModelError| ProgramError::Input(e.to_string());
         let mut model = model.clone();
-        model.terms.retain(moves_tool);
+        model.terms.retain(|t| moves_tool(t) && !by_measured_torque(t));
         if options.own_base {
             model.terms.retain(|t| !matches!(t.site, Site::Base(_)));
             model.cell.world_from_base = nominal.cell.world_from_base;

@@ -8,7 +8,7 @@ use trical_recording::CsvStream;
 use crate::caution::{beyond_limits, cautions, held, near_nominal, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::position_errors;
+use crate::fit::{orientation_errors, position_errors};
 use crate::folds::{FOLDS, Folds};
 use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, Identified, identify};
@@ -103,6 +103,36 @@ impl HeldOut {
     }
 }
 
+/// Mean, root of the mean square and maximum of angles, deg.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AngleSummary {
+    /// Mean.
+    pub mean_deg: f64,
+    /// Root of the mean square.
+    pub rms_deg: f64,
+    /// Largest.
+    pub max_deg: f64,
+}
+
+impl AngleSummary {
+    /// Of angles in rad.
+    fn of(angles: &[f64]) -> Self {
+        // the same sums as of lengths
+        let e = ErrorSummary::of(angles);
+        let deg = |mm: f64| (mm * 1e-3).to_degrees();
+        Self { mean_deg: deg(e.mean_mm), rms_deg: deg(e.rms_mm), max_deg: deg(e.max_mm) }
+    }
+}
+
+/// Errors of orientation before and after, where full poses were measured.
+fn orientation(nominal: &Model, fitted: &Identified) -> Result<Option<[AngleSummary; 2]>> {
+    let of = |model: &Model| -> Result<Vec<f64>> {
+        Ok(orientation_errors(&trical_model::Forward::new(model.clone(), Vec::new())?, &fitted.data))
+    };
+    let (before, after) = (of(nominal)?, of(&fitted.model)?);
+    Ok((!after.is_empty()).then(|| [AngleSummary::of(&before), AngleSummary::of(&after)]))
+}
+
 /// What a session does not share with the first one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SessionSetup {
@@ -127,6 +157,8 @@ pub struct Calibration {
     pub before: ErrorSummary,
     /// Errors of the fit at all rows.
     pub errors: ErrorSummary,
+    /// Errors of orientation, of the nominal arm and of the fit, where full poses were measured.
+    pub orientation: Option<[AngleSummary; 2]>,
     /// Errors at poses that the fit did not see.
     pub held_out: HeldOut,
     /// As asked: folds, and errors.
@@ -200,6 +232,8 @@ struct Summary<'a> {
     rms_nominal_mm: f64,
     max_nominal_mm: f64,
     mean_nominal_mm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    orientation: Option<[AngleSummary; 2]>,
     held_out: &'a HeldOut,
     worst_held_out: Option<WorstHeldOut>,
     sessions: &'a [SessionSetup],
@@ -268,6 +302,7 @@ impl Serialize for Calibration {
             rms_nominal_mm: before.rms_mm,
             max_nominal_mm: before.max_mm,
             mean_nominal_mm: before.mean_mm,
+            orientation: self.orientation,
             held_out: &self.held_out,
             worst_held_out: self.held_out.worst().map(|(how, e)| WorstHeldOut {
                 how,
@@ -325,6 +360,7 @@ pub fn calibrate(
     };
     task.step(1.0, "done")?;
     Ok(Calibration {
+        orientation: orientation(&nominal.model, &fitted)?,
         nominal: nominal.model,
         before: ErrorSummary::of(&each_before),
         errors: ErrorSummary::of(&after),
@@ -367,6 +403,7 @@ pub fn calibrate_stream(
     task.step(1.0, "done")?;
     Ok(Calibration {
         each_before: nominal.errors()?,
+        orientation: orientation(&nominal.model, &streamed.identified)?,
         nominal: nominal.model,
         before: streamed.before,
         errors: streamed.errors,

@@ -48,7 +48,8 @@ pub mod validate;
 mod weak;
 
 pub use calibration::{
-    Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
+    AngleSummary, Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate,
+    forward_in_time,
 };
 pub use caution::cautions;
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};

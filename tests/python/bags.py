@@ -68,7 +68,7 @@ def write_bag(
         for k, q in enumerate(joints):
             after = joints[min(k + 1, len(joints) - 1)]
             for step in range(50):
-                moved = max(0.0, (step - 25) / 25)
+                moved = max(0.0, (step - 25) / 25) if k + 1 < len(joints) else 0.0
                 now = q + (after - q) * moved
                 message = {"header": _header(t), "name": names, "position": now.tolist(), "velocity": [], "effort": []}
                 send("/joint_states", state, message, t)

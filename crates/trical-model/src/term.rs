@@ -266,11 +266,7 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
         | Variable::Lag { joint } => {
             joint_index(joint)?;
         }
-        Variable::Inclination { first, last } => {
-            if joint_index(last)? < joint_index(first)? {
-                return Err(no_site());
-            }
-        }
+        Variable::Inclination { first, last } if joint_index(last)? < joint_index(first)? => return Err(no_site()),
         _ => {}
     }
     for joint in term.basis.sense.into_iter().chain(term.basis.beside.map(|b| b.joint)) {

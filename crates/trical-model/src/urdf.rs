@@ -20,10 +20,12 @@
 //! # Ok::<(), trical_model::ModelError>(())
 //! ```
 
+mod correct;
 mod mdh;
 #[cfg(test)]
 mod tests;
 mod tree;
+mod ur;
 mod write;
 mod xml;
 
@@ -32,8 +34,10 @@ use std::path::{Path, PathBuf};
 use crate::error::{Result, read_text};
 use crate::robot::Robot;
 
+pub use correct::corrected;
 pub(crate) use mdh::robot_from_axes;
 pub(crate) use tree::Axes;
+pub use ur::{calibrated_by_maker, ur_kinematics};
 pub use write::write;
 
 /// An arm from a URDF.
@@ -84,6 +88,15 @@ impl UrdfPath {
         let some = |s: &str| (!s.is_empty()).then(|| s.to_owned());
         let path = PathBuf::from(file);
         named(&path).then(|| Self { path, root: some(root), tip: some(tip) })
+    }
+
+    /// The text of this file with the origins of its joints corrected by what `model` learnt of the arm; see [`corrected`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn corrected(&self, model: &crate::Model) -> Result<String> {
+        let text = read_text(&self.path)?;
+        corrected(&text, &self.path.display().to_string(), self.root.as_deref(), self.tip.as_deref(), model)
     }
 
     /// Reads the arm.

@@ -196,6 +196,13 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     for (name, e) in usual.into_iter().chain(worst) {
         add(&format!("at poses not in the fit, {name}"), &e);
     }
+    if let Some(both) = &found.orientation {
+        rows.push(vec!["orientation error, deg".into(), "mean".into(), "rms".into(), "max".into()]);
+        for (name, e) in ["nominal arm", "identified"].iter().zip(both) {
+            let angle = |deg: f64| format!("{deg:.4}");
+            rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.rms_deg), angle(e.max_deg)]);
+        }
+    }
     for caution in found.cautions() {
         for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
             say(line)?;

@@ -27,6 +27,7 @@ pub mod forward;
 pub mod ik;
 pub mod interrupt;
 mod jacobian;
+mod on_rail;
 pub mod place;
 pub mod pose;
 pub mod recording;

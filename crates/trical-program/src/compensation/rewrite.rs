@@ -35,8 +35,9 @@ impl Compensator<'_> {
     /// In words, why it stays as it is.
     pub fn rewrite(&self, spot: &Spot, start: &Start, ws: &mut [(Workspace, Workspace)]) -> Result<Done, String> {
         let place = self.place(spot)?;
-        let arm = &self.arms[place.arm];
-        let (nominal_ws, model_ws) = &mut ws[place.arm];
+        let index = self.arm(spot, place)?;
+        let arm = &self.arms[index];
+        let (nominal_ws, model_ws) = &mut ws[index];
         let (values, meant) = self.read(spot)?;
         let wanted = match &meant {
             Meant::Pose(pose) => place.world_from_frame.compose(pose),

@@ -56,6 +56,7 @@ struct Sample {
 }
 
 /// What was seen, likewise.
+#[derive(Clone, Copy)]
 struct Sight {
     t: f64,
     position: [f64; 3],
@@ -306,7 +307,8 @@ struct Stands {
 /// Measurements at one stop.
 #[derive(Default)]
 struct Stop {
-    sights: Vec<(f64, Joints, [f64; 3], Option<[f64; 4]>)>,
+    /// Each with the joints then.
+    sights: Vec<(Joints, Sight)>,
     dir: [i8; MAX_JOINTS],
 }
 
@@ -340,12 +342,12 @@ fn stands(samples: &[Sample], sights: &[Sight]) -> Stands {
             continue;
         }
         let elsewhere =
-            stop.sights.first().is_some_and(|(_, at, ..)| at.iter().zip(&q).any(|(a, b)| (a - b).abs() > STILL));
+            stop.sights.first().is_some_and(|(at, _)| at.iter().zip(&q).any(|(a, b)| (a - b).abs() > STILL));
         if elsewhere {
             finish(&mut stop, begin, &mut out.rows);
         }
         stop.dir = motion.sense();
-        stop.sights.push((sight.t, q, sight.position, sight.quaternion));
+        stop.sights.push((q, *sight));
     }
     finish(&mut stop, begin, &mut out.rows);
     out
@@ -354,29 +356,29 @@ fn stands(samples: &[Sample], sights: &[Sight]) -> Stands {
 /// Ends a stop: its measurements become one row.
 fn finish(stop: &mut Stop, begin: f64, rows: &mut Vec<Row>) {
     let Stop { sights, dir } = std::mem::take(stop);
-    let Some(first) = sights.first() else { return };
+    let Some((_, first)) = sights.first() else { return };
     let n = sights.len() as f64;
-    let mean = |of: &dyn Fn(&(f64, Joints, [f64; 3], Option<[f64; 4]>)) -> f64| sights.iter().map(of).sum::<f64>() / n;
-    let q: Joints = std::array::from_fn(|k| mean(&|s| s.1[k]));
-    let position = std::array::from_fn(|k| mean(&|s| s.2[k]));
-    let measured = match first.3 {
+    let mean = |of: &dyn Fn(&(Joints, Sight)) -> f64| sights.iter().map(of).sum::<f64>() / n;
+    let q: Joints = std::array::from_fn(|k| mean(&|s| s.0[k]));
+    let position = std::array::from_fn(|k| mean(&|s| s.1.position[k]));
+    let measured = match first.quaternion {
         None => Measured::Point { target: 0, position },
         Some(_) => {
             let sum = sights
                 .iter()
-                .filter_map(|s| s.3)
+                .filter_map(|s| s.1.quaternion)
                 .fold(nalgebra::Matrix3::zeros(), |sum, q| sum + rotation_from_quaternion(q));
             // of rotations that are near each other the sum is nearly one: its nearest rotation is their mean
             let svd = sum.svd(true, true);
             let turn = svd
                 .u
                 .zip(svd.v_t)
-                .map_or(rotation_from_quaternion(first.3.unwrap_or([1.0, 0.0, 0.0, 0.0])), |(u, v)| u * v);
+                .map_or(rotation_from_quaternion(first.quaternion.unwrap_or([1.0, 0.0, 0.0, 0.0])), |(u, v)| u * v);
             Measured::Pose { position, quaternion: quaternion_from_rotation(&turn) }
         }
     };
     let seq = rows.len() as u64;
-    let state = State { q, dir: Some(dir), t: Some(mean(&|s| s.0) - begin), ..State::at(&[]) };
+    let state = State { q, dir: Some(dir), t: Some(mean(&|s| s.1.t) - begin), ..State::at(&[]) };
     rows.push(Row { state, measured, seq: Some(seq), line: rows.len() + 2 });
 }
 

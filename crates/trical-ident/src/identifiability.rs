@@ -3,9 +3,7 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_model::{
-    Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, Variable, residual_rows,
-};
+use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -13,6 +11,7 @@ use crate::error::Result;
 use crate::fit::factor;
 use crate::known::{Known, KnownParameters};
 use crate::noise::Noise;
+use crate::optional::{rail, sag};
 use crate::rigid::median;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
@@ -179,7 +178,8 @@ pub struct Choice {
     compliant: Option<Vec<usize>>,
     known: KnownParameters,
     own: OwnSetup,
-    rigid_without_masses: bool,
+    /// Names of those of [`optional_groups`] that are wanted.
+    optional: Vec<String>,
 }
 
 /// A joint that the arm does not have.
@@ -255,10 +255,10 @@ impl Choice {
         }
     }
 
-    /// The same without sines and cosines of inclinations in place of compliances.
+    /// The same with these of [`optional_groups`], by name.
     #[must_use]
-    pub(crate) fn rigid_without_masses(self) -> Self {
-        Self { rigid_without_masses: true, ..self }
+    pub(crate) fn with_optional(self, optional: Vec<String>) -> Self {
+        Self { optional, ..self }
     }
 
     fn is_compliant(&self, joint: usize) -> bool {
@@ -268,13 +268,7 @@ impl Choice {
 
 impl From<ParameterSet> for Choice {
     fn from(set: ParameterSet) -> Self {
-        Self {
-            set,
-            compliant: None,
-            known: KnownParameters::default(),
-            own: OwnSetup::default(),
-            rigid_without_masses: false,
-        }
+        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default(), optional: Vec::new() }
     }
 }
 
@@ -354,17 +348,31 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
         terms.push(link(Parameter::A, 0, "a"));
     }
     terms.extend(compliances(model, choice, choice.elasticity(&model.robot, data)?));
+    let wanted = |t: &Term| choice.optional.contains(&t.name);
+    terms.extend(optional_groups(model, data, choice)?.into_iter().flatten().filter(wanted));
     Ok(terms)
+}
+
+/// Groups of terms of which the measurements decide whether they are needed: what gravity does to an arm without masses, and errors of a rail over
+/// its length.
+///
+/// # Errors
+/// As [`Choice::elasticity`].
+pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Vec<Term>>> {
+    if choice.set != ParameterSet::Complete {
+        return Ok(Vec::new());
+    }
+    let sags = choice.elasticity(&model.robot, data)? == Elasticity::Inclination;
+    let mut groups = if sags { vec![sag(model)] } else { Vec::new() };
+    groups.extend(rail(model, data));
+    groups.retain(|g| !g.is_empty());
+    Ok(groups)
 }
 
 /// What says how far joints give way under load.
 fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Term> {
     let of = match elasticity {
-        Elasticity::NotAsked => return Vec::new(),
-        Elasticity::Inclination if choice.rigid_without_masses || choice.set != ParameterSet::Complete => {
-            return Vec::new();
-        }
-        Elasticity::Inclination => return inclined(model),
+        Elasticity::NotAsked | Elasticity::Inclination => return Vec::new(),
         Elasticity::Torques => trical_model::Basis::measured_torque,
         Elasticity::Masses => |joint| trical_model::Basis::torque(joint, Shape::Linear),
     };
@@ -375,43 +383,6 @@ fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Te
 /// Axes with a smaller sine between them are nearly parallel (6 deg): an error of 3 mrad then moves their common normal by more than 3 % of
 /// its length.
 const NEAR_PARALLEL: f64 = 0.1;
-
-/// An axis is horizontal, and two are parallel, within this, rad.
-const LEVEL: f64 = 0.05;
-
-/// What gravity does to an arm of unknown masses: consecutive joints with parallel axes that stay horizontal turn, each in proportion to its
-/// torque, by sums of sines and cosines of how far the links from there to the last of them are inclined.
-fn inclined(model: &Model) -> Vec<Term> {
-    let plain = Model { terms: Vec::new(), ..model.clone() };
-    let Ok(forward) = Forward::new(plain, Vec::new()) else { return Vec::new() };
-    let mut ws = forward.workspace();
-    let joints = &model.robot.joints;
-    let mut horizontal = vec![true; joints.len()];
-    for state in random_states(model, 20, &[]) {
-        for (level, pose) in horizontal.iter_mut().zip(forward.world_from_joints(&state, &mut ws)) {
-            *level &= pose.rotation[(2, 2)].abs() < LEVEL;
-        }
-    }
-    let turns = |k: usize| horizontal[k] && joints[k].kind == trical_model::JointKind::Revolute;
-    let goes_on = |k: usize| turns(k) && joints[k].alpha.sin().abs() < LEVEL && joints[k].alpha.cos() > 0.0;
-    let mut terms = Vec::new();
-    let mut first = 0;
-    while first < joints.len() {
-        let end = (first + 1..joints.len()).find(|k| !goes_on(*k)).unwrap_or(joints.len());
-        for joint in (first..end).filter(|_| turns(first)) {
-            for last in joint..end {
-                for (name, shape) in [("sin", Shape::Sine { cycles: 1.0 }), ("cos", Shape::Cosine { cycles: 1.0 })] {
-                    let of = Variable::Inclination { first: first + 1, last: last + 1 };
-                    let name = format!("sag_{}_{name}_{}", joint + 1, last + 1);
-                    let basis = trical_model::Basis::new(of, shape);
-                    terms.push(Term::new(name, "compliance", Site::Joint { joint: joint + 1 }, basis));
-                }
-            }
-        }
-        first = end;
-    }
-    terms
-}
 
 /// What the tool and the place of the balls add in those sessions that have their own.
 fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {

@@ -12,7 +12,7 @@ use crate::degenerate::{
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, factor, position_errors, weighted_residuals};
 use crate::identifiability::{
-    Choice, Dependent, Elasticity, Observability, ParameterSet, covariance, independent_terms, indices, spectrum,
+    Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, spectrum,
     weakest_direction,
 };
 use crate::known::Known;
@@ -426,34 +426,42 @@ fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
 /// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].
 ///
 /// Where the measurements leave parameters of the arm more uncertain than arms differ from nominal, all of the arm's are kept near nominal by
-/// weak priors ([`Identified::weak`] says which needed it). Of an arm without masses and torques, what gravity does is kept where the data
-/// show it (the Bayesian information criterion).
+/// weak priors ([`Identified::weak`] says which needed it). What gravity does to an arm without masses and torques, and errors of a rail over its
+/// length, are kept where the data show them (the Bayesian information criterion).
 ///
 /// # Errors
 /// As [`fit_model`].
 pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Choice>) -> Result<Identified> {
     let choice = choice.into();
-    if choice.elasticity(robot, data)? != Elasticity::Inclination {
-        return identify_as_said(robot, cell, data, &choice);
-    }
-    let rigid = identify_as_said(robot, cell, data, &choice.clone().rigid_without_masses())?;
-    let numbers = different_numbers(robot, data);
-    if choice.set() != ParameterSet::Complete || numbers < SAGGING * rigid.free.len() {
-        return Ok(rigid);
-    }
-    let Ok(sagging) = identify_as_said(robot, cell, data, &choice) else { return Ok(rigid) };
-    let sag: Vec<usize> = (0..sagging.free.len())
-        .filter(|k| {
-            matches!(sagging.model.terms[sagging.free[*k]].basis.of, trical_model::Variable::Inclination { .. })
-        })
+    let plain = identify_as_said(robot, cell, data, &choice)?;
+    let groups: Vec<Vec<String>> = optional_groups(&Model::nominal(robot.clone(), cell.clone()), data, &choice)?
+        .into_iter()
+        .map(|group| group.into_iter().map(|t| t.name).collect())
         .collect();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let price = sag.len() as f64 * (numbers as f64).ln();
-    Ok(if sagging.wald(&sag) > price { sagging } else { rigid })
+    let numbers = different_numbers(robot, data);
+    if groups.is_empty() || numbers < OPTIONAL * plain.free.len() {
+        return Ok(plain);
+    }
+    let Ok(all) = identify_as_said(robot, cell, data, &choice.clone().with_optional(groups.concat())) else {
+        return Ok(plain);
+    };
+    let needed = |group: &&Vec<String>| {
+        let own: Vec<usize> =
+            (0..all.free.len()).filter(|k| group.contains(&all.model.terms[all.free[*k]].name)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let price = own.len() as f64 * (numbers as f64).ln();
+        !own.is_empty() && all.wald(&own) > price
+    };
+    let kept: Vec<Vec<String>> = groups.iter().filter(needed).cloned().collect();
+    match kept.len() {
+        0 => Ok(plain),
+        k if k == groups.len() => Ok(all),
+        _ => Ok(identify_as_said(robot, cell, data, &choice.with_optional(kept.concat())).unwrap_or(plain)),
+    }
 }
 
-/// So many numbers must be there for each parameter of a rigid arm before it is asked whether an arm without masses sags.
-const SAGGING: usize = 4;
+/// So many numbers must be there for each parameter of the plain model before it is asked what else it needs.
+const OPTIONAL: usize = 4;
 
 fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<Identified> {
     let (model, dependent) = prepared(robot, cell, data, choice)?;

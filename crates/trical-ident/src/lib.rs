@@ -34,6 +34,7 @@ pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
+mod optional;
 pub mod repeatability;
 pub mod rigid;
 mod sample;

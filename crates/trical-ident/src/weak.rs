@@ -10,6 +10,9 @@ use crate::known::Known;
 const LENGTH: f64 = 2e-3;
 const ANGLE: f64 = 3.5e-3;
 
+/// The scale of a rail, roughly: 0.5 mm a metre.
+const SCALE: f64 = 5e-4;
+
 /// How far a joint gives way under the largest load of a recording, roughly, rad (0.3 deg) or m.
 const GIVES_WAY: f64 = 5e-3;
 
@@ -30,6 +33,10 @@ pub(crate) fn plausible(model: &Model, data: &Dataset) -> Vec<Option<f64>> {
             loads.get(joint - 1).filter(|load| **load > 0.0).map(|load| GIVES_WAY / load)
         }
         (Site::Joint { .. }, Variable::Inclination { .. }) => Some(GIVES_WAY),
+        // errors of a rail over its length, with it
+        (Site::Joint { .. }, Variable::Joint { .. }) => Some(SCALE),
+        (Site::Link { parameter: Parameter::A | Parameter::D, .. }, Variable::Joint { .. }) => Some(LENGTH),
+        (Site::Link { .. } | Site::Tilt { .. }, Variable::Joint { .. }) => Some(ANGLE),
         _ => None,
     };
     model.terms.iter().map(of).collect()

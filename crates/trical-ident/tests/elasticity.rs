@@ -103,3 +103,46 @@ fn directions_of_which_the_measurements_say_little_stay_near_nominal_and_are_nam
     let c = calibrated(&truth, seen(&truth, 120, 1e-5, 9, false, WIDE));
     assert!(c.fitted.weak.is_empty() && c.fitted.held().is_empty());
 }
+
+#[test]
+fn the_scale_and_the_bends_of_a_rail_are_found_where_it_has_them_and_not_where_it_has_none() {
+    let mut rigid = without_masses(13);
+    rigid.terms.clear();
+    let mut rail = rigid.robot.joints[0].clone();
+    rail.kind = trical_model::JointKind::Prismatic;
+    (rail.alpha, rail.a, rail.d, rail.theta_offset) = (-std::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0);
+    rail.limits = [0.0, 6.0];
+    rigid.robot.joints[0].alpha += std::f64::consts::FRAC_PI_2;
+    rigid.robot.joints.insert(0, rail);
+    assert!(rigid.robot.is_on_rail());
+    let names = |c: &Calibration| -> Vec<String> {
+        c.fitted.model.terms.iter().filter(|t| t.name.starts_with("rail")).map(|t| t.name.clone()).collect()
+    };
+    let on_rail = |truth: &Model| {
+        let mut rng = Pcg64Mcg::seed_from_u64(14);
+        let rows: Vec<(State, Aim)> = (0..120)
+            .map(|_| {
+                let q: Vec<f64> = (0..7)
+                    .map(|k| if k == 0 { rng.random_range(0.5..5.5) } else { rng.random_range(-1.5..1.5) })
+                    .collect();
+                (State::at(&q), Aim::Target(0))
+            })
+            .collect();
+        let scatter = Scatter { length: 2e-5, angle: 0.0, seed: 15 };
+        calibrated(truth, Recording { name: "r.csv".into(), ..simulate(truth, &rows, &scatter, None).unwrap() })
+    };
+    assert_eq!(names(&on_rail(&rigid)), Vec::<String>::new());
+    let mut truth = rigid;
+    let along = Basis::new(Variable::Joint { joint: 1 }, Shape::Linear);
+    for (name, site, value) in
+        [("scale", Site::Joint { joint: 1 }, 1e-4), ("yaw", Site::Tilt { joint: 1, axis: trical_model::Axis::X }, 1e-4)]
+    {
+        truth.terms.push(Term { value, ..Term::new(name, "geometry", site, along) });
+    }
+    let c = on_rail(&truth);
+    assert_eq!(names(&c), ["rail_scale", "rail_turn_x", "rail_turn_y", "rail_turn_z"]);
+    assert!((value(&c, "rail_scale").unwrap() - 1e-4).abs() < 1e-5);
+    // from one end of what was used to the other
+    assert!((value(&c, "rail_turn_x").unwrap() - 5e-4).abs() < 5e-5);
+    assert!(c.held_out.by_block.unwrap().mean_mm < 0.06, "{:?}", c.held_out);
+}

@@ -115,6 +115,10 @@ def identify(
         not_identifiable=[(name, others) for name, *others in s["not_identifiable"]],
         correlated=s["correlated"],
         joints=s["joints"],
+        held=s["held"],
+        near_nominal=s["near_nominal"],
+        elasticity=s["elasticity"],
+        orientation=s.get("orientation"),
         _made=Made.of(
             told,
             identify,

@@ -44,11 +44,12 @@ def export(
     Args:
         model: a Model, or the path of a model file.
         robot: refuse a model that is not of this arm (WrongModelError): path of a robot.toml or URDF, or a Robot.
-        urdf: where to write the arm as a URDF: where `robot` is the path of a URDF, that very file with the origins of its joints
-            corrected; else base, links and tool anew.
+        urdf: where to write the arm as a URDF: where `robot` is the path of a URDF, that very file with the origins of
+            its joints corrected; else base, links and tool anew.
         mdh: where to write the table of modified Denavit-Hartenberg parameters: .toml (a robot file), .json or .csv.
         error_map: where to write how far the arm misses all over its workspace, a CSV.
-        ur_kinematics: where to write the kinematics of an arm of Universal Robots for its ROS driver, robot_calibration.yaml.
+        ur_kinematics: where to write the kinematics of an arm of Universal Robots for its ROS driver
+            (robot_calibration.yaml).
         poses: of the map.
 
     Returns:

@@ -10,19 +10,25 @@ from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer
 
 LINE = "=" * 80
-HEADER = f"\n{LINE}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{LINE}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+HEADER = (
+    f"\n{LINE}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    f"{LINE}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)
 POINT = f"{LINE}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
 VECTOR = f"{LINE}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
 QUATERNION = f"{LINE}\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
 TEXTS = {
-    "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" + HEADER,
+    "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\n"
+    + "float64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    + HEADER,
     "geometry_msgs/msg/PointStamped": "std_msgs/Header header\ngeometry_msgs/Point point\n" + HEADER + POINT,
     "geometry_msgs/msg/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n"
     + HEADER
     + f"{LINE}\nMSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
     + POINT
     + QUATERNION,
-    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
+    + "geometry_msgs/Transform transform\n"
     + HEADER
     + f"{LINE}\nMSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"
     + VECTOR
@@ -53,7 +59,10 @@ def write_bag(
     kind: str = "PoseStamped",
     compression: CompressionType = CompressionType.ZSTD,
 ) -> None:
-    """Half a second at each of `joints` (n, dof; in the order of `names`), half a second on the way to the next; states at 50 Hz, sights at 10 Hz."""
+    """Half a second at each of `joints` (n, dof; in the order of `names`), half a second on the way to the next.
+
+    States at 50 Hz, sights at 10 Hz.
+    """
     t = 1_700_000_000.0
     with path.open("wb") as f:
         writer = Writer(f, compression=compression)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import write_bag
 from mcap.writer import CompressionType
 
 import trical
+from bags import write_bag
 
 UR = ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]
 OF_UR = [2, 1, 0, 3, 4, 5]
@@ -41,6 +41,6 @@ def test_a_bag_says_what_was_seen_where_the_arm_stood(tmp_path: Path, kind: str,
 
 def test_a_bag_of_an_arm_with_other_joints_is_refused(tmp_path: Path) -> None:
     q = np.zeros((2, 6))
-    write_bag(tmp_path / "run.mcap", q, np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), UR[:5] + ["gripper"])
-    with pytest.raises(trical.TricalError, match="7 joints|robot has 7"):
+    write_bag(tmp_path / "run.mcap", q, np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), [*UR[:5], "gripper"])
+    with pytest.raises(trical.TricalError, match=r"robot has 7"):
         trical.Recording.load(tmp_path / "run.mcap", joints=7)

@@ -330,6 +330,8 @@ pub fn calibrate(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
+    // a robot file that says half is refused before anything else is told
+    options.choice.elasticity_of(robot, recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
     task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
     let elasticity = options.choice.elasticity(robot, &data)?;
@@ -394,6 +396,9 @@ pub fn calibrate_stream(
 ) -> Result<Calibration> {
     let set = options.choice.set();
     let sample = stream.sample()?;
+    options
+        .choice
+        .elasticity_of(robot, sample.recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
     let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
     let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting in passes")?;

@@ -240,11 +240,19 @@ impl Choice {
     /// # Errors
     /// Joints were named, or some links have masses and others do not, and there are no torques.
     pub fn elasticity(&self, robot: &Robot, data: &Dataset) -> Result<Elasticity> {
+        let rows = &data.observations;
+        self.elasticity_of(robot, !rows.is_empty() && rows.iter().all(|o| o.state.torques.is_some()))
+    }
+
+    /// The same where every row has torques, or not.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn elasticity_of(&self, robot: &Robot, has_torques: bool) -> Result<Elasticity> {
         if self.set < ParameterSet::Compliance {
             return Ok(Elasticity::NotAsked);
         }
-        let rows = &data.observations;
-        if !rows.is_empty() && rows.iter().all(|o| o.state.torques.is_some()) {
+        if has_torques {
             return Ok(Elasticity::Torques);
         }
         let some = self.compliant.is_some() || robot.joints.iter().any(|j| j.mass.is_some());

@@ -20,24 +20,20 @@
 //! # Ok::<(), trical_model::ModelError>(())
 //! ```
 
-mod correct;
 mod mdh;
 #[cfg(test)]
 mod tests;
-mod tree;
-mod ur;
-mod write;
-mod xml;
+pub(crate) mod tree;
+pub(crate) mod write;
+pub(crate) mod xml;
 
 use std::path::{Path, PathBuf};
 
 use crate::error::{Result, read_text};
 use crate::robot::Robot;
 
-pub use correct::corrected;
 pub(crate) use mdh::robot_from_axes;
 pub(crate) use tree::Axes;
-pub use ur::{calibrated_by_maker, ur_kinematics};
 pub use write::write;
 
 /// An arm from a URDF.
@@ -88,15 +84,6 @@ impl UrdfPath {
         let some = |s: &str| (!s.is_empty()).then(|| s.to_owned());
         let path = PathBuf::from(file);
         named(&path).then(|| Self { path, root: some(root), tip: some(tip) })
-    }
-
-    /// The text of this file with the origins of its joints corrected by what `model` learnt of the arm; see [`corrected`].
-    ///
-    /// # Errors
-    /// As there.
-    pub fn corrected(&self, model: &crate::Model) -> Result<String> {
-        let text = read_text(&self.path)?;
-        corrected(&text, &self.path.display().to_string(), self.root.as_deref(), self.tip.as_deref(), model)
     }
 
     /// Reads the arm.

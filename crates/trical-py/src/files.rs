@@ -83,12 +83,12 @@ pub fn _export(
         };
         if let Some(out) = &urdf {
             match &given {
-                Some(given) => write(out, &given.corrected(&model)?)?,
+                Some(given) => write(out, &trical_model::calibrated::corrected_file(given, &model)?)?,
                 None => write(out, &arm.urdf(&name))?,
             }
         }
         if let Some(out) = &ur_kinematics {
-            write(out, &trical_model::urdf::ur_kinematics(&model, "calib_trical")?)?;
+            write(out, &trical_model::calibrated::ur_kinematics(&model, "calib_trical")?)?;
         }
         if let Some(out) = &mdh {
             write(out, &arm.table(out)?)?;

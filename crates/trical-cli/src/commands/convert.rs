@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use trical_ident::write_whole;
 use trical_model::Robot;
+use trical_model::calibrated::calibrated_by_maker;
 use trical_model::error::read_text;
-use trical_model::urdf::{UrdfPath, calibrated_by_maker};
+use trical_model::urdf::UrdfPath;
 use trical_recording::mcap::{Header, write_recording};
 use trical_recording::{is_mcap, open_damaged, to_csv};
 

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use serde_json::json;
 use trical_ident::{ModelFile, write_whole};
 use trical_model::Robot;
-use trical_model::urdf::{UrdfPath, ur_kinematics};
+use trical_model::calibrated::{corrected_file, ur_kinematics};
+use trical_model::urdf::UrdfPath;
 use trical_report::{ErrorMap, Export};
 
 use crate::error::Result;
@@ -54,7 +55,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(out) = &args.urdf {
         let given = args.robot.as_deref().and_then(UrdfPath::of);
         let text = match &given {
-            Some(given) => given.corrected(&file.model)?,
+            Some(given) => corrected_file(given, &file.model)?,
             None => arm.urdf(&args.model.display().to_string()),
         };
         write_whole(out, text.as_bytes())?;

@@ -24,7 +24,7 @@ pub(crate) struct Axes {
 }
 
 /// A moving joint of the chain as the file has it.
-pub(super) struct Place {
+pub(crate) struct Place {
     /// Which joint of the file.
     pub index: usize,
     /// Where it stands at zero.
@@ -34,7 +34,7 @@ pub(super) struct Place {
 }
 
 /// The chain at its zero position.
-pub(super) struct Serial {
+pub(crate) struct Serial {
     pub joints: Vec<Axes>,
     pub places: Vec<Place>,
     pub names: Vec<String>,
@@ -254,7 +254,7 @@ fn limits(joint: &Joint, file: &str) -> Result<[f64; 2]> {
 }
 
 /// The chain from link `root` (the root of the tree) to link `tip` (the only end of it).
-pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&str>) -> Result<Serial> {
+pub(crate) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&str>) -> Result<Serial> {
     let tree = Tree::of(urdf, file)?;
     let top = tree.root()?;
     let root = root.map_or(Ok(top), |name| tree.find(name))?;

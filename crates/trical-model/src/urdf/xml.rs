@@ -15,20 +15,20 @@ const DEEPEST: usize = 100;
 
 /// Mass and centre of gravity in the link's frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Inertial {
+pub(crate) struct Inertial {
     pub mass: f64,
     pub cog: V3,
 }
 
 #[derive(Debug)]
-pub(super) struct Link {
+pub(crate) struct Link {
     pub name: String,
     pub line: usize,
     pub inertial: Inertial,
 }
 
 #[derive(Debug)]
-pub(super) struct Joint {
+pub(crate) struct Joint {
     pub name: String,
     pub line: usize,
     pub kind: String,
@@ -53,13 +53,13 @@ impl Joint {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Urdf {
+pub(crate) struct Urdf {
     pub name: String,
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
 }
 
-pub(super) fn error(file: &str, line: usize, problem: impl Into<String>) -> ModelError {
+pub(crate) fn error(file: &str, line: usize, problem: impl Into<String>) -> ModelError {
     ModelError::Input { file: file.to_owned(), place: format!("line {line}"), problem: problem.into() }
 }
 
@@ -152,7 +152,7 @@ impl Lines<'_> {
 }
 
 /// Reads the text of a URDF.
-pub(super) fn read(text: &str, file: &str) -> Result<Urdf> {
+pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
     if text.len() > LARGEST {
         let problem = format!("has {} bytes, expected a URDF of at most {LARGEST}", text.len());
         return Err(ModelError::Unreadable { file: file.to_owned(), problem });

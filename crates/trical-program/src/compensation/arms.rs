@@ -197,6 +197,16 @@ impl<'a> Compensator<'a> {
         }
     }
 
+    /// Joints of the whole arm: with where the rail stands, if there is one.
+    pub(super) fn with_rail(&self, spot: &Spot, q: &Joints) -> Joints {
+        match (self.rail, spot.external) {
+            (Some(_), External::First(at)) => {
+                std::array::from_fn(|k| if k == 0 { at * 1e-3 } else { q.get(k - 1).copied().unwrap_or(0.0) })
+            }
+            _ => *q,
+        }
+    }
+
     pub(super) fn state(&self, q: &Joints, dir: [i8; MAX_JOINTS]) -> State {
         State {
             q: *q,

@@ -24,7 +24,7 @@ pub struct Done {
     pub after: (f64, f64),
     /// What the program wants, in {w}.
     pub wanted: Pose,
-    /// Joints to which the controller will go.
+    /// Joints to which the controller will go, the rail's place in front of them where there is one.
     pub joints: Joints,
 }
 
@@ -98,7 +98,7 @@ impl Compensator<'_> {
         };
         let after = apart(&arm.model.world_from_tool(&self.state(&reached, start.dir), model_ws), &wanted);
         let moved = (commanded.translation - wanted.translation).norm();
-        Ok(Done { edits, moved, before, after, wanted, joints: reached })
+        Ok(Done { edits, moved, before, after, wanted, joints: self.with_rail(spot, &reached) })
     }
 }
 

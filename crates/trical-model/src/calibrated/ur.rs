@@ -9,8 +9,8 @@ use crate::pose::{Pose, angles_zyx, rotation_x};
 use crate::robot::{Joint, JointKind, Robot};
 
 use super::correct::{arm_alone, links};
-use super::tree::Axes;
-use super::{robot_from_axes, write};
+use crate::urdf::tree::Axes;
+use crate::urdf::{robot_from_axes, write};
 
 type V3 = nalgebra::Vector3<f64>;
 

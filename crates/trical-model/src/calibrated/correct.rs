@@ -1,14 +1,14 @@
 //! A URDF with its arm corrected: the file as it was given, but for the origins of the joints that move.
 
-use crate::error::{ModelError, Result};
+use crate::error::{ModelError, Result, read_text};
 use crate::forward::{Forward, Model};
 use crate::pose::{Pose, angles_zyx};
 use crate::recording::State;
 use crate::robot::Robot;
 use crate::term::Site;
 
-use super::tree::Place;
-use super::{parse, robot_from_axes, tree, xml};
+use crate::urdf::tree::{self, Place};
+use crate::urdf::{UrdfPath, parse, robot_from_axes, xml};
 
 /// The corrected file may differ from the model by this, m and rad: rounding of Euler angles.
 const SAME: f64 = 1e-8;
@@ -18,7 +18,7 @@ const SAME: f64 = 1e-8;
 /// model's rigid part do: poses of the flange are the same to rounding.
 ///
 /// # Errors
-/// As [`super::parse`]; a file whose arm is not the model's.
+/// As [`crate::urdf::parse`]; a file whose arm is not the model's.
 pub fn corrected(text: &str, file: &str, root: Option<&str>, tip: Option<&str>, model: &Model) -> Result<String> {
     let (origins, urdf) = origins(text, file, root, tip, model)?;
     let mut out = text.to_owned();
@@ -53,6 +53,15 @@ fn origin(pose: &Pose) -> String {
     // adding zero turns -0 into 0
     let [x, y, z, roll, pitch, yaw] = [t.x, t.y, t.z, roll, pitch, yaw].map(|v| (v * 1e12).round() / 1e12 + 0.0);
     format!("<origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"")
+}
+
+/// As [`corrected`], of a file whose arm may be named behind a `#`.
+///
+/// # Errors
+/// As there.
+pub fn corrected_file(given: &UrdfPath, model: &Model) -> Result<String> {
+    let text = read_text(&given.path)?;
+    corrected(&text, &given.path.display().to_string(), given.root.as_deref(), given.tip.as_deref(), model)
 }
 
 /// A joint that moves, and where it stands at zero in the link that carries it.

@@ -76,7 +76,7 @@ fn the_demo_tells_its_story_and_leaves_what_it_says() {
         place.run(&["identify", "demo/run.mcap", "--robot", "demo/robot.toml", "--cell", "demo/cell.toml", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
     assert_eq!(json["observations"], 45);
-    assert_eq!(json["parameters"].as_array().unwrap().len(), 31);
+    assert_eq!(json["parameters"].as_array().unwrap().len(), 32);
     assert!(json["rms_mm"].as_f64().unwrap() < 0.02 && json["rms_nominal_mm"].as_f64().unwrap() > 0.2);
     // to CSV and back, nothing is lost
     assert!(place.run(&["convert", "demo/run.mcap", "run.csv"]).status.success());
@@ -195,7 +195,7 @@ fn bad_recordings_are_refused_with_file_line_and_column() {
         ("nan", &format!("{HEADER}{row}1,10,nan,30,40,50,60,0,0,0\n"), &["line 3", "q2_deg", "nan"]),
         ("text", &format!("{HEADER}1,10,twenty,30,40,50,60,0,0,0\n"), &["line 2", "q2_deg", "twenty"]),
         ("unknown", &format!("speed,{HEADER}5,{row}"), &["header", "speed"]),
-        ("unit", &HEADER.replace("q3_deg", "q3_rad"), &["q3_rad"]),
+        ("unit", &HEADER.replace("q3_deg", "q3_grad"), &["q3_grad"]),
         ("missing", &HEADER.replace("q3_deg,", ""), &["q3_deg"]),
         ("ball", &format!("{HEADER}7,10,20,30,40,50,60,0,0,0\n"), &["line 2", "ball 7"]),
         ("few", &format!("{HEADER}{row}{row}{row}{row}"), &["few.csv"]),

@@ -44,7 +44,7 @@ def identify(
     robot: PathLike | Robot,
     cell: PathLike | Cell,
     joints: str = "read",
-    model: str = "compliance",
+    model: str = "complete",
     compliant: Sequence[int] = (),
     folds: int | None = None,
     hold_out_last: int | None = None,
@@ -62,7 +62,8 @@ def identify(
         robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
         cell: path of a cell.toml, or a Cell.
         joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.
-        model: "nominal" (measuring frame or base, and tool points only), "geometry", "compliance" or "complete".
+        model: "nominal" (measuring frame or base, and tool points only), "geometry" (rigid), "compliance" (the
+            paper's 31) or "complete": as rich as robot and recordings allow; `cautions` says what was left out and why.
         compliant: joints (from 1) whose compliance is identified; all that carry gravity where empty.
         folds: also score every pose by a fit without it, in so many folds that cut no block of neighbouring poses.
         hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
@@ -114,6 +115,10 @@ def identify(
         not_identifiable=[(name, others) for name, *others in s["not_identifiable"]],
         correlated=s["correlated"],
         joints=s["joints"],
+        held=s["held"],
+        near_nominal=s["near_nominal"],
+        elasticity=s["elasticity"],
+        orientation=s.get("orientation"),
         _made=Made.of(
             told,
             identify,

@@ -67,6 +67,7 @@ def export(
     urdf: PathLike | None = None,
     mdh: PathLike | None = None,
     error_map: PathLike | None = None,
+    ur_kinematics: PathLike | None = None,
     poses: int = 2000,
 ) -> dict[str, Any]:
     """Write a calibrated arm for other programs.
@@ -74,9 +75,12 @@ def export(
     Args:
         model: a Model, or the path of a model file.
         robot: refuse a model that is not of this arm (WrongModelError): path of a robot.toml or URDF, or a Robot.
-        urdf: where to write base, links and tool as a URDF.
+        urdf: where to write the arm as a URDF: where `robot` is the path of a URDF, that very file with the origins of
+            its joints corrected; else base, links and tool anew.
         mdh: where to write the table of modified Denavit-Hartenberg parameters: .toml (a robot file), .json or .csv.
         error_map: where to write how far the arm misses all over its workspace, a CSV.
+        ur_kinematics: where to write the kinematics of an arm of Universal Robots for its ROS driver
+            (robot_calibration.yaml).
         poses: of the map.
 
     Returns:
@@ -84,9 +88,9 @@ def export(
         move the TCP at 1000 random poses), same_frames (whether the table compares with the nominal one line by
         line), and error_map (a summary, or None).
     """
-    files = (urdf, mdh, error_map)
+    files = (urdf, mdh, error_map, ur_kinematics)
     if not any(files):
-        raise TricalError("export was given nothing to write, expected urdf, mdh or error_map")
+        raise TricalError("export was given nothing to write, expected urdf, mdh, error_map or ur_kinematics")
     name = "a model in Python" if isinstance(model, Model) else os.fspath(model)
     loaded = model if isinstance(model, Model) else Model.load(model)
     arm = None if robot is None else _file(robot)

@@ -520,5 +520,6 @@ def _export(
     urdf: _Path | None,
     mdh: _Path | None,
     error_map: _Path | None,
+    ur_kinematics: _Path | None,
     poses: int,
 ) -> str: ...

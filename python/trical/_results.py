@@ -56,6 +56,10 @@ class Identified(Reported):
     did not see: by_pose, by_block (of neighbouring poses), forward (in time), by_session; `sessions` what each of
     several recordings has of its own. `errors_mm` (observations, 2) has them one by one, before and after (None
     for files that were read in passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm.
+    `held` names what was held at nominal since joints hardly move, `near_nominal` what weak priors decided rather than
+    the measurements, `elasticity` says from what compliance is known ("torques", "masses", "inclination", "not_asked"),
+    and `orientation` has the errors of orientation before and after (mean_deg, rms_deg, max_deg) where full poses were
+    measured.
     """
 
     model: Model
@@ -75,6 +79,10 @@ class Identified(Reported):
     not_identifiable: list[tuple[str, list[str]]] = field(default_factory=list)
     correlated: list[Any] = field(default_factory=list)
     joints: str = "read"
+    held: list[str] = field(default_factory=list)
+    near_nominal: list[str] = field(default_factory=list)
+    elasticity: str = "not_asked"
+    orientation: list[dict[str, float]] | None = None
 
     def _errors(self) -> list[tuple[str, Errors | None]]:
         return [

@@ -98,7 +98,8 @@ impl Rounds {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
         let all = rejection::without_stale(data);
-        let set = if robot.require_masses().is_ok() { ParameterSet::Compliance } else { ParameterSet::Geometry };
+        // the twist of near-parallel axes is an effect here
+        let set = ParameterSet::Compliance;
         let all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
         let choice = Choice::from(set);
         let own = own_setup(robot, cell, &all, &choice, options.tool)?;

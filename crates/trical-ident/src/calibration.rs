@@ -5,12 +5,12 @@ use serde::Serialize;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::caution::{beyond_limits, cautions, too_many};
+use crate::caution::{beyond_limits, cautions, held, near_nominal, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::position_errors;
+use crate::fit::{orientation_errors, position_errors};
 use crate::folds::{FOLDS, Folds};
-use crate::identifiability::{Choice, Observability, OwnSetup, ParameterSet};
+use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::solver::LmReport;
@@ -103,6 +103,36 @@ impl HeldOut {
     }
 }
 
+/// Mean, root of the mean square and maximum of angles, deg.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AngleSummary {
+    /// Mean.
+    pub mean_deg: f64,
+    /// Root of the mean square.
+    pub rms_deg: f64,
+    /// Largest.
+    pub max_deg: f64,
+}
+
+impl AngleSummary {
+    /// Of angles in rad.
+    fn of(angles: &[f64]) -> Self {
+        // the same sums as of lengths
+        let e = ErrorSummary::of(angles);
+        let deg = |mm: f64| (mm * 1e-3).to_degrees();
+        Self { mean_deg: deg(e.mean_mm), rms_deg: deg(e.rms_mm), max_deg: deg(e.max_mm) }
+    }
+}
+
+/// Errors of orientation before and after, where full poses were measured.
+fn orientation(nominal: &Model, fitted: &Identified) -> Result<Option<[AngleSummary; 2]>> {
+    let of = |model: &Model| -> Result<Vec<f64>> {
+        Ok(orientation_errors(&trical_model::Forward::new(model.clone(), Vec::new())?, &fitted.data))
+    };
+    let (before, after) = (of(nominal)?, of(&fitted.model)?);
+    Ok((!after.is_empty()).then(|| [AngleSummary::of(&before), AngleSummary::of(&after)]))
+}
+
 /// What a session does not share with the first one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SessionSetup {
@@ -127,6 +157,8 @@ pub struct Calibration {
     pub before: ErrorSummary,
     /// Errors of the fit at all rows.
     pub errors: ErrorSummary,
+    /// Errors of orientation, of the nominal arm and of the fit, where full poses were measured.
+    pub orientation: Option<[AngleSummary; 2]>,
     /// Errors at poses that the fit did not see.
     pub held_out: HeldOut,
     /// As asked: folds, and errors.
@@ -145,8 +177,8 @@ pub struct Calibration {
     pub named: Vec<Rejected>,
     /// Whether gross errors were looked for.
     pub cleaned: bool,
-    /// Compliance was asked for and left out, since the robot has no masses.
-    pub without_compliance: bool,
+    /// From what it is known how far joints give way.
+    pub elasticity: Elasticity,
     /// Passes over the files, where they were not read at once.
     pub passes: Option<usize>,
     /// What each session has of its own; empty for one session.
@@ -160,13 +192,9 @@ impl Calibration {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
         out.extend(beyond_limits(&f.model.robot, &f.data));
-        if self.without_compliance {
-            out.push(
-                "the robot has no masses, so that compliance was left out (mass_kg and cog_mm of every link in robot.toml would \
-                 give it)"
-                    .into(),
-            );
-        }
+        out.extend(without_masses(self.elasticity, &f.model));
+        out.extend(held(&f.model.robot, &f.data, &f.held()));
+        out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));
@@ -189,6 +217,9 @@ struct Summary<'a> {
     blocks: usize,
     parameters: Vec<Shown>,
     not_identifiable: Vec<Vec<&'a str>>,
+    held: Vec<&'a str>,
+    near_nominal: Vec<&'a str>,
+    elasticity: Elasticity,
     correlated: Vec<(String, String, f64)>,
     at_limit: Vec<&'a str>,
     observability: &'a Observability,
@@ -201,6 +232,8 @@ struct Summary<'a> {
     rms_nominal_mm: f64,
     max_nominal_mm: f64,
     mean_nominal_mm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    orientation: Option<[AngleSummary; 2]>,
     held_out: &'a HeldOut,
     worst_held_out: Option<WorstHeldOut>,
     sessions: &'a [SessionSetup],
@@ -251,8 +284,12 @@ impl Serialize for Calibration {
             not_identifiable: f
                 .dependent
                 .iter()
+                .filter(|d| !d.held)
                 .map(|d| std::iter::once(&d.name).chain(&d.with).map(String::as_str).collect())
                 .collect(),
+            held: f.held(),
+            near_nominal: f.kept_near_nominal(),
+            elasticity: self.elasticity,
             correlated: f.correlated(0.9),
             at_limit: f.stopped(),
             observability: &f.observability,
@@ -265,6 +302,7 @@ impl Serialize for Calibration {
             rms_nominal_mm: before.rms_mm,
             max_nominal_mm: before.max_mm,
             mean_nominal_mm: before.mean_mm,
+            orientation: self.orientation,
             held_out: &self.held_out,
             worst_held_out: self.held_out.worst().map(|(how, e)| WorstHeldOut {
                 how,
@@ -292,9 +330,11 @@ pub fn calibrate(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
-    let without_compliance = options.choice.lacks_masses(robot)?;
+    // a robot file that says half is refused before anything else is told
+    options.choice.elasticity_of(robot, recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
     task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
+    let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting")?;
     let own = own_setup(robot, cell, &data, &options.choice, options.tool)?;
     let choice = options.choice.clone().with_own(own);
@@ -322,6 +362,7 @@ pub fn calibrate(
     };
     task.step(1.0, "done")?;
     Ok(Calibration {
+        orientation: orientation(&nominal.model, &fitted)?,
         nominal: nominal.model,
         before: ErrorSummary::of(&each_before),
         errors: ErrorSummary::of(&after),
@@ -335,7 +376,7 @@ pub fn calibrate(
         rejected: data.rejected.len(),
         named: data.rejected.clone(),
         cleaned: !options.keep_outliers,
-        without_compliance,
+        elasticity,
         passes: None,
         sessions: session_setups(&fitted),
         fitted,
@@ -354,9 +395,12 @@ pub fn calibrate_stream(
     task: &Task<'_>,
 ) -> Result<Calibration> {
     let set = options.choice.set();
-    let without_compliance = options.choice.lacks_masses(robot)?;
     let sample = stream.sample()?;
+    options
+        .choice
+        .elasticity_of(robot, sample.recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
     let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
+    let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting in passes")?;
     let streamed = identify_stream(robot, cell, stream, &data, options.choice.clone(), options.keep_outliers)?;
     // of what is drawn: the sample
@@ -364,6 +408,7 @@ pub fn calibrate_stream(
     task.step(1.0, "done")?;
     Ok(Calibration {
         each_before: nominal.errors()?,
+        orientation: orientation(&nominal.model, &streamed.identified)?,
         nominal: nominal.model,
         before: streamed.before,
         errors: streamed.errors,
@@ -376,7 +421,7 @@ pub fn calibrate_stream(
         rejected: streamed.rejected,
         named: streamed.named,
         cleaned: !options.keep_outliers,
-        without_compliance,
+        elasticity,
         passes: Some(streamed.passes + 1),
         sessions: Vec::new(),
         fitted: streamed.identified,

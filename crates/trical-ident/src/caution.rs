@@ -1,8 +1,10 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Basis, JointKind, Model, Motion, Robot, Site};
+use trical_model::{Basis, JointKind, Model, Motion, Robot, Site, Variable};
 
 use crate::dataset::Dataset;
+use crate::degenerate::hardly_moving;
+use crate::identifiability::Elasticity;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
 const FAR: f64 = 0.1;
@@ -71,6 +73,65 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
         ));
     }
     out
+}
+
+/// What to say of an arm of which neither masses nor torques are known.
+#[must_use]
+pub fn without_masses(elasticity: Elasticity, model: &Model) -> Option<String> {
+    if elasticity != Elasticity::Inclination {
+        return None;
+    }
+    let mut sag: Vec<usize> = Vec::new();
+    for t in &model.terms {
+        if let (Variable::Inclination { .. }, Site::Joint { joint }) = (t.basis.of, t.site)
+            && !sag.contains(&joint)
+        {
+            sag.push(joint);
+        }
+    }
+    let cure = "mass_kg and cog_mm of every link in robot.toml would give it";
+    Some(if sag.is_empty() {
+        format!("the robot has no masses, so that compliance was left out ({cure})")
+    } else {
+        format!(
+            "the robot has no masses, so that compliance was left out ({cure}); the measurements show that joint{} {} give way to \
+             gravity, which was identified over their inclination (sag_...) and holds for the load of these recordings",
+            if sag.len() > 1 { "s" } else { "" },
+            numbers(&sag)
+        )
+    })
+}
+
+/// What to say of joints that hardly move: what cannot be told without their motion was held.
+#[must_use]
+pub fn held(robot: &Robot, data: &Dataset, names: &[&str]) -> Option<String> {
+    let joints: Vec<usize> = hardly_moving(robot, data).into_iter().map(|(k, _)| k + 1).collect();
+    (!joints.is_empty() && !names.is_empty()).then(|| {
+        format!(
+            "joint{} {} hardly move{} (less than 1 deg or 5 mm): what only {} motion tells was held at nominal: {}",
+            if joints.len() > 1 { "s" } else { "" },
+            numbers(&joints),
+            if joints.len() > 1 { "" } else { "s" },
+            if joints.len() > 1 { "their" } else { "its" },
+            names.join(", ")
+        )
+    })
+}
+
+/// What to say of parameters that weak priors kept near nominal.
+#[must_use]
+pub fn near_nominal(names: &[&str]) -> Option<String> {
+    (!names.is_empty()).then(|| {
+        format!(
+            "the measurements say little of {}: kept near nominal, within some 2 mm and 0.2 deg (0.3 deg under the largest load); poses that \
+             vary more would tell",
+            names.join(", ")
+        )
+    })
+}
+
+fn numbers(joints: &[usize]) -> String {
+    joints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// What to say where more parameters were determined than a third of the independent places of the arm.

@@ -133,36 +133,69 @@ fn spread(points: impl Iterator<Item = Vector3<f64>>) -> f64 {
 /// Number of poses that differ by more than [`SAME_RAD`] (or [`SAME_M`]) in some joint, roughly: joints are sorted into bins.
 #[must_use]
 pub fn different_poses(robot: &Robot, data: &Dataset) -> usize {
-    let mut seen = BTreeSet::new();
-    for o in &data.observations {
-        let mut key = [0_i64; MAX_JOINTS];
-        for ((k, q), joint) in key.iter_mut().zip(&o.state.q).zip(&robot.joints) {
-            let step = if joint.kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
-            #[expect(clippy::cast_possible_truncation, reason = "values were checked: a few million bins")]
-            {
-                *k = (q / step).round() as i64;
-            }
+    data.observations.iter().map(|o| bin(robot, o)).collect::<BTreeSet<_>>().len()
+}
+
+/// How many numbers were measured if those that repeat a measurement at the same pose are not counted.
+#[must_use]
+pub fn different_numbers(robot: &Robot, data: &Dataset) -> usize {
+    let seen = |o: &Observation| {
+        let what = match o.measured {
+            Measured::Touch { ball, .. } => ball,
+            Measured::Point { target, .. } => target,
+            Measured::Distance { anchor, .. } => anchor,
+            Measured::Pose { .. } | Measured::Reference { .. } => 0,
+        };
+        (bin(robot, o), what, trical_model::residual_rows(&o.measured))
+    };
+    data.observations.iter().map(seen).collect::<BTreeSet<_>>().into_iter().map(|(.., rows)| rows).sum()
+}
+
+fn bin(robot: &Robot, o: &Observation) -> [i64; MAX_JOINTS] {
+    let mut key = [0_i64; MAX_JOINTS];
+    for ((k, q), joint) in key.iter_mut().zip(&o.state.q).zip(&robot.joints) {
+        let step = if joint.kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
+        #[expect(clippy::cast_possible_truncation, reason = "values were checked: a few million bins")]
+        {
+            *k = (q / step).round() as i64;
         }
-        seen.insert(key);
     }
-    seen.len()
+    key
+}
+
+/// A joint that moves by less hardly moves: over 1 deg (or 5 mm) an error of 1 mm (or 0.1 deg) shows as 0.02 mm (0.01 mm), which is
+/// noise.
+const HARDLY_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
+const HARDLY_M: f64 = 5e-3;
+
+/// Between which values each joint was, SI.
+fn strokes(robot: &Robot, data: &Dataset) -> Vec<[f64; 2]> {
+    let of = |k: usize| {
+        let q = data.observations.iter().map(|o| o.state.q[k]);
+        q.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(q), high.max(q)])
+    };
+    (0..robot.dof()).map(of).collect()
 }
 
 /// Joints (1-based) that stay where they are throughout.
 #[must_use]
 pub fn resting_joints(robot: &Robot, data: &Dataset) -> Vec<usize> {
-    (0..robot.dof())
-        .filter(|k| {
-            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-            for o in &data.observations {
-                low = low.min(o.state.q[*k]);
-                high = high.max(o.state.q[*k]);
-            }
-            let same = if robot.joints[*k].kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
-            high - low < same
-        })
-        .map(|k| k + 1)
-        .collect()
+    let stays = |(k, [low, high]): (usize, [f64; 2])| {
+        let same = if robot.joints[k].kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
+        (high - low < same).then_some(k + 1)
+    };
+    strokes(robot, data).into_iter().enumerate().filter_map(stays).collect()
+}
+
+/// Joints (from 0) that hardly move, and where they are. None where no joint moves at all: such data stand for others.
+#[must_use]
+pub fn hardly_moving(robot: &Robot, data: &Dataset) -> Vec<(usize, f64)> {
+    let hardly = |(k, [low, high]): (usize, [f64; 2])| {
+        let little = if robot.joints[k].kind == JointKind::Prismatic { HARDLY_M } else { HARDLY_RAD };
+        (high - low < little).then_some((k, 0.5 * (low + high)))
+    };
+    let resting: Vec<(usize, f64)> = strokes(robot, data).into_iter().enumerate().filter_map(hardly).collect();
+    if resting.len() == robot.dof() { Vec::new() } else { resting }
 }
 
 /// Refuses poses that are all alike.

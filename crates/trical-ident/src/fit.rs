@@ -120,6 +120,19 @@ pub fn weighted_residuals(forward: &Forward, data: &Dataset, noise: &Noise) -> V
         .collect()
 }
 
+/// Orientation error of every observation of a full pose, rad: the angle between predicted and measured orientation.
+#[must_use]
+pub fn orientation_errors(forward: &Forward, data: &Dataset) -> Vec<f64> {
+    let mut ws = forward.workspace();
+    let poses = data.observations.iter().filter(|o| trical_model::residual_rows(&o.measured) == 6);
+    poses
+        .map(|o| {
+            forward.residual(&o.state, &o.measured, o.frame, &mut ws);
+            ws.residual()[3..].iter().map(|r| r * r).sum::<f64>().sqrt()
+        })
+        .collect()
+}
+
 /// Position error of every observation, m: distance between predicted and measured point (difference of lengths for
 /// distance measurements).
 #[must_use]

@@ -3,13 +3,15 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Site, State, Term, residual_rows};
+use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
 
 use crate::dataset::Dataset;
+use crate::degenerate::hardly_moving;
 use crate::error::Result;
 use crate::fit::factor;
 use crate::known::{Known, KnownParameters};
 use crate::noise::Noise;
+use crate::optional::{rail, sag};
 use crate::rigid::median;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
@@ -128,12 +130,27 @@ pub(crate) fn covariance(r: &Mat<f64>, scale: &[f64]) -> Vec<f64> {
 pub enum ParameterSet {
     /// Measuring frame or base, and tool points, only: the nominal arm.
     Nominal,
-    /// And the geometry: the paper's list, without Hayati's beta.
+    /// And the whole geometry of a rigid arm, the twist of near-parallel axes (Hayati's beta) included.
     Geometry,
-    /// And the compliance of every joint that carries a gravity torque: the paper's 31 parameters.
+    /// The paper's 31 parameters: the geometry without that twist, and the compliance of every joint that carries a torque.
     Compliance,
-    /// And whatever else a geometric model needs to be complete: twists of near-parallel axes.
+    /// The whole geometry and the compliance: what identification takes where nothing else is asked for.
     Complete,
+}
+
+/// From what is known how far joints give way under load.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Elasticity {
+    /// Compliance is not asked for.
+    NotAsked,
+    /// From the joint torques that the arm measured.
+    Torques,
+    /// From gravity torques, by the masses of the links.
+    Masses,
+    /// The robot has no masses and the recordings no torques. Where the data show it, what gravity does to joints with horizontal axes is
+    /// a sine and a cosine of their inclination.
+    Inclination,
 }
 
 /// What sessions do not share with the first one.
@@ -161,6 +178,8 @@ pub struct Choice {
     compliant: Option<Vec<usize>>,
     known: KnownParameters,
     own: OwnSetup,
+    /// Names of those of [`optional_groups`] that are wanted.
+    optional: Vec<String>,
 }
 
 /// A joint that the arm does not have.
@@ -215,19 +234,39 @@ impl Choice {
         self.set
     }
 
-    /// Whether compliance is asked for and the robot has no masses at all: it is left out then, unless joints were named for it.
+    /// From what is known how far joints give way: measured torques, where every row has them; else masses. Joints that were named for it
+    /// need one of both.
     ///
     /// # Errors
-    /// Joints were named, or some links have masses and others do not.
-    pub fn lacks_masses(&self, robot: &Robot) -> Result<bool> {
+    /// Joints were named, or some links have masses and others do not, and there are no torques.
+    pub fn elasticity(&self, robot: &Robot, data: &Dataset) -> Result<Elasticity> {
+        let rows = &data.observations;
+        self.elasticity_of(robot, !rows.is_empty() && rows.iter().all(|o| o.state.torques.is_some()))
+    }
+
+    /// The same where every row has torques, or not.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn elasticity_of(&self, robot: &Robot, has_torques: bool) -> Result<Elasticity> {
         if self.set < ParameterSet::Compliance {
-            return Ok(false);
+            return Ok(Elasticity::NotAsked);
+        }
+        if has_torques {
+            return Ok(Elasticity::Torques);
         }
         let some = self.compliant.is_some() || robot.joints.iter().any(|j| j.mass.is_some());
         match robot.require_masses() {
+            Ok(()) => Ok(Elasticity::Masses),
             Err(e) if some => Err(e.into()),
-            masses => Ok(masses.is_err()),
+            Err(_) => Ok(Elasticity::Inclination),
         }
+    }
+
+    /// The same with these of [`optional_groups`], by name.
+    #[must_use]
+    pub(crate) fn with_optional(self, optional: Vec<String>) -> Self {
+        Self { optional, ..self }
     }
 
     fn is_compliant(&self, joint: usize) -> bool {
@@ -237,7 +276,7 @@ impl Choice {
 
 impl From<ParameterSet> for Choice {
     fn from(set: ParameterSet) -> Self {
-        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default() }
+        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default(), optional: Vec::new() }
     }
 }
 
@@ -248,6 +287,8 @@ pub struct Dependent {
     pub name: String,
     /// Those that move together with it.
     pub with: Vec<String>,
+    /// Whether they do so only as long as some joints hardly move, as in this data: then it is held at its nominal value.
+    pub held: bool,
 }
 
 fn constant(name: String, effect: &str, site: Site) -> Term {
@@ -255,7 +296,7 @@ fn constant(name: String, effect: &str, site: Site) -> Term {
 }
 
 /// All candidates in the order in which they are preferred.
-fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
+fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term>> {
     let set = choice.set;
     let n = model.robot.dof();
     let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
@@ -295,29 +336,61 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
         };
         terms.extend((1..n).map(|k| link(Parameter::Alpha, k, "alpha")));
         terms.extend((1..n).map(|k| link(Parameter::A, k, "a")));
+        // of near-parallel axes the place of the common normal is no measure: the twist about y is taken, and not the offset along the
+        // first of them (Hayati and Mirmirani 1985)
+        let twisted = |k: usize| {
+            let near_parallel = model.robot.joints.get(k).is_some_and(|j| j.alpha.sin().abs() < NEAR_PARALLEL);
+            set != ParameterSet::Compliance && k < n && near_parallel
+        };
+        terms.extend((1..n).filter(|k| twisted(*k)).map(|k| link(Parameter::Beta, k, "beta")));
         // from the flange back: of parallel axes the last offset is kept, as in the paper
-        terms.extend((2..=n).rev().map(|k| link(Parameter::D, k, "d")));
+        terms.extend((2..=n).rev().filter(|k| !twisted(*k)).map(|k| link(Parameter::D, k, "d")));
         terms.extend((2..=n).rev().map(|k| link(Parameter::Theta, k, "theta")));
-        if set >= ParameterSet::Complete {
-            terms.extend((1..n).map(|k| link(Parameter::Beta, k, "beta")));
+        if set != ParameterSet::Compliance {
+            terms.extend((1..n).filter(|k| !twisted(*k)).map(|k| link(Parameter::Beta, k, "beta")));
         }
+        terms.extend((2..=n).rev().filter(|k| twisted(*k)).map(|k| link(Parameter::D, k, "d")));
         terms.push(link(Parameter::D, 1, "d"));
         terms.push(link(Parameter::Theta, 1, "theta"));
         terms.push(link(Parameter::Alpha, 0, "alpha"));
         terms.push(link(Parameter::A, 0, "a"));
     }
-    if set >= ParameterSet::Compliance && model.robot.require_masses().is_ok() {
-        terms.extend((1..=n).filter(|joint| choice.is_compliant(*joint)).map(|joint| {
-            Term::new(
-                format!("c_{joint}"),
-                "compliance",
-                Site::Joint { joint },
-                trical_model::Basis::torque(joint, trical_model::Shape::Linear),
-            )
-        }));
-    }
-    terms
+    terms.extend(compliances(model, choice, choice.elasticity(&model.robot, data)?));
+    let wanted = |t: &Term| choice.optional.contains(&t.name);
+    terms.extend(optional_groups(model, data, choice)?.into_iter().flatten().filter(wanted));
+    Ok(terms)
 }
+
+/// Groups of terms of which the measurements decide whether they are needed: what gravity does to an arm without masses, and errors of a rail over
+/// its length.
+///
+/// # Errors
+/// As [`Choice::elasticity`].
+pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Vec<Term>>> {
+    if choice.set != ParameterSet::Complete {
+        return Ok(Vec::new());
+    }
+    let sags = choice.elasticity(&model.robot, data)? == Elasticity::Inclination;
+    let mut groups = if sags { vec![sag(model)] } else { Vec::new() };
+    groups.extend(rail(model, data));
+    groups.retain(|g| !g.is_empty());
+    Ok(groups)
+}
+
+/// What says how far joints give way under load.
+fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Term> {
+    let of = match elasticity {
+        Elasticity::NotAsked | Elasticity::Inclination => return Vec::new(),
+        Elasticity::Torques => trical_model::Basis::measured_torque,
+        Elasticity::Masses => |joint| trical_model::Basis::torque(joint, Shape::Linear),
+    };
+    let joints = (1..=model.robot.dof()).filter(|joint| choice.is_compliant(*joint));
+    joints.map(|joint| Term::new(format!("c_{joint}"), "compliance", Site::Joint { joint }, of(joint))).collect()
+}
+
+/// Axes with a smaller sine between them are nearly parallel (6 deg): an error of 3 mrad then moves their common normal by more than 3 % of
+/// its length.
+const NEAR_PARALLEL: f64 = 0.1;
 
 /// What the tool and the place of the balls add in those sessions that have their own.
 fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
@@ -350,8 +423,8 @@ fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
     out
 }
 
-/// Poses at which structure is judged, whatever the data: joint values at random within (one turn of) the limits.
-fn random_states(model: &Model, count: usize) -> Vec<State> {
+/// Poses at which structure is judged: joint values at random within (one turn of) the limits, joints of `resting` (from 0) where they are.
+fn random_states(model: &Model, count: usize, resting: &[(usize, f64)]) -> Vec<State> {
     let mut rng = Pcg64Mcg::seed_from_u64(20_260_101);
     (0..count)
         .map(|_| {
@@ -366,6 +439,12 @@ fn random_states(model: &Model, count: usize) -> Vec<State> {
                 })
                 .collect();
             let mut s = State::at(&q);
+            for (joint, at) in resting {
+                s.q[*joint] = *at;
+            }
+            let torques: [f64; trical_model::MAX_JOINTS] =
+                std::array::from_fn(|k| 20.0 * (q.get(k).copied().unwrap_or(0.3) * 7.3).sin());
+            s.torques = Some(torques);
             s.q_commanded = Some(s.q);
             s.dir = Some([1; trical_model::MAX_JOINTS]);
             s.t = Some(0.0);
@@ -398,12 +477,38 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize, Option<u32>)> {
 /// The independent ones among the candidates of `set`, in order of preference, and what was left out.
 ///
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
-/// has, so that it does not depend on where the data happens to be.
+/// has, so that it does not depend on where the data happens to be. Joints that hardly move in the data stay where they are, and what
+/// cannot be told without their motion is held.
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for.
 pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Result<(Vec<Term>, Vec<Dependent>)> {
-    let terms = candidates(nominal, data, choice);
+    let all = candidates(nominal, data, choice)?;
+    let resting = hardly_moving(&nominal.robot, data);
+    if resting.is_empty() {
+        return independent_of(nominal, data, all, &resting);
+    }
+    let (free, _) = independent_of(nominal, data, all.clone(), &[])?;
+    let gives_way_at_rest = |t: &Term| {
+        let rests = |joint: usize| resting.iter().any(|(k, _)| k + 1 == joint) && choice.compliant.is_none();
+        t.effect == "compliance" && matches!(t.site, Site::Joint { joint } if rests(joint))
+    };
+    let (held, moving): (Vec<Term>, Vec<Term>) = all.into_iter().partition(gives_way_at_rest);
+    let (kept, mut dependent) = independent_of(nominal, data, moving, &resting)?;
+    dependent.extend(held.into_iter().map(|t| Dependent { name: t.name, with: Vec::new(), held: true }));
+    for d in &mut dependent {
+        d.held = free.iter().any(|t| t.name == d.name);
+    }
+    Ok((kept, dependent))
+}
+
+/// The independent ones of `terms` while joints of `resting` (from 0) stay where they are, and the others.
+fn independent_of(
+    nominal: &Model,
+    data: &Dataset,
+    terms: Vec<Term>,
+    resting: &[(usize, f64)],
+) -> Result<(Vec<Term>, Vec<Dependent>)> {
     let p = terms.len();
     let model = Model {
         robot: nominal.robot.clone(),
@@ -421,7 +526,7 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
     let height = states * rows_of_a_state;
     let mut columns = vec![0.0; p * height];
     let mut row = 0;
-    for state in random_states(nominal, states) {
+    for state in random_states(nominal, states, resting) {
         for (measured, frame, session) in &sorts {
             let state = State { session: *session, ..state };
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
@@ -457,7 +562,7 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
         let norm = dot(v, v).sqrt();
         if norm < 1e-9 {
             if terms[c].effect != "compliance" {
-                dependent.push(Dependent { name: terms[c].name.clone(), with: Vec::new() });
+                dependent.push(Dependent { name: terms[c].name.clone(), with: Vec::new(), held: false });
             }
             continue;
         }
@@ -492,7 +597,7 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
             }
             let with =
                 share.iter().zip(&kept).filter(|(s, _)| s.abs() > 1e-3).map(|(_, k)| terms[*k].name.clone()).collect();
-            dependent.push(Dependent { name: terms[c].name.clone(), with });
+            dependent.push(Dependent { name: terms[c].name.clone(), with, held: false });
         }
     }
     Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))

@@ -6,11 +6,14 @@ use faer::Mat;
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
 use crate::dataset::Dataset;
-use crate::degenerate::{check_balls, check_poses, check_units, check_values, different_poses, resting_joints};
+use crate::degenerate::{
+    check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
+};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, factor, position_errors, weighted_residuals};
 use crate::identifiability::{
-    Choice, Dependent, Observability, covariance, independent_terms, indices, spectrum, weakest_direction,
+    Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, spectrum,
+    weakest_direction,
 };
 use crate::known::Known;
 use crate::noise::Noise;
@@ -19,6 +22,7 @@ use crate::rigid::median;
 use crate::sample::sample;
 use crate::solver::{Ended, LmParams, LmReport, Solver};
 use crate::start::start;
+use crate::weak::{by_prior, plausible, wanders, with_priors};
 
 /// Columns with a condition above this cannot be told apart by the data.
 pub(crate) const CONDITION_LIMIT: f64 = 1e9;
@@ -42,6 +46,8 @@ pub struct Identified {
     pub observability: Observability,
     /// Parameters that could not be told from others, and those.
     pub dependent: Vec<Dependent>,
+    /// Indices of those terms that the measurements say so little of that they were kept near nominal.
+    pub weak: Vec<usize>,
     /// How the iteration went.
     pub report: LmReport,
 }
@@ -146,8 +152,20 @@ impl Identified {
     /// Parameters that were left out since others do the same, each with those: "d_2 (moves together with d_3)".
     #[must_use]
     pub fn left_out(&self) -> Vec<String> {
-        let moved = self.dependent.iter().filter(|d| !d.with.is_empty());
+        let moved = self.dependent.iter().filter(|d| !d.with.is_empty() && !d.held);
         moved.map(|d| format!("{} (moves together with {})", d.name, d.with.join(", "))).collect()
+    }
+
+    /// Names of the parameters that were held at nominal since joints hardly move.
+    #[must_use]
+    pub fn held(&self) -> Vec<&str> {
+        self.dependent.iter().filter(|d| d.held).map(|d| d.name.as_str()).collect()
+    }
+
+    /// Names of the parameters that were kept near nominal, since the measurements say little of them.
+    #[must_use]
+    pub fn kept_near_nominal(&self) -> Vec<&str> {
+        self.weak.iter().map(|k| self.model.terms[*k].name.as_str()).collect()
     }
 
     /// Pairs of parameters with a correlation beyond `limit`.
@@ -289,12 +307,16 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
         return Err(rank_deficient(&forward.model().robot, data, &weak));
     }
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
+        let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();
+        let weak = weakest_direction(&r, &names, 1.0).unwrap_or_default();
         return Err(IdentError::NotConverged(format!(
-            "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}?",
+            "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? What these \
+             measurements tell least is {}: poses that vary more tell it, or fewer parameters",
             report.iterations,
             if report.ended == Ended::Stuck { " where no step helped" } else { "" },
             report.gradient,
-            if in_radians(data) { ", and the joint angles in deg (none is beyond 6.3)" } else { "" }
+            if in_radians(data) { ", and the joint angles in deg (none is beyond 6.3)" } else { "" },
+            weak.join(" with ")
         )));
     }
     let rows: usize = residuals.iter().map(|(_, n)| n).sum();
@@ -316,7 +338,9 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
         model.terms[*k].sd = None;
     }
     let observability = indices(&singular, rows);
-    Ok(Identified { model, free, at_limit, data: data.clone(), noise, covariance, observability, dependent, report })
+    let data = data.clone();
+    let weak = Vec::new();
+    Ok(Identified { model, free, at_limit, data, noise, covariance, observability, dependent, weak, report })
 }
 
 /// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.
@@ -351,7 +375,6 @@ pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> 
 /// # Errors
 /// A robot without masses where compliance is asked for, or measurements that fix no frame.
 pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<(Model, Vec<Dependent>)> {
-    choice.lacks_masses(robot)?;
     check_values(robot, data)?;
     for o in &data.observations {
         if let Measured::Touch { ball, .. } = o.measured
@@ -406,11 +429,64 @@ fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
 
 /// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].
 ///
+/// Where the measurements leave parameters of the arm more uncertain than arms differ from nominal, all of the arm's are kept near nominal by
+/// weak priors ([`Identified::weak`] says which needed it). What gravity does to an arm without masses and torques, and errors of a rail over its
+/// length, are kept where the data show them (the Bayesian information criterion).
+///
 /// # Errors
 /// As [`fit_model`].
 pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Choice>) -> Result<Identified> {
     let choice = choice.into();
-    let (model, dependent) = prepared(robot, cell, data, &choice)?;
+    let plain = identify_as_said(robot, cell, data, &choice)?;
+    let groups: Vec<Vec<String>> = optional_groups(&Model::nominal(robot.clone(), cell.clone()), data, &choice)?
+        .into_iter()
+        .map(|group| group.into_iter().map(|t| t.name).collect())
+        .collect();
+    let numbers = different_numbers(robot, data);
+    if groups.is_empty() || numbers < OPTIONAL * plain.free.len() {
+        return Ok(plain);
+    }
+    let Ok(all) = identify_as_said(robot, cell, data, &choice.clone().with_optional(groups.concat())) else {
+        return Ok(plain);
+    };
+    let needed = |group: &&Vec<String>| {
+        let own: Vec<usize> =
+            (0..all.free.len()).filter(|k| group.contains(&all.model.terms[all.free[*k]].name)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let price = own.len() as f64 * (numbers as f64).ln();
+        !own.is_empty() && all.wald(&own) > price
+    };
+    let kept: Vec<Vec<String>> = groups.iter().filter(needed).cloned().collect();
+    match kept.len() {
+        0 => Ok(plain),
+        k if k == groups.len() => Ok(all),
+        _ => Ok(identify_as_said(robot, cell, data, &choice.with_optional(kept.concat())).unwrap_or(plain)),
+    }
+}
+
+/// So many numbers must be there for each parameter of the plain model before it is asked what else it needs.
+const OPTIONAL: usize = 4;
+
+fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<Identified> {
+    let (model, dependent) = prepared(robot, cell, data, choice)?;
     let known = choice.known().of(&model)?;
-    fit_model_knowing(model, data, &Noise::usual(data.names.len()), &known, dependent)
+    let fit = |known: &[Known]| {
+        fit_model_knowing(model.clone(), data, &Noise::usual(data.names.len()), known, dependent.clone())
+    };
+    let found = fit(&known);
+    let plausible = plausible(&model, data);
+    let again = match &found {
+        Ok(found) => wanders(&found.model, &plausible),
+        Err(IdentError::NotEnough(_) | IdentError::NotConverged(_)) => {
+            different_numbers(robot, data) >= model.terms.len()
+        }
+        Err(_) => false,
+    };
+    if !again || plausible.iter().all(Option::is_none) {
+        return found;
+    }
+    match fit(&with_priors(&plausible, &known)) {
+        Ok(kept) => Ok(Identified { weak: by_prior(&kept.model, &plausible, &known), ..kept }),
+        Err(_) => found,
+    }
 }

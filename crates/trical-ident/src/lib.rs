@@ -34,6 +34,7 @@ pub mod known;
 pub mod model_file;
 pub mod noise;
 mod normal;
+mod optional;
 pub mod repeatability;
 pub mod rigid;
 mod sample;
@@ -45,15 +46,17 @@ pub mod touches;
 pub mod trilateration;
 pub mod units;
 pub mod validate;
+mod weak;
 
 pub use calibration::{
-    Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
+    AngleSummary, Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate,
+    forward_in_time,
 };
 pub use caution::cautions;
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
-pub use identifiability::{Choice, ChoiceError, Dependent, Observability, OwnSetup, ParameterSet};
+pub use identifiability::{Choice, ChoiceError, Dependent, Elasticity, Observability, OwnSetup, ParameterSet};
 pub use identify::{ErrorSummary, Identified, fit_model, identify};
 pub use joint_choice::clean;
 pub use known::KnownParameters;

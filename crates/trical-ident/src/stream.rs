@@ -309,6 +309,7 @@ pub fn identify_stream(
                     covariance,
                     observability: indices(&singular, scalars),
                     dependent: start.dependent,
+                    weak: start.weak,
                     report,
                 },
             });

@@ -45,8 +45,11 @@ pub fn unit(term: &Term) -> Unit {
     };
     let (of, of_factor): (&str, f64) = match term.basis.of {
         Variable::Nothing => ("", 1.0),
-        Variable::Joint { .. } | Variable::Lag { .. } => ("deg", deg),
-        Variable::Moment { .. } | Variable::FootMoment { .. } | Variable::PartMoment { .. } => ("Nm", 1.0),
+        Variable::Joint { .. } | Variable::Inclination { .. } | Variable::Lag { .. } => ("deg", deg),
+        Variable::Moment { .. }
+        | Variable::FootMoment { .. }
+        | Variable::PartMoment { .. }
+        | Variable::Torque { .. } => ("Nm", 1.0),
         Variable::Time => ("s", 1.0),
         Variable::Seq => ("pose", 1.0),
         Variable::Temperature { .. } => ("K", 1.0),

@@ -112,9 +112,11 @@ fn counts(robot: &Robot, revolute: usize, prismatic: usize, parallel: usize) {
     for (measured, last) in [(POINT, 3), (POSE, 6)] {
         let expected = joints + last;
         assert_eq!(rank(robot, CELL, measured), expected, "{} as a whole", robot.name);
-        assert_eq!(kept(robot, CELL, measured, ParameterSet::Complete), expected, "{}", robot.name);
+        for set in [ParameterSet::Geometry, ParameterSet::Complete] {
+            assert_eq!(kept(robot, CELL, measured, set), expected, "{} {set:?}", robot.name);
+        }
         assert_eq!(
-            kept(robot, CELL, measured, ParameterSet::Geometry),
+            kept(robot, CELL, measured, ParameterSet::Compliance),
             expected - parallel,
             "{} without beta",
             robot.name

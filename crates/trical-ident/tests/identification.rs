@@ -26,7 +26,7 @@ fn shared(name: &str) -> Option<PathBuf> {
 #[test]
 fn a_six_joint_arm_has_the_papers_31_parameters_and_one_more_geometric_one() {
     let names = |set| paper_terms(set).into_iter().map(|t| t.name).collect::<Vec<_>>();
-    assert_eq!(names(ParameterSet::Geometry).len(), 26);
+    assert_eq!(names(ParameterSet::Geometry).len(), 27);
     let mut paper = names(ParameterSet::Compliance);
     let mut expected: Vec<String> = ["x", "y", "z", "rx", "ry", "rz"].iter().map(|m| format!("base_{m}")).collect();
     expected.extend(["tool_x", "tool_y", "tool_z"].map(String::from));
@@ -110,10 +110,10 @@ fn without_masses_compliance_is_left_out_and_said_and_refused_where_joints_are_n
     robot.joints.iter_mut().for_each(|j| j.mass = None);
     let recording = touch(&truth, 60, 1e-5, 11);
     let with = |choice: Choice| {
-        let options = Options { choice, ..Options::new(ParameterSet::Compliance) };
+        let options = Options { choice, ..Options::new(ParameterSet::Complete) };
         calibrate(&robot, &truth.cell, std::slice::from_ref(&recording), &options, &Task::silent())
     };
-    let c = with(ParameterSet::Compliance.into()).unwrap();
+    let c = with(ParameterSet::Complete.into()).unwrap();
     assert_eq!(c.fitted.model.terms.len(), with(ParameterSet::Geometry.into()).unwrap().fitted.model.terms.len());
     assert!(c.cautions().iter().any(|c| c.contains("no masses")), "{:?}", c.cautions());
     let named = Choice::new(ParameterSet::Compliance, &[2], 6).unwrap();

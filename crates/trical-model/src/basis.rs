@@ -41,6 +41,18 @@ pub enum Variable {
         /// Share of the way from the origin to the foot, 0 to 1.
         share: f64,
     },
+    /// Measured torque of a joint, N m (N for a prismatic one), as its sensor gives it.
+    Torque {
+        /// 1-based.
+        joint: usize,
+    },
+    /// Sum of the angles of consecutive joints whose axes are parallel, rad: how far the last of them is inclined.
+    Inclination {
+        /// 1-based.
+        first: usize,
+        /// 1-based, not before the first.
+        last: usize,
+    },
     /// Commanded minus reported value of a joint, rad or m; 0 where it was not recorded what was commanded.
     Lag {
         /// 1-based.
@@ -276,6 +288,12 @@ impl Basis {
         Self::new(Variable::Moment { joint, axis: Axis::Z }, shape)
     }
 
+    /// Measured torque of a joint.
+    #[must_use]
+    pub fn measured_torque(joint: usize) -> Self {
+        Self::new(Variable::Torque { joint }, Shape::Linear)
+    }
+
     /// Sense of a joint's last motion.
     #[must_use]
     pub fn direction(joint: usize) -> Self {
@@ -321,6 +339,7 @@ impl Basis {
         match self.of {
             Variable::Time if state.t.is_none() => Some("time (t_s)"),
             Variable::Seq if state.seq.is_none() => Some("the number of the pose (seq)"),
+            Variable::Torque { .. } if state.torques.is_none() => Some("measured joint torques (tau1_nm ...)"),
             Variable::Temperature { .. } if state.temp_c.is_none() => Some("temperature (temp_c)"),
             Variable::Reading { .. } if !matches!(measured, Measured::Touch { .. }) => Some("indicator readings"),
             _ => None,

@@ -357,6 +357,8 @@ impl Forward {
             Variable::Nothing | Variable::PartMoment { .. } => 0.0,
             Variable::Joint { joint } => state.q[joint - 1],
             Variable::Moment { .. } | Variable::FootMoment { .. } => moment.map_or(0.0, |m| m.value),
+            Variable::Torque { joint } => state.torques.map_or(0.0, |t| t[joint - 1]),
+            Variable::Inclination { first, last } => state.q[first - 1..last].iter().sum(),
             Variable::Lag { joint } => state.q_commanded.map_or(0.0, |c| c[joint - 1] - state.q[joint - 1]),
             Variable::Time => state.t.unwrap_or(0.0),
             Variable::Seq => state.seq.unwrap_or(0.0),

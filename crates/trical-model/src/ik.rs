@@ -413,7 +413,7 @@ fn changes_with_turns(forward: &Forward) -> bool {
         let basis = &forward.bound[*index].basis;
         match basis.of {
             Variable::Lag { .. } => true,
-            Variable::Joint { .. } => {
+            Variable::Joint { .. } | Variable::Inclination { .. } => {
                 !matches!(basis.shape, Shape::Sine { cycles } | Shape::Cosine { cycles } if cycles.fract() == 0.0)
             }
             _ => false,

@@ -138,6 +138,7 @@ impl Forward {
     fn slope_by_joint(basis: &Basis, joint: usize, moment: Option<&Moment>, state: &State) -> f64 {
         let sign = match basis.of {
             Variable::Joint { joint: own } if own == joint => 1.0,
+            Variable::Inclination { first, last } if (first..=last).contains(&joint) => 1.0,
             // what was not commanded does not lag
             Variable::Lag { joint: own } if own == joint && state.q_commanded.is_some() => -1.0,
             _ => 0.0,

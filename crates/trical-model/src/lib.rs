@@ -9,6 +9,7 @@
 //! |---|---|
 //! | [`robot`], [`cell`] | the nominal arm and cell, read from TOML |
 //! | [`urdf`] | arms from URDF |
+//! | [`calibrated`] | a calibrated arm in the files of others |
 //! | [`recording`] | what is known about a pose and what was measured there |
 //! | [`term`], [`scope`] | sites, bases, terms; to which sessions a term applies |
 //! | [`place`] | the places of sites, as people and files name them |
@@ -20,6 +21,7 @@
 //! | [`pose`] | rigid transforms |
 
 pub mod basis;
+pub mod calibrated;
 pub mod cell;
 mod chain;
 pub mod error;
@@ -27,6 +29,7 @@ pub mod forward;
 pub mod ik;
 pub mod interrupt;
 mod jacobian;
+mod on_rail;
 pub mod place;
 pub mod pose;
 pub mod recording;

@@ -262,9 +262,11 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
         | Variable::Moment { joint, .. }
         | Variable::FootMoment { joint, .. }
         | Variable::PartMoment { joint, .. }
+        | Variable::Torque { joint }
         | Variable::Lag { joint } => {
             joint_index(joint)?;
         }
+        Variable::Inclination { first, last } if joint_index(last)? < joint_index(first)? => return Err(no_site()),
         _ => {}
     }
     for joint in term.basis.sense.into_iter().chain(term.basis.beside.map(|b| b.joint)) {

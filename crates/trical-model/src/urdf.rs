@@ -23,9 +23,9 @@
 mod mdh;
 #[cfg(test)]
 mod tests;
-mod tree;
-mod write;
-mod xml;
+pub(crate) mod tree;
+pub(crate) mod write;
+pub(crate) mod xml;
 
 use std::path::{Path, PathBuf};
 

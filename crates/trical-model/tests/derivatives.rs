@@ -215,6 +215,10 @@ impl Naive<'_> {
                 Variable::PartMoment { joint, axis, share } => {
                     moment(joint, axis, false) * (1.0 - share) + moment(joint, axis, true) * share
                 }
+                Variable::Torque { joint } => c(state.torques.unwrap()[joint - 1]),
+                Variable::Inclination { first, last } => {
+                    (first..=last).fold(c(0.0), |sum, joint| sum + self.q[joint - 1])
+                }
                 Variable::Lag { joint } => {
                     state.q_commanded.map_or(c(0.0), |commanded| c(commanded[joint - 1]) - self.q[joint - 1])
                 }
@@ -433,7 +437,7 @@ impl Draw {
 
     fn basis(&mut self, n: usize) -> Basis {
         let joint = 1 + self.below(n);
-        let of = match self.below(9) {
+        let of = match self.below(11) {
             0 => Variable::Nothing,
             1 => Variable::Joint { joint },
             2 => Variable::Moment { joint, axis: Axis::ALL[self.below(3)] },
@@ -442,6 +446,8 @@ impl Draw {
             5 => Variable::Time,
             6 => Variable::Temperature { reference_c: 20.0 },
             7 => Variable::Seq,
+            8 => Variable::Torque { joint },
+            9 => Variable::Inclination { first: joint, last: joint + self.below(n + 1 - joint) },
             _ => Variable::Reading { axis: Axis::ALL[self.below(3)] },
         };
         let shape = match self.below(14) {

@@ -10,7 +10,7 @@ use trical_model::interrupt::checkpoint;
 use trical_model::pose::rotation_vector;
 use trical_model::{Cell, Model, Pose};
 
-use crate::compensation::{Compensator, Done, Start, settle_unnamed};
+use crate::compensation::{Compensator, Done, Start, by_measured_torque, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
 use crate::error::ProgramError;
 use crate::frames::Frames;
@@ -156,7 +156,20 @@ pub fn compensate_together(
     out.finish()?;
     let mut report = tally.report();
     report.cautions.extend(other_cell(nominal, model, options));
+    report.cautions.extend(without_torques(model));
     Ok(report)
+}
+
+/// What was learnt over measured torques and cannot be used where none are measured.
+fn without_torques(model: &Model) -> Option<String> {
+    let left_out: Vec<&str> = model.terms.iter().filter(|t| by_measured_torque(t)).map(|t| t.name.as_str()).collect();
+    (!left_out.is_empty()).then(|| {
+        format!(
+            "the model knows how far joints give way under measured torques ({}), which a program does not have: how far they give way \
+             is not corrected",
+            left_out.join(", ")
+        )
+    })
 }
 
 /// A cell that is not the one of the fit, in one sentence.

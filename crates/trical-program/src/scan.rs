@@ -28,8 +28,20 @@ pub struct Spot {
     pub ambiguous: Option<u32>,
     /// Its name in the text; empty where it has none.
     pub name: Span,
-    /// Whether it asks for a place of an external axis (a track, a positioner) other than 0.
-    pub external: bool,
+    /// Where it asks external axes (a track, a positioner) to be.
+    pub external: External,
+}
+
+/// External axes of a target.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum External {
+    /// It says nothing of them.
+    #[default]
+    None,
+    /// The first is here, in the text's unit (mm of a track); others are at 0 or not there.
+    First(f64),
+    /// Others than the first are elsewhere than at 0.
+    Others,
 }
 
 /// The tool and the frame that targets are meant with; `None` is what the file's user says, or the cell's tool and the
@@ -121,15 +133,20 @@ impl Scan {
             setup: None,
             ambiguous: None,
             name,
-            external: false,
+            external: External::None,
         });
         u32::try_from(self.spots.len() - 1).unwrap_or(u32::MAX)
     }
 
-    /// Marks the newest target as one that asks for a place of an external axis.
-    pub fn needs_external_axis(&mut self) {
+    /// Where the newest target asks external axes to be, the first of them first.
+    pub fn external_axes(&mut self, values: &[Option<f64>]) {
+        let elsewhere = values.iter().skip(1).flatten().any(|v| *v != 0.0);
         if let Some(spot) = self.spots.last_mut() {
-            spot.external = true;
+            spot.external = match values.first() {
+                _ if elsewhere => External::Others,
+                Some(Some(first)) => External::First(*first),
+                _ => External::None,
+            };
         }
     }
 

@@ -55,15 +55,20 @@ pub fn _export(
     urdf: Option<PathBuf>,
     mdh: Option<PathBuf>,
     error_map: Option<PathBuf>,
+    ur_kinematics: Option<PathBuf>,
     poses: usize,
 ) -> Result<String> {
-    for out in [&urdf, &mdh, &error_map].into_iter().flatten() {
+    for out in [&urdf, &mdh, &error_map, &ur_kinematics].into_iter().flatten() {
         check_output(out)?;
     }
     if !(1..=1_000_000).contains(&poses) {
         return Err(bad(format!("poses is {poses}, expected 1 to 1000000")).into());
     }
     let file = model.get().file.clone();
+    let given = match &robot {
+        Some(RobotArgument::Path(path)) => UrdfPath::of(path),
+        _ => None,
+    };
     if let Some(robot) = robot {
         file.require_robot(&robot.read()?, &name)?;
     }
@@ -77,7 +82,13 @@ pub fn _export(
             Ok(())
         };
         if let Some(out) = &urdf {
-            write(out, &arm.urdf(&name))?;
+            match &given {
+                Some(given) => write(out, &trical_model::calibrated::corrected_file(given, &model)?)?,
+                None => write(out, &arm.urdf(&name))?,
+            }
+        }
+        if let Some(out) = &ur_kinematics {
+            write(out, &trical_model::calibrated::ur_kinematics(&model, "calib_trical")?)?;
         }
         if let Some(out) = &mdh {
             write(out, &arm.table(out)?)?;

@@ -34,6 +34,10 @@ pub enum Field {
     Position,
     /// Measured orientation.
     Quaternion,
+    /// The same as angles; read, never written.
+    RollPitchYaw,
+    /// The same as a matrix; read, never written.
+    Matrix,
     /// Where a length was measured from.
     Anchor,
     /// Measured length.
@@ -44,6 +48,14 @@ pub enum Field {
     Payload,
     /// Columns of a plan, which may stand beside its measurements.
     Plan,
+}
+
+impl Field {
+    /// Whether its columns are written, and not only read.
+    #[must_use]
+    pub const fn is_written(self) -> bool {
+        !matches!(self, Self::Plan | Self::RollPitchYaw | Self::Matrix)
+    }
 }
 
 /// How many [`Field`]s there are.
@@ -58,6 +70,10 @@ pub enum Unit {
     Degree,
     /// Millimetre; m inside.
     Millimetre,
+    /// Radian: read in place of degrees.
+    Radian,
+    /// Metre: read in place of millimetres.
+    Metre,
     /// N m.
     NewtonMetre,
     /// Degree Celsius, inside too.
@@ -84,6 +100,8 @@ impl Unit {
             Self::Second => "s",
             Self::Degree => "deg",
             Self::Millimetre => "mm",
+            Self::Radian => "rad",
+            Self::Metre => "m",
             Self::NewtonMetre => "N m",
             Self::Celsius => "degC",
             Self::Kilogram => "kg",
@@ -118,9 +136,30 @@ impl Unit {
         match self {
             Self::Degree => 1e5,
             Self::Millimetre => 1e6,
+            Self::Radian => 1745.0,
+            Self::Metre => 1e3,
             Self::Count => 1e4,
             Self::Sign => 1.0,
             _ => 1e9,
+        }
+    }
+
+    /// The unit of the table that this one is read in place of.
+    #[must_use]
+    pub const fn usual(self) -> Self {
+        match self {
+            Self::Radian => Self::Degree,
+            Self::Metre => Self::Millimetre,
+            unit => unit,
+        }
+    }
+
+    /// The SI unit that is read in place of this one.
+    const fn si(self) -> Option<Self> {
+        match self {
+            Self::Degree => Some(Self::Radian),
+            Self::Millimetre => Some(Self::Metre),
+            _ => None,
         }
     }
 
@@ -139,6 +178,8 @@ impl Unit {
         match self {
             Self::Degree => "_deg",
             Self::Millimetre => "_mm",
+            Self::Radian => "_rad",
+            Self::Metre => "_m",
             Self::NewtonMetre => "_nm",
             _ => "",
         }
@@ -373,6 +414,22 @@ pub const COLUMNS: [Column; FIELDS] = [
         meaning: "measured orientation: unit quaternion, measuring frame from tool",
     },
     Column {
+        field: Field::RollPitchYaw,
+        names: Names::Fixed(&["roll_deg", "pitch_deg", "yaw_deg"]),
+        units: &[Unit::Degree],
+        kinds: &[Kind::Pose],
+        required: false,
+        meaning: "in place of the quaternion: R = Rz(yaw) Ry(pitch) Rx(roll), measuring frame from tool; read, never written",
+    },
+    Column {
+        field: Field::Matrix,
+        names: Names::Fixed(&["r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33"]),
+        units: &[Unit::One],
+        kinds: &[Kind::Pose],
+        required: false,
+        meaning: "in place of the quaternion: the rotation matrix, row by row, measuring frame from tool; read, never written",
+    },
+    Column {
         field: Field::Anchor,
         names: Names::Fixed(&["anchor"]),
         units: &[Unit::Count],
@@ -421,19 +478,27 @@ pub fn column(field: Field) -> &'static Column {
     &COLUMNS[field as usize]
 }
 
-/// What a column's name stands for: its group, its component (from 0) and its unit.
+/// What a column's name stands for: its group, its component (from 0) and its unit. Names may end in `_rad` in place of `_deg`, and in `_m`
+/// in place of `_mm`.
 #[must_use]
 pub fn find(name: &str) -> Option<(&'static Column, usize, Unit)> {
     COLUMNS.iter().find_map(|c| match c.names {
         Names::Fixed(names) => {
-            let k = names.iter().position(|n| *n == name)?;
-            Some((c, k, c.units.first().copied()?))
+            let unit = c.units.first().copied()?;
+            if let Some(k) = names.iter().position(|n| *n == name) {
+                return Some((c, k, unit));
+            }
+            let si = unit.si()?;
+            let stem = name.strip_suffix(si.ending())?;
+            let k = names.iter().position(|n| n.strip_suffix(unit.ending()) == Some(stem))?;
+            Some((c, k, si))
         }
         Names::EachJoint(stem) => {
             let rest = name.strip_prefix(stem)?;
             let joint = rest.chars().next()?.to_digit(10).filter(|d| *d > 0)? as usize;
-            let unit = c.units.iter().find(|u| rest.get(1..) == Some(u.ending()))?;
-            (joint <= MAX_JOINTS).then_some((c, joint - 1, *unit))
+            let all = c.units.iter().flat_map(|u| [Some(*u), u.si()]).flatten();
+            let unit = all.into_iter().find(|u| rest.get(1..) == Some(u.ending()))?;
+            (joint <= MAX_JOINTS).then_some((c, joint - 1, unit))
         }
     })
 }

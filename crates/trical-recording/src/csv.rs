@@ -6,7 +6,9 @@ mod tidy;
 use std::io::Read as _;
 use std::path::Path;
 
+use nalgebra::Matrix3;
 use trical_model::error::shortened;
+use trical_model::pose::{quaternion_from_rotation, rotation_zyx};
 use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
 
 use crate::columns::{self, Column, FIELDS, Field, Kind, Unit};
@@ -91,13 +93,18 @@ impl Reader<'_> {
             let (s, known) = (if unknown.len() > 1 { "s" } else { "" }, columns::known());
             return Err(self.wrong_header(format!("unknown column{s} {}; known are {known}", unknown.join(", "))));
         }
-        let mut found = [[[None; 2]; MAX_JOINTS]; FIELDS];
+        let mut found: [[[Option<Slot>; 2]; MAX_JOINTS]; FIELDS] = [[[None; 2]; MAX_JOINTS]; FIELDS];
         for (at, name) in self.header.iter().enumerate() {
             let Some((column, k, unit)) = columns::find(name) else { continue };
-            let which = usize::from(column.units.first() != Some(&unit));
+            let which = usize::from(column.units.first() != Some(&unit.usual()));
             let slot = &mut found[column.field as usize][k][which];
-            if slot.is_some() {
-                return Err(self.wrong_header(format!("column {name} stands there twice")));
+            if let Some(other) = slot {
+                let other = self.header.get(other.at).map_or("", String::as_str);
+                return Err(self.wrong_header(if other == name {
+                    format!("column {name} stands there twice")
+                } else {
+                    format!("columns {other} and {name} are both there")
+                }));
             }
             *slot = Some(Slot { at, unit });
         }
@@ -111,7 +118,7 @@ impl Reader<'_> {
             )));
         }
         for (q, commanded) in slots.all(Field::Joints).iter().zip(slots.all(Field::Commanded)) {
-            if q.unit != commanded.unit {
+            if q.unit.usual() != commanded.unit.usual() {
                 let name = |slot: &Slot| self.header.get(slot.at).map_or("", String::as_str);
                 let (q, commanded) = (name(q), name(commanded));
                 return Err(self.wrong_header(format!("columns {q} and {commanded} have different units")));
@@ -121,6 +128,13 @@ impl Reader<'_> {
             let missing = if slots.has(Field::Ball) { Field::Indicators } else { Field::Ball };
             let (needed, missing) = (Kind::Touch.required().join(", "), columns::column(missing).words());
             return Err(self.wrong_header(format!("a touch needs {needed}; {missing} missing")));
+        }
+        let orientations = [Field::Quaternion, Field::RollPitchYaw, Field::Matrix];
+        let said: Vec<String> =
+            orientations.into_iter().filter(|f| slots.has(*f)).map(|f| columns::column(f).words()).collect();
+        if said.len() > 1 {
+            let said = said.join(" and ");
+            return Err(self.wrong_header(format!("the orientation is there twice, as {said}; expected it once")));
         }
         if ![Field::Indicators, Field::Position, Field::Length].into_iter().any(|f| slots.has(f)) {
             return Err(self.wrong_header(format!("no measurement found; expected {}", columns::known_kinds())));
@@ -239,6 +253,16 @@ impl Cells<'_, '_> {
             }
             return Ok(Measured::Pose { position, quaternion });
         }
+        if filled(Field::RollPitchYaw).is_some() {
+            let [roll, pitch, yaw] = self.numbers(slots.all(Field::RollPitchYaw))?;
+            let quaternion = quaternion_from_rotation(&rotation_zyx(yaw, pitch, roll));
+            return Ok(Measured::Pose { position, quaternion });
+        }
+        if let Some(first) = filled(Field::Matrix) {
+            let numbers: [f64; 9] = self.numbers(slots.all(Field::Matrix))?;
+            let quaternion = rotation_of(&numbers).map_err(|problem| self.error(first, problem))?;
+            return Ok(Measured::Pose { position, quaternion });
+        }
         match (filled(Field::Target), filled(Field::Reference)) {
             (Some(t), Some(_)) => {
                 Err(self.error(t, "the row names a target and a reference, expected one of them".into()))
@@ -274,6 +298,22 @@ impl Cells<'_, '_> {
     }
 }
 
+/// A matrix, row by row, as a quaternion: of the rotation that is nearest to it.
+fn rotation_of(rows: &[f64; 9]) -> Result<[f64; 4], String> {
+    let matrix = Matrix3::from_row_slice(rows);
+    let off = (matrix.transpose() * matrix - Matrix3::identity()).norm();
+    let turn = matrix.determinant();
+    if off.is_nan() || off > 2e-2 || turn < 0.0 {
+        return Err(format!(
+            "the nine numbers are no rotation matrix: their columns are {off:.3} from orthonormal and the determinant is {turn:.3}, expected 0 \
+             and 1"
+        ));
+    }
+    let quaternion = quaternion_from_rotation(&matrix);
+    let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    Ok(quaternion.map(|x| x / length))
+}
+
 /// What a header says about the rows below it.
 pub(crate) struct Parser<'a> {
     reader: Reader<'a>,
@@ -297,7 +337,7 @@ impl<'a> Parser<'a> {
     pub fn prismatic(&self) -> [bool; MAX_JOINTS] {
         let mut out = [false; MAX_JOINTS];
         for (slides, slot) in out.iter_mut().zip(self.slots.all(Field::Joints)) {
-            *slides = slot.unit == Unit::Millimetre;
+            *slides = slot.unit.usual() == Unit::Millimetre;
         }
         out
     }

@@ -1,7 +1,7 @@
 //! Recordings from files: CSV or MCAP, by what is in them.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use trical_model::{MAX_JOINTS, Recording};
 
@@ -9,11 +9,19 @@ use crate::bounds::check_file;
 use crate::columns::{Field, find};
 use crate::csv::{header_names, load_csv, write_csv};
 use crate::error::{RecordError, Result};
-use crate::mcap::read_recording;
+use crate::mcap::read_any;
 
 fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> RecordError {
     let file = path.display().to_string();
     move |e| RecordError::File { file, problem: format!("cannot be read: {e}") }
+}
+
+/// A file, and the topic of a bag's measurements that may be named behind it, as in `run.mcap#/tracker/pose`.
+fn file_and_topic(path: &Path) -> (PathBuf, Option<String>) {
+    match path.to_str().and_then(|text| text.split_once(".mcap#")) {
+        Some((stem, topic)) if !path.exists() => (PathBuf::from(format!("{stem}.mcap")), Some(topic.to_owned())),
+        _ => (path.to_owned(), None),
+    }
 }
 
 /// Whether a file is an MCAP recording, by its name or by how it begins.
@@ -21,6 +29,8 @@ fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> RecordError {
 /// # Errors
 /// It cannot be read.
 pub fn is_mcap(path: &Path) -> Result<bool> {
+    let (path, _) = file_and_topic(path);
+    let path = path.as_path();
     check_file(path, false)?;
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         return Ok(true);
@@ -69,7 +79,9 @@ pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Op
         let joints = joints.map_or_else(|| joints_of_csv(path), Ok)?;
         return Ok((load_csv(path, joints)?, None));
     }
-    let read = read_recording(path)?;
+    let (path, topic) = file_and_topic(path);
+    let path = path.as_path();
+    let read = read_any(path, joints, topic.as_deref())?;
     let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
     if read.recording.rows.is_empty() {
         let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));

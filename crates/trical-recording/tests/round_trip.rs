@@ -146,3 +146,42 @@ fn every_shared_recording_is_read_and_comes_back() {
         assert_eq!(back.rows.len(), r.rows.len(), "{name}");
     }
 }
+
+#[test]
+fn radians_metres_angles_and_matrices_are_read_by_the_names_of_their_columns() {
+    let read = |text: &str| parse_csv(text.as_bytes(), "r.csv", 2);
+    let usual = read("q1_mm,q2_deg,x_mm,y_mm,z_mm,qw,qx,qy,qz\n1250,30,1,2,3,0.8,0,0.6,0\n").unwrap();
+    let angle = 2.0 * 0.6_f64.asin();
+    let (s, c) = angle.sin_cos();
+    for text in [
+        format!("q1_m,q2_rad,x_m,y_m,z_m,qw,qx,qy,qz\n1.25,{},0.001,0.002,0.003,0.8,0,0.6,0\n", 30f64.to_radians()),
+        format!("q1_mm,q2_deg,x_m,y_mm,z_mm,roll_rad,pitch_rad,yaw_rad\n1250,30,0.001,2,3,0,{angle},0\n"),
+        format!("q1_mm,q2_deg,x_mm,y_mm,z_mm,yaw_deg,roll_deg,pitch_deg\n1250,30,1,2,3,0,0,{}\n", angle.to_degrees()),
+        format!(
+            "q1_mm,q2_deg,x_mm,y_mm,z_mm,r11,r12,r13,r21,r22,r23,r31,r32,r33\n1250,30,1,2,3,{c},0,{s},0,1,0,-{s},0,{c}\n"
+        ),
+    ] {
+        let r = read(&text).unwrap();
+        assert_eq!(r.prismatic[..2], [true, false], "{text}");
+        same(&r, &usual);
+        let (Measured::Pose { position: a, quaternion: q }, Measured::Pose { position: b, quaternion: p }) =
+            (r.rows[0].measured, usual.rows[0].measured)
+        else {
+            panic!("two poses")
+        };
+        assert!(a.iter().zip(&b).chain(q.iter().zip(&p)).all(|(a, b)| (a - b).abs() < 1e-12), "{text}: {a:?} {q:?}");
+    }
+    // all three, as they have to be written
+    let r = read("q1_deg,q2_deg,x_mm,y_mm,z_mm,roll_deg,pitch_deg,yaw_deg\n1,2,3,4,5,10,20,30\n").unwrap();
+    let expected = trical_model::pose::rotation_zyx(30f64.to_radians(), 20f64.to_radians(), 10f64.to_radians());
+    let Measured::Pose { quaternion, .. } = r.rows[0].measured else { panic!("a pose") };
+    assert!((trical_model::pose::rotation_from_quaternion(quaternion) - expected).norm() < 1e-12);
+    let says = |text: &str| read(text).unwrap_err().to_string();
+    let both = says("q1_deg,q1_rad,q2_deg,x_mm,y_mm,z_mm\n1,2,3,4,5,6\n");
+    assert!(both.contains("columns q1_deg and q1_rad are both there"), "{both}");
+    let twice = says("q1_deg,q2_deg,x_mm,y_mm,z_mm,qw,qx,qy,qz,roll_deg,pitch_deg,yaw_deg\n1,2,3,4,5,1,0,0,0,0,0,0\n");
+    assert!(twice.contains("the orientation is there twice"), "{twice}");
+    let mirrored =
+        says("q1_deg,q2_deg,x_mm,y_mm,z_mm,r11,r12,r13,r21,r22,r23,r31,r32,r33\n1,2,3,4,5,-1,0,0,0,1,0,0,0,1\n");
+    assert!(mirrored.contains("line 2, column r11: the nine numbers are no rotation matrix"), "{mirrored}");
+}

@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use trical_ident::write_whole;
+use trical_model::Robot;
+use trical_model::calibrated::calibrated_by_maker;
+use trical_model::error::read_text;
 use trical_model::urdf::UrdfPath;
 use trical_recording::mcap::{Header, write_recording};
 use trical_recording::{is_mcap, open_damaged, to_csv};
@@ -14,7 +17,8 @@ use crate::{input, say};
 /// Arguments of `trical convert`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A recording (CSV or MCAP), or an arm (URDF, as in arm.urdf#base_link:tool0)
+    /// A recording (CSV, MCAP, or a ROS 2 bag, as in run.mcap#/tracker/pose), an arm (URDF, as in arm.urdf#base_link:tool0), or what Universal Robots
+    /// measured of one (calibration.conf of its controller)
     #[arg(value_name = "FILE")]
     input: PathBuf,
     /// Where to write it: .csv or .mcap, .toml for an arm
@@ -23,9 +27,12 @@ pub struct Args {
     /// The same as OUT
     #[arg(long, value_name = "OUT", conflicts_with = "output")]
     out: Option<PathBuf>,
-    /// Number of the arm's joints, for a CSV
-    #[arg(long, default_value_t = 6)]
-    joints: usize,
+    /// Number of the arm's joints, for a CSV (6 where not given) and for a bag whose joint states are of more
+    #[arg(long)]
+    joints: Option<usize>,
+    /// The nominal arm that a calibration.conf adds to: robot.toml in the maker's frames
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -40,8 +47,14 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(source) = UrdfPath::of(&args.input) {
         return arm(&source, output, args.json);
     }
-    let joints = if is_mcap(&args.input)? { None } else { Some(args.joints) };
+    if args.input.extension().is_some_and(|e| e == "conf") {
+        return by_maker(args, output);
+    }
+    let joints = if is_mcap(&args.input)? { args.joints } else { Some(args.joints.unwrap_or(6)) };
     let (recording, lost) = open_damaged(&args.input, joints)?;
+    for note in &recording.notes {
+        crate::note!("trical: note: {note}");
+    }
     if let Some(lost) = &lost {
         crate::note!("trical: note: {lost}");
     }
@@ -60,6 +73,25 @@ pub fn run(args: &Args) -> Result<()> {
         return say(serde_json::to_string_pretty(&value)?);
     }
     say(format!("{} rows written to {}", recording.rows.len(), output.display()))
+}
+
+/// Writes the arm that Universal Robots measured as robot.toml.
+fn by_maker(args: &Args, output: &Path) -> Result<()> {
+    let conf = args.input.display();
+    let Some(nominal) = &args.robot else {
+        let problem = "says what is added to the nominal arm; expected --robot with that arm, as robots/ur5e.toml";
+        return Err(CliError::Input(format!("{conf}: {problem}")));
+    };
+    if output.extension().is_none_or(|e| e != "toml") {
+        return Err(CliError::Input(format!("{}: an arm is written as .toml", output.display())));
+    }
+    let nominal = Robot::load(nominal)?;
+    let robot = calibrated_by_maker(&nominal, &read_text(&args.input)?, &conf.to_string())?;
+    write_whole(output, format!("# {} as its maker measured it: {conf}\n{}", robot.name, robot.to_toml()).as_bytes())?;
+    if args.json {
+        return say(serde_json::to_string_pretty(&json!({ "joints": robot.dof(), "out": output }))?);
+    }
+    say(format!("{} as its maker measured it, written to {}", robot.name, output.display()))
 }
 
 /// Writes a URDF's arm as robot.toml.

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use serde_json::json;
 use trical_ident::{ModelFile, write_whole};
 use trical_model::Robot;
+use trical_model::calibrated::{corrected_file, ur_kinematics};
+use trical_model::urdf::UrdfPath;
 use trical_report::{ErrorMap, Export};
 
 use crate::error::Result;
@@ -16,12 +18,15 @@ pub struct Args {
     /// The model: calibrated.toml or improved.toml
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
-    /// Refuse the model if it is not of this arm: robot.toml or a URDF
+    /// Refuse the model if it is not of this arm: robot.toml or a URDF. Of a URDF, --urdf is this very file with the origins of its joints corrected
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Where to write base, links and tool as a URDF
-    #[arg(long, value_name = "FILE", required_unless_present_any = ["mdh", "error_map"])]
+    /// Where to write the arm as a URDF: the one of --robot, corrected, or else base, links and tool anew
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["mdh", "error_map", "ur_kinematics"])]
     urdf: Option<PathBuf>,
+    /// Where to write the kinematics of an arm of Universal Robots for its ROS driver (robot_calibration.yaml)
+    #[arg(long, value_name = "FILE")]
+    ur_kinematics: Option<PathBuf>,
     /// Where to write the table of modified Denavit-Hartenberg parameters: .toml (a robot file), .json or .csv
     #[arg(long, value_name = "FILE")]
     mdh: Option<PathBuf>,
@@ -38,7 +43,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    for out in [&args.urdf, &args.mdh, &args.error_map].into_iter().flatten() {
+    for out in [&args.urdf, &args.mdh, &args.error_map, &args.ur_kinematics].into_iter().flatten() {
         input::check_output(out, [Some(&args.model), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path))?;
     }
     let file = ModelFile::load(&args.model)?;
@@ -48,7 +53,19 @@ pub fn run(args: &Args) -> Result<()> {
     let arm = Export::of(&file.model)?;
     let mut written = Vec::new();
     if let Some(out) = &args.urdf {
-        write_whole(out, arm.urdf(&args.model.display().to_string()).as_bytes())?;
+        let given = args.robot.as_deref().and_then(UrdfPath::of);
+        let text = match &given {
+            Some(given) => corrected_file(given, &file.model)?,
+            None => arm.urdf(&args.model.display().to_string()),
+        };
+        write_whole(out, text.as_bytes())?;
+        written.push(out.display().to_string());
+    }
+    if let Some(out) = &args.ur_kinematics {
+        let source = args.model.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let hash = format!("calib_{}", source.chars().map(plain).collect::<String>());
+        write_whole(out, ur_kinematics(&file.model, &hash)?.as_bytes())?;
         written.push(out.display().to_string());
     }
     if let Some(out) = &args.mdh {
@@ -74,7 +91,7 @@ pub fn run(args: &Args) -> Result<()> {
             args.poses, e.mean_mm, e.max_mm
         ))?;
     }
-    if args.urdf.is_none() && args.mdh.is_none() {
+    if args.urdf.is_none() && args.mdh.is_none() && args.ur_kinematics.is_none() {
         return Ok(());
     }
     if !arm.same_frames() {

@@ -19,11 +19,11 @@ use crate::say;
 pub enum Set {
     /// The nominal arm: measuring frame (or base) and tool points only
     Nominal,
-    /// And the geometry (17 parameters on a 6-joint arm)
+    /// And the whole geometry of a rigid arm, the twist of near-parallel axes included
     Geometry,
-    /// And the compliance of the joints that carry gravity: the paper's 31 parameters
+    /// The paper's 31 parameters: the geometry without that twist, and the compliance of the joints that carry a torque
     Compliance,
-    /// And the twist of near-parallel axes, which the paper's list lacks
+    /// The geometry and the compliance: as rich as the robot file and the recordings allow
     Complete,
 }
 
@@ -53,7 +53,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "read")]
     joints: Joints,
     /// Which parameters to identify
-    #[arg(long, value_enum, default_value = "compliance")]
+    #[arg(long, value_enum, default_value = "complete")]
     model: Set,
     /// Compliance of these joints only, e.g. 2,3,4,5
     #[arg(long, value_delimiter = ',', value_name = "JOINTS")]
@@ -195,6 +195,13 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     let worst = found.held_out.worst().filter(|(name, _)| usual.is_none_or(|(u, _)| u != *name));
     for (name, e) in usual.into_iter().chain(worst) {
         add(&format!("at poses not in the fit, {name}"), &e);
+    }
+    if let Some(both) = &found.orientation {
+        rows.push(vec!["orientation error, deg".into(), "mean".into(), "rms".into(), "max".into()]);
+        for (name, e) in ["nominal arm", "identified"].iter().zip(both) {
+            let angle = |deg: f64| format!("{deg:.4}");
+            rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.rms_deg), angle(e.max_deg)]);
+        }
     }
     for caution in found.cautions() {
         for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {

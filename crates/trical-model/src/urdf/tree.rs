@@ -23,9 +23,20 @@ pub(crate) struct Axes {
     pub cog: V3,
 }
 
+/// A moving joint of the chain as the file has it.
+pub(crate) struct Place {
+    /// Which joint of the file.
+    pub index: usize,
+    /// Where it stands at zero.
+    pub root_from_joint: Pose,
+    /// The link that carries it, in the link that the moving joint before it carries (or in the root).
+    pub carried: Pose,
+}
+
 /// The chain at its zero position.
-pub(super) struct Serial {
+pub(crate) struct Serial {
     pub joints: Vec<Axes>,
+    pub places: Vec<Place>,
     pub names: Vec<String>,
     pub root_from_tip: Pose,
     pub root: String,
@@ -243,18 +254,21 @@ fn limits(joint: &Joint, file: &str) -> Result<[f64; 2]> {
 }
 
 /// The chain from link `root` (the root of the tree) to link `tip` (the only end of it).
-pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&str>) -> Result<Serial> {
+pub(crate) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&str>) -> Result<Serial> {
     let tree = Tree::of(urdf, file)?;
     let top = tree.root()?;
     let root = root.map_or(Ok(top), |name| tree.find(name))?;
     let tip = tip.map_or_else(|| tree.tip(root), |name| tree.find(name))?;
     let chain = tree.chain(root, tip)?;
     let (mut joints, mut names): (Vec<Axes>, Vec<String>) = (Vec::new(), Vec::new());
-    let mut pose = Pose::identity();
+    let (mut pose, mut carried) = (Pose::identity(), Pose::identity());
+    let mut places = Vec::new();
     let mut has_masses = false;
     for (k, index) in chain.iter().enumerate() {
         let joint = &urdf.joints[*index];
+        let carrier = carried;
         pose = pose.compose(&joint.parent_from_joint);
+        carried = carried.compose(&joint.parent_from_joint);
         let bad = |problem: String| Err(error(file, joint.line, format!("joint '{}' {problem}", joint.name)));
         let kind = match joint.kind.as_str() {
             "fixed" => continue,
@@ -280,6 +294,8 @@ pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
         let body = tree.body(child, &pose, next.map_or(&[], std::slice::from_ref));
         has_masses |= body.mass > 0.0;
         names.push(joint.name.clone());
+        places.push(Place { index: *index, root_from_joint: pose, carried: carrier });
+        carried = Pose::identity();
         joints.push(Axes {
             kind,
             point: pose.translation,
@@ -299,5 +315,5 @@ pub(super) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
         joints.iter_mut().for_each(|j| j.mass = None);
     }
     let (root, tip) = (tree.name(root).to_owned(), tree.name(tip).to_owned());
-    Ok(Serial { joints, names, root_from_tip: pose, root, tip })
+    Ok(Serial { joints, places, names, root_from_tip: pose, root, tip })
 }

@@ -54,7 +54,7 @@ fn fixed(out: &mut String, name: &str, parent: &str, child: &str, pose: &Pose) {
 }
 
 /// `{i-1} from {i}` at the joint's zero.
-fn at_zero(j: &Joint) -> Pose {
+pub(crate) fn at_zero(j: &Joint) -> Pose {
     let r = rotation_x(j.alpha) * rotation_y(j.beta);
     Pose { rotation: r * rotation_z(j.theta_offset), translation: V3::new(j.a, 0.0, 0.0) + r * V3::new(0.0, 0.0, j.d) }
 }

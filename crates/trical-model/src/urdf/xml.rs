@@ -15,20 +15,20 @@ const DEEPEST: usize = 100;
 
 /// Mass and centre of gravity in the link's frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Inertial {
+pub(crate) struct Inertial {
     pub mass: f64,
     pub cog: V3,
 }
 
 #[derive(Debug)]
-pub(super) struct Link {
+pub(crate) struct Link {
     pub name: String,
     pub line: usize,
     pub inertial: Inertial,
 }
 
 #[derive(Debug)]
-pub(super) struct Joint {
+pub(crate) struct Joint {
     pub name: String,
     pub line: usize,
     pub kind: String,
@@ -39,6 +39,9 @@ pub(super) struct Joint {
     /// `<limit>`: line, lower, upper.
     pub limit: Option<(usize, Option<f64>, Option<f64>)>,
     pub mimics: Option<String>,
+    /// Behind its start tag, and from where to where its `<origin>` tag stands: bytes of the file.
+    pub opened_at: usize,
+    pub origin_at: Option<(usize, usize)>,
     /// What is wrong with its axis or its limits: matters where the chain moves by it.
     pub problem: Option<ModelError>,
 }
@@ -50,13 +53,13 @@ impl Joint {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Urdf {
+pub(crate) struct Urdf {
     pub name: String,
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
 }
 
-pub(super) fn error(file: &str, line: usize, problem: impl Into<String>) -> ModelError {
+pub(crate) fn error(file: &str, line: usize, problem: impl Into<String>) -> ModelError {
     ModelError::Input { file: file.to_owned(), place: format!("line {line}"), problem: problem.into() }
 }
 
@@ -149,7 +152,7 @@ impl Lines<'_> {
 }
 
 /// Reads the text of a URDF.
-pub(super) fn read(text: &str, file: &str) -> Result<Urdf> {
+pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
     if text.len() > LARGEST {
         let problem = format!("has {} bytes, expected a URDF of at most {LARGEST}", text.len());
         return Err(ModelError::Unreadable { file: file.to_owned(), problem });
@@ -169,11 +172,13 @@ pub(super) fn read(text: &str, file: &str) -> Result<Urdf> {
                     return Err(error(file, line, format!("elements are nested more than {DEEPEST} deep")));
                 }
                 element(&mut urdf, &path, &start, file, line)?;
+                place(&mut urdf, &path, start.name().as_ref(), text, reader.buffer_position());
                 seen_robot = true;
                 path.push(start.name().as_ref().to_owned());
             }
             Event::Empty(start) => {
                 element(&mut urdf, &path, &start, file, line)?;
+                place(&mut urdf, &path, start.name().as_ref(), text, reader.buffer_position());
                 seen_robot = true;
             }
             Event::End(_) => {
@@ -193,6 +198,20 @@ pub(super) fn read(text: &str, file: &str) -> Result<Urdf> {
         return Err(ModelError::Unreadable { file: file.to_owned(), problem: "holds no <robot>".into() });
     }
     Ok(urdf)
+}
+
+/// Notes where a joint, or its origin, stands in the file: the tag that was just read ends at byte `end`.
+fn place(urdf: &mut Urdf, path: &[String], tag: &str, text: &str, end: u64) {
+    let end = usize::try_from(end).unwrap_or(usize::MAX).min(text.len());
+    let Some(joint) = urdf.joints.last_mut() else { return };
+    match (path, tag) {
+        ([robot], "joint") if robot == "robot" => joint.opened_at = end,
+        ([robot, owner], "origin") if robot == "robot" && owner == "joint" => {
+            // no attribute holds a bare <
+            joint.origin_at = text.get(..end).and_then(|t| t.rfind('<')).map(|begin| (begin, end));
+        }
+        _ => {}
+    }
 }
 
 fn element(urdf: &mut Urdf, path: &[String], start: &BytesStart<'_>, file: &str, line: usize) -> Result<()> {
@@ -232,6 +251,8 @@ fn element(urdf: &mut Urdf, path: &[String], start: &BytesStart<'_>, file: &str,
                 axis: V3::x(),
                 limit: None,
                 mimics: None,
+                opened_at: 0,
+                origin_at: None,
                 problem: None,
             });
         }

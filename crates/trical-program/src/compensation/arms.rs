@@ -1,5 +1,7 @@
 //! Everything that targets need, made once: both arms with every tool, and the frames.
 
+use std::collections::HashMap;
+
 use trical_model::{
     Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Scope, Shape, Site, State, Term, Variable, Workspace,
 };
@@ -9,7 +11,7 @@ use crate::error::ProgramError;
 use crate::frames::{Frames, ToolFrame};
 use crate::literal::{MOST, Meant};
 use crate::options::Options;
-use crate::scan::{Scan, Setup, Spot};
+use crate::scan::{External, Scan, Setup, Spot};
 
 /// The same arm twice, with one tool: as the controller believes it and as it is.
 pub(super) struct Arm {
@@ -30,6 +32,10 @@ pub struct Compensator<'a> {
     pub(super) arms: Vec<Arm>,
     /// One for each setup of the scan, and one behind them for targets without.
     places: Vec<Result<Place, String>>,
+    /// Of an arm on a rail that the program moves as an external axis: limits of the rail, m, and the arms where it stands, by that of the whole and
+    /// where.
+    rail: Option<[f64; 2]>,
+    on_rail: HashMap<(usize, u64), usize>,
     pub(super) branches: Branches,
     pub(super) slides: Vec<bool>,
     pub(super) dof: usize,
@@ -53,6 +59,11 @@ fn when(said: Option<f64>, variable: Variable, model: &Model) -> Option<f64> {
 
 fn site_of_device(site: &Site) -> bool {
     matches!(site, Site::Tool(_) | Site::Payload(_) | Site::Target { .. })
+}
+
+/// Whether a term asks for what a joint's sensor measured: a program has no such reading.
+pub(crate) fn by_measured_torque(term: &Term) -> bool {
+    matches!(term.basis.of, Variable::Torque { .. })
 }
 
 /// Whether a term can move the tool in {w}.
@@ -83,19 +94,23 @@ impl<'a> Compensator<'a> {
     ) -> Result<Self, ProgramError> {
         let input = |e: trical_model::ModelError| ProgramError::Input(e.to_string());
         let mut model = model.clone();
-        model.terms.retain(moves_tool);
+        model.terms.retain(|t| moves_tool(t) && !by_measured_torque(t));
         if options.own_base {
             model.terms.retain(|t| !matches!(t.site, Site::Base(_)));
             model.cell.world_from_base = nominal.cell.world_from_base;
         }
+        let moves_rail = nominal.robot.is_on_rail() && scan.spots.iter().any(|s| s.external != External::None);
+        let carried = if moves_rail { nominal.on_rail(0.0).map_err(input)?.robot } else { nominal.robot.clone() };
         let mut this = Self {
             scan,
             bytes,
             arms: Vec::new(),
             places: Vec::new(),
-            branches: Branches::of(&nominal.robot),
-            slides: nominal.robot.joints.iter().map(|j| j.kind == JointKind::Prismatic).collect(),
-            dof: nominal.robot.dof(),
+            rail: moves_rail.then(|| nominal.robot.joints[0].limits),
+            on_rail: HashMap::new(),
+            branches: Branches::of(&carried),
+            slides: carried.joints.iter().map(|j| j.kind == JointKind::Prismatic).collect(),
+            dof: carried.dof(),
             t: when(options.time_s, Variable::Time, &model),
             seq: when(options.seq, Variable::Seq, &model),
             // what happened in the course of a session is the arm's at a stated moment of that session only
@@ -141,7 +156,55 @@ impl<'a> Compensator<'a> {
             };
             this.places.push(place);
         }
+        this.put_on_rail().map_err(input)?;
         Ok(this)
+    }
+
+    /// Makes the arms that the program's targets need, the rail standing where they say.
+    fn put_on_rail(&mut self) -> trical_model::Result<()> {
+        if self.rail.is_none() {
+            return Ok(());
+        }
+        for spot in &self.scan.spots {
+            let External::First(at) = spot.external else { continue };
+            let Ok(whole) = self.place(spot).map(|place| place.arm) else { continue };
+            if self.on_rail.contains_key(&(whole, at.to_bits())) {
+                continue;
+            }
+            let carried = |f: &Forward| f.model().on_rail(at * 1e-3).and_then(|m| Forward::new(m, Vec::new()));
+            let arm = Arm { nominal: carried(&self.arms[whole].nominal)?, model: carried(&self.arms[whole].model)? };
+            self.arms.push(arm);
+            self.on_rail.insert((whole, at.to_bits()), self.arms.len() - 1);
+        }
+        Ok(())
+    }
+
+    /// Which arm goes to a target: where the rail stands, if there is one.
+    pub(super) fn arm(&self, spot: &Spot, place: &Place) -> Result<usize, String> {
+        let Some([low, high]) = self.rail else { return Ok(place.arm) };
+        match spot.external {
+            External::None => Err("does not say where the rail stands: its first external axis has no value".into()),
+            External::Others => Err("places external axes beside the rail, which the model does not have".into()),
+            External::First(at) if !(low..=high).contains(&(at * 1e-3)) => Err(format!(
+                "places the rail (the first external axis) at {at} mm, beyond its limits {:.0} to {:.0} mm",
+                low * 1e3,
+                high * 1e3
+            )),
+            External::First(at) => {
+                let known = self.on_rail.get(&(place.arm, at.to_bits())).copied();
+                known.ok_or_else(|| "stands on a rail that is nowhere".into())
+            }
+        }
+    }
+
+    /// Joints of the whole arm: with where the rail stands, if there is one.
+    pub(super) fn with_rail(&self, spot: &Spot, q: &Joints) -> Joints {
+        match (self.rail, spot.external) {
+            (Some(_), External::First(at)) => {
+                std::array::from_fn(|k| if k == 0 { at * 1e-3 } else { q.get(k - 1).copied().unwrap_or(0.0) })
+            }
+            _ => *q,
+        }
     }
 
     pub(super) fn state(&self, q: &Joints, dir: [i8; MAX_JOINTS]) -> State {
@@ -177,9 +240,10 @@ impl<'a> Compensator<'a> {
 
     /// The numbers of a target, and what they mean.
     pub(super) fn read(&self, spot: &Spot) -> Result<([f64; MOST], Meant), String> {
-        if spot.external {
+        let elsewhere = !matches!(spot.external, External::None | External::First(0.0));
+        if elsewhere && self.rail.is_none() {
             return Err(if self.slides.contains(&true) || self.dof > 6 {
-                "places an external axis (a track or positioner) too; targets that move one beside an arm of such a model are not supported"
+                "places an external axis (a track or positioner) too; of models with such axes only those of an arm on a rail, which is joint 1, are supported"
             } else {
                 "places an external axis (a track or positioner), which the model does not have"
             }

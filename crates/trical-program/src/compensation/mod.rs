@@ -7,6 +7,7 @@ mod starts;
 mod unnamed;
 
 pub use arms::Compensator;
+pub(crate) use arms::by_measured_torque;
 pub use rewrite::Done;
 pub use starts::Start;
 pub use unnamed::settle_unnamed;

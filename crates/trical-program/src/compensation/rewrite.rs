@@ -24,7 +24,7 @@ pub struct Done {
     pub after: (f64, f64),
     /// What the program wants, in {w}.
     pub wanted: Pose,
-    /// Joints to which the controller will go.
+    /// Joints to which the controller will go, the rail's place in front of them where there is one.
     pub joints: Joints,
 }
 
@@ -35,8 +35,9 @@ impl Compensator<'_> {
     /// In words, why it stays as it is.
     pub fn rewrite(&self, spot: &Spot, start: &Start, ws: &mut [(Workspace, Workspace)]) -> Result<Done, String> {
         let place = self.place(spot)?;
-        let arm = &self.arms[place.arm];
-        let (nominal_ws, model_ws) = &mut ws[place.arm];
+        let index = self.arm(spot, place)?;
+        let arm = &self.arms[index];
+        let (nominal_ws, model_ws) = &mut ws[index];
         let (values, meant) = self.read(spot)?;
         let wanted = match &meant {
             Meant::Pose(pose) => place.world_from_frame.compose(pose),
@@ -97,7 +98,7 @@ impl Compensator<'_> {
         };
         let after = apart(&arm.model.world_from_tool(&self.state(&reached, start.dir), model_ws), &wanted);
         let moved = (commanded.translation - wanted.translation).norm();
-        Ok(Done { edits, moved, before, after, wanted, joints: reached })
+        Ok(Done { edits, moved, before, after, wanted, joints: self.with_rail(spot, &reached) })
     }
 }
 

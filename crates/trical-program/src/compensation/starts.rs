@@ -103,14 +103,16 @@ impl Compensator<'_> {
         let Meant::Pose(mut pose) = self.read(spot).ok()?.1 else { return None };
         pose.translation += if in_tool { pose.rotation * shift } else { *shift };
         let world = place.world_from_frame.compose(&pose);
-        self.solve(place.arm, &world, &spot.configuration, last, &mut ws.get_mut(place.arm)?.0).ok()
+        let arm = self.arm(spot, place).ok()?;
+        self.solve(arm, &world, &spot.configuration, last, &mut ws.get_mut(arm)?.0).ok()
     }
 
     fn start(&self, spot: &Spot, last: &Joints, ws: &mut [(Workspace, Workspace)]) -> Result<Joints, String> {
         let place = self.place(spot)?;
+        let arm = self.arm(spot, place)?;
         match self.read(spot)?.1 {
             Meant::Joints(q) => {
-                let robot = &self.arms[place.arm].nominal.model().robot;
+                let robot = &self.arms[arm].nominal.model().robot;
                 if !robot.within_limits(&q, 1e-9) {
                     return Err("the program's own joint values are beyond the limits of the robot".into());
                 }
@@ -118,7 +120,7 @@ impl Compensator<'_> {
             }
             Meant::Pose(pose) => {
                 let world = place.world_from_frame.compose(&pose);
-                self.solve(place.arm, &world, &spot.configuration, last, &mut ws[place.arm].0)
+                self.solve(arm, &world, &spot.configuration, last, &mut ws[arm].0)
                     .map_err(|e| format!("the program's own target: {e}"))
             }
         }

@@ -114,7 +114,7 @@ fn position(
     let (mut pose, mut joints) = ([None; 6], [None; 9]);
     let (mut tool, mut frame) = (None, None);
     let mut configuration = Configuration::Free;
-    let (mut group, mut untaught, mut external) = (1, false, false);
+    let (mut group, mut untaught, mut external) = (1, false, [None; 3]);
     let mut problem: Option<String> = None;
     let hash = hashed(number.text(c.bytes));
     while !c.done() && c.peek() != b'}' {
@@ -160,8 +160,8 @@ fn position(
                 pose[k] = value;
             } else if let Some(k) = JOINTS.iter().position(|n| *n == word) {
                 joints[k] = value;
-            } else if matches!(word, [b'E', b'1'..=b'3']) {
-                external |= value.and_then(|v| v.value(c.bytes)).is_some_and(|v| v != 0.0);
+            } else if let [b'E', n @ b'1'..=b'3'] = word {
+                external[usize::from(n - b'1')] = value.and_then(|v| v.value(c.bytes));
             } else if matches!(word, [b'R', b'X' | b'Y' | b'Z' | b'W' | b'P' | b'R']) {
                 problem = Some("is given relative to another motion group (RX ...)".into());
             }
@@ -194,9 +194,7 @@ fn position(
         }
         scan.push(Shape::JointsFanuc, &spans, Configuration::Free, name)
     };
-    if external {
-        scan.needs_external_axis();
-    }
+    scan.external_axes(&external);
     let setup = scan.setup(setup);
     scan.assign(spot, setup);
     let first = spot as usize;

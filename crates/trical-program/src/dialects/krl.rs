@@ -129,8 +129,8 @@ struct Aggregate {
     base: Option<Span>,
     /// The first field of these that has no value before the program runs.
     unread: Option<Span>,
-    /// Whether an external axis is elsewhere than at 0.
-    external: bool,
+    /// External axes.
+    external: [Option<f64>; 6],
 }
 
 struct Reader<'a> {
@@ -494,8 +494,9 @@ impl Reader<'_> {
                         self.c.skip_blank();
                         let value = self.value();
                         if depth == 1 && self.c.peek() != b':' {
-                            let moves = value.is_ok_and(|v| self.scan.value(v, self.c.bytes).is_some_and(|v| v != 0.0));
-                            out.external |= moves && is_one_of(name, &EXTERNAL);
+                            if let Some(k) = EXTERNAL.iter().position(|e| name.eq_ignore_ascii_case(e)) {
+                                out.external[k] = value.as_ref().ok().and_then(|v| self.scan.value(*v, self.c.bytes));
+                            }
                             out.put(name, value);
                         }
                         continue;
@@ -558,9 +559,7 @@ impl Reader<'_> {
         name: Span,
     ) -> u32 {
         let spot = self.scan.push(shape, spans, configuration, name);
-        if found.external {
-            self.scan.needs_external_axis();
-        }
+        self.scan.external_axes(&found.external);
         spot
     }
 

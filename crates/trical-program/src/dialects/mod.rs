@@ -10,7 +10,7 @@ pub mod urscript;
 use std::path::Path;
 
 use nalgebra::Vector3;
-use trical_model::{Pose, Robot};
+use trical_model::{Cell, Model, Pose, Robot};
 
 use crate::scan::Scan;
 
@@ -181,9 +181,12 @@ impl Dialect {
     }
 
     /// The controller's world in the arm's foot, where the dialect's controllers do not put it there: FANUC's lies where axis 2
-    /// passes axis 1.
+    /// passes axis 1, of an arm on a rail with that at zero.
     #[must_use]
     pub fn usual_world(self, robot: &Robot) -> Option<Pose> {
+        let carried =
+            robot.is_on_rail().then(|| Model::nominal(robot.clone(), Cell::bare()).on_rail(0.0).ok()).flatten();
+        let robot = carried.as_ref().map_or(robot, |m| &m.robot);
         let first = robot.joints.first().filter(|_| self == Self::Fanuc)?;
         let axis = Pose { translation: Vector3::new(0.0, 0.0, first.d), ..Pose::identity() };
         Some(Pose { translation: robot.root_from_zero.compose(&axis).translation, ..Pose::identity() })

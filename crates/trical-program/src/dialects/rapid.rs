@@ -387,10 +387,9 @@ impl Reader<'_> {
             _ => return,
         }
         if let Some(Piece::Flat { spans, .. }) = pieces.last() {
-            let moves = |s: &Span| self.scan.value(*s, bytes).is_some_and(|v| v != 0.0 && v.abs() < NO_AXIS);
-            if spans.iter().any(moves) {
-                self.scan.needs_external_axis();
-            }
+            let values: Vec<Option<f64>> =
+                spans.iter().map(|s| self.scan.value(*s, bytes).filter(|v| v.abs() < NO_AXIS)).collect();
+            self.scan.external_axes(&values);
         }
     }
 

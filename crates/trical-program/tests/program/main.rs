@@ -5,6 +5,7 @@
 
 mod corpus;
 mod fixtures;
+mod rail;
 mod sink;
 
 use fixtures::{

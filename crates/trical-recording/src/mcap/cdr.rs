@@ -49,11 +49,7 @@ impl JointState {
     /// Reads the bytes of a message; `None` where they are too short or not little-endian CDR.
     #[must_use]
     pub fn from_cdr(bytes: &[u8]) -> Option<Self> {
-        let (header, body) = bytes.split_at_checked(4)?;
-        if header.get(..2)? != LITTLE_ENDIAN.get(..2)? {
-            return None;
-        }
-        let mut from = Decoder { body, at: 0 };
+        let mut from = Decoder::of(bytes)?;
         let seconds = from.u32()?.cast_signed();
         let nanoseconds = from.u32()?;
         let frame = from.string()?;
@@ -64,6 +60,76 @@ impl JointState {
         let effort = from.sequence()?;
         Some(Self { seconds, nanoseconds, frame, names, position, velocity, effort })
     }
+}
+
+impl JointState {
+    /// The stamp, s.
+    #[must_use]
+    pub fn stamp(&self) -> f64 {
+        f64::from(self.seconds) + f64::from(self.nanoseconds) * 1e-9
+    }
+}
+
+/// Which of the stamped messages of `geometry_msgs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StampedKind {
+    /// `PoseStamped`
+    Pose,
+    /// `PointStamped`
+    Point,
+    /// `TransformStamped`
+    Transform,
+}
+
+/// What an instrument saw: a pose, a point or a transform of `geometry_msgs`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stamped {
+    seconds: i32,
+    nanoseconds: u32,
+    /// Frame of the header, in which it was seen.
+    pub frame: String,
+    /// Position, m.
+    pub position: [f64; 3],
+    /// Unit quaternion w, x, y, z, where there is one.
+    pub quaternion: Option<[f64; 4]>,
+}
+
+impl Stamped {
+    /// Reads the bytes of a message; `None` where they are too short, not little-endian CDR, or hold no finite numbers or no rotation.
+    #[must_use]
+    pub fn from_cdr(bytes: &[u8], kind: StampedKind) -> Option<Self> {
+        let mut from = Decoder::of(bytes)?;
+        let (seconds, nanoseconds) = (from.u32()?.cast_signed(), from.u32()?);
+        let frame = from.string()?;
+        if kind == StampedKind::Transform {
+            from.string()?;
+        }
+        let mut number = || from.take().map(f64::from_le_bytes).filter(|x| x.is_finite());
+        let position = [number()?, number()?, number()?];
+        let quaternion = if kind == StampedKind::Point {
+            None
+        } else {
+            let [x, y, z, w] = [number()?, number()?, number()?, number()?];
+            let length = (x * x + y * y + z * z + w * w).sqrt();
+            if (length - 1.0).abs() > 1e-2 {
+                return None;
+            }
+            Some([w, x, y, z].map(|v| v / length))
+        };
+        Some(Self { seconds, nanoseconds, frame, position, quaternion })
+    }
+
+    /// The stamp, s.
+    #[must_use]
+    pub fn stamp(&self) -> f64 {
+        f64::from(self.seconds) + f64::from(self.nanoseconds) * 1e-9
+    }
+}
+
+/// The text of a `std_msgs/msg/String`.
+#[must_use]
+pub fn string_from_cdr(bytes: &[u8]) -> Option<String> {
+    Decoder::of(bytes)?.string()
 }
 
 struct Encoder(Vec<u8>);
@@ -97,7 +163,13 @@ struct Decoder<'a> {
     at: usize,
 }
 
-impl Decoder<'_> {
+impl<'a> Decoder<'a> {
+    /// Behind the header, which must be that of little-endian CDR.
+    fn of(bytes: &'a [u8]) -> Option<Self> {
+        let (header, body) = bytes.split_at_checked(4)?;
+        (header.get(..2)? == LITTLE_ENDIAN.get(..2)?).then_some(Decoder { body, at: 0 })
+    }
+
     fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
         self.at = self.at.checked_next_multiple_of(N)?;
         let bytes = self.body.get(self.at..self.at.checked_add(N)?)?;

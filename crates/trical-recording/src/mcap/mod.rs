@@ -4,6 +4,7 @@
 //! Each accepted measurement ends its chunk and is on disk before the writer returns, so a crash loses nothing that was
 //! accepted; the reader takes what is whole out of a file that was cut anywhere.
 
+mod bag;
 pub mod cdr;
 mod lock;
 mod read;
@@ -21,7 +22,7 @@ use crate::error::RecordError;
 use crate::motion::JointSample;
 
 pub use lock::check_not_written;
-pub use read::{each_row, read_bytes, read_recording};
+pub use read::{each_row, read_any, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};
 
 /// A file inside a recording.

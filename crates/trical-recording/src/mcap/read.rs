@@ -8,6 +8,7 @@ use std::path::Path;
 use serde_json::Value;
 use trical_model::recording::{MAX_JOINTS, Recording, Row};
 
+use super::bag;
 use super::cdr::JointState;
 use super::walk::{Channels, MAGIC, RawFile, RawMessage, walk, walk_pieces};
 use super::{IndicatorSample, ReadRecording, schema};
@@ -27,24 +28,44 @@ pub fn read_recording(path: &Path) -> Result<ReadRecording, RecordError> {
     interpret(path, &read_raw(path)?)
 }
 
+/// As [`read_recording`]; a ROS 2 bag of others is a recording too: its joint states, and what was seen on `topic`, matched by time. `joints` is how
+/// many the arm has, where that is known.
+///
+/// # Errors
+/// As there; a bag in which nothing can be matched.
+pub fn read_any(path: &Path, joints: Option<usize>, topic: Option<&str>) -> Result<ReadRecording, RecordError> {
+    crate::bounds::check_file(path, true)?;
+    let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
+    let raw = raw_of(path, &bytes, true)?;
+    drop(bytes);
+    if !bag::is_bag(&raw.channels) {
+        return interpret(path, &raw);
+    }
+    let recording = bag::recording(path, &raw, joints, topic)?;
+    let metadata = raw.metadata.iter().cloned().collect();
+    let start_ns = raw.messages.iter().map(|message| message.log_time).min().unwrap_or(0);
+    let (joint_states, indicators, attachments) = (Vec::new(), Vec::new(), Vec::new());
+    Ok(ReadRecording { recording, attachments, metadata, joint_states, indicators, start_ns, lost: lost(path, &raw) })
+}
+
 /// As [`read_recording`], of bytes; `name` is for messages.
 ///
 /// # Errors
 /// As there.
 pub fn read_bytes(name: &Path, bytes: &[u8]) -> Result<ReadRecording, RecordError> {
-    interpret(name, &raw_of(name, bytes)?)
+    interpret(name, &raw_of(name, bytes, false)?)
 }
 
 /// Takes all whole records out of a file.
 pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
     crate::bounds::check_file(path, true)?;
     let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
-    raw_of(path, &bytes)
+    raw_of(path, &bytes, false)
 }
 
-fn raw_of(path: &Path, bytes: &[u8]) -> Result<RawFile, RecordError> {
+fn raw_of(path: &Path, bytes: &[u8], only_read: bool) -> Result<RawFile, RecordError> {
     let Some(body) = bytes.strip_prefix(&MAGIC) else { return Err(not_mcap(path, bytes)) };
-    walk(body).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
+    walk(body, only_read).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
 }
 
 /// What stands where the magic bytes should.

@@ -72,7 +72,7 @@ pub fn temperature() -> (&'static str, String) {
 /// Name and text of the schema of `/measurement`.
 #[must_use]
 pub fn measurement(shared: &Shared) -> (&'static str, String) {
-    let written = COLUMNS.iter().filter(|c| c.field != Field::Plan);
+    let written = COLUMNS.iter().filter(|c| c.field.is_written());
     let fields: Vec<_> = written.flat_map(|c| properties(c.field, shared)).collect();
     let of_every_row = COLUMNS.iter().filter(|c| c.required && c.kinds.is_empty());
     let required: Vec<String> = of_every_row.flat_map(|c| properties(c.field, shared)).map(|(name, _)| name).collect();

@@ -47,6 +47,7 @@ pub(super) struct RawFile {
     /// What was lost, one phrase each.
     pub(super) losses: Vec<String>,
     schemas: HashMap<u16, RawSchema>,
+    only_read: bool,
     ended: bool,
 }
 
@@ -64,12 +65,13 @@ const DATA_END: u8 = 0x0F;
 /// A chunk is never unpacked to more than this; writers cut them at 1 to 4 MiB.
 const LARGEST_CHUNK: u64 = 1 << 27;
 
-/// Takes all whole records out of the bytes that follow the magic.
+/// Takes all whole records out of the bytes that follow the magic; where `only_read`, without the messages that nobody here makes sense of:
+/// pictures, say, in a bag of others.
 ///
 /// # Errors
 /// A compression that is not known.
-pub(super) fn walk(body: &[u8]) -> Result<RawFile, String> {
-    let mut file = RawFile::default();
+pub(super) fn walk(body: &[u8], only_read: bool) -> Result<RawFile, String> {
+    let mut file = RawFile { only_read, ..RawFile::default() };
     let mut at = MAGIC.len();
     let mut rest = body;
     while !rest.is_empty() && !file.ended {
@@ -193,10 +195,11 @@ impl RawFile {
         let unpacked = match (chunk.compression, whole) {
             ("", Some(data)) => Some(data.to_vec()),
             ("lz4", Some(data)) => unpack_lz4(data, chunk.uncompressed_size),
-            ("" | "lz4", None) => None,
+            ("zstd", Some(data)) => unpack_zstd(data, chunk.uncompressed_size),
+            ("" | "lz4" | "zstd", None) => None,
             (other, _) => {
                 return Err(format!(
-                    "the chunk at byte {at} is compressed with {other:?}; expected none or lz4 (the mcap tool converts it)"
+                    "the chunk at byte {at} is compressed with {other:?}; expected none, lz4 or zstd (the mcap tool converts it)"
                 ));
             }
         };
@@ -237,8 +240,15 @@ impl RawFile {
                 self.channels.entry(id).or_insert(RawChannel { topic, encoding, metadata, schema });
             }
             MESSAGE => {
+                let channel = from.u16()?;
+                let of_others = self.channels.get(&channel).is_some_and(|c| {
+                    c.encoding == "cdr" && !c.schema.as_ref().is_some_and(|schema| super::bag::reads(&schema.name))
+                });
+                if self.only_read && of_others {
+                    return Some(());
+                }
                 let message = RawMessage {
-                    channel: from.u16()?,
+                    channel,
                     sequence: from.u32()?,
                     log_time: from.u64()?,
                     publish_time: from.u64()?,
@@ -314,6 +324,13 @@ fn unpack_lz4(data: &[u8], size: u64) -> Option<Vec<u8>> {
     (out.len() as u64 == size).then_some(out)
 }
 
+fn unpack_zstd(data: &[u8], size: u64) -> Option<Vec<u8>> {
+    let mut out = Vec::new();
+    let decoder = ruzstd::decoding::StreamingDecoder::new(data).ok()?;
+    decoder.take(size.min(LARGEST_CHUNK)).read_to_end(&mut out).ok()?;
+    (out.len() as u64 == size).then_some(out)
+}
+
 struct Cursor<'a>(&'a [u8]);
 
 impl<'a> Cursor<'a> {
@@ -363,7 +380,7 @@ mod tests {
     proptest! {
         #[test]
         fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-            let _ = walk(&bytes);
+            let _ = walk(&bytes, true);
         }
 
         #[test]
@@ -371,7 +388,7 @@ mod tests {
             let mut bytes = vec![opcode];
             bytes.extend((content.len() as u64).to_le_bytes());
             bytes.extend(content);
-            let _ = walk(&bytes);
+            let _ = walk(&bytes, true);
         }
     }
 }

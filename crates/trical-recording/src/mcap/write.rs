@@ -130,6 +130,7 @@ impl RecordingWriter {
         // not compressed: a chunk that was cut still gives its messages, and the files are small
         let mut mcap = mcap::WriteOptions::new()
             .compression(None)
+            .profile("ros2")
             .library(format!("trical {}", env!("CARGO_PKG_VERSION")))
             .create(BufWriter::new(file))
             .map_err(failed())?;

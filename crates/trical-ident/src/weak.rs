@@ -1,0 +1,85 @@
+//! Directions in which the measurements say little: how far an arm's parameters can plausibly be from nominal, and what a fit makes of that
+//! where the measurements alone would let them wander.
+
+use trical_model::{Forward, Model, Parameter, Scope, Site, Term, Variable};
+
+use crate::dataset::Dataset;
+use crate::known::Known;
+
+/// How far lengths and angles of an arm are from nominal, roughly: m and rad (0.2 deg). Makers of industrial arms state 0.5 to 1 mm.
+const LENGTH: f64 = 2e-3;
+const ANGLE: f64 = 3.5e-3;
+
+/// The scale of a rail, roughly: 0.5 mm a metre.
+const SCALE: f64 = 5e-4;
+
+/// How far a joint gives way under the largest load of a recording, roughly, rad (0.3 deg) or m.
+const GIVES_WAY: f64 = 5e-3;
+
+/// A parameter was told by its prior rather than by the measurements where these leave so much of the prior's standard deviation.
+const BY_PRIOR: f64 = 0.5;
+
+/// For each of the model's terms: the standard deviation that it plausibly has about nominal, SI; `None` for what belongs to a session,
+/// of which nothing is known beforehand.
+pub(crate) fn plausible(model: &Model, data: &Dataset) -> Vec<Option<f64>> {
+    let loads = largest_loads(model, data);
+    let of = |t: &Term| match (t.site, t.basis.of) {
+        _ if t.scope() != Scope::Arm => None,
+        (Site::Link { parameter, .. }, _) if t.basis.is_constant() => match parameter {
+            Parameter::A | Parameter::D => Some(LENGTH),
+            Parameter::Alpha | Parameter::Beta | Parameter::Theta => Some(ANGLE),
+        },
+        (Site::Joint { .. }, Variable::Moment { joint, .. } | Variable::Torque { joint }) => {
+            loads.get(joint - 1).filter(|load| **load > 0.0).map(|load| GIVES_WAY / load)
+        }
+        (Site::Joint { .. }, Variable::Inclination { .. }) => Some(GIVES_WAY),
+        // errors of a rail over its length, with it
+        (Site::Joint { .. }, Variable::Joint { .. }) => Some(SCALE),
+        (Site::Link { parameter: Parameter::A | Parameter::D, .. }, Variable::Joint { .. }) => Some(LENGTH),
+        (Site::Link { .. } | Site::Tilt { .. }, Variable::Joint { .. }) => Some(ANGLE),
+        _ => None,
+    };
+    model.terms.iter().map(of).collect()
+}
+
+/// The largest torque of each joint over the data, N m: measured, or else of gravity on the nominal arm.
+fn largest_loads(model: &Model, data: &Dataset) -> Vec<f64> {
+    let mut most = vec![0.0_f64; model.robot.dof()];
+    let plain = Model { terms: Vec::new(), ..model.clone() };
+    let forward = Forward::new(plain, Vec::new()).ok();
+    let mut ws = forward.as_ref().map(Forward::workspace);
+    for o in &data.observations {
+        let by_gravity = || forward.as_ref()?.gravity_torques(&o.state, ws.as_mut()?).ok();
+        let Some(torques) = o.state.torques.or_else(by_gravity) else { continue };
+        most.iter_mut().zip(torques).for_each(|(m, t)| *m = m.max(t.abs()));
+    }
+    most
+}
+
+/// Names of the terms whose standard deviation is more than `share` of what is plausible.
+fn beyond(model: &Model, plausible: &[Option<f64>], share: f64) -> Vec<usize> {
+    let sd = |t: &Term, limit: f64| t.sd.is_some_and(|sd| sd > share * limit);
+    let weak = |(k, (t, limit)): (usize, (&Term, &Option<f64>))| limit.filter(|l| sd(t, *l)).map(|_| k);
+    model.terms.iter().zip(plausible).enumerate().filter_map(weak).collect()
+}
+
+/// Whether the measurements leave a parameter of the arm more uncertain than it was before them.
+pub(crate) fn wanders(model: &Model, plausible: &[Option<f64>]) -> bool {
+    !beyond(model, plausible, 1.0).is_empty()
+}
+
+/// The terms that a fit with [`with_priors`] took from their priors rather than from the measurements.
+pub(crate) fn by_prior(model: &Model, plausible: &[Option<f64>], known: &[Known]) -> Vec<usize> {
+    let own = |k: &usize| known.get(*k).is_none_or(|known| known.prior.is_none());
+    beyond(model, plausible, BY_PRIOR).into_iter().filter(own).collect()
+}
+
+/// What is known, and of all else that is the arm's that it is plausibly near nominal.
+pub(crate) fn with_priors(plausible: &[Option<f64>], known: &[Known]) -> Vec<Known> {
+    let of = |(k, sd): (usize, &Option<f64>)| {
+        let said = known.get(k).copied().unwrap_or(Known::NOTHING);
+        let prior = said.prior.or_else(|| sd.and_then(|sd| Known::about_zero(sd).prior));
+        Known { prior, ..said }
+    };
+    plausible.iter().enumerate().map(of).collect()
+}

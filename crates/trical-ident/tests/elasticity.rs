@@ -1,0 +1,148 @@
+//! How far joints give way where the robot has no masses, and what a fit does with directions in which the measurements say little.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+#[path = "common/arm.rs"]
+mod arm;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use trical_ident::{Aim, Calibration, Options, ParameterSet, Scatter, calibrate, simulate};
+use trical_model::{Basis, Model, Pose, Recording, Shape, Site, State, Task, Term, Variable};
+
+/// An arm without masses, seen by a tracker: every parameter of its geometry off by chance.
+fn without_masses(seed: u64) -> Model {
+    let mut model = arm::truth(ParameterSet::Geometry, seed);
+    model.robot.joints.iter_mut().for_each(|j| j.mass = None);
+    model.cell.tool.targets = vec![nalgebra::Vector3::new(0.04, -0.02, 0.12)];
+    model.frames = vec![Pose::identity()];
+    model
+}
+
+/// What a tracker saw of it at `poses`, to `noise` (m); joint torques are drawn, and recorded where `torques`.
+fn seen(truth: &Model, poses: usize, noise: f64, seed: u64, torques: bool, stroke: [f64; 6]) -> Recording {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let rows: Vec<(State, Aim)> = (0..poses)
+        .map(|_| {
+            let q: Vec<f64> = stroke.iter().map(|s| rng.random_range(-*s..*s)).collect();
+            let mut state = State::at(&q);
+            if torques {
+                state.torques = Some(std::array::from_fn(|k| if k < 6 { rng.random_range(-30.0..30.0) } else { 0.0 }));
+            }
+            (state, Aim::Target(0))
+        })
+        .collect();
+    let scatter = Scatter { length: noise, angle: 0.0, seed };
+    Recording { name: "r.csv".into(), ..simulate(truth, &rows, &scatter, None).unwrap() }
+}
+
+fn calibrated(truth: &Model, recording: Recording) -> Calibration {
+    calibrate(&truth.robot, &truth.cell, &[recording], &Options::new(ParameterSet::Complete), &Task::silent()).unwrap()
+}
+
+fn value(c: &Calibration, name: &str) -> Option<f64> {
+    c.fitted.model.terms.iter().find(|t| t.name == name).map(|t| t.value)
+}
+
+const WIDE: [f64; 6] = [1.5; 6];
+
+#[test]
+fn compliance_is_found_by_the_torques_that_were_measured_without_masses() {
+    let mut truth = without_masses(3);
+    for (joint, c) in [(2, 7.2e-5), (3, 9.0e-5), (5, 2.0e-4)] {
+        let mut t = Term::new(format!("c_{joint}"), "compliance", Site::Joint { joint }, Basis::measured_torque(joint));
+        t.value = c;
+        truth.terms.push(t);
+    }
+    let c = calibrated(&truth, seen(&truth, 120, 1e-6, 4, true, WIDE));
+    for (name, expected) in [("c_2", 7.2e-5), ("c_3", 9.0e-5), ("c_5", 2.0e-4)] {
+        let found = value(&c, name).unwrap();
+        assert!((found - expected).abs() < 1e-2 * expected, "{name}: {found}");
+    }
+    assert!(value(&c, "c_1").unwrap().abs() < 1e-6);
+    assert!(!c.cautions().iter().any(|c| c.contains("no masses")), "{:?}", c.cautions());
+}
+
+#[test]
+fn without_masses_and_torques_an_arm_that_sags_is_described_by_its_inclination_and_a_rigid_one_is_not() {
+    let rigid = without_masses(5);
+    let c = calibrated(&rigid, seen(&rigid, 120, 1e-5, 6, false, WIDE));
+    assert!(c.fitted.model.terms.iter().all(|t| !t.name.starts_with("sag")), "{:?}", c.fitted.model.terms);
+    let mut truth = rigid;
+    let mut sag = |joint, last, shape, size| {
+        let basis = Basis::new(Variable::Inclination { first: 2, last }, shape);
+        let mut t = Term::new(format!("true_{joint}_{last}_{shape:?}"), "compliance", Site::Joint { joint }, basis);
+        t.value = size;
+        truth.terms.push(t);
+    };
+    sag(2, 2, Shape::Sine { cycles: 1.0 }, 6e-4);
+    sag(2, 3, Shape::Cosine { cycles: 1.0 }, 4e-4);
+    sag(3, 3, Shape::Cosine { cycles: 1.0 }, 5e-4);
+    let c = calibrated(&truth, seen(&truth, 120, 1e-5, 6, false, WIDE));
+    for (name, expected) in [("sag_2_sin_2", 6e-4), ("sag_2_cos_3", 4e-4), ("sag_3_cos_3", 5e-4)] {
+        let term = c.fitted.model.terms.iter().find(|t| t.name == name).unwrap();
+        let (value, sd) = (term.value, term.sd.unwrap());
+        assert!(sd < 1e-4 && (value - expected).abs() < 4.0 * sd, "{name}: {value} +- {sd}");
+    }
+    let said = c.cautions().join("\n");
+    assert!(said.contains("joints 2, 3 give way to gravity"), "{said}");
+    assert!(c.held_out.by_block.unwrap().mean_mm < 0.03, "{:?}", c.held_out);
+}
+
+#[test]
+fn directions_of_which_the_measurements_say_little_stay_near_nominal_and_are_named() {
+    let truth = without_masses(7);
+    // joint 5 over three degrees: what its axis does is below the noise
+    let c = calibrated(&truth, seen(&truth, 60, 2e-4, 8, false, [1.5, 1.0, 1.0, 1.5, 0.026, 1.5]));
+    let weak = c.fitted.kept_near_nominal();
+    assert!(!weak.is_empty() && c.cautions().iter().any(|c| c.contains("kept near nominal")), "{:?}", c.cautions());
+    for t in c.fitted.model.terms.iter().filter(|t| t.effect == "geometry") {
+        assert!(t.value.abs() < 1e-2, "{} {}", t.name, t.value);
+    }
+    assert!(c.held_out.by_block.unwrap().mean_mm < 0.8, "{:?}", c.held_out);
+    // where all joints move, none is held and none kept
+    let c = calibrated(&truth, seen(&truth, 120, 1e-5, 9, false, WIDE));
+    assert!(c.fitted.weak.is_empty() && c.fitted.held().is_empty());
+}
+
+#[test]
+fn the_scale_and_the_bends_of_a_rail_are_found_where_it_has_them_and_not_where_it_has_none() {
+    let mut rigid = without_masses(13);
+    rigid.terms.clear();
+    let mut rail = rigid.robot.joints[0].clone();
+    rail.kind = trical_model::JointKind::Prismatic;
+    (rail.alpha, rail.a, rail.d, rail.theta_offset) = (-std::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0);
+    rail.limits = [0.0, 6.0];
+    rigid.robot.joints[0].alpha += std::f64::consts::FRAC_PI_2;
+    rigid.robot.joints.insert(0, rail);
+    assert!(rigid.robot.is_on_rail());
+    let names = |c: &Calibration| -> Vec<String> {
+        c.fitted.model.terms.iter().filter(|t| t.name.starts_with("rail")).map(|t| t.name.clone()).collect()
+    };
+    let on_rail = |truth: &Model| {
+        let mut rng = Pcg64Mcg::seed_from_u64(14);
+        let rows: Vec<(State, Aim)> = (0..120)
+            .map(|_| {
+                let q: Vec<f64> = (0..7)
+                    .map(|k| if k == 0 { rng.random_range(0.5..5.5) } else { rng.random_range(-1.5..1.5) })
+                    .collect();
+                (State::at(&q), Aim::Target(0))
+            })
+            .collect();
+        let scatter = Scatter { length: 2e-5, angle: 0.0, seed: 15 };
+        calibrated(truth, Recording { name: "r.csv".into(), ..simulate(truth, &rows, &scatter, None).unwrap() })
+    };
+    assert_eq!(names(&on_rail(&rigid)), Vec::<String>::new());
+    let mut truth = rigid;
+    let along = Basis::new(Variable::Joint { joint: 1 }, Shape::Linear);
+    for (name, site, value) in
+        [("scale", Site::Joint { joint: 1 }, 1e-4), ("yaw", Site::Tilt { joint: 1, axis: trical_model::Axis::X }, 1e-4)]
+    {
+        truth.terms.push(Term { value, ..Term::new(name, "geometry", site, along) });
+    }
+    let c = on_rail(&truth);
+    assert_eq!(names(&c), ["rail_scale", "rail_turn_x", "rail_turn_y", "rail_turn_z"]);
+    assert!((value(&c, "rail_scale").unwrap() - 1e-4).abs() < 1e-5);
+    // from one end of what was used to the other
+    assert!((value(&c, "rail_turn_x").unwrap() - 5e-4).abs() < 5e-5);
+    assert!(c.held_out.by_block.unwrap().mean_mm < 0.06, "{:?}", c.held_out);
+}

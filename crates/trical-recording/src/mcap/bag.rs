@@ -1,0 +1,430 @@
+//! ROS 2 bags (MCAP) of others: joint states, and what an instrument saw of the tool, matched by time.
+//!
+//! The arm has to stand where it is measured: what was seen while it moved is left out, and what was seen while it stood in one place is
+//! averaged to one row. Everything that is assumed is said in [`Recording::notes`].
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
+use trical_model::recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
+use trical_model::{JointKind, urdf};
+
+use super::cdr::{JointState, Stamped, StampedKind, string_from_cdr};
+use super::schema;
+use super::walk::{Channels, RawFile, RawMessage};
+use crate::error::RecordError;
+use crate::motion::MotionSense;
+
+/// A measurement needs a joint state at most so long before and after it, s.
+const NEAR: f64 = 1.0;
+
+/// The arm stands where no joint moves by more than this (rad, or m) from so long before a measurement to so long after it, s.
+const STILL: f64 = 5e-4;
+const AROUND: f64 = 0.1;
+
+/// Clocks of joint states and measurements that differ by more than this against the clock of the recorder cannot be compared, s.
+const CLOCKS: f64 = 0.5;
+
+const JOINT_STATE: &str = schema::JOINT_STATE_NAME;
+const SEEN: [(&str, StampedKind); 3] = [
+    ("geometry_msgs/msg/PoseStamped", StampedKind::Pose),
+    ("geometry_msgs/msg/PointStamped", StampedKind::Point),
+    ("geometry_msgs/msg/TransformStamped", StampedKind::Transform),
+];
+
+/// Schemas of the messages that are read here; others of a bag (pictures, clouds) need not be kept.
+pub(super) fn reads(schema: &str) -> bool {
+    schema == JOINT_STATE || schema == schema::STRING_NAME || SEEN.iter().any(|(name, _)| *name == schema)
+}
+
+/// Whether this is somebody else's bag and not a recording of ours.
+pub(super) fn is_bag(channels: &Channels) -> bool {
+    let ours = channels.values().any(|c| c.topic == schema::MEASUREMENT && c.encoding == "json");
+    !ours && channels.values().any(|c| kind_of(c).is_some())
+}
+
+fn kind_of(channel: &super::walk::RawChannel) -> Option<StampedKind> {
+    let name = &channel.schema.as_ref()?.name;
+    SEEN.iter().find(|(seen, _)| seen == name).map(|(_, kind)| *kind)
+}
+
+/// Where the joints stood, on the clock that counts.
+struct Sample {
+    t: f64,
+    q: Joints,
+}
+
+/// What was seen, likewise.
+#[derive(Clone, Copy)]
+struct Sight {
+    t: f64,
+    position: [f64; 3],
+    quaternion: Option<[f64; 4]>,
+}
+
+/// Reads a bag: of an arm with `joints` joints, where that is known; `topic` says which measurements where there are several.
+pub(super) fn recording(
+    path: &Path,
+    raw: &RawFile,
+    joints: Option<usize>,
+    topic: Option<&str>,
+) -> Result<Recording, RecordError> {
+    let bad = |problem: String| RecordError::Unreadable { path: path.to_owned(), problem };
+    let states_on = one_topic(raw, None, &|c| c.schema.as_ref().is_some_and(|s| s.name == JOINT_STATE))
+        .map_err(|found| bad(several(&found, "joint states (sensor_msgs/msg/JointState)", schema::JOINT_STATES)))?;
+    let seen_on = one_topic(raw, topic, &|c| kind_of(c).is_some()).map_err(|found| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let example = found.first().map_or(String::new(), |t| format!("; name one of them, as in {name}#{t}"));
+        bad(format!("{}{example}", several(&found, "measurements (PoseStamped, PointStamped or TransformStamped)", "")))
+    })?;
+    let states: Vec<(&RawMessage, JointState)> = messages(raw, &states_on)
+        .map(|(number, m)| match JointState::from_cdr(&m.data) {
+            Some(state) => Ok((m, state)),
+            None => Err(wrong(path, &states_on, number, "no sensor_msgs/msg/JointState in little-endian CDR")),
+        })
+        .collect::<Result<_, _>>()?;
+    let kind = raw.channels.values().find(|c| c.topic == seen_on).and_then(kind_of).unwrap_or(StampedKind::Pose);
+    let seen: Vec<(&RawMessage, Stamped)> = messages(raw, &seen_on)
+        .map(|(number, m)| match Stamped::from_cdr(&m.data, kind) {
+            Some(stamped) => Ok((m, stamped)),
+            None => Err(wrong(path, &seen_on, number, "no such message in little-endian CDR")),
+        })
+        .collect::<Result<_, _>>()?;
+    let (Some((_, first)), Some((_, instrument))) = (states.first(), seen.first()) else {
+        let empty = if states.is_empty() { &states_on } else { &seen_on };
+        return Err(bad(format!("has no message on {empty}")));
+    };
+    let described = description(raw);
+    let (order, mut notes) = order_of(&first.names, described.as_ref(), joints).map_err(&bad)?;
+    let clock = Clock::of(&states, &seen);
+    notes.push(clock.in_words());
+    let samples = samples(path, &states_on, &states, &first.names, &order, clock)?;
+    let sights: Vec<Sight> = seen
+        .iter()
+        .map(|(m, s)| Sight { t: clock.time(m, s.stamp()), position: s.position, quaternion: s.quaternion })
+        .collect();
+    let stands = stands(&samples, &sights);
+    if stands.rows.is_empty() {
+        return Err(bad(format!(
+            "none of {} measurements on {seen_on} can be used: {} have no joint state within {NEAR} s, {} were taken while the arm moved; \
+             expected measurements of an arm that stands",
+            sights.len(),
+            stands.without,
+            stands.moving
+        )));
+    }
+    notes.push(format!(
+        "{} rows from {} measurements on {seen_on} where the arm stood (no joint moved by {STILL} rad or m within {AROUND} s), averaged at each stop; \
+         left out: {} while it moved, {} without a joint state within {NEAR} s",
+        stands.rows.len(),
+        sights.len(),
+        stands.moving,
+        stands.without
+    ));
+    notes.push(format!("positions in m in the frame '{}', which is taken as the measuring frame", instrument.frame));
+    let mut prismatic = [false; MAX_JOINTS];
+    if let Some(described) = described.as_ref().filter(|d| d.joints.len() == order.len()) {
+        for (slides, joint) in prismatic.iter_mut().zip(&described.robot.joints) {
+            *slides = joint.kind == JointKind::Prismatic;
+        }
+    }
+    let name = path.display().to_string();
+    let notes = notes.into_iter().map(|n| format!("{name}: {n}")).collect();
+    Ok(Recording { name, joints: order.len(), prismatic, places: Vec::new(), rows: stands.rows, notes })
+}
+
+fn wrong(path: &Path, topic: &str, number: usize, problem: &str) -> RecordError {
+    RecordError::Message { path: path.to_owned(), topic: topic.to_owned(), number, problem: problem.to_owned() }
+}
+
+fn several(found: &[String], what: &str, usual: &str) -> String {
+    let usual = if usual.is_empty() { String::new() } else { format!(" or {usual}") };
+    match found {
+        [] => format!("has no topic with {what}"),
+        found => format!("has {what} on {}; expected one topic{usual}", found.join(", ")),
+    }
+}
+
+/// The topic that fits: the one that was asked for, the usual one of joint states, or the only one; else all that fit.
+fn one_topic(
+    raw: &RawFile,
+    asked: Option<&str>,
+    fits: &dyn Fn(&super::walk::RawChannel) -> bool,
+) -> Result<String, Vec<String>> {
+    let mut found: Vec<String> =
+        raw.channels.values().filter(|c| c.encoding == "cdr" && fits(c)).map(|c| c.topic.clone()).collect();
+    found.sort();
+    found.dedup();
+    let wanted = asked.unwrap_or(schema::JOINT_STATES);
+    match &found[..] {
+        _ if found.iter().any(|t| t == wanted) => Ok(wanted.to_owned()),
+        [one] if asked.is_none() => Ok(one.clone()),
+        _ => Err(found),
+    }
+}
+
+/// Messages on a topic in the order of the recorder's time, with their numbers from 1.
+fn messages<'a>(raw: &'a RawFile, topic: &str) -> impl Iterator<Item = (usize, &'a RawMessage)> {
+    let on = |m: &&RawMessage| raw.channels.get(&m.channel).is_some_and(|c| c.topic == topic);
+    let mut all: Vec<&RawMessage> = raw.messages.iter().filter(on).collect();
+    all.sort_by_key(|m| m.log_time);
+    all.into_iter().enumerate().map(|(k, m)| (k + 1, m))
+}
+
+/// The arm of `/robot_description`, where the bag has it.
+fn description(raw: &RawFile) -> Option<urdf::Imported> {
+    let (_, message) = messages(raw, schema::ROBOT_DESCRIPTION).next()?;
+    urdf::parse(&string_from_cdr(&message.data)?, "robot_description", None, None).ok()
+}
+
+/// Which positions of a joint state are the arm's joints, joint 1 first, and what was assumed of it.
+fn order_of(
+    names: &[String],
+    described: Option<&urdf::Imported>,
+    joints: Option<usize>,
+) -> Result<(Vec<usize>, Vec<String>), String> {
+    let place = |name: &String| names.iter().position(|n| n == name);
+    let fits = |count: usize| joints.is_none_or(|j| j == count) && (1..=MAX_JOINTS).contains(&count);
+    let said = |order: Vec<usize>, how: &str| {
+        let list: Vec<&str> = order.iter().map(|k| names[*k].as_str()).collect();
+        let note = format!("joints 1 to {} are {}, {how}", order.len(), list.join(", "));
+        Ok((order, vec![note]))
+    };
+    if let Some(described) = described
+        && let Some(order) = described.joints.iter().map(place).collect::<Option<Vec<_>>>()
+        && fits(order.len())
+    {
+        return said(order, "as the bag's /robot_description has them");
+    }
+    const UR: [&str; 6] = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];
+    let ur = UR.map(|part| names.iter().position(|n| n.contains(part)));
+    if let Some(order) = ur.into_iter().collect::<Option<Vec<_>>>()
+        && fits(6)
+    {
+        return said(order, "in the order of Universal Robots' arms");
+    }
+    // numbered names: of those that differ in the number alone
+    let mut groups: BTreeMap<String, BTreeMap<u32, usize>> = BTreeMap::new();
+    for (k, name) in names.iter().enumerate() {
+        if let Some((stem, number)) = numbered(name) {
+            groups.entry(stem).or_default().insert(number, k);
+        }
+    }
+    let mut right = groups.into_values().filter(|g| fits(g.len()) && (joints.is_some() || g.len() > 3));
+    if let (Some(group), None) = (right.next(), right.next()) {
+        return said(group.into_values().collect(), "by the numbers in their names");
+    }
+    if fits(names.len()) {
+        return said((0..names.len()).collect(), "in the order of the message");
+    }
+    Err(format!(
+        "its joint states are of {} joints ({}){}; expected as many as the arm has, names that are numbered, or a /robot_description",
+        names.len(),
+        names.join(", "),
+        joints.map_or(String::new(), |j| format!(", and the robot has {j}"))
+    ))
+}
+
+/// A name without its last number, and that.
+fn numbered(name: &str) -> Option<(String, u32)> {
+    let end = name.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let begin = name[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |k| k + 1);
+    let begin = if name.is_char_boundary(begin) { begin } else { return None };
+    Some((format!("{}#{}", &name[..begin], &name[end..]), name[begin..end].parse().ok()?))
+}
+
+/// Which clock tells what was at the same time.
+#[derive(Clone, Copy, PartialEq)]
+enum Clock {
+    Stamps,
+    Recorder,
+}
+
+impl Clock {
+    /// That of the stamps, if both have some and they run alike.
+    fn of(states: &[(&RawMessage, JointState)], seen: &[(&RawMessage, Stamped)]) -> Self {
+        let late = |stamp: f64, m: &RawMessage| m.log_time as f64 * 1e-9 - stamp;
+        let middle = |mut all: Vec<f64>| {
+            all.sort_by(f64::total_cmp);
+            all.get(all.len() / 2).copied().unwrap_or(0.0)
+        };
+        let stamped = states.iter().all(|(_, s)| s.stamp() > 0.0) && seen.iter().all(|(_, s)| s.stamp() > 0.0);
+        let apart = middle(states.iter().map(|(m, s)| late(s.stamp(), m)).collect())
+            - middle(seen.iter().map(|(m, s)| late(s.stamp(), m)).collect());
+        if stamped && apart.abs() < CLOCKS { Self::Stamps } else { Self::Recorder }
+    }
+
+    fn time(self, message: &RawMessage, stamp: f64) -> f64 {
+        if self == Self::Stamps { stamp } else { message.log_time as f64 * 1e-9 }
+    }
+
+    fn in_words(self) -> String {
+        match self {
+            Self::Stamps => "joints and measurements are matched by the stamps of the messages".to_owned(),
+            Self::Recorder => "joints and measurements are matched by when they were recorded, since the stamps of the messages are missing or \
+                               of different clocks"
+                .to_owned(),
+        }
+    }
+}
+
+fn samples(
+    path: &Path,
+    topic: &str,
+    states: &[(&RawMessage, JointState)],
+    names: &[String],
+    order: &[usize],
+    clock: Clock,
+) -> Result<Vec<Sample>, RecordError> {
+    let mut out = Vec::with_capacity(states.len());
+    for (number, (m, state)) in states.iter().enumerate() {
+        // others may publish on the topic too: a gripper has names of its own
+        if state.names != names {
+            continue;
+        }
+        let mut q = [0.0; MAX_JOINTS];
+        for (to, k) in q.iter_mut().zip(order) {
+            *to =
+                state.position.get(*k).copied().filter(|q| q.is_finite()).ok_or_else(|| {
+                    wrong(path, topic, number + 1, &format!("no finite position of joint {}", names[*k]))
+                })?;
+        }
+        out.push(Sample { t: clock.time(m, state.stamp()), q });
+    }
+    out.sort_by(|a, b| a.t.total_cmp(&b.t));
+    Ok(out)
+}
+
+/// One row for each stop of the arm at which something was seen, and how many measurements are in none.
+#[derive(Default)]
+struct Stands {
+    rows: Vec<Row>,
+    moving: usize,
+    without: usize,
+}
+
+/// Measurements at one stop.
+#[derive(Default)]
+struct Stop {
+    /// Each with the joints then.
+    sights: Vec<(Joints, Sight)>,
+    dir: [i8; MAX_JOINTS],
+}
+
+fn stands(samples: &[Sample], sights: &[Sight]) -> Stands {
+    let mut out = Stands::default();
+    let begin = samples.first().map_or(0.0, |s| s.t);
+    let mut motion = MotionSense::default();
+    let (mut pushed, mut stop) = (0, Stop::default());
+    let mut sorted: Vec<&Sight> = sights.iter().collect();
+    sorted.sort_by(|a, b| a.t.total_cmp(&b.t));
+    for sight in sorted {
+        let after = samples.partition_point(|s| s.t < sight.t);
+        for s in samples.iter().take(after).skip(pushed) {
+            motion.push(&s.q);
+        }
+        pushed = pushed.max(after);
+        // those around, and the next to either side
+        let from = samples.partition_point(|s| s.t < sight.t - AROUND).min(after.saturating_sub(1));
+        let to = samples.partition_point(|s| s.t <= sight.t + AROUND).max((after + 1).min(samples.len()));
+        let near: Vec<&Sample> = samples[from..to].iter().filter(|s| (s.t - sight.t).abs() <= NEAR).collect();
+        let has_before = near.iter().any(|s| s.t <= sight.t);
+        if near.is_empty() || !has_before && near.iter().all(|s| s.t > sight.t + AROUND) {
+            out.without += 1;
+            continue;
+        }
+        let q: Joints = std::array::from_fn(|k| near.iter().map(|s| s.q[k]).sum::<f64>() / near.len() as f64);
+        let moved = |s: &&Sample| s.q.iter().zip(&q).any(|(a, b)| (a - b).abs() > STILL);
+        if near.iter().any(moved) {
+            out.moving += 1;
+            finish(&mut stop, begin, &mut out.rows);
+            continue;
+        }
+        let elsewhere =
+            stop.sights.first().is_some_and(|(at, _)| at.iter().zip(&q).any(|(a, b)| (a - b).abs() > STILL));
+        if elsewhere {
+            finish(&mut stop, begin, &mut out.rows);
+        }
+        stop.dir = motion.sense();
+        stop.sights.push((q, *sight));
+    }
+    finish(&mut stop, begin, &mut out.rows);
+    out
+}
+
+/// Ends a stop: its measurements become one row.
+fn finish(stop: &mut Stop, begin: f64, rows: &mut Vec<Row>) {
+    let Stop { sights, dir } = std::mem::take(stop);
+    let Some((_, first)) = sights.first() else { return };
+    let n = sights.len() as f64;
+    let mean = |of: &dyn Fn(&(Joints, Sight)) -> f64| sights.iter().map(of).sum::<f64>() / n;
+    let q: Joints = std::array::from_fn(|k| mean(&|s| s.0[k]));
+    let position = std::array::from_fn(|k| mean(&|s| s.1.position[k]));
+    let measured = match first.quaternion {
+        None => Measured::Point { target: 0, position },
+        Some(_) => {
+            let sum = sights
+                .iter()
+                .filter_map(|s| s.1.quaternion)
+                .fold(nalgebra::Matrix3::zeros(), |sum, q| sum + rotation_from_quaternion(q));
+            // of rotations that are near each other the sum is nearly one: its nearest rotation is their mean
+            let svd = sum.svd(true, true);
+            let turn = svd
+                .u
+                .zip(svd.v_t)
+                .map_or(rotation_from_quaternion(first.quaternion.unwrap_or([1.0, 0.0, 0.0, 0.0])), |(u, v)| u * v);
+            Measured::Pose { position, quaternion: quaternion_from_rotation(&turn) }
+        }
+    };
+    let seq = rows.len() as u64;
+    let state = State { q, dir: Some(dir), t: Some(mean(&|s| s.1.t) - begin), ..State::at(&[]) };
+    rows.push(Row { state, measured, seq: Some(seq), line: rows.len() + 2 });
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic)]
+    use super::*;
+
+    fn names(all: &str) -> Vec<String> {
+        all.split(' ').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn joints_are_put_in_order_by_what_their_names_say() {
+        let order = |all: &str, joints| order_of(&names(all), None, joints).map(|(order, _)| order);
+        // as the drivers of Universal Robots publish them: by the alphabet
+        let ur = "elbow_joint shoulder_lift_joint shoulder_pan_joint wrist_1_joint wrist_2_joint wrist_3_joint";
+        assert_eq!(order(ur, Some(6)).unwrap(), [2, 1, 0, 3, 4, 5]);
+        let panda = "panda_finger_joint1 panda_finger_joint2 panda_joint2 panda_joint1 panda_joint3 panda_joint4 panda_joint5 \
+                     panda_joint6 panda_joint7";
+        let panda = panda.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(order(&panda, Some(7)).unwrap(), [3, 2, 4, 5, 6, 7, 8]);
+        assert_eq!(order(&panda, None).unwrap(), [3, 2, 4, 5, 6, 7, 8]);
+        assert_eq!(order("a b c", Some(3)).unwrap(), [0, 1, 2]);
+        let refused = order("a b c", Some(6)).unwrap_err();
+        assert!(refused.contains("3 joints (a, b, c), and the robot has 6"), "{refused}");
+    }
+
+    #[test]
+    fn what_was_seen_at_one_stop_is_one_row_and_what_was_seen_in_motion_is_none() {
+        // 1 s at 0, 1 s on the way to 0.5, 1 s there, at 50 Hz
+        let q = |t: f64| (0.5 * (t - 1.0)).clamp(0.0, 0.5);
+        let samples: Vec<Sample> = (0..150)
+            .map(|k| f64::from(k) * 0.02)
+            .map(|t| Sample { t, q: std::array::from_fn(|j| if j == 0 { q(t) } else { 0.0 }) })
+            .collect();
+        let sights: Vec<Sight> = (0..31)
+            .map(|k| f64::from(k) * 0.1)
+            .map(|t| Sight { t, position: [q(t), 0.0, 1e-4 * (10.0 * t).round() % 2.0], quaternion: None })
+            .chain([Sight { t: 9.0, position: [0.0; 3], quaternion: None }])
+            .collect();
+        let found = stands(&samples, &sights);
+        assert_eq!((found.rows.len(), found.without), (2, 1));
+        assert!((9..=13).contains(&found.moving), "{}", found.moving);
+        let Measured::Point { position, .. } = found.rows[1].measured else { panic!("a point") };
+        assert!((position[0] - 0.5).abs() < 1e-12 && (found.rows[1].state.q[0] - 0.5).abs() < 1e-12);
+        assert_eq!(found.rows[1].state.dir.unwrap()[0], 1);
+    }
+}

@@ -25,7 +25,7 @@ from ._calls import (
     validate,
 )
 from ._devices import Controller, Gauge, GaugeTest, gauges, master, virtual_cell
-from ._files import convert, export
+from ._files import Sample, convert, export, sample
 from ._measure import BaseFound, Measured, ToolPoint, find_base, find_tool_point, measure, touch_here
 from ._native import (
     Cell,
@@ -68,6 +68,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "Robot",
+    "Sample",
     "Study",
     "ToolPoint",
     "Touches",
@@ -93,6 +94,7 @@ __all__ = [
     "plan",
     "poses",
     "repeatability",
+    "sample",
     "simulate",
     "study_platforms",
     "study_touches",

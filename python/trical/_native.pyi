@@ -39,7 +39,9 @@ __all__ = [
     "_plan",
     "_ports",
     "_poses",
+    "_program",
     "_repeatability",
+    "_sample",
     "_simulate",
     "_study_platforms",
     "_study_touches",
@@ -503,6 +505,8 @@ def _touch_here(
     settings: dict[str, Any],
     progress: _Listener,
 ) -> Rows: ...
+def _program(arguments: list[str]) -> int: ...
+def _sample() -> list[tuple[str, str]]: ...
 def _tool_point(recording: Rows, robot: _Path | Robot, cell: _Path | Cell) -> tuple[Cell, float]: ...
 def _base(
     recording: Rows, robot: _Path | Robot, cell: _Path | Cell

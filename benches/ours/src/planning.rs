@@ -2,7 +2,8 @@
 
 use trical_ident::{Choice, ParameterSet};
 use trical_model::{Forward, Measured, State};
-use trical_plan::choose::{Candidates, choose};
+use trical_plan::candidates::Candidates;
+use trical_plan::choose::choose;
 use trical_plan::{CollisionModel, MotionWorkspace};
 
 use crate::{Task, report, time};

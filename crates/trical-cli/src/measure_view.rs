@@ -1,10 +1,14 @@
-//! The bar and the lines that a person sees while the arm measures.
+//! A session that measures, in the words of the command line: the bar and the lines that a person sees while the arm measures, what was
+//! done, what went wrong.
 
+use std::path::Path;
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use trical_device::Progress;
-use trical_device::session::Told;
+use trical_device::session::{SessionError, Told};
+use trical_device::{Progress, RunReport, Session};
+
+use crate::error::{CliError, Result};
 
 /// The view: on standard error, and only on a terminal.
 pub struct View {
@@ -36,4 +40,26 @@ impl View {
     pub fn end(&self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Runs a session, with the words of the command line.
+pub fn perform(session: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
+    session.perform(watch).map_err(|e| match e {
+        SessionError::Run(e) if !e.is_cancelled() => {
+            CliError::Failed(format!("{e}; what was measured is safe, --resume goes on"))
+        }
+        SessionError::Run(_) | SessionError::Finish(_) => CliError::Failed(e.to_string()),
+        _ => CliError::Input(e.to_string()),
+    })
+}
+
+/// What a run did, in a sentence.
+pub fn done(report: &RunReport, out: &Path) -> String {
+    format!(
+        "{} touches measured ({} had been done before), {} corrections; recorded in {}",
+        report.measured,
+        report.skipped,
+        report.corrections,
+        out.display()
+    )
 }

@@ -7,7 +7,7 @@ use trical_model::ik::continue_from;
 use trical_model::{Joints, MAX_JOINTS, Pose, State};
 
 use crate::collision::{CollisionModel, Contact, MotionWorkspace};
-use crate::generate::rounded;
+use crate::joints::rounded;
 use crate::random::uniform;
 use crate::route::travel;
 

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, SMatrix};
 
-use crate::choose::{Candidates, White, inverse};
+use crate::candidates::{Candidates, White, inverse};
 
 /// What the chosen touches are to be best for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use crate::choose::{Candidates, inverse};
+use crate::candidates::{Candidates, inverse};
 
 /// A set that sets rivals apart.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,13 +9,12 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use trical_model::ik::continue_from;
 use trical_model::pose::rotation_zyx;
-use trical_model::robot::tidy;
 use trical_model::{IkError, JointKind, Joints, MAX_JOINTS, Pose, Robot, State, Task, inverse_kinematics};
 
 use crate::collision::{CollisionModel, Contact, MotionWorkspace};
 use crate::error::{PlanError, Result};
+use crate::joints::{rounded, senses};
 use crate::options::PlanOptions;
-use crate::plan::senses;
 use crate::random::{downward, generator, uniform};
 use crate::route::travel;
 
@@ -254,19 +253,6 @@ fn within_a_turn(robot: &Robot, q: &Joints) -> bool {
     robot.joints.iter().zip(q).all(|(j, q)| {
         j.kind == JointKind::Prismatic || (q - 0.5 * (j.limits[0] + j.limits[1])).abs() <= std::f64::consts::PI
     })
-}
-
-/// Joint values as the plan's file gives them: to a millionth of a degree (10 nm at the tool) or of a millimetre.
-#[must_use]
-pub fn rounded(robot: &Robot, q: &Joints) -> Joints {
-    let mut out = *q;
-    for (x, joint) in out.iter_mut().zip(&robot.joints) {
-        *x = match joint.kind {
-            JointKind::Revolute => ((x.to_degrees() * 1e6).round() / 1e6).to_radians(),
-            JointKind::Prismatic => tidy((*x * 1e9).round() / 1e6) * 1e-3,
-        };
-    }
-    out
 }
 
 /// Whether the arm can follow wherever a correction may take the tool, on the same branch and without large motions.

@@ -24,6 +24,7 @@
 //! | [`geometry`], [`solid`] | the `[geometry]` of `cell.toml`; shapes and distances between them |
 //! | [`collision`] | checks of configurations and of whole motions |
 //! | [`generate`] | candidates at a ball, and why others were refused |
+//! | [`candidates`] | blocks of Jacobian rows to choose from, and what they tell |
 //! | [`choose`], [`criterion`] | the best subsets of any Jacobian blocks, by determinant, variances, weakest direction, region |
 //! | [`discriminate`], [`next`] | subsets that tell rival explanations apart; touches that do |
 //! | [`predict`] | position errors that a plan leaves to be expected |
@@ -33,6 +34,7 @@
 //!
 //! All random choices come from the seed in the options: same input, same seed, same plan, for any number of threads.
 
+pub mod candidates;
 pub mod choose;
 pub mod collision;
 mod connect;
@@ -41,6 +43,7 @@ pub mod discriminate;
 pub mod error;
 pub mod generate;
 pub mod geometry;
+mod joints;
 pub mod next;
 pub mod options;
 pub mod parameters;

@@ -2,7 +2,7 @@
 
 use trical_model::{Cell, Forward, Measured, Robot, State, Task};
 
-use crate::choose::Candidates;
+use crate::candidates::Candidates;
 use crate::collision::CollisionModel;
 use crate::discriminate::{choose_to_discriminate, lambda_of};
 use crate::error::{PlanError, Result};

@@ -3,12 +3,14 @@
 use rayon::prelude::*;
 use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Measured, Model, Robot, State, Task};
 
-use crate::choose::{Candidates, Observability, choose_for};
+use crate::candidates::{Candidates, Observability};
+use crate::choose::choose_for;
 use crate::collision::{CollisionModel, MotionWorkspace};
 use crate::connect::connect;
 use crate::criterion::{Criterion, Goal};
 use crate::error::{PlanError, Result};
-use crate::generate::{Candidate, Rejected, generate, more_approaches, rounded};
+use crate::generate::{Candidate, Rejected, generate, more_approaches};
+use crate::joints::{rounded, senses};
 use crate::options::PlanOptions;
 use crate::parameters::usual_parameters;
 use crate::predict::{PredictedError, Sphere, covariance, predicted_error, tool_rows};
@@ -323,24 +325,6 @@ pub fn choose_touches(forward: &Forward, pool: &[Candidate], options: &PlanOptio
         observability: independent.observability(&choice.indices),
         gain: choice.random_figure / choice.figure,
     })
-}
-
-/// A joint that moves less than this on its last way has no sure sense, rad.
-const SURE: f64 = 1e-3;
-
-/// Sense of each joint's last motion.
-pub(crate) fn senses(approach: &Joints, touch: &Joints) -> [i8; MAX_JOINTS] {
-    let mut out = [0; MAX_JOINTS];
-    for (s, (a, t)) in out.iter_mut().zip(approach.iter().zip(touch)) {
-        *s = if t - a > SURE {
-            1
-        } else if t - a < -SURE {
-            -1
-        } else {
-            0
-        };
-    }
-    out
 }
 
 /// Different stand-off poses for the same touch that are tried, so that each joint arrives in both senses.

@@ -222,7 +222,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::generate::rounded;
+    use crate::joints::rounded;
 
     fn robot() -> Robot {
         Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap()

@@ -9,7 +9,7 @@ use trical_model::{Joints, MAX_JOINTS, Pose, State, inverse_kinematics};
 
 use crate::collision::{CollisionModel, MotionWorkspace};
 use crate::error::{PlanError, Result};
-use crate::generate::rounded;
+use crate::joints::rounded;
 use crate::random::{any_rotation, downward, generator, uniform};
 
 type V3 = Vector3<f64>;

@@ -13,6 +13,7 @@ use crate::page::{Figure, Section};
 use crate::picture::{self, Mark, Scene, View};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
+use crate::turn;
 
 /// So many points are drawn at most, evenly chosen.
 const POINTS: usize = 4000;
@@ -226,7 +227,7 @@ impl Errors<'_> {
                         .into(),
                 ],
                 tables: vec![coverage(&self.model.robot, &poses)],
-                figures: vec![Figure { caption, svg: picture::draw_turning(&scene, 900.0)? }],
+                figures: vec![Figure { caption, svg: turn::draw_turning(&scene, 900.0)? }],
                 ..Section::default()
             },
             Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },

@@ -16,8 +16,6 @@ use trical_plan::{CollisionModel, PlanEntry};
 pub use page::View;
 use page::{Camera, Drawn, Page};
 
-use crate::turn;
-
 type V3 = Vector3<f64>;
 
 /// Colours of balls and of what touches them: told apart by those who see red and green alike, too.
@@ -78,13 +76,12 @@ fn middle(scene: &Scene<'_>) -> V3 {
     }
 }
 
-/// The same, to be turned with mouse and keyboard where scripts run; paper has the picture as it was.
-pub fn draw_turning(scene: &Scene<'_>, width: f64) -> crate::error::Result<String> {
+/// Direction (in the world) in which [`View::Oblique`] looks.
+pub fn oblique_look(scene: &Scene<'_>) -> V3 {
     let base = scene.model.forward().model().cell.world_from_base.translation;
     let middle = middle(scene);
     let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
-    let look = Camera::new(View::Oblique, ahead).rows.row(2).transpose();
-    Ok(format!("{}{}{}</div>", turn::OPEN, draw(scene, View::Oblique, width), turn::script(scene, &look)?))
+    Camera::new(View::Oblique, ahead).rows.row(2).transpose()
 }
 
 /// An SVG of the cell, `width` pixels wide at most.

@@ -10,6 +10,7 @@ use crate::page::{self, Figure, Made, Section};
 use crate::picture::{self, Scene, View};
 use crate::plan_told::Told;
 use crate::table::two_digits;
+use crate::turn;
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
     let number = |f: fn(&PredictedError) -> f64| p.map_or_else(|| "-".into(), |p| format!("{:.3}", f(&p) * 1e3));
@@ -32,7 +33,7 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
                  which the arm is to be accurate. Names show under the pointer.",
                 touches.len()
             ),
-            svg: picture::draw_turning(&scene, 900.0)?,
+            svg: turn::draw_turning(&scene, 900.0)?,
         },
         Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
         Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },

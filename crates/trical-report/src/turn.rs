@@ -7,9 +7,15 @@ use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 
 use crate::error::Result;
-use crate::picture::{Scene, ball_color, extent, skeletons};
+use crate::picture::{Scene, View, ball_color, draw, extent, oblique_look, skeletons};
 
 type V3 = Vector3<f64>;
+
+/// A picture of the cell, to be turned with mouse and keyboard where scripts run; paper has the picture as it was.
+pub fn draw_turning(scene: &Scene<'_>, width: f64) -> Result<String> {
+    let picture = draw(scene, View::Oblique, width);
+    Ok(format!("{OPEN}{picture}{}</div>", script(scene, &oblique_look(scene))?))
+}
 
 /// What a picture that can be turned begins with.
 pub const OPEN: &str = "<div class=\"turn\">";

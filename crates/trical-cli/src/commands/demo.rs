@@ -23,10 +23,10 @@ use trical_report::plan_told::Told;
 use trical_report::{plan_report, table, verdict_told};
 
 use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
-use crate::commands::measure::perform;
 use crate::commands::{demo_report, plan, virtual_cell};
 use crate::error::{CliError, Result};
 use crate::measure_view::View;
+use crate::measure_view::perform;
 use crate::{input, progress, say};
 
 const ROBOT: &str = include_str!("../../assets/irb120/robot.toml");

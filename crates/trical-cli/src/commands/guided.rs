@@ -15,11 +15,11 @@ use trical_recording::RecordingWriter;
 use trical_report::table;
 
 use crate::commands::gauge::{shown, typed};
-use crate::commands::measure::{done, perform};
 use crate::commands::plan;
 use crate::error::{CliError, Result};
 use crate::interrupt::Interrupt;
 use crate::measure_view::View;
+use crate::measure_view::{done, perform};
 use crate::say;
 
 /// Orientations in which the first ball is touched for the tool point.

@@ -1,18 +1,18 @@
 //! `trical measure`: the automated procedure over a gauge and a controller.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde_json::json;
 use trical_device::procedure::stride;
-use trical_device::session::{self, SessionError, now_ns};
-use trical_device::{Progress, RunReport, Session, visits};
+use trical_device::session::{self, now_ns};
+use trical_device::{Session, visits};
 use trical_plan::MotionGuard;
 
 use crate::commands::{guided, plan};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::measure_view::View;
+use crate::measure_view::{View, done, perform};
 use crate::{interrupt, say};
 
 /// Arguments of `trical measure`.
@@ -121,17 +121,6 @@ impl Settings {
     }
 }
 
-/// Runs a session, with the words of the command line.
-pub fn perform(session: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
-    session.perform(watch).map_err(|e| match e {
-        SessionError::Run(e) if !e.is_cancelled() => {
-            CliError::Failed(format!("{e}; what was measured is safe, --resume goes on"))
-        }
-        SessionError::Run(_) | SessionError::Finish(_) => CliError::Failed(e.to_string()),
-        _ => CliError::Input(e.to_string()),
-    })
-}
-
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     input::check_output(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
@@ -201,15 +190,4 @@ pub fn run(args: &Args) -> Result<()> {
         Some(step) => Err(CliError::Failed(format!("this plan would be refused: {step}"))),
         None => Ok(()),
     }
-}
-
-/// What a run did, in a sentence.
-pub fn done(report: &RunReport, out: &Path) -> String {
-    format!(
-        "{} touches measured ({} had been done before), {} corrections; recorded in {}",
-        report.measured,
-        report.skipped,
-        report.corrections,
-        out.display()
-    )
 }

@@ -20,6 +20,7 @@
 //! | [`task`], [`interrupt`] | long work: how far it is, and whether it is still wanted |
 //! | [`pose`] | rigid transforms |
 
+pub mod axis;
 pub mod basis;
 pub mod calibrated;
 pub mod cell;
@@ -43,6 +44,7 @@ pub mod touch;
 mod trig;
 pub mod urdf;
 
+pub use axis::Axis;
 pub use basis::{Basis, Beside, Shape, Variable};
 pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};
@@ -56,4 +58,4 @@ pub use robot::{Joint, JointKind, Robot};
 pub use scope::Scope;
 pub use support::Support;
 pub use task::Task;
-pub use term::{Axis, Motion, Parameter, Payload, Site, Term};
+pub use term::{Motion, Parameter, Payload, Site, Term};

@@ -6,11 +6,12 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
 use super::*;
+use crate::axis::Axis;
 use crate::basis::Basis;
 use crate::cell::{Cell, Tool};
 use crate::forward::Model;
 use crate::robot::Joint;
-use crate::term::{Axis, Motion, Parameter, Site, Term};
+use crate::term::{Motion, Parameter, Site, Term};
 
 /// alpha deg, a mm, d mm, offset deg, lower deg, upper deg, mass
 pub(super) type Row = (f64, f64, f64, f64, f64, f64, f64);

@@ -38,6 +38,7 @@ pub mod rigid;
 pub mod robot;
 pub mod scope;
 mod support;
+mod target;
 pub mod task;
 pub mod term;
 pub mod touch;

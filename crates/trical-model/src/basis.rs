@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::axis::Axis;
 use crate::recording::{Measured, State};
-use crate::term::Axis;
 
 /// What a basis looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,10 +5,11 @@
 
 use nalgebra::Vector3;
 
+use crate::axis::Axis;
 use crate::pose::Pose;
 use crate::recording::{Joints, MAX_JOINTS};
 use crate::robot::{JointKind, Robot};
-use crate::term::{Axis, ChainDof};
+use crate::term::ChainDof;
 use crate::trig::{all_sin_cos, sin_cos};
 
 type V3 = Vector3<f64>;

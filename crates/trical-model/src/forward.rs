@@ -6,16 +6,17 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::axis::Axis;
 use crate::basis::{Basis, Variable};
 use crate::cell::Cell;
 use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, small_rotation};
 use crate::error::{ModelError, Result};
 use crate::ik::usual::Usual;
-use crate::jacobian::{Map, Target, Through};
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
 use crate::robot::Robot;
-use crate::term::{Axis, Dof, Term, actions};
+use crate::target::{Map, Target, Through};
+use crate::term::{Dof, Term, actions};
 
 type V3 = Vector3<f64>;
 

@@ -19,6 +19,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod arm;
+mod error;
 mod limits;
 mod newton;
 mod parallel;
@@ -27,90 +29,16 @@ mod spherical;
 pub(crate) mod usual;
 mod wrist;
 
-use std::f64::consts::{PI, TAU};
-
-use thiserror::Error;
-
 use crate::basis::{Shape, Variable};
 use crate::forward::{Forward, Workspace};
 use crate::pose::Pose;
 use crate::recording::{Joints, MAX_JOINTS, State};
-use crate::robot::{JointKind, Robot};
-use limits::{all_wraps, excess, farthest, principal, put_within, same};
+use crate::robot::JointKind;
+use arm::Arm;
+pub use error::IkError;
+use limits::{MOST, all_wraps, excess, farthest, principal, put_within, same};
 use newton::Ended;
-
-/// No pose has more solutions than this listed: an arm of six joints that turn twice has 8 branches x 64 wraps.
-const MOST: usize = 4096;
-
-/// Why the arm cannot take a pose.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum IkError {
-    /// The arm reaches the pose only with a joint beyond its limits; the branch that is least beyond is told.
-    #[error(
-        "joint {joint} would have to be at {:.3} deg, and its limits are {:.3} to {:.3} deg",
-        value_rad.to_degrees(), lower_rad.to_degrees(), upper_rad.to_degrees()
-    )]
-    OutOfLimits {
-        /// 1-based.
-        joint: usize,
-        /// Where it would be.
-        value_rad: f64,
-        /// Its lower limit.
-        lower_rad: f64,
-        /// Its upper limit.
-        upper_rad: f64,
-    },
-    /// As [`IkError::OutOfLimits`] for a joint that slides.
-    #[error(
-        "joint {joint} would have to be at {:.3} mm, and its limits are {:.3} to {:.3} mm",
-        value_m * 1e3, lower_m * 1e3, upper_m * 1e3
-    )]
-    OutOfTravel {
-        /// 1-based.
-        joint: usize,
-        /// Where it would be.
-        value_m: f64,
-        /// Its lower limit.
-        lower_m: f64,
-        /// Its upper limit.
-        upper_m: f64,
-    },
-    /// The arm loses a direction near the pose and cannot be brought onto it.
-    #[error(
-        "the arm is singular near the pose and stays {:.6} mm and {:.6} deg off it",
-        miss_m * 1e3, miss_rad.to_degrees()
-    )]
-    Singular {
-        /// Distance left, m.
-        miss_m: f64,
-        /// Angle left, rad.
-        miss_rad: f64,
-    },
-    /// The arm is too short, or too close, whatever its joints do.
-    #[error("the pose is out of reach: the nearest that was found is {:.3} mm and {:.3} deg off it", miss_m * 1e3, miss_rad.to_degrees())]
-    Unreachable {
-        /// Distance left, m.
-        miss_m: f64,
-        /// Angle left, rad.
-        miss_rad: f64,
-    },
-    /// The iteration ended without an answer.
-    #[error(
-        "no solution after {iterations} iterations: {:.6} mm and {:.6} deg are left",
-        miss_m * 1e3, miss_rad.to_degrees()
-    )]
-    NotConverged {
-        /// How many.
-        iterations: usize,
-        /// Distance left, m.
-        miss_m: f64,
-        /// Angle left, rad.
-        miss_rad: f64,
-    },
-    /// The pose is not one: a number is not finite, or the rotation is none.
-    #[error("the pose to reach is not a rigid transform of finite numbers")]
-    NotAPose,
-}
+use usual::Usual;
 
 /// One way to take a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,7 +67,7 @@ pub fn inverse_kinematics(
 ) -> Result<Vec<Solution>, IkError> {
     check_pose(world_from_tool)?;
     if let Some(usual) = &forward.usual
-        && let Some(solutions) = usual::solve(usual, forward, world_from_tool, state, ws)
+        && let Some(solutions) = usual_solutions(usual, forward, world_from_tool, state, ws)
     {
         return Ok(solutions);
     }
@@ -329,67 +257,6 @@ fn seeds(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Work
     Seeds { list: search::starts(robot, &state.q, 160), closed: false }
 }
 
-/// Nominal lengths and angles of a 6R arm, in the file's order (entry i belongs to joint i + 1).
-struct Arm {
-    alpha: [f64; 6],
-    /// Sine and cosine of each alpha.
-    twist: [wrist::Twist; 6],
-    a: [f64; 6],
-    d: [f64; 6],
-    offset: [f64; 6],
-    /// Sum of all lengths, m.
-    size: f64,
-}
-
-impl Arm {
-    fn of(robot: &Robot) -> Self {
-        let zero = [0.0; 6];
-        let mut arm = Self { alpha: zero, twist: [(0.0, 1.0); 6], a: zero, d: zero, offset: zero, size: 0.0 };
-        for (i, j) in robot.joints.iter().enumerate().take(6) {
-            arm.alpha[i] = j.alpha;
-            arm.twist[i] = j.alpha.sin_cos();
-            arm.a[i] = j.a;
-            arm.d[i] = j.d;
-            arm.offset[i] = j.theta_offset;
-            arm.size += j.a.abs() + j.d.abs();
-        }
-        arm.size = arm.size.max(1e-3);
-        arm
-    }
-
-    fn zero(&self, length: f64) -> bool {
-        length.abs() < 1e-9 * self.size
-    }
-
-    fn has_spherical_wrist(&self) -> bool {
-        self.zero(self.a[4])
-            && self.zero(self.d[4])
-            && self.zero(self.a[5])
-            && self.twist[4].0.abs() > 1e-6
-            && self.twist[5].0.abs() > 1e-6
-    }
-
-    fn has_parallel_axes(&self) -> bool {
-        [2, 3].iter().all(|i| self.twist[*i].0.abs() < 1e-9 && self.twist[*i].1 > 0.0)
-            && [1, 4, 5].iter().all(|i| self.twist[*i].0.abs() > 1e-6)
-            && self.zero(self.a[5])
-            && !self.zero(self.a[2])
-            && !self.zero(self.a[3])
-    }
-
-    fn theta(&self, q: &Joints) -> [f64; 6] {
-        std::array::from_fn(|i| q[i] + self.offset[i])
-    }
-
-    fn joints(&self, theta: &[f64; 6]) -> Joints {
-        let mut q = [0.0; MAX_JOINTS];
-        for i in 0..6 {
-            q[i] = theta[i] - self.offset[i];
-        }
-        q
-    }
-}
-
 /// Keeps the failure that is closest to success.
 fn keep_better(kept: &mut Option<IkError>, new: IkError) {
     let rank = |e: &IkError| match e {
@@ -421,27 +288,45 @@ fn changes_with_turns(forward: &Forward) -> bool {
     })
 }
 
-/// Both angles whose cosine is `x`. A little beyond 1, where the nominal arm just misses what the calibrated one may reach,
-/// they are parted as far as they would be a little within, so that Newton's method does not start on a singular arm.
-/// `None` further out.
-fn arc_cosines(x: f64) -> Option<[f64; 2]> {
-    if x.abs() > 1.02 {
-        return None;
-    }
-    let angle = if x.abs() <= 1.0 {
-        x.acos()
-    } else {
-        let apart = (2.0 * (x.abs() - 1.0)).sqrt();
-        if x > 0.0 { apart } else { PI - apart }
-    };
-    Some([angle, -angle])
-}
-
-/// `x` in (-pi, pi].
-fn wrapped(x: f64) -> f64 {
-    let y = x - TAU * (x / TAU).round();
-    if y <= -PI { y + TAU } else { y }
-}
-
 #[cfg(test)]
 mod tests;
+
+/// All solutions of a usual arm within limits, nearest to `state.q` first; `None` where the general way has to look.
+fn usual_solutions(
+    usual: &Usual,
+    forward: &Forward,
+    world_from_tool: &Pose,
+    state: &State,
+    ws: &mut Workspace,
+) -> Option<Vec<Solution>> {
+    let robot = &forward.model().robot;
+    let mut seeds = [([0.0; MAX_JOINTS], 0); 8];
+    let mut count = 0;
+    usual.branches(robot, world_from_tool, |q, branch| {
+        if let Some(seed) = seeds.get_mut(count) {
+            *seed = (q, branch);
+            count += 1;
+        }
+    })?;
+    let mut solutions: Vec<Solution> = Vec::with_capacity(8);
+    let mut wraps = Vec::new();
+    let mut at = *state;
+    for (q, branch) in &seeds[..count] {
+        wraps.clear();
+        if all_wraps(robot, q, &mut wraps).is_err() {
+            continue;
+        }
+        at.q = *q;
+        if !newton::is_there(&forward.world_from_tool(&at, ws), world_from_tool) {
+            return None;
+        }
+        solutions.extend(wraps.iter().map(|joints| Solution { joints: *joints, branch: *branch }));
+    }
+    if solutions.is_empty() {
+        return None;
+    }
+    let far = |s: &Solution| farthest(6, &s.joints, &state.q);
+    solutions.sort_by(|a, b| far(a).total_cmp(&far(b)));
+    solutions.truncate(MOST);
+    Some(solutions)
+}

@@ -1,6 +1,6 @@
 //! Derivatives of the forward function: to every free coefficient, and to the joints.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use crate::basis::{Basis, Variable};
 use crate::chain::Moment;
@@ -8,70 +8,10 @@ use crate::forward::{Bound, Forward, NOTHING, Workspace, residual_rows};
 use crate::pose::Pose;
 use crate::recording::{Measured, State};
 use crate::robot::JointKind;
+use crate::target::{Map, Target, Through};
 use crate::term::{ChainDof, Dof};
 
 type V3 = Vector3<f64>;
-
-/// The measured quantity's geometry at one pose, from which derivatives are taken.
-pub(crate) struct Target {
-    /// The measured point in {w}.
-    pub point: V3,
-    pub map: Map,
-}
-
-/// How a velocity of the measured point (and of the tool) becomes a change of the residual.
-pub(crate) enum Map {
-    World,
-    Frame(Matrix3<f64>),
-    Length(V3),
-    Pose {
-        frame: Matrix3<f64>,
-        rotation: Matrix3<f64>,
-    },
-    /// Velocity and angular velocity in {w} as they are.
-    Twist,
-}
-
-impl Map {
-    #[inline]
-    fn apply(&self, dp: &V3, dw: &V3) -> [f64; 6] {
-        match self {
-            Self::World => [dp.x, dp.y, dp.z, 0.0, 0.0, 0.0],
-            Self::Twist => [dp.x, dp.y, dp.z, dw.x, dw.y, dw.z],
-            Self::Frame(r) => {
-                let v = r * dp;
-                [v.x, v.y, v.z, 0.0, 0.0, 0.0]
-            }
-            Self::Length(u) => [u.dot(dp), 0.0, 0.0, 0.0, 0.0, 0.0],
-            Self::Pose { frame, rotation } => {
-                let (v, w) = (frame * dp, rotation * dw);
-                [v.x, v.y, v.z, w.x, w.y, w.z]
-            }
-        }
-    }
-
-    /// A change of the residual given in the measuring frame itself.
-    #[inline]
-    fn in_frame(&self, dp: &V3, dw_world_of_frame: &V3) -> [f64; 6] {
-        match self {
-            Self::World | Self::Length(_) | Self::Twist => [0.0; 6],
-            Self::Frame(_) => [dp.x, dp.y, dp.z, 0.0, 0.0, 0.0],
-            Self::Pose { frame, rotation } => {
-                let w = rotation * (frame.transpose() * dw_world_of_frame);
-                [dp.x, dp.y, dp.z, w.x, w.y, w.z]
-            }
-        }
-    }
-}
-
-/// Sums over gravity moments of `elastic (x) turn` and `elastic (x) carry` (see [`Moment`]): columns to x, y, z.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Through {
-    /// Of moments about joints behind: they turn with what moves.
-    turn: [[f64; 6]; 3],
-    /// Of moments about joints before: what moves is a load to them.
-    carry: [[f64; 6]; 3],
-}
 
 const E: [V3; 3] = [V3::new(1.0, 0.0, 0.0), V3::new(0.0, 1.0, 0.0), V3::new(0.0, 0.0, 1.0)];
 

@@ -20,6 +20,7 @@
 //! | [`task`], [`interrupt`] | long work: how far it is, and whether it is still wanted |
 //! | [`pose`] | rigid transforms |
 
+pub mod axis;
 pub mod basis;
 pub mod calibrated;
 pub mod cell;
@@ -37,12 +38,14 @@ pub mod rigid;
 pub mod robot;
 pub mod scope;
 mod support;
+mod target;
 pub mod task;
 pub mod term;
 pub mod touch;
 mod trig;
 pub mod urdf;
 
+pub use axis::Axis;
 pub use basis::{Basis, Beside, Shape, Variable};
 pub use cell::{Cell, Tool};
 pub use error::{ModelError, Result};
@@ -56,4 +59,4 @@ pub use robot::{Joint, JointKind, Robot};
 pub use scope::Scope;
 pub use support::Support;
 pub use task::Task;
-pub use term::{Axis, Motion, Parameter, Payload, Site, Term};
+pub use term::{Motion, Parameter, Payload, Site, Term};

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use crate::term::{Axis, Parameter, Site};
+use crate::axis::Axis;
+use crate::term::{Parameter, Site};
 
 /// A place of the machine. Joints, links, targets, balls, frames and anchors are counted from 1.
 ///

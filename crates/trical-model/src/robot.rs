@@ -1,14 +1,11 @@
 //! The arm as data: nominal modified Denavit-Hartenberg parameters, limits, masses.
 
-use std::path::Path;
-
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{ModelError, Result, parse_toml, read_text};
+use crate::error::{ModelError, Result, parse_toml};
 use crate::pose::{Pose, angles_zyx, rotation_zyx};
 use crate::recording::MAX_JOINTS;
-use crate::urdf::UrdfPath;
 
 /// How a joint moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -161,18 +158,6 @@ impl Robot {
             root_from_zero: Pose::identity(),
             last_from_flange: Pose::identity(),
         }
-    }
-
-    /// Reads `robot.toml`, or the arm of a URDF (`arm.urdf`, `arm.xml`), where links may be named behind a `#`:
-    /// `arm.urdf#base_link:tool0` (see [`crate::urdf`]).
-    ///
-    /// # Errors
-    /// A sentence that names the file, the line or field, what was found and what is expected.
-    pub fn load(path: &Path) -> Result<Self> {
-        if let Some(source) = UrdfPath::of(path) {
-            return Ok(source.load()?.robot);
-        }
-        Self::parse(&read_text(path)?, &path.display().to_string())
     }
 
     /// Reads the text of a `robot.toml`; `file` is its name for messages.

@@ -2,39 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::axis::Axis;
 use crate::basis::{Basis, Shape, Variable};
 use crate::cell::Cell;
 use crate::error::{ModelError, Result};
 use crate::robot::{JointKind, Robot};
-
-/// A direction along or about an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Axis {
-    /// x
-    X,
-    /// y
-    Y,
-    /// z
-    Z,
-}
-
-impl Axis {
-    /// 0, 1, 2.
-    #[must_use]
-    pub fn index(self) -> usize {
-        self as usize
-    }
-
-    /// All three.
-    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
-
-    /// "x", "y", "z".
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        ["x", "y", "z"][self.index()]
-    }
-}
 
 /// Translation along, or rotation about, an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]

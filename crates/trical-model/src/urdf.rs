@@ -36,6 +36,20 @@ pub(crate) use mdh::robot_from_axes;
 pub(crate) use tree::Axes;
 pub use write::write;
 
+impl Robot {
+    /// Reads `robot.toml`, or the arm of a URDF (`arm.urdf`, `arm.xml`), where links may be named behind a `#`:
+    /// `arm.urdf#base_link:tool0` (see [`crate::urdf`]).
+    ///
+    /// # Errors
+    /// A sentence that names the file, the line or field, what was found and what is expected.
+    pub fn load(path: &Path) -> Result<Self> {
+        if let Some(source) = UrdfPath::of(path) {
+            return Ok(source.load()?.robot);
+        }
+        Self::parse(&read_text(path)?, &path.display().to_string())
+    }
+}
+
 /// An arm from a URDF.
 #[derive(Clone, Debug)]
 pub struct Imported {

@@ -150,8 +150,9 @@ pub(super) fn apart(robot: &Robot, model: &Model) -> Result<f64> {
 mod tests {
     #![allow(clippy::unwrap_used, clippy::expect_used)]
     use super::*;
+    use crate::axis::Axis;
     use crate::basis::Basis;
-    use crate::term::{Axis, Parameter, Term};
+    use crate::term::{Parameter, Term};
 
     /// What a maker's file has: comments, meshes, fixed joints between, an axis that is not z, an origin that is not there, one with an end tag.
     const GIVEN: &str = r#"<?xml version="1.0"?>

@@ -2,9 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use super::{IkError, MOST};
+use super::error::IkError;
 use crate::recording::Joints;
 use crate::robot::{Joint, JointKind, Robot};
+
+/// No pose has more solutions than this listed: an arm of six joints that turn twice has 8 branches x 64 wraps.
+pub(super) const MOST: usize = 4096;
 
 /// Solutions that differ by less than this in every joint are one, rad or m.
 const SAME: f64 = 1e-6;

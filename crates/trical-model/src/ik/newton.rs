@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
-use super::IkError;
+use super::error::IkError;
 use crate::forward::{Forward, Workspace};
 use crate::pose::{Pose, rotation_vector};
 use crate::recording::{MAX_JOINTS, State};

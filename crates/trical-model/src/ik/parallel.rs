@@ -4,7 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
 
-use super::{Arm, arc_cosines, wrapped, wrist};
+use super::arm::{Arm, arc_cosines, wrapped};
+use super::wrist;
 use crate::pose::{Pose, rotation_x, rotation_z};
 
 /// Angles theta of the nominal arm with its flange at `base_from_flange`; `start` chooses where the wrist is singular.

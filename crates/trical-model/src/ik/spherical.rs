@@ -5,7 +5,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, TAU};
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
-use super::{Arm, arc_cosines, wrapped, wrist};
+use super::arm::{Arm, arc_cosines, wrapped};
+use super::wrist;
 use crate::pose::{Pose, rotation_x};
 
 type V3 = Vector3<f64>;

@@ -6,16 +6,17 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
 use super::*;
+use crate::axis::Axis;
 use crate::basis::Basis;
 use crate::cell::{Cell, Tool};
 use crate::forward::Model;
-use crate::robot::Joint;
-use crate::term::{Axis, Motion, Parameter, Site, Term};
+use crate::robot::{Joint, Robot};
+use crate::term::{Motion, Parameter, Site, Term};
 
 /// alpha deg, a mm, d mm, offset deg, lower deg, upper deg, mass
-pub(super) type Row = (f64, f64, f64, f64, f64, f64, f64);
+type Row = (f64, f64, f64, f64, f64, f64, f64);
 
-pub(super) const IRB_120: [Row; 6] = [
+const IRB_120: [Row; 6] = [
     (0.0, 0.0, 290.0, 0.0, -165.0, 165.0, 3.067),
     (-90.0, 0.0, 0.0, -90.0, -110.0, 110.0, 3.909),
     (0.0, 270.0, 0.0, 0.0, -110.0, 70.0, 2.944),
@@ -24,7 +25,7 @@ pub(super) const IRB_120: [Row; 6] = [
     (-90.0, 0.0, 72.0, 180.0, -400.0, 400.0, 0.137),
 ];
 
-pub(super) const UR10: [Row; 6] = [
+const UR10: [Row; 6] = [
     (0.0, 0.0, 127.3, 0.0, -360.0, 360.0, 7.1),
     (90.0, 0.0, 0.0, 0.0, -360.0, 360.0, 12.7),
     (0.0, -612.0, 0.0, 0.0, -360.0, 360.0, 4.27),
@@ -34,7 +35,7 @@ pub(super) const UR10: [Row; 6] = [
 ];
 
 /// An arm with a shoulder offset, as KUKA and FANUC build them: Pieper's quartic does not fall apart.
-pub(super) const OFFSET: [Row; 6] = [
+const OFFSET: [Row; 6] = [
     (0.0, 0.0, 400.0, 0.0, -170.0, 170.0, 1.0),
     (-90.0, 150.0, 0.0, -90.0, -120.0, 150.0, 1.0),
     (0.0, 600.0, 20.0, 0.0, -170.0, 170.0, 1.0),
@@ -44,7 +45,7 @@ pub(super) const OFFSET: [Row; 6] = [
 ];
 
 /// Twists of all kinds in the first links.
-pub(super) const SKEW: [Row; 6] = [
+const SKEW: [Row; 6] = [
     (20.0, 30.0, 400.0, 10.0, -170.0, 170.0, 1.0),
     (-70.0, 150.0, 50.0, -90.0, -170.0, 170.0, 1.0),
     (15.0, 400.0, 20.0, 0.0, -170.0, 170.0, 1.0),
@@ -100,11 +101,11 @@ fn cell() -> Cell {
     }
 }
 
-pub(super) fn nominal(rows: &[Row]) -> Forward {
+fn nominal(rows: &[Row]) -> Forward {
     Forward::new(Model::nominal(robot(rows), cell()), vec![]).unwrap()
 }
 
-pub(super) fn random_joints(robot: &Robot, rng: &mut StdRng, inside: f64) -> Joints {
+fn random_joints(robot: &Robot, rng: &mut StdRng, inside: f64) -> Joints {
     let mut q = [0.0; MAX_JOINTS];
     for (x, j) in q.iter_mut().zip(&robot.joints) {
         let middle = 0.5 * (j.limits[0] + j.limits[1]);
@@ -201,7 +202,7 @@ fn slides_are_solved_and_their_travel_is_respected() {
 }
 
 /// Widens limits to one turn so that limits hide no branch.
-pub(super) fn unlimited(rows: &[Row; 6]) -> [Row; 6] {
+fn unlimited(rows: &[Row; 6]) -> [Row; 6] {
     rows.map(|r| (r.0, r.1, r.2, r.3, -180.0, 180.0, r.6))
 }
 
@@ -467,4 +468,45 @@ proptest! {
             assert_reached(&forward, &target, &state, &solutions);
         }
     }
+}
+
+#[test]
+fn finds_what_the_general_way_finds() {
+    let mut rng = StdRng::seed_from_u64(21);
+    for rows in [IRB_120, OFFSET, unlimited(&IRB_120), unlimited(&OFFSET)] {
+        let short = nominal(&rows);
+        assert!(short.usual.is_some());
+        let mut long = short.clone();
+        long.usual = None;
+        let robot = &short.model().robot;
+        let mut ws = short.workspace();
+        let mut own_way = 0;
+        for _ in 0..400 {
+            let state = State::at(&random_joints(robot, &mut rng, 1.0));
+            let target = short.world_from_tool(&state, &mut ws);
+            own_way +=
+                usize::from(usual_solutions(short.usual.as_ref().unwrap(), &short, &target, &state, &mut ws).is_some());
+            let a = inverse_kinematics(&short, &target, &state, &mut ws).unwrap();
+            let b = inverse_kinematics(&long, &target, &state, &mut ws).unwrap();
+            assert_eq!(a.len(), b.len());
+            for (a, b) in a.iter().zip(&b) {
+                // of two that are equally far the order is open
+                let far = |s: &Solution| farthest(6, &s.joints, &state.q);
+                assert!((far(a) - far(b)).abs() < 1e-6, "{a:?} {b:?}");
+            }
+            assert!(
+                a.iter()
+                    .all(|a| b.iter().any(|b| { a.joints.iter().zip(&b.joints).all(|(a, b)| (a - b).abs() < 1e-6) }))
+            );
+        }
+        assert!(own_way > 390, "{own_way}");
+    }
+}
+
+#[test]
+fn other_arms_and_arms_with_terms_take_the_general_way() {
+    assert!(nominal(&SKEW).usual.is_none() && nominal(&UR10).usual.is_none());
+    let mut model = nominal(&IRB_120).into_model();
+    model.terms.push(Term::new("a_2", "test", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT));
+    assert!(Forward::new(model, vec![]).unwrap().usual.is_none());
 }

@@ -7,11 +7,10 @@
 
 use nalgebra::{RowVector3, Vector3};
 
-use super::{Arm, newton};
-use crate::forward::{Forward, Workspace};
-use crate::ik::limits::{all_wraps, farthest, may_be_within};
+use super::arm::Arm;
+use super::limits::may_be_within;
 use crate::pose::Pose;
-use crate::recording::{Joints, MAX_JOINTS, State};
+use crate::recording::{Joints, MAX_JOINTS};
 use crate::robot::Robot;
 
 /// Sines, and lengths as a share of the arm's size, below which branches are taken to meet.
@@ -86,7 +85,12 @@ impl Usual {
     }
 
     /// Every solution whose joints may be within limits, with the number of its branch; `None` near a fold.
-    fn branches(&self, robot: &Robot, world_from_tool: &Pose, mut found: impl FnMut(Joints, usize)) -> Option<()> {
+    pub(super) fn branches(
+        &self,
+        robot: &Robot,
+        world_from_tool: &Pose,
+        mut found: impl FnMut(Joints, usize),
+    ) -> Option<()> {
         let pose = self.one_from_world.compose(&world_from_tool.compose(&self.tool_from_last));
         let r = &pose.rotation;
         let v = pose.translation - r.column(2) * self.hand;
@@ -169,106 +173,5 @@ impl Usual {
         found(0, [t4, t5, t6]);
         found(1, [turned(t4), -t5, turned(t6)]);
         Some(())
-    }
-}
-
-/// All solutions within limits, nearest to `state.q` first; `None` where the general way has to look.
-pub(super) fn solve(
-    usual: &Usual,
-    forward: &Forward,
-    world_from_tool: &Pose,
-    state: &State,
-    ws: &mut Workspace,
-) -> Option<Vec<super::Solution>> {
-    let robot = &forward.model().robot;
-    let mut seeds = [([0.0; MAX_JOINTS], 0); 8];
-    let mut count = 0;
-    usual.branches(robot, world_from_tool, |q, branch| {
-        if let Some(seed) = seeds.get_mut(count) {
-            *seed = (q, branch);
-            count += 1;
-        }
-    })?;
-    let mut solutions: Vec<super::Solution> = Vec::with_capacity(8);
-    let mut wraps = Vec::new();
-    let mut at = *state;
-    for (q, branch) in &seeds[..count] {
-        wraps.clear();
-        if all_wraps(robot, q, &mut wraps).is_err() {
-            continue;
-        }
-        at.q = *q;
-        if !newton::is_there(&forward.world_from_tool(&at, ws), world_from_tool) {
-            return None;
-        }
-        solutions.extend(wraps.iter().map(|joints| super::Solution { joints: *joints, branch: *branch }));
-    }
-    if solutions.is_empty() {
-        return None;
-    }
-    let far = |s: &super::Solution| farthest(6, &s.joints, &state.q);
-    solutions.sort_by(|a, b| far(a).total_cmp(&far(b)));
-    solutions.truncate(super::MOST);
-    Some(solutions)
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-
-    use rand::SeedableRng;
-    use rand::rngs::StdRng;
-
-    use crate::ik::inverse_kinematics;
-    use crate::ik::limits::farthest;
-    use crate::ik::tests::{IRB_120, OFFSET, SKEW, UR10, nominal, random_joints, unlimited};
-    use crate::recording::State;
-
-    #[test]
-    fn finds_what_the_general_way_finds() {
-        let mut rng = StdRng::seed_from_u64(21);
-        for rows in [IRB_120, OFFSET, unlimited(&IRB_120), unlimited(&OFFSET)] {
-            let short = nominal(&rows);
-            assert!(short.usual.is_some());
-            let mut long = short.clone();
-            long.usual = None;
-            let robot = &short.model().robot;
-            let mut ws = short.workspace();
-            let mut own_way = 0;
-            for _ in 0..400 {
-                let state = State::at(&random_joints(robot, &mut rng, 1.0));
-                let target = short.world_from_tool(&state, &mut ws);
-                own_way += usize::from(
-                    super::solve(short.usual.as_ref().unwrap(), &short, &target, &state, &mut ws).is_some(),
-                );
-                let a = inverse_kinematics(&short, &target, &state, &mut ws).unwrap();
-                let b = inverse_kinematics(&long, &target, &state, &mut ws).unwrap();
-                assert_eq!(a.len(), b.len());
-                for (a, b) in a.iter().zip(&b) {
-                    // of two that are equally far the order is open
-                    let far = |s: &crate::Solution| farthest(6, &s.joints, &state.q);
-                    assert!((far(a) - far(b)).abs() < 1e-6, "{a:?} {b:?}");
-                }
-                assert!(
-                    a.iter().all(|a| b
-                        .iter()
-                        .any(|b| { a.joints.iter().zip(&b.joints).all(|(a, b)| (a - b).abs() < 1e-6) }))
-                );
-            }
-            assert!(own_way > 390, "{own_way}");
-        }
-    }
-
-    #[test]
-    fn other_arms_and_arms_with_terms_take_the_general_way() {
-        assert!(nominal(&SKEW).usual.is_none() && nominal(&UR10).usual.is_none());
-        let mut model = nominal(&IRB_120).into_model();
-        model.terms.push(crate::Term::new(
-            "a_2",
-            "test",
-            crate::Site::Link { link: 2, parameter: crate::term::Parameter::A },
-            crate::Basis::CONSTANT,
-        ));
-        assert!(crate::Forward::new(model, vec![]).unwrap().usual.is_none());
     }
 }

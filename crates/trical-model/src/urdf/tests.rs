@@ -431,8 +431,9 @@ fn apart(a: &Model, b: &Model, draw: &mut Draw) -> f64 {
 
 #[test]
 fn the_rigid_part_of_a_model_goes_where_the_model_goes_and_comes_back_from_a_urdf() {
+    use crate::axis::Axis;
     use crate::basis::Basis;
-    use crate::term::{Axis, Motion, Parameter, Payload, Site, Term};
+    use crate::term::{Motion, Parameter, Payload, Site, Term};
     let mut draw = Draw(StdRng::seed_from_u64(3));
     for round in 0..300 {
         let robot = parse(&draw.chain().text, "drawn.urdf", None, None).unwrap().robot;

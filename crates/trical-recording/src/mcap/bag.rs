@@ -27,16 +27,6 @@ const AROUND: f64 = 0.1;
 const CLOCKS: f64 = 0.5;
 
 const JOINT_STATE: &str = schema::JOINT_STATE_NAME;
-const SEEN: [(&str, StampedKind); 3] = [
-    ("geometry_msgs/msg/PoseStamped", StampedKind::Pose),
-    ("geometry_msgs/msg/PointStamped", StampedKind::Point),
-    ("geometry_msgs/msg/TransformStamped", StampedKind::Transform),
-];
-
-/// Schemas of the messages that are read here; others of a bag (pictures, clouds) need not be kept.
-pub(super) fn reads(schema: &str) -> bool {
-    schema == JOINT_STATE || schema == schema::STRING_NAME || SEEN.iter().any(|(name, _)| *name == schema)
-}
 
 /// Whether this is somebody else's bag and not a recording of ours.
 pub(super) fn is_bag(channels: &Channels) -> bool {
@@ -45,8 +35,7 @@ pub(super) fn is_bag(channels: &Channels) -> bool {
 }
 
 fn kind_of(channel: &super::walk::RawChannel) -> Option<StampedKind> {
-    let name = &channel.schema.as_ref()?.name;
-    SEEN.iter().find(|(seen, _)| seen == name).map(|(_, kind)| *kind)
+    StampedKind::of(&channel.schema.as_ref()?.name)
 }
 
 /// Where the joints stood, on the clock that counts.

@@ -81,6 +81,24 @@ pub enum StampedKind {
     Transform,
 }
 
+impl StampedKind {
+    /// The kind of a schema, by its name.
+    #[must_use]
+    pub fn of(schema: &str) -> Option<Self> {
+        match schema {
+            "geometry_msgs/msg/PoseStamped" => Some(Self::Pose),
+            "geometry_msgs/msg/PointStamped" => Some(Self::Point),
+            "geometry_msgs/msg/TransformStamped" => Some(Self::Transform),
+            _ => None,
+        }
+    }
+}
+
+/// Whether messages of a schema are read; others of a bag (pictures, clouds) need not be kept.
+pub fn is_read(schema: &str) -> bool {
+    [super::schema::JOINT_STATE_NAME, super::schema::STRING_NAME].contains(&schema) || StampedKind::of(schema).is_some()
+}
+
 /// What an instrument saw: a pose, a point or a transform of `geometry_msgs`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stamped {

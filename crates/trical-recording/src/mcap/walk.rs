@@ -242,7 +242,7 @@ impl RawFile {
             MESSAGE => {
                 let channel = from.u16()?;
                 let of_others = self.channels.get(&channel).is_some_and(|c| {
-                    c.encoding == "cdr" && !c.schema.as_ref().is_some_and(|schema| super::bag::reads(&schema.name))
+                    c.encoding == "cdr" && !c.schema.as_ref().is_some_and(|schema| super::cdr::is_read(&schema.name))
                 });
                 if self.only_read && of_others {
                     return Some(());

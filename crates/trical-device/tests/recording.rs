@@ -393,5 +393,5 @@ fn recordings_of_other_programs_may_be_compressed_with_lz4_and_have_no_direction
     wrong[at..at + 3].copy_from_slice(b"xyz");
     std::fs::write(&path, wrong).unwrap();
     let error = read_recording(&path).unwrap_err().to_string();
-    assert!(error.contains("compressed with \"xyz\"; expected none or lz4"), "{error}");
+    assert!(error.contains("compressed with \"xyz\"; expected none, lz4 or zstd"), "{error}");
 }

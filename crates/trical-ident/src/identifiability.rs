@@ -346,9 +346,6 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
         // from the flange back: of parallel axes the last offset is kept, as in the paper
         terms.extend((2..=n).rev().filter(|k| !twisted(*k)).map(|k| link(Parameter::D, k, "d")));
         terms.extend((2..=n).rev().map(|k| link(Parameter::Theta, k, "theta")));
-        if set != ParameterSet::Compliance {
-            terms.extend((1..n).filter(|k| !twisted(*k)).map(|k| link(Parameter::Beta, k, "beta")));
-        }
         terms.extend((2..=n).rev().filter(|k| twisted(*k)).map(|k| link(Parameter::D, k, "d")));
         terms.push(link(Parameter::D, 1, "d"));
         terms.push(link(Parameter::Theta, 1, "theta"));

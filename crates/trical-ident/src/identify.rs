@@ -467,6 +467,9 @@ pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Ch
 /// So many numbers must be there for each parameter of the plain model before it is asked what else it needs.
 const OPTIONAL: usize = 4;
 
+/// Where a fit fails without weak priors, and with them half of the errors are larger, m, the arm is not this one.
+const IMPLAUSIBLE: f64 = 1e-2;
+
 fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<Identified> {
     let (model, dependent) = prepared(robot, cell, data, choice)?;
     let known = choice.known().of(&model)?;
@@ -486,6 +489,8 @@ fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice)
         return found;
     }
     match fit(&with_priors(&plausible, &known)) {
+        // no arm is so far from nominal: it is another one, or its data are wrong
+        Ok(kept) if found.is_err() && median(&kept.errors()?) > IMPLAUSIBLE => found,
         Ok(kept) => Ok(Identified { weak: by_prior(&kept.model, &plausible, &known), ..kept }),
         Err(_) => found,
     }

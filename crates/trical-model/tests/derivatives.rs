@@ -562,6 +562,7 @@ impl Draw {
         s.seq = Some(5.0 + self.n(4.0));
         s.temp_c = Some(24.0 + self.n(3.0));
         s.payload_kg = Some(0.3);
+        s.torques = Some(std::array::from_fn(|_| self.n(20.0)));
         s.session = Some(1 + u32::from(self.below(2) == 0));
         s
     }

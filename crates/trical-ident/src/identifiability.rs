@@ -5,6 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Site, State, Term, residual_rows};
 
+use crate::ball_places::{self, base_is_fixed, unknown_places};
 use crate::dataset::Dataset;
 use crate::error::Result;
 use crate::fit::factor;
@@ -161,6 +162,7 @@ pub struct Choice {
     compliant: Option<Vec<usize>>,
     known: KnownParameters,
     own: OwnSetup,
+    waves: bool,
 }
 
 /// A joint that the arm does not have.
@@ -196,6 +198,12 @@ impl Choice {
     #[must_use]
     pub fn with_own(self, own: OwnSetup) -> Self {
         Self { own, ..self }
+    }
+
+    /// The same with two waves of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
+    #[must_use]
+    pub fn with_waves(self) -> Self {
+        Self { waves: true, ..self }
     }
 
     /// What sessions do not share with the first one.
@@ -237,7 +245,7 @@ impl Choice {
 
 impl From<ParameterSet> for Choice {
     fn from(set: ParameterSet) -> Self {
-        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default() }
+        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default(), waves: false }
     }
 }
 
@@ -260,6 +268,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
     let n = model.robot.dof();
     let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
     let touch = any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
+    let based = any(&|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
     let pose = any(&|m| matches!(m, Measured::Pose { .. }));
     let mut terms = Vec::new();
     let many = model.frames.len() > 1;
@@ -269,7 +278,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
             terms.push(constant(format!("{prefix}_{}", motion.name()), "frame", Site::Frame { frame, motion }));
         }
     }
-    if touch {
+    if touch && based {
         for m in Motion::ALL {
             terms.push(constant(format!("base_{}", m.name()), "base", Site::Base(m)));
         }
@@ -288,6 +297,8 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
             }
         }
     }
+    let places = unknown_places(&model.cell, data);
+    terms.extend(places.iter().flat_map(|p| ball_places::terms(&model.cell, data, *p)));
     terms.extend(own_terms(&terms, data, &choice.own));
     if set >= ParameterSet::Geometry {
         let link = |parameter, link, name: &str| {
@@ -316,6 +327,21 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Vec<Term> {
             )
         }));
     }
+    if choice.waves {
+        for joint in 1..=n {
+            let of = trical_model::Variable::Joint { joint };
+            for (k, cycles) in [(1, 1.0), (2, 2.0)] {
+                let shapes = [
+                    ("sine", trical_model::Shape::Sine { cycles }),
+                    ("cosine", trical_model::Shape::Cosine { cycles }),
+                ];
+                terms.extend(shapes.map(|(name, shape)| {
+                    let basis = trical_model::Basis::new(of, shape);
+                    Term::new(format!("{name}_{k}_{joint}"), "joint_harmonic", Site::Joint { joint }, basis)
+                }));
+            }
+        }
+    }
     terms
 }
 
@@ -342,7 +368,8 @@ fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
             }
         }
     }
-    for session in &own.balls {
+    let placed = |session: u32| shared.iter().any(|t| t.effect == "place" && t.basis.session == Some(session));
+    for session in own.balls.iter().filter(|s| !placed(**s)) {
         if has(*session, &|m| matches!(m, Measured::Touch { .. })) {
             out.extend(Motion::ALL.map(|m| of(&format!("balls_{}", m.name()), "balls", Site::Fixture(m), *session)));
         }
@@ -375,19 +402,22 @@ fn random_states(model: &Model, count: usize) -> Vec<State> {
         .collect()
 }
 
-/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since no candidate moves a
-/// single ball: which ball it is changes no derivative.
-fn sorts(data: &Dataset) -> Vec<(Measured, usize, Option<u32>)> {
-    let mut seen: Vec<(Measured, usize, Option<u32>)> = Vec::new();
+/// A sort of measurement: what, its measuring frame, its session, its place of the balls.
+type Sort = (Measured, usize, Option<u32>, Option<usize>);
+
+/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since which ball it is changes no
+/// derivative, unless the set of balls is `turned`: then they differ by ball and place.
+fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
+    let mut seen: Vec<Sort> = Vec::new();
     for o in &data.observations {
         let blank = match o.measured {
-            Measured::Touch { .. } => Measured::Touch { ball: 0, reading: [0.0; 3] },
+            Measured::Touch { ball, .. } => Measured::Touch { ball: if turned { ball } else { 0 }, reading: [0.0; 3] },
             Measured::Point { target, .. } => Measured::Point { target, position: [0.0; 3] },
             Measured::Distance { anchor, .. } => Measured::Distance { anchor, length: 1.0 },
             Measured::Pose { .. } => Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] },
             Measured::Reference { .. } => continue,
         };
-        let sort = (blank, o.frame, o.state.session);
+        let sort = (blank, o.frame, o.state.session, o.state.place.filter(|_| turned));
         if !seen.contains(&sort) {
             seen.push(sort);
         }
@@ -398,7 +428,8 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize, Option<u32>)> {
 /// The independent ones among the candidates of `set`, in order of preference, and what was left out.
 ///
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
-/// has, so that it does not depend on where the data happens to be.
+/// has, so that it does not depend on where the data happens to be. Where balls stood at unknown places, parameters of the arm that do the
+/// same are all kept, since what is usual of an arm then counts as known ([`ball_places`]).
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for.
@@ -414,7 +445,7 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
     let forward = Forward::new(model, (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];
-    let sorts = sorts(data);
+    let sorts = sorts(data, terms.iter().any(|t| matches!(t.site, Site::Fixture(_))));
     // twice as many rows as columns
     let rows_of_a_state: usize = sorts.iter().map(|(m, ..)| residual_rows(m)).sum();
     let states = (2 * p).div_ceil(rows_of_a_state.max(1)).max(24);
@@ -422,8 +453,8 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
     let mut columns = vec![0.0; p * height];
     let mut row = 0;
     for state in random_states(nominal, states) {
-        for (measured, frame, session) in &sorts {
-            let state = State { session: *session, ..state };
+        for (measured, frame, session, place) in &sorts {
+            let state = State { session: *session, place: *place, ..state };
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
             let measured = match measured {
                 Measured::Pose { position, .. } => {
@@ -495,6 +526,15 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
             dependent.push(Dependent { name: terms[c].name.clone(), with });
         }
     }
+    // what is usual of an arm shares out what touches at unknown places leave open between parameters that do the same: one that stands
+    // for both would have to be unusual
+    let placed = terms.iter().any(|t| t.effect == "place");
+    let of_arm =
+        |name: &String| terms.iter().any(|t| t.name == *name && matches!(t.effect.as_str(), "geometry" | "tool"));
+    let shared = |d: &Dependent| placed && of_arm(&d.name) && d.with.iter().any(of_arm);
+    kept.extend((0..p).filter(|k| dependent.iter().any(|d| d.name == terms[*k].name && shared(d))));
+    kept.sort_unstable();
+    dependent.retain(|d| !shared(d));
     Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))
 }
 

@@ -18,6 +18,8 @@
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
+pub mod ball_places;
+pub mod by_place;
 pub mod calibration;
 pub mod caution;
 pub mod dataset;

@@ -34,6 +34,8 @@ pub struct Session {
     pub fingerprint: String,
     /// Its measuring frame, counted from 1, if it has one.
     pub frame: Option<usize>,
+    /// Names of the places where its balls stood: terms of [`Basis::place`] k belong to the k-th.
+    pub places: Vec<String>,
     /// Joint angles that it visited.
     pub visited: Support,
 }
@@ -68,6 +70,8 @@ struct SessionFile {
     fingerprint: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frame: Option<usize>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    places: Vec<String>,
     /// For each joint the stretches of its angle modulo a turn that were visited, deg; mm of sliding joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     visited: Vec<Vec<[f64; 2]>>,
@@ -118,6 +122,7 @@ impl ModelFile {
             recording: name.clone(),
             fingerprint: fingerprint.clone(),
             frame: frame.map(|f| f + 1),
+            places: data.places.get(k).cloned().unwrap_or_default(),
             visited: Support::of(&model.robot, &poses(k)),
         });
         let sessions = sessions.collect();
@@ -202,6 +207,7 @@ impl ModelFile {
                     recording: s.recording.clone(),
                     fingerprint: s.fingerprint.clone(),
                     frame: s.frame,
+                    places: s.places.clone(),
                     visited: s.visited.stretches(),
                 })
                 .collect(),
@@ -330,6 +336,7 @@ impl ModelFile {
             recording: s.recording,
             fingerprint: s.fingerprint,
             frame: s.frame,
+            places: s.places,
             visited: Support::from_stretches(&robot, &s.visited),
         });
         let known: Vec<Session> = known.collect();

@@ -196,6 +196,9 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     for (name, e) in usual.into_iter().chain(worst) {
         add(&format!("at poses not in the fit, {name}"), &e);
     }
+    for line in by_place_lines(found) {
+        say(line)?;
+    }
     for caution in found.cautions() {
         for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
             say(line)?;
@@ -208,6 +211,26 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     let written: Vec<String> =
         [&args.out, &args.report, &args.certificate].into_iter().flatten().map(|f| f.display().to_string()).collect();
     if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
+}
+
+/// What places of sockets say beside the errors: which physics earned its place, and the distance between sockets as a check.
+fn by_place_lines(found: &Calibration) -> Vec<String> {
+    let mut out = Vec::new();
+    if let Some(kept) = found.tried.iter().find(|t| t.kept && t.added != "nothing") {
+        let plain = found.tried.first().map_or(f64::NAN, |t| t.mean_mm);
+        out.push(format!(
+            "\nAdded, since it lowers the mean error at places held out from {plain:.3} to {:.3} mm: {}",
+            kept.mean_mm, kept.added
+        ));
+    }
+    if !found.distances.is_empty() {
+        out.push("\nDistance between balls, by the arm as the other places have it (cell file):".into());
+    }
+    out.extend(found.distances.iter().map(|d| {
+        let [a, b] = d.balls;
+        format!("  {}: {a} to {b} {:.2} mm ({:.2})", d.place, d.measured_mm, d.cell_mm)
+    }));
+    out
 }
 
 /// What was rejected, reason by reason, at most a dozen lines; `named` may be the first of `all`.

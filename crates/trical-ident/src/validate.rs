@@ -185,29 +185,9 @@ pub fn validate(
     joints: Option<JointSource>,
     refit: Option<Refit>,
 ) -> Result<Validation> {
-    let joints = joints.unwrap_or(file.joints);
-    let fingerprints: Vec<String> = recordings.iter().map(crate::dataset::fingerprint).collect();
-    let places = places(file, cell, recordings, &fingerprints, refit);
-    let framed = places.iter().filter_map(|p| p.frame);
-    let known: Vec<References> = framed
-        .map(
-            |(frame, new)| {
-                if new { References::default() } else { file.references.get(frame).cloned().unwrap_or_default() }
-            },
-        )
-        .collect();
-    let mut data = Dataset::build(recordings, joints, Some(&known))?;
+    let Adapted { mut model, data, places, left_out, known, joints } =
+        adapted(file, cell, recordings, joints, refit, false)?;
     let rejected = data.rejected.clone();
-    data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
-
-    let mut model = file.model.clone();
-    let left_out = leave_out(&mut model, &data, &places);
-    data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
-    for place in &places {
-        add_own(&mut model, cell, &data, place);
-    }
-    data.references.resize(model.frames.len(), References::default());
-
     let poses: Vec<Vec<usize>> =
         (0..recordings.len()).map(|r| data.filtered(|o| o.recording == r).used_poses()).collect();
     let all = training_poses(&data, !ball_places::unknown_places(cell, &data).is_empty());
@@ -258,6 +238,69 @@ pub fn validate(
         model: forward.into_model(),
         nominal: (nominal.model, plain),
     })
+}
+
+/// A model beside recordings that it is to predict.
+pub(crate) struct Adapted {
+    /// With terms for what belongs to these recordings and is to be identified, at zero.
+    pub model: Model,
+    /// The recordings in the model's sessions and measuring frames.
+    pub data: Dataset,
+    places: Vec<Place>,
+    /// Terms that say nothing of these recordings.
+    left_out: Vec<LeftOut>,
+    known: Vec<References>,
+    joints: JointSource,
+}
+
+impl Adapted {
+    /// Whether the model was learnt on one of the recordings.
+    pub fn is_known(&self) -> bool {
+        self.places.iter().any(|p| p.learnt.is_some())
+    }
+
+    /// The model with what belongs to the recordings identified on all of their rows.
+    pub fn identified(&self) -> Result<Model> {
+        if self.places.iter().any(|p| p.refit.any()) {
+            refitted(self.model.clone(), &self.data, &self.places)
+        } else {
+            Ok(self.model.clone())
+        }
+    }
+}
+
+/// The model of `file` made ready for `recordings`; with `same_tool` it keeps its tool and targets whatever else is new.
+pub(crate) fn adapted(
+    file: &ModelFile,
+    cell: &Cell,
+    recordings: &[Recording],
+    joints: Option<JointSource>,
+    refit: Option<Refit>,
+    same_tool: bool,
+) -> Result<Adapted> {
+    let joints = joints.unwrap_or(file.joints);
+    let fingerprints: Vec<String> = recordings.iter().map(crate::dataset::fingerprint).collect();
+    let mut places = places(file, cell, recordings, &fingerprints, refit);
+    places.iter_mut().for_each(|p| p.refit.targets &= !same_tool);
+    let framed = places.iter().filter_map(|p| p.frame);
+    let known: Vec<References> = framed
+        .map(
+            |(frame, new)| {
+                if new { References::default() } else { file.references.get(frame).cloned().unwrap_or_default() }
+            },
+        )
+        .collect();
+    let mut data = Dataset::build(recordings, joints, Some(&known))?;
+    data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
+
+    let mut model = file.model.clone();
+    let left_out = leave_out(&mut model, &data, &places);
+    data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
+    for place in &places {
+        add_own(&mut model, cell, &data, place);
+    }
+    data.references.resize(model.frames.len(), References::default());
+    Ok(Adapted { model, data, places, left_out, known, joints })
 }
 
 /// Position errors (m) of one session that the model does not know: what is its own is identified from every fourth of its poses, and

@@ -103,7 +103,7 @@ pub fn _identify<'py>(
         Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     let text = serde_json::to_string(&found)?;
-    let file = ModelFile::of(found.fitted.model.clone(), &found.fitted.data);
+    let file = ModelFile::of_fit(&found.fitted);
     let errors = match found.passes {
         Some(_) => None,
         None => Some(pairs_mm(&found.each_before, &found.fitted.errors()?).into_pyarray(py)),

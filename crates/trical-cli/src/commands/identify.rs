@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> Result<()> {
         Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     if let Some(out) = &args.out {
-        ModelFile::of(found.fitted.model.clone(), &found.fitted.data).save(out)?;
+        ModelFile::of_fit(&found.fitted).save(out)?;
     }
     if let Some(path) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));

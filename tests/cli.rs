@@ -388,6 +388,15 @@ fn files_to_start_from_are_those_that_the_program_reads() {
     assert_eq!(before, read("new/cell.toml"));
 }
 
+#[test]
+fn the_sample_s_flaw_is_found() {
+    let place = Place::new();
+    assert!(place.run(&["sample", "new"]).status.success());
+    let args = ["diagnose", "new/touches.csv", "--robot", "new/robot.toml", "--cell", "new/cell.toml"];
+    let said = String::from_utf8(place.run(&args).stdout).unwrap();
+    assert!(said.contains("Backlash or friction wind-up at joint 2 (9"), "{said}");
+}
+
 /// The demo's touches as a CSV.
 fn touches(place: &Place) -> String {
     assert!(place.run(&["demo", "--conceal", "none", "--out", "demo"]).status.success());

@@ -12,9 +12,11 @@ from 1 in words and dicts, as in files; arrays have joint 1 in column 0.
 from __future__ import annotations
 
 from ._calls import (
+    compare,
     compensate,
     diagnose,
     effects,
+    history,
     identify,
     observability,
     parameters,
@@ -25,7 +27,7 @@ from ._calls import (
     validate,
 )
 from ._devices import Controller, Gauge, GaugeTest, gauges, master, virtual_cell
-from ._files import convert, export
+from ._files import Sample, convert, export, sample
 from ._measure import BaseFound, Measured, ToolPoint, find_base, find_tool_point, measure, touch_here
 from ._native import (
     Cell,
@@ -68,6 +70,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "Robot",
+    "Sample",
     "Study",
     "ToolPoint",
     "Touches",
@@ -77,6 +80,7 @@ __all__ = [
     "VirtualCell",
     "WrongModelError",
     "__version__",
+    "compare",
     "compensate",
     "convert",
     "diagnose",
@@ -85,6 +89,7 @@ __all__ = [
     "find_base",
     "find_tool_point",
     "gauges",
+    "history",
     "identify",
     "master",
     "measure",
@@ -93,6 +98,7 @@ __all__ = [
     "plan",
     "poses",
     "repeatability",
+    "sample",
     "simulate",
     "study_platforms",
     "study_touches",

@@ -4,12 +4,43 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from . import _native
 from ._calls import _file
 from ._native import Model, Robot, TricalError
 from ._recording import PathLike
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Files to try the library on: paths of robot, cell and recording."""
+
+    robot: Path
+    cell: Path
+    recording: Path
+
+
+def sample(folder: PathLike | None = None) -> Sample:
+    """Write a robot, a cell and a recording of 90 touches to try the library on: what `trical sample` writes.
+
+    The arm differs from its description as arms do, and has one flaw more, which `diagnose` finds.
+
+    Args:
+        folder: where to, made if it is not there; by default a new temporary folder, which stays until you remove it.
+
+    Raises:
+        FileExistsError: one of the files is there already.
+    """
+    into = Path(tempfile.mkdtemp(prefix="trical-sample-") if folder is None else folder)
+    into.mkdir(parents=True, exist_ok=True)
+    for name, text in _native._sample():
+        with open(into / name, "x", encoding="utf-8", newline="") as file:
+            file.write(text)
+    return Sample(into / "robot.toml", into / "cell.toml", into / "touches.csv")
 
 
 def convert(source: PathLike, out: PathLike, *, joints: int | None = None) -> dict[str, Any]:

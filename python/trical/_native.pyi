@@ -31,6 +31,7 @@ __all__ = [
     "_diagnose",
     "_effects_json",
     "_export",
+    "_history",
     "_identify",
     "_inside",
     "_master",
@@ -39,7 +40,9 @@ __all__ = [
     "_plan",
     "_ports",
     "_poses",
+    "_program",
     "_repeatability",
+    "_sample",
     "_simulate",
     "_study_platforms",
     "_study_touches",
@@ -381,6 +384,9 @@ def _validate(
     refit: Sequence[str],
     progress: _Listener,
 ) -> tuple[str, _Floats, Told]: ...
+def _history(
+    model: Model, recordings: Sequence[_Path | Rows], joints: str | None, need_mm: float | None
+) -> str: ...
 def _repeatability(recording: Rows, robot: _Path | Robot | None, cell: _Path | Cell | None, same: float) -> str: ...
 def _effects_json() -> str: ...
 def _plan(
@@ -503,6 +509,8 @@ def _touch_here(
     settings: dict[str, Any],
     progress: _Listener,
 ) -> Rows: ...
+def _program(arguments: list[str]) -> int: ...
+def _sample() -> list[tuple[str, str]]: ...
 def _tool_point(recording: Rows, robot: _Path | Robot, cell: _Path | Cell) -> tuple[Cell, float]: ...
 def _base(
     recording: Rows, robot: _Path | Robot, cell: _Path | Cell

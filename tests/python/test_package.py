@@ -6,6 +6,7 @@ import inspect
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -80,3 +81,23 @@ except ImportError as e:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == 'plots need matplotlib, which is not installed: pip install "trical[plot]"'
+
+
+def test_the_package_brings_the_command_along(tmp_path: Path) -> None:
+    command = Path(sys.executable).with_name("trical")
+    for run in ([str(command)], [sys.executable, "-m", "trical"]):
+        done = subprocess.run([*run, "--version"], capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (0, f"trical {trical.__version__}\n")
+    done = subprocess.run([str(command), "identify", "no.csv"], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2 and "--robot" in done.stderr
+
+
+def test_the_sample_is_what_the_command_writes(tmp_path: Path) -> None:
+    ours = trical.sample(tmp_path / "ours")
+    done = subprocess.run([sys.executable, "-m", "trical", "sample", "theirs"], cwd=tmp_path, capture_output=True)
+    assert done.returncode == 0
+    for path in (ours.robot, ours.cell, ours.recording):
+        assert path.read_bytes() == (tmp_path / "theirs" / path.name).read_bytes()
+    with pytest.raises(FileExistsError):
+        trical.sample(tmp_path / "ours")
+    assert trical.identify(ours.recording, robot=ours.robot, cell=ours.cell).errors["mean_mm"] < 0.05

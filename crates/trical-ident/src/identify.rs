@@ -229,8 +229,11 @@ pub fn fit_some(
             said = updated;
             break;
         }
+        said = updated.clone();
+        if updated.is_near(&noise, params.noise_tolerance) {
+            break;
+        }
         noise = updated;
-        said = noise.clone();
         report = solver.minimize(&mut forward, data, &noise, known, params)?;
         residuals = weighted_residuals(&forward, data, &noise);
     }

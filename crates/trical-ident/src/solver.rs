@@ -50,17 +50,30 @@ pub struct LmParams {
     pub step_tolerance: f64,
     /// Residuals beyond this many sigma count linearly only (Huber); infinite for plain least squares.
     pub huber: f64,
+    /// A noise that changes by no more than this fraction is not worth another fit with it.
+    pub noise_tolerance: f64,
 }
 
 impl LmParams {
     /// As exact as the data are: coefficients within a hundredth of their standard deviation. For fits that are one step of a search.
-    pub const WITHIN_NOISE: Self =
-        Self { max_iterations: 100, cost_tolerance: 1e-7, step_tolerance: 1e-2, huber: f64::INFINITY };
+    pub const WITHIN_NOISE: Self = Self {
+        max_iterations: 100,
+        cost_tolerance: 1e-7,
+        step_tolerance: 1e-2,
+        huber: f64::INFINITY,
+        noise_tolerance: 0.01,
+    };
 }
 
 impl Default for LmParams {
     fn default() -> Self {
-        Self { max_iterations: 100, cost_tolerance: 1e-10, step_tolerance: 1e-6, huber: f64::INFINITY }
+        Self {
+            max_iterations: 100,
+            cost_tolerance: 1e-10,
+            step_tolerance: 1e-6,
+            huber: f64::INFINITY,
+            noise_tolerance: 0.0,
+        }
     }
 }
 

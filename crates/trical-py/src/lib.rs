@@ -10,6 +10,7 @@
 //! | `fits`, `designs`, `studies`, `compensate` | the long calls |
 //! | `devices`, `virtual_cell`, `measure` | gauges and controllers, a cell without hardware, the measuring procedure |
 //! | `files` | from and for other programs |
+//! | `program` | the `trical` command, and sample data |
 //! | `told` | what reports are made of |
 
 mod arguments;
@@ -24,6 +25,7 @@ mod long;
 mod machine;
 mod measure;
 mod model;
+mod program;
 mod rows;
 mod studies;
 mod told;
@@ -45,6 +47,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<devices::PyGaugeLink>()?;
     m.add_class::<devices::PyControllerLink>()?;
     m.add_class::<virtual_cell::PyVirtualCell>()?;
+    m.add_function(wrap_pyfunction!(program::_program, m)?)?;
+    m.add_function(wrap_pyfunction!(program::_sample, m)?)?;
     m.add_function(wrap_pyfunction!(devices::_ports, m)?)?;
     m.add_function(wrap_pyfunction!(devices::_master, m)?)?;
     m.add_function(wrap_pyfunction!(virtual_cell::_virtual_cell, m)?)?;
@@ -58,6 +62,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(fits::_identify, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_validate, m)?)?;
+    m.add_function(wrap_pyfunction!(fits::_history, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_repeatability, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_effects_json, m)?)?;
     m.add_function(wrap_pyfunction!(compensate::_compensate, m)?)?;

@@ -1,6 +1,6 @@
 //! `trical init`: files to start from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use trical_ident::write_whole;
 
@@ -33,27 +33,35 @@ pub struct Args {
     json: bool,
 }
 
-/// Runs the command. Files that are there already are not replaced.
+/// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let folder = &args.folder;
-    std::fs::create_dir_all(folder)
-        .map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", folder.display())))?;
-    let paths = FILES.map(|(name, ..)| folder.join(name));
-    if let Some(there) = paths.iter().find(|p| p.exists()) {
-        return Err(CliError::Input(format!("{}: exists already, expected a folder without it", there.display())));
-    }
-    for (path, (_, text, _)) in paths.iter().zip(FILES) {
-        write_whole(path, text.as_bytes())?;
-    }
+    written(&args.folder, &FILES, args.json)?;
     if args.json {
-        let written: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
-        return say(serde_json::to_string_pretty(&serde_json::json!({ "written": written }))?);
-    }
-    for (path, (_, _, what)) in paths.iter().zip(FILES) {
-        say(format!("{}: {what}", path.display()))?;
+        return Ok(());
     }
     say(
         "Tracker points instead of touches: columns x_mm, y_mm, z_mm (and target) instead of ball, ix_mm, iy_mm, iz_mm.",
     )?;
     say("Then: trical diagnose recording.csv --robot robot.toml --cell cell.toml")
+}
+
+/// Writes files (name, text, what it is) into a folder and tells of them. Those that are there already are not replaced.
+pub fn written(folder: &Path, files: &[(&str, &str, &str)], json: bool) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", folder.display())))?;
+    let paths: Vec<PathBuf> = files.iter().map(|(name, ..)| folder.join(name)).collect();
+    if let Some(there) = paths.iter().find(|p| p.exists()) {
+        return Err(CliError::Input(format!("{}: exists already, expected a folder without it", there.display())));
+    }
+    for (path, (_, text, _)) in paths.iter().zip(files) {
+        write_whole(path, text.as_bytes())?;
+    }
+    if json {
+        let written: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
+        return say(serde_json::to_string_pretty(&serde_json::json!({ "written": written }))?);
+    }
+    for (path, (_, _, what)) in paths.iter().zip(files) {
+        say(format!("{}: {what}", path.display()))?;
+    }
+    Ok(())
 }

@@ -18,6 +18,7 @@ pub mod measure;
 pub mod plan;
 pub mod repeatability;
 pub mod robot;
+pub mod sample;
 pub mod study;
 pub mod validate;
 pub mod virtual_cell;

@@ -1,6 +1,8 @@
 //! A set of candidates fitted without each part of the poses in turn, and on each part alone: what its coefficients say apart, and what
 //! the poses of a part say of it when it was learnt on the others.
 //!
+//! Where sessions are the parts, the frame and the tool of a session act in one part only: they are fitted to that part.
+//!
 //! With `H` the normal matrix of the fitted rows (priors included), `x` the solution and `E = X_t H^-1` for the rows `X_t` that are
 //! predicted, columns `o` are taken out by `x' = x - H^-1[:, o] y`, `y = H^-1[o, o]^-1 x[o]`, which changes the predicted residual by
 //! `-E[:, o] y`; columns `A` are added by the Schur complement of `H`. Another set costs what its difference costs.
@@ -28,11 +30,13 @@ pub struct Partition<'a> {
     precision: Vec<f64>,
     /// Rows of each part.
     rows: Vec<Vec<usize>>,
-    /// All columns, scaled, one after the other.
-    entries: Vec<f64>,
+    /// All columns, scaled, in the rows of each part.
+    columns: Vec<Mat<f64>>,
     /// Products of the columns, and with the residual, over each part.
     grams: Vec<Mat<f64>>,
     pushes: Vec<Vec<f64>>,
+    /// Of each part, an orthonormal basis of what only its own rows determine: the frame and the tool of a session.
+    own: Vec<Option<Mat<f64>>>,
     /// The fit without each part.
     fits: Vec<Fit>,
 }
@@ -45,6 +49,21 @@ struct Fit {
     hat: Mat<f64>,
     /// Residual of the predicted rows.
     left: Mat<f64>,
+}
+
+/// A candidate beside the set.
+struct Added {
+    /// Prior precisions of its scaled columns.
+    precision: Vec<f64>,
+    parts: Vec<Seen>,
+}
+
+/// Its scaled columns in the rows of a part, and their products there: with the set, with each other, with the residual.
+struct Seen {
+    columns: Mat<f64>,
+    with_set: Mat<f64>,
+    with_itself: Mat<f64>,
+    push: Mat<f64>,
 }
 
 /// The joint fit to a group of parts alone: inverse of its normal matrix, and the solution.
@@ -101,6 +120,7 @@ impl<'a> Partition<'a> {
         for (i, pose) in linear.pose_of_row.iter().enumerate() {
             rows[part_of(*pose) % count].push(i);
         }
+        let columns = rows.iter().map(|rows| Mat::from_fn(rows.len(), n, |i, j| entries[j * m + rows[i]])).collect();
         let mut this = Self {
             design,
             linear,
@@ -108,20 +128,22 @@ impl<'a> Partition<'a> {
             scale,
             precision,
             rows,
-            entries,
+            columns,
             grams: Vec::new(),
             pushes: Vec::new(),
+            own: Vec::new(),
             fits: Vec::new(),
         };
         let sums = |part: usize| {
-            let x = this.rows_of(part, &(0..n).collect::<Vec<_>>());
+            let x = &this.columns[part];
             let r = this.residual_of(part);
             let mut gram = Mat::<f64>::zeros(n, n);
-            matmul(gram.as_mut(), Accum::Replace, x.transpose(), x.as_ref(), 1.0, Par::Seq);
+            matmul(gram.as_mut(), Accum::Replace, x.transpose(), x, 1.0, Par::Seq);
             let push = x.transpose() * &r;
             (gram, (0..n).map(|j| push[(j, 0)]).collect())
         };
         (this.grams, this.pushes) = (0..count).into_par_iter().map(sums).unzip();
+        this.own = (0..count).map(|part| this.own_of(part)).collect();
         let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
         this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;
         Some(this)
@@ -129,8 +151,7 @@ impl<'a> Partition<'a> {
 
     /// Some scaled columns in the rows of a part.
     fn rows_of(&self, part: usize, columns: &[usize]) -> Mat<f64> {
-        let m = self.linear.rows();
-        Mat::from_fn(self.rows[part].len(), columns.len(), |i, j| self.entries[columns[j] * m + self.rows[part][i]])
+        Mat::from_fn(self.rows[part].len(), columns.len(), |i, j| self.columns[part][(i, columns[j])])
     }
 
     /// Normal matrix and right side of some columns over some parts, with the priors.
@@ -149,13 +170,29 @@ impl<'a> Partition<'a> {
         (h, g)
     }
 
+    /// Parameters without a prior that act in no other part: they are fitted to the part that is predicted.
+    fn own_of(&self, part: usize) -> Option<Mat<f64>> {
+        let elsewhere = |j: usize| (0..self.rows.len()).any(|k| k != part && self.grams[k][(j, j)] > 0.0);
+        let own: Vec<usize> =
+            (0..self.design.parameters).filter(|j| self.grams[part][(*j, *j)] > 0.0 && !elsewhere(*j)).collect();
+        (!own.is_empty()).then(|| self.rows_of(part, &own).qr().compute_thin_Q())
+    }
+
+    /// What is left of rows of a part beside what only they determine.
+    fn beside_own(&self, part: usize, rows: Mat<f64>) -> Mat<f64> {
+        match &self.own[part] {
+            Some(q) => &rows - q * (q.transpose() * &rows),
+            None => rows,
+        }
+    }
+
     fn without_part(&self, part: usize) -> Option<Fit> {
         let all: Vec<usize> = (0..self.scale.len()).collect();
         let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), &all);
         let factor = h.llt(Side::Lower).ok()?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
-        let tested = self.rows_of(part, &all);
-        let mut left = self.residual_of(part);
+        let tested = self.beside_own(part, self.columns[part].clone());
+        let mut left = self.beside_own(part, self.residual_of(part));
         matmul(left.as_mut(), Accum::Add, tested.as_ref(), x.as_ref(), 1.0, Par::Seq);
         let mut hat = Mat::<f64>::zeros(tested.nrows(), inverse.ncols());
         matmul(hat.as_mut(), Accum::Replace, tested.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
@@ -166,7 +203,7 @@ impl<'a> Partition<'a> {
     fn predicted_by(&self, part: usize, columns: &[usize]) -> Option<Mat<f64>> {
         let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), columns);
         let x = h.llt(Side::Lower).ok()?.solve(&g);
-        Some(self.residual_of(part) + self.rows_of(part, columns) * x)
+        Some(self.beside_own(part, self.residual_of(part) + self.rows_of(part, columns) * x))
     }
 
     /// Residual of a part's rows without any fit.
@@ -183,7 +220,7 @@ impl<'a> Partition<'a> {
     #[must_use]
     pub fn instead(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
         let o = self.columns_of(out);
-        let added = add.map(|c| self.scaled_columns(c));
+        let added = add.map(|c| self.added(c));
         let mut all = vec![f64::INFINITY; self.linear.rows()];
         for (part, fit) in self.fits.iter().enumerate() {
             let Some(left) = self.predicted(part, fit, &o, added.as_ref()) else { continue };
@@ -194,11 +231,12 @@ impl<'a> Partition<'a> {
         all
     }
 
-    /// Columns of a candidate, scaled (`rows x k`), and their prior precisions.
-    fn scaled_columns(&self, candidate: usize) -> (Mat<f64>, Vec<f64>) {
+    /// Columns of a candidate, scaled, and their products over each part.
+    fn added(&self, candidate: usize) -> Added {
         let (from, to) = self.design.span(candidate);
-        let mut columns = Mat::<f64>::zeros(self.linear.rows(), to - from);
-        let mut precision = Vec::with_capacity(to - from);
+        let k = to - from;
+        let mut columns = Mat::<f64>::zeros(self.linear.rows(), k);
+        let mut precision = Vec::with_capacity(k);
         for a in from..to {
             let column = columns.col_as_slice_mut(a - from);
             self.linear.column(a, column);
@@ -207,10 +245,16 @@ impl<'a> Partition<'a> {
             column.iter_mut().for_each(|v| *v *= scale);
             precision.push(self.design.prior_precision(a) * scale * scale + DAMPING);
         }
-        (columns, precision)
+        let sums = |part: usize| {
+            let seen = Mat::from_fn(self.rows[part].len(), k, |i, j| columns[(self.rows[part][i], j)]);
+            let (with_set, with_itself) = (self.columns[part].transpose() * &seen, seen.transpose() * &seen);
+            let push = seen.transpose() * self.residual_of(part);
+            Seen { columns: self.beside_own(part, seen), with_set, with_itself, push }
+        };
+        Added { precision, parts: (0..self.rows.len()).map(sums).collect() }
     }
 
-    fn predicted(&self, part: usize, fit: &Fit, o: &[usize], add: Option<&(Mat<f64>, Vec<f64>)>) -> Option<Mat<f64>> {
+    fn predicted(&self, part: usize, fit: &Fit, o: &[usize], add: Option<&Added>) -> Option<Mat<f64>> {
         let pick = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
         if o.is_empty() && add.is_none() {
             return Some(fit.left.clone());
@@ -226,20 +270,17 @@ impl<'a> Partition<'a> {
         let y = factor.solve(&x_out);
         let hat_out = pick(fit.hat.as_ref());
         let mut left = &fit.left - &hat_out * &y;
-        let Some((columns, precision)) = add else { return Some(left) };
-        let (k, m, n) = (columns.ncols(), self.linear.rows(), self.scale.len());
+        let Some(added) = add else { return Some(left) };
         // sums over the rows that are fitted
+        let (n, k) = (self.scale.len(), added.precision.len());
         let (mut a, mut aa, mut ar) = (Mat::<f64>::zeros(n, k), Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, 1));
-        let all = MatRef::from_column_major_slice(&self.entries, m, n);
-        let mut fitted = columns.clone();
-        for row in &self.rows[part] {
-            (0..k).for_each(|j| fitted[(*row, j)] = 0.0);
+        for (_, seen) in added.parts.iter().enumerate().filter(|(other, _)| *other != part) {
+            a += &seen.with_set;
+            aa += &seen.with_itself;
+            ar += &seen.push;
         }
-        matmul(a.as_mut(), Accum::Replace, all.transpose(), fitted.as_ref(), 1.0, Par::Seq);
-        matmul(aa.as_mut(), Accum::Replace, fitted.transpose(), fitted.as_ref(), 1.0, Par::Seq);
-        for j in 0..k {
-            aa[(j, j)] += precision[j];
-            ar[(j, 0)] = fitted.col_as_slice(j).iter().zip(&self.linear.residual).map(|(a, r)| a * r).sum();
+        for (j, precision) in added.precision.iter().enumerate() {
+            aa[(j, j)] += precision;
         }
         // what the set without its members `o` leaves of the new columns
         let inverse_out = pick(fit.inverse.as_ref());
@@ -249,8 +290,7 @@ impl<'a> Partition<'a> {
         let complement = &aa - a.transpose() * &solved;
         let push = &ar + a.transpose() * &x;
         let value = complement.llt(Side::Lower).ok()?.solve(&push);
-        let seen = Mat::from_fn(self.rows[part].len(), k, |i, j| columns[(self.rows[part][i], j)]);
-        let shown = &seen - (&fit.hat * &a - &hat_out * &through);
+        let shown = &added.parts[part].columns - (&fit.hat * &a - &hat_out * &through);
         left -= &shown * &value;
         Some(left)
     }

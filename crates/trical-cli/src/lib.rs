@@ -1,0 +1,130 @@
+//! The `trical` program: commands, progress, reports. Algorithms live in the other crates. The binary and the command that the Python
+//! package installs both call [`run`].
+
+/// Writes a line on standard error; one that nobody can read any more must not end the program while the arm moves.
+macro_rules! note {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+pub(crate) use note;
+
+pub use commands::sample::FILES as SAMPLE;
+
+mod commands;
+mod error;
+mod input;
+mod interrupt;
+mod measure_view;
+mod progress;
+
+use std::ffi::OsString;
+use std::sync::Arc;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::error::CliError;
+
+/// Makes an industrial robot arm accurate with three dial indicators and three balls, and says which physics its model
+/// lacks.
+#[derive(Parser)]
+#[command(name = "trical", version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Identify the arm's true geometry and compliance from recordings
+    Identify(commands::identify::Args),
+    /// Score a model on recordings: position errors before and after, by region
+    Validate(commands::validate::Args),
+    /// Is this arm still what it was: a few new touches against an earlier calibration
+    Compare(commands::compare::Args),
+    /// An arm over the months: a folder of sessions against its calibration, and when the next one is due
+    History(commands::history::Args),
+    /// Say which physics the model lacks: locate the mismatch, name it, model it, prove it on held-out data
+    Diagnose(commands::diagnose::Args),
+    /// The catalogue of effects that a diagnosis can name
+    Effects(commands::effects::Args),
+    /// The whole story on a virtual cell: conceal a flaw, plan, measure, diagnose, validate, compensate, report
+    Demo(commands::demo::Args),
+    /// Files to start from: a commented robot.toml and cell.toml, a recording with the columns
+    Init(commands::init::Args),
+    /// A robot, a cell and 90 touches to try the program on: the arm has a flaw
+    Sample(commands::sample::Args),
+    /// Plan collision-free, informative touches
+    Plan(commands::plan::Args),
+    /// Simulate whole calibrations: touches against error, chosen against random, platforms of balls compared
+    Study(commands::study::Args),
+    /// Drive robot and indicators through a plan, and record
+    Measure(commands::measure::Args),
+    /// How far repeat visits scatter: by ball, by sense of approach, over the session
+    Repeatability(commands::repeatability::Args),
+    /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
+    VirtualCell(commands::virtual_cell::Args),
+    /// Try the gauge: list ports, watch, test, master
+    Gauge(commands::gauge::Args),
+    /// Try the robot controller: ping, read joints, jog
+    Robot(commands::robot::Args),
+    /// Rewrite a robot program so that the real arm goes where it says
+    Compensate(commands::compensate::Args),
+    /// The calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
+    Export(commands::export::Args),
+    /// Recordings from CSV to MCAP and back, an arm's URDF to robot.toml
+    Convert(commands::convert::Args),
+    /// A script that lets a shell complete commands and options
+    Completions(commands::completions::Args),
+}
+
+/// Characters of a message; what a file holds is part of some.
+const LONGEST_MESSAGE: usize = 900;
+
+/// Runs the program with these arguments, the program's own name first, and returns its exit code: 0 where all went well.
+/// Arguments that cannot be read, and `--help`, end the process as clap does (2 and 0).
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = Cli::parse_from(arguments);
+    // a file that reached the limit of its size is then an error of writing, and no end in the middle of a motion
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+    let result = match cli.command {
+        Command::Identify(args) => commands::identify::run(&args),
+        Command::Validate(args) => commands::validate::run(&args),
+        Command::Compare(args) => commands::compare::run(&args),
+        Command::History(args) => commands::history::run(&args),
+        Command::Diagnose(args) => commands::diagnose::run(&args),
+        Command::Effects(args) => commands::effects::run(&args),
+        Command::Demo(args) => commands::demo::run(&args),
+        Command::Init(args) => commands::init::run(&args),
+        Command::Sample(args) => commands::sample::run(&args),
+        Command::Plan(args) => commands::plan::run(&args),
+        Command::Study(args) => commands::study::run(&args),
+        Command::Measure(args) => commands::measure::run(&args),
+        Command::Repeatability(args) => commands::repeatability::run(&args),
+        Command::VirtualCell(args) => commands::virtual_cell::run(&args),
+        Command::Gauge(args) => commands::gauge::run(&args),
+        Command::Robot(args) => commands::robot::run(&args),
+        Command::Compensate(args) => commands::compensate::run(&args),
+        Command::Export(args) => commands::export::run(&args),
+        Command::Convert(args) => commands::convert::run(&args),
+        Command::Completions(args) => commands::completions::run(&args, Cli::command()),
+    };
+    match result {
+        Ok(()) => 0,
+        Err(e) => {
+            note!("trical: {}", trical_model::error::shortened(&e.to_string(), LONGEST_MESSAGE));
+            e.code()
+        }
+    }
+}
+
+/// Prints a line on standard output; a reader that went away (`| head`) ends the program quietly.
+pub(crate) fn say(text: impl AsRef<str>) -> Result<(), CliError> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{}", text.as_ref()) {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        other => other.map_err(|e| CliError::Failed(format!("standard output: {e}"))),
+    }
+}

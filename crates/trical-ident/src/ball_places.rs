@@ -19,9 +19,9 @@ use crate::rigid::{median, robust_rigid_from_points};
 /// What is usual of an arm before it is measured: standard deviations of lengths (m), of twists and of joint zeros (rad), of compliance
 /// (rad/Nm), of each wave of a joint's error over its own angle (rad), and of the distance of printed sockets (m). They decide nothing that the touches can tell; they keep
 /// what three or four places leave open where arms usually are.
-const LENGTH: f64 = 5e-4;
+const LENGTH: f64 = 3e-4;
 const TWIST: f64 = 0.1 * std::f64::consts::PI / 180.0;
-const ZERO: f64 = 0.3 * std::f64::consts::PI / 180.0;
+const ZERO: f64 = 0.2 * std::f64::consts::PI / 180.0;
 const SOFT: f64 = 2e-4;
 const WAVE: f64 = 0.05 * std::f64::consts::PI / 180.0;
 const PRINTED: f64 = 3e-4;

@@ -16,7 +16,7 @@ use crate::identify::{ErrorSummary, Fit, identify, refit};
 use crate::rigid::median;
 use crate::start::start_sessions;
 
-/// Fewer places than this choose nothing: an arm that is identified from one says little of the next.
+/// Fewer places than this cannot choose: an arm that is identified from one says little of the next. All that is usual is then added.
 const PLACES: usize = 3;
 
 /// A richer model has to lower the mean error at places that it did not see by so much.
@@ -49,8 +49,8 @@ pub struct ByPlace {
 pub struct TriedByPlace {
     /// What was added, in words; "nothing" for what was asked.
     pub added: &'static str,
-    /// Mean error at places held out, mm.
-    pub mean_mm: f64,
+    /// Mean error at places held out, mm; `null` where there are too few places to tell.
+    pub mean_mm: Option<f64>,
     /// Whether the calibration has it.
     pub kept: bool,
 }
@@ -121,7 +121,7 @@ fn distances(model: &Model, data: &Dataset, place: BallPlace) -> Result<Vec<Meas
 }
 
 /// Robot and parameters with the physics that lowers the error at places held out, and what was tried. Nothing is added where `choice` asks
-/// for less than compliance, or at fewer than three unknown places. What may be added: waves of each joint's error over its own angle
+/// for less than compliance, and all where fewer than three places cannot tell. What may be added: waves of each joint's error over its own angle
 /// (once and twice a turn), and, for a robot without masses, sag under links that are taken to weigh alike.
 ///
 /// # Errors
@@ -133,7 +133,8 @@ pub fn choose(
     choice: &Choice,
 ) -> Result<(Robot, Choice, Vec<TriedByPlace>)> {
     let as_asked = (robot.clone(), choice.clone(), Vec::new());
-    if choice.set() < ParameterSet::Compliance || unknown_places(cell, data).len() < PLACES {
+    let places = unknown_places(cell, data).len();
+    if choice.set() < ParameterSet::Compliance || places == 0 {
         return Ok(as_asked);
     }
     let even = robot.with_even_masses();
@@ -143,14 +144,20 @@ pub fn choose(
         candidates.push(("sag under links that weigh alike", even, choice.clone()));
         candidates.push(("sag under links that weigh alike, waves of each joint", even, waves));
     }
+    if places < PLACES {
+        return Ok(candidates.pop().map_or(as_asked, |(added, robot, choice)| {
+            (robot.clone(), choice, vec![TriedByPlace { added, mean_mm: None, kept: true }])
+        }));
+    }
     let mut tried = Vec::new();
     for (added, robot, choice) in &candidates {
         let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
         let mean = score_places(cell, data, &fit).map(|s| ErrorSummary::of(&s.errors).mean_mm);
-        tried.push(TriedByPlace { added, mean_mm: mean.unwrap_or(f64::INFINITY), kept: false });
+        tried.push(TriedByPlace { added, mean_mm: mean.ok(), kept: false });
     }
-    let best = (0..tried.len()).min_by(|a, b| tried[*a].mean_mm.total_cmp(&tried[*b].mean_mm)).unwrap_or(0);
-    let best = if tried[best].mean_mm < WORTH * tried[0].mean_mm { best } else { 0 };
+    let error = |k: usize| tried[k].mean_mm.unwrap_or(f64::INFINITY);
+    let best = (0..tried.len()).min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(0);
+    let best = if error(best) < WORTH * error(0) { best } else { 0 };
     tried[best].kept = true;
     let (_, robot, choice) = candidates.swap_remove(best);
     Ok((robot.clone(), choice, tried))

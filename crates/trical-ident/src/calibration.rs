@@ -173,7 +173,7 @@ impl Calibration {
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
             out.push(
                 "the robot has no masses: its links are taken to weigh alike (2.5 kg, halfway to the next joint), so that compliance is \
-                 right in shape but not in size; at places held out this lowers the error"
+                 right in shape but not in size"
                     .into(),
             );
         }

@@ -35,6 +35,11 @@ const MEASUREMENTS: usize = 240;
 /// One touch among more than this is not tried as a wrong one: many small ones would be.
 const FEW: usize = 60;
 
+/// A change that would have to be larger than this to be seen is not called visible: only its share that something else does not take up
+/// is seen at all.
+const LARGEST_MM: f64 = 20.0;
+const LARGEST_DEG: f64 = 2.0;
+
 /// Most changes that are looked for.
 const CHANGES: usize = 4;
 
@@ -497,7 +502,8 @@ impl Whitened {
                 let smallest = needed / length * u.per_si;
                 Visible {
                     what: e.what.clone(),
-                    smallest: (length > 1e-9 && smallest < 1e3).then_some(smallest),
+                    smallest: (length > 1e-9 && smallest < if u.name == "mm" { LARGEST_MM } else { LARGEST_DEG })
+                        .then_some(smallest),
                     unit: u.name,
                 }
             })

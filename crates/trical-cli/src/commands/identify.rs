@@ -217,11 +217,17 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
 fn by_place_lines(found: &Calibration) -> Vec<String> {
     let mut out = Vec::new();
     if let Some(kept) = found.tried.iter().find(|t| t.kept && t.added != "nothing") {
-        let plain = found.tried.first().map_or(f64::NAN, |t| t.mean_mm);
-        out.push(format!(
-            "\nAdded, since it lowers the mean error at places held out from {plain:.3} to {:.3} mm: {}",
-            kept.mean_mm, kept.added
-        ));
+        let plain = found.tried.first().and_then(|t| t.mean_mm);
+        out.push(match (plain, kept.mean_mm) {
+            (Some(plain), Some(mean)) => format!(
+                "\nAdded, since it lowers the mean error at places held out from {plain:.3} to {mean:.3} mm: {}",
+                kept.added
+            ),
+            _ => format!(
+                "\nAdded as usual of arms (fewer than three places cannot tell whether it helps): {}",
+                kept.added
+            ),
+        });
     }
     if !found.distances.is_empty() {
         out.push("\nDistance between balls, by the arm as the other places have it (cell file):".into());

@@ -21,9 +21,9 @@ use crate::rigid::{median, robust_rigid_from_points};
 /// what three or four places leave open where arms usually are.
 const LENGTH: f64 = 3e-4;
 const TWIST: f64 = 0.1 * std::f64::consts::PI / 180.0;
-const ZERO: f64 = 0.2 * std::f64::consts::PI / 180.0;
+const ZERO: f64 = 0.3 * std::f64::consts::PI / 180.0;
 const SOFT: f64 = 2e-4;
-const WAVE: f64 = 0.05 * std::f64::consts::PI / 180.0;
+const WAVE: f64 = 0.07 * std::f64::consts::PI / 180.0;
 const PRINTED: f64 = 3e-4;
 
 /// Touches of printed sockets are off by much so often that they count linearly beyond so many standard deviations (Huber 1964).

@@ -3,8 +3,9 @@
 
     compare.py --seed 20261122 --count 200 --binary ../target/release/trical
 
-Half of the pairs are the same arm twice. In the others the tool was screwed on anew, the balls' plate was carried, or the zero of one
-joint was lost, by half to five times what the program says beforehand that these touches would show nine times in ten.
+Half of the pairs are the same arm twice. In the others the tool was screwed on anew, the balls' plate was carried, or
+the zero of one joint was lost, by half to five times what the program says beforehand that these touches would show
+nine times in ten.
 """
 
 from __future__ import annotations
@@ -131,8 +132,8 @@ def main() -> int:
                 print("   ", r)
     sure = [r for r in results if r["named"] and r["what"] != "nothing"]
     if sure:
-        mean = np.mean([r["probability"] for r in sure])
-        print(f"mean probability of what is named {mean:.2f}, share that is right {np.mean([r['right'] for r in sure]):.2f}")
+        mean, right = (np.mean([r[key] for r in sure]) for key in ("probability", "right"))
+        print(f"mean probability of what is named {mean:.2f}, share that is right {right:.2f}")
     return 0
 
 

@@ -245,9 +245,9 @@ def history(
 ) -> dict[str, Any]:
     """Compare sessions in the order of time with one calibration of the arm.
 
-    Keys: sessions (each as `compare` has it; those that the model was learnt on are left out), days (since the first, by
-    dates such as 2026-11-22 in the names of files), trend (growth of the mean error), due (when the next calibration is
-    due, in a sentence; `need_mm` is the mean error that the work bears).
+    Keys: sessions (each as `compare` has it; those that the model was learnt on are left out), days (since the first,
+    by dates such as 2026-11-22 in the names of files), trend (growth of the mean error), due (when the next calibration
+    is due, in a sentence; `need_mm` is the mean error that the work bears).
     """
     result: dict[str, Any] = json.loads(_native._history(model, _sources(recordings), joints, need_mm))
     return result

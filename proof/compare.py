@@ -91,8 +91,8 @@ def pair(job: tuple[int, int, Path]) -> dict:
             changed = arm.but(offset=offset)
         c = run(binary, "compare", old, record("new.csv", changed, second), "--json")[0]
     for x in c["changes"]:  # moved, or moved and turned: the base
-        x["what"] = x["what"].split(",")[0]
-        x["rivals"] = [r.split(",")[0] for r in x["rivals"]]
+        x["what"] = x["what"].split(" (")[0]
+        x["rivals"] = [r.split(" (")[0] for r in x["rivals"]]
     names = [x["what"] for x in c["changes"]]
     first_named = c["changes"][0] if names else {"what": None, "rivals": [], "probability": 0.0}
     return {

@@ -227,7 +227,7 @@ fn with_explanations(mut model: Model, data: &Dataset, old: &Uncertainty) -> (Mo
         let base =
             |motions: &[Motion]| motions.iter().map(|m| (format!("base {}", m.name()), Site::Base(*m))).collect();
         add(&mut model, "base".into(), Scope::Setup, base(&Motion::ALL[..3]));
-        add(&mut model, "base, which was turned too,".into(), Scope::Setup, base(&Motion::ALL));
+        add(&mut model, "base (turned too)".into(), Scope::Setup, base(&Motion::ALL));
     }
     if data.observations.len() <= FEW {
         out.extend(data.observations.iter().enumerate().map(|(row, o)| Explanation {
@@ -405,8 +405,9 @@ impl Whitened {
             (.., true) => "unchanged",
             _ => "wrong touches",
         };
+        let whole = |k: usize| explanations[k].what != "base"; // its turned form has the same numbers
         let alone = (0..families)
-            .filter(|k| machine(*k))
+            .filter(|k| machine(*k) && whole(*k))
             .flat_map(|k| self.sizes(model, explanations, &[k], more_noise).concat());
         Comparison {
             recording: String::new(),

@@ -12,9 +12,11 @@ from 1 in words and dicts, as in files; arrays have joint 1 in column 0.
 from __future__ import annotations
 
 from ._calls import (
+    compare,
     compensate,
     diagnose,
     effects,
+    history,
     identify,
     observability,
     parameters,
@@ -78,6 +80,7 @@ __all__ = [
     "VirtualCell",
     "WrongModelError",
     "__version__",
+    "compare",
     "compensate",
     "convert",
     "diagnose",
@@ -86,6 +89,7 @@ __all__ = [
     "find_base",
     "find_tool_point",
     "gauges",
+    "history",
     "identify",
     "master",
     "measure",

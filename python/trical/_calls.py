@@ -233,6 +233,31 @@ def validate(
     return Validation(**{k: s[k] for k in keys}, errors_mm=errors, _made=made)
 
 
+def compare(model: Model, recording: PathLike | Recording, *, joints: str | None = None) -> dict[str, Any]:
+    """Say whether an arm is still what it was, from 8 to 12 new touches (or any recording).
+
+    `model` is an earlier calibration by `identify`, which knows how uncertain it is. Keys: verdict ("unchanged",
+    "setup changed", "arm changed", "wrong touches"), summary, changes (what, by how much, probability, rivals), visible
+    (the smallest change that these poses would show nine times in ten), mean_mm, noise_mm, more_noise, alone, temp_c,
+    hash. WrongModelError where the model does not know its uncertainty, or was learnt on this recording.
+    """
+    session: dict[str, Any] = history(model, [recording], joints=joints)["sessions"][0]
+    return session
+
+
+def history(
+    model: Model, recordings: Recordings, *, joints: str | None = None, need_mm: float | None = None
+) -> dict[str, Any]:
+    """Compare sessions in the order of time with one calibration of the arm.
+
+    Keys: sessions (each as `compare` has it; those that the model was learnt on are left out), days (since the first,
+    by dates such as 2026-11-22 in the names of files), trend (growth of the mean error), due (when the next calibration
+    is due, in a sentence; `need_mm` is the mean error that the work bears).
+    """
+    result: dict[str, Any] = json.loads(_native._history(model, _sources(recordings), joints, need_mm))
+    return result
+
+
 def repeatability(
     recording: PathLike | Recording,
     *,

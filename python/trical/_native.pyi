@@ -31,6 +31,7 @@ __all__ = [
     "_diagnose",
     "_effects_json",
     "_export",
+    "_history",
     "_identify",
     "_inside",
     "_master",
@@ -383,6 +384,7 @@ def _validate(
     refit: Sequence[str],
     progress: _Listener,
 ) -> tuple[str, _Floats, Told]: ...
+def _history(model: Model, recordings: Sequence[_Path | Rows], joints: str | None, need_mm: float | None) -> str: ...
 def _repeatability(recording: Rows, robot: _Path | Robot | None, cell: _Path | Cell | None, same: float) -> str: ...
 def _effects_json() -> str: ...
 def _plan(

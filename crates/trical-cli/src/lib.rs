@@ -41,6 +41,10 @@ enum Command {
     Identify(commands::identify::Args),
     /// Score a model on recordings: position errors before and after, by region
     Validate(commands::validate::Args),
+    /// Is this arm still what it was: a few new touches against an earlier calibration
+    Compare(commands::compare::Args),
+    /// An arm over the months: a folder of sessions against its calibration, and when the next one is due
+    History(commands::history::Args),
     /// Say which physics the model lacks: locate the mismatch, name it, model it, prove it on held-out data
     Diagnose(commands::diagnose::Args),
     /// The catalogue of effects that a diagnosis can name
@@ -87,6 +91,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let result = match cli.command {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),
+        Command::Compare(args) => commands::compare::run(&args),
+        Command::History(args) => commands::history::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
         Command::Demo(args) => commands::demo::run(&args),

@@ -48,6 +48,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         by_pose: whole(&Parts::by_pose(&design, chosen, folds, rounds.temper())),
         by_block: whole(&proving.blocks),
         forward: whole(&proving.later),
+        by_place: None,
         by_session: whole(&Parts::by_session(&design, chosen, folds, rounds.temper())),
     };
     let usual = held_out.by_block.unwrap_or(ErrorSummary::of(&fitted.errors()?));

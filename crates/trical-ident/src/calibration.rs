@@ -5,12 +5,15 @@ use serde::Serialize;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
+use crate::ball_places::{place_of, unknown_places};
+use crate::by_place::{ByPlace, MeasuredDistance, TriedByPlace, choose, score_places};
 use crate::caution::{beyond_limits, cautions, held, near_nominal, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{orientation_errors, position_errors};
 use crate::folds::{FOLDS, Folds};
 use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, ParameterSet};
+pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::solver::LmReport;
@@ -79,6 +82,8 @@ pub struct HeldOut {
     pub forward: Option<ErrorSummary>,
     /// Each session by the arm that the others say, its own setup identified on every fourth of its poses.
     pub by_session: Option<ErrorSummary>,
+    /// Each place of the balls by the arm that the others say, the place's own pose identified on half of its touches; see [`score_places`].
+    pub by_place: Option<ErrorSummary>,
 }
 
 impl HeldOut {
@@ -90,6 +95,7 @@ impl HeldOut {
             ("by block of poses", self.by_block),
             ("forward in time", self.forward),
             ("by session", self.by_session),
+            ("by place of the balls", self.by_place),
         ]
         .into_iter()
         .filter_map(|(name, e)| e.map(|e| (name, e)))
@@ -183,6 +189,10 @@ pub struct Calibration {
     pub passes: Option<usize>,
     /// What each session has of its own; empty for one session.
     pub sessions: Vec<SessionSetup>,
+    /// Distances between balls at each unknown place, by the arm that the other places say.
+    pub distances: Vec<MeasuredDistance>,
+    /// Physics that was tried at places held out.
+    pub tried: Vec<TriedByPlace>,
 }
 
 impl Calibration {
@@ -192,7 +202,18 @@ impl Calibration {
         let f = &self.fitted;
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
         out.extend(beyond_limits(&f.model.robot, &f.data));
-        out.extend(without_masses(self.elasticity, &f.model));
+        if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
+            out.push(
+                "the robot has no masses: its links are taken to weigh alike (2.5 kg, halfway to the next joint), so that compliance is \
+                 right in shape but not in size"
+                    .into(),
+            );
+        } else {
+            out.extend(without_masses(self.elasticity, &f.model));
+        }
+        if f.model.cell.balls.len() == 1 && f.model.cell.anchors.is_empty() && f.data.frames() == 0 {
+            out.push("no distance between balls is known: the scale is held by the arm's nominal lengths alone".into());
+        }
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {
@@ -237,6 +258,10 @@ struct Summary<'a> {
     held_out: &'a HeldOut,
     worst_held_out: Option<WorstHeldOut>,
     sessions: &'a [SessionSetup],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    distances: &'a [MeasuredDistance],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    tried_by_place: &'a [TriedByPlace],
     #[serde(skip_serializing_if = "Option::is_none")]
     passes: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -310,6 +335,8 @@ impl Serialize for Calibration {
                 rms_mm: e.rms_mm,
             }),
             sessions: &self.sessions,
+            distances: &self.distances,
+            tried_by_place: &self.tried,
             passes: self.passes,
             forward_in_time: self.forward_in_time.map(|(last_percent, errors)| LastPercent { errors, last_percent }),
             cross_validation: self.cross_validation.map(|(folds, errors)| InFolds { errors, folds }),
@@ -334,10 +361,12 @@ pub fn calibrate(
     options.choice.elasticity_of(robot, recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
     task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
-    let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting")?;
     let own = own_setup(robot, cell, &data, &options.choice, options.tool)?;
     let choice = options.choice.clone().with_own(own);
+    let (robot, choice, tried) = choose(robot, cell, &data, &choice)?;
+    let robot = &robot;
+    let elasticity = choice.elasticity(robot, &data)?;
     let fitted = identify(robot, cell, &data, choice.clone())?;
     let nominal = identify(robot, cell, &data, Choice::from(ParameterSet::Nominal).with_own(choice.own().clone()))?;
     let (each_before, after) = (nominal.errors()?, fitted.errors()?);
@@ -355,10 +384,10 @@ pub fn calibrate(
         .folds
         .map(|k| cross_validate(robot, cell, &data, choice.clone(), k).map(|e| (k, ErrorSummary::of(&e))))
         .transpose()?;
-    let held_out = if data.observations.len() <= SCORED {
+    let (held_out, distances) = if data.observations.len() <= SCORED {
         held_out(robot, cell, &data, &folds, &choice, task)?
     } else {
-        HeldOut::default()
+        (HeldOut::default(), Vec::new())
     };
     task.step(1.0, "done")?;
     Ok(Calibration {
@@ -379,6 +408,8 @@ pub fn calibrate(
         elasticity,
         passes: None,
         sessions: session_setups(&fitted),
+        distances,
+        tried,
         fitted,
     })
 }
@@ -424,6 +455,8 @@ pub fn calibrate_stream(
         elasticity,
         passes: Some(streamed.passes + 1),
         sessions: Vec::new(),
+        distances: Vec::new(),
+        tried: Vec::new(),
         fitted: streamed.identified,
     })
 }
@@ -476,7 +509,7 @@ fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {
         return Vec::new();
     }
     let setup = |(k, name): (usize, &String)| {
-        let own = |t: &&trical_model::Term| t.basis.session.is_some_and(|s| s as usize == k + 1);
+        let own = |t: &&trical_model::Term| t.effect != "place" && t.basis.session.is_some_and(|s| s as usize == k + 1);
         let terms: Vec<_> = fitted.model.terms.iter().filter(own).collect();
         let has = |balls: bool| terms.iter().any(|t| matches!(t.site, Site::Fixture(_)) == balls);
         let along = |t: &&&trical_model::Term| {
@@ -491,14 +524,25 @@ fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {
     data.names.iter().enumerate().map(setup).collect()
 }
 
-/// A fit to some of the data.
-pub type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
-
 /// Errors (m) of the observations whose pose is in `scored`, by a fit to the others.
 fn unseen(data: &Dataset, scored: &dyn Fn(usize) -> bool, fit: Fit<'_>) -> Result<Vec<f64>> {
-    let fitted = fit(&data.filtered(|o| !scored(o.pose)))?;
+    let (train, scored) = (data.filtered(|o| !scored(o.pose)), data.filtered(|o| scored(o.pose)));
+    let fitted = fit(&train)?;
+    let known = unknown_places(&fitted.model.cell, &train);
+    let unknown = unknown_places(&fitted.model.cell, data);
+    let told = |data: &Dataset, p| crate::ball_places::terms(&fitted.model.cell, data, p).len();
+    let poor: Vec<_> =
+        unknown.into_iter().filter(|p| !known.contains(p) || told(&train, *p) < told(data, *p)).collect();
+    let nowhere = |o: &crate::dataset::Observation| place_of(o).is_some_and(|p| poor.contains(&p));
+    if let Some(o) = scored.observations.iter().find(|o| nowhere(o)) {
+        return Err(IdentError::Recording {
+            file: data.names[o.recording].clone(),
+            place: format!("line {}", o.line),
+            problem: "where the balls stood cannot be told from the poses that are fitted".into(),
+        });
+    }
     let forward = trical_model::Forward::new(fitted.model, Vec::new())?;
-    Ok(position_errors(&forward, &data.filtered(|o| scored(o.pose))))
+    Ok(position_errors(&forward, &scored))
 }
 
 /// Errors (m) of every observation, fold by fold: each by a fit to the poses of the other folds. No fold cuts a block of neighbouring poses.
@@ -563,7 +607,7 @@ fn held_out(
     folds: &Folds,
     choice: &Choice,
     task: &Task<'_>,
-) -> Result<HeldOut> {
+) -> Result<(HeldOut, Vec<MeasuredDistance>)> {
     let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
     let summary = |errors: Result<Vec<f64>>| errors.ok().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e));
     let by_pose = || -> Result<Vec<f64>> {
@@ -580,7 +624,14 @@ fn held_out(
     let later = summary(forward_in_time(robot, cell, data, choice.clone(), LAST));
     task.step(0.9, "scoring sessions")?;
     let by_session = (data.names.len() > 1).then(|| summary(score_sessions(data, &fit))).flatten();
-    Ok(HeldOut { by_pose: pose, by_block: block, forward: later, by_session })
+    let places = if unknown_places(cell, data).len() > 1 {
+        task.step(0.95, "scoring places")?;
+        score_places(cell, data, &fit).unwrap_or_default()
+    } else {
+        ByPlace::default()
+    };
+    let by_place = summary(Ok(places.errors));
+    Ok((HeldOut { by_pose: pose, by_block: block, forward: later, by_session, by_place }, places.distances))
 }
 
 /// Errors (m) of every session by a fit to the others; what is its own is identified from every fourth of its poses, the others are scored.

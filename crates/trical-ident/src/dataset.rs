@@ -64,6 +64,8 @@ pub struct Dataset {
     pub names: Vec<String>,
     /// What tells each recording from others, whatever its name: see [`fingerprint`].
     pub fingerprints: Vec<String>,
+    /// Names of the places where the set of balls stood, of each recording; empty for one that does not say.
+    pub places: Vec<Vec<String>>,
     /// The observations, in the order of the recordings.
     pub observations: Vec<Observation>,
     /// Rows left out.
@@ -116,6 +118,7 @@ impl Dataset {
         let mut this = Self {
             names: recordings.iter().map(|r| r.name.clone()).collect(),
             fingerprints: recordings.iter().map(fingerprint).collect(),
+            places: recordings.iter().map(|r| r.places.clone()).collect(),
             observations: Vec::new(),
             rejected: Vec::new(),
             poses: 0,
@@ -325,6 +328,7 @@ impl Dataset {
         Self {
             names: self.names.clone(),
             fingerprints: self.fingerprints.clone(),
+            places: self.places.clone(),
             observations: Vec::new(),
             rejected: Vec::new(),
             poses: self.poses,

@@ -6,10 +6,10 @@ use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_observations, position_errors, weighted_residuals};
 use crate::identifiability::ParameterSet;
-use crate::identify::prepared;
+use crate::identify::{manner, prepared};
 use crate::noise::Noise;
 use crate::sample::sample;
-use crate::solver::{LmParams, minimize};
+use crate::solver::{LmParams, Solver};
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
@@ -121,14 +121,16 @@ pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Datas
 
 fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
     let (model, _) = prepared(robot, cell, data, &set.into())?;
-    let free = (0..model.terms.len()).collect();
+    let known = crate::ball_places::usual(&model, data);
+    let free: Vec<usize> = (0..model.terms.len()).collect();
+    let mut solver = Solver::new(free.len());
     let mut forward = Forward::new(model, free)?;
     check_observations(&forward, data)?;
-    let mut noise = Noise::usual(data.names.len());
+    let (mut noise, _) = manner(forward.model(), data);
     noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
     for _ in 0..6 {
         let params = LmParams { huber: 3.0, max_iterations: 30, cost_tolerance: 1e-6, ..LmParams::default() };
-        minimize(&mut forward, data, &noise, &params)?;
+        solver.minimize(&mut forward, data, &noise, &known, &params)?;
         let before = noise.clone();
         noise.update_robustly(data, &weighted_residuals(&forward, data, &noise));
         if noise.is_near(&before, SETTLED) {

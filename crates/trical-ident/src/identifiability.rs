@@ -5,6 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
 
+use crate::ball_places::{self, base_is_fixed, unknown_places};
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
 use crate::error::Result;
@@ -180,6 +181,7 @@ pub struct Choice {
     own: OwnSetup,
     /// Names of those of [`optional_groups`] that are wanted.
     optional: Vec<String>,
+    waves: bool,
 }
 
 /// A joint that the arm does not have.
@@ -215,6 +217,12 @@ impl Choice {
     #[must_use]
     pub fn with_own(self, own: OwnSetup) -> Self {
         Self { own, ..self }
+    }
+
+    /// The same with two waves of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
+    #[must_use]
+    pub fn with_waves(self) -> Self {
+        Self { waves: true, ..self }
     }
 
     /// What sessions do not share with the first one.
@@ -276,7 +284,14 @@ impl Choice {
 
 impl From<ParameterSet> for Choice {
     fn from(set: ParameterSet) -> Self {
-        Self { set, compliant: None, known: KnownParameters::default(), own: OwnSetup::default(), optional: Vec::new() }
+        Self {
+            set,
+            compliant: None,
+            known: KnownParameters::default(),
+            own: OwnSetup::default(),
+            optional: Vec::new(),
+            waves: false,
+        }
     }
 }
 
@@ -301,6 +316,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
     let n = model.robot.dof();
     let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
     let touch = any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
+    let based = any(&|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
     let pose = any(&|m| matches!(m, Measured::Pose { .. }));
     let mut terms = Vec::new();
     let many = model.frames.len() > 1;
@@ -310,7 +326,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
             terms.push(constant(format!("{prefix}_{}", motion.name()), "frame", Site::Frame { frame, motion }));
         }
     }
-    if touch {
+    if touch && based {
         for m in Motion::ALL {
             terms.push(constant(format!("base_{}", m.name()), "base", Site::Base(m)));
         }
@@ -329,6 +345,8 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
             }
         }
     }
+    let places = unknown_places(&model.cell, data);
+    terms.extend(places.iter().flat_map(|p| ball_places::terms(&model.cell, data, *p)));
     terms.extend(own_terms(&terms, data, &choice.own));
     if set >= ParameterSet::Geometry {
         let link = |parameter, link, name: &str| {
@@ -353,6 +371,9 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
         terms.push(link(Parameter::A, 0, "a"));
     }
     terms.extend(compliances(model, choice, choice.elasticity(&model.robot, data)?));
+    if choice.waves {
+        terms.extend((1..=n).flat_map(waves));
+    }
     let wanted = |t: &Term| choice.optional.contains(&t.name);
     terms.extend(optional_groups(model, data, choice)?.into_iter().flatten().filter(wanted));
     Ok(terms)
@@ -364,7 +385,8 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
 /// # Errors
 /// As [`Choice::elasticity`].
 pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Vec<Term>>> {
-    if choice.set != ParameterSet::Complete {
+    // sockets at unknown places: what else there is to know, errors at places held out decide
+    if choice.set != ParameterSet::Complete || !unknown_places(&model.cell, data).is_empty() {
         return Ok(Vec::new());
     }
     let sags = choice.elasticity(&model.robot, data)? == Elasticity::Inclination;
@@ -372,6 +394,17 @@ pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) ->
     groups.extend(rail(model, data));
     groups.retain(|g| !g.is_empty());
     Ok(groups)
+}
+
+/// Two waves of a joint's error over its own angle, once and twice a turn.
+fn waves(joint: usize) -> impl Iterator<Item = Term> {
+    let wave = move |(k, cycles)| {
+        [("sine", Shape::Sine { cycles }), ("cosine", Shape::Cosine { cycles })].map(|(name, shape)| {
+            let basis = trical_model::Basis::new(trical_model::Variable::Joint { joint }, shape);
+            Term::new(format!("{name}_{k}_{joint}"), "joint_harmonic", Site::Joint { joint }, basis)
+        })
+    };
+    [(1, 1.0), (2, 2.0)].into_iter().flat_map(wave)
 }
 
 /// What says how far joints give way under load.
@@ -412,7 +445,8 @@ fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
             }
         }
     }
-    for session in &own.balls {
+    let placed = |session: u32| shared.iter().any(|t| t.effect == "place" && t.basis.session == Some(session));
+    for session in own.balls.iter().filter(|s| !placed(**s)) {
         if has(*session, &|m| matches!(m, Measured::Touch { .. })) {
             out.extend(Motion::ALL.map(|m| of(&format!("balls_{}", m.name()), "balls", Site::Fixture(m), *session)));
         }
@@ -451,19 +485,22 @@ fn random_states(model: &Model, count: usize, resting: &[(usize, f64)]) -> Vec<S
         .collect()
 }
 
-/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since no candidate moves a
-/// single ball: which ball it is changes no derivative.
-fn sorts(data: &Dataset) -> Vec<(Measured, usize, Option<u32>)> {
-    let mut seen: Vec<(Measured, usize, Option<u32>)> = Vec::new();
+/// A sort of measurement: what, its measuring frame, its session, its place of the balls.
+type Sort = (Measured, usize, Option<u32>, Option<usize>);
+
+/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since which ball it is changes no
+/// derivative, unless the set of balls is `turned`: then they differ by ball and place.
+fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
+    let mut seen: Vec<Sort> = Vec::new();
     for o in &data.observations {
         let blank = match o.measured {
-            Measured::Touch { .. } => Measured::Touch { ball: 0, reading: [0.0; 3] },
+            Measured::Touch { ball, .. } => Measured::Touch { ball: if turned { ball } else { 0 }, reading: [0.0; 3] },
             Measured::Point { target, .. } => Measured::Point { target, position: [0.0; 3] },
             Measured::Distance { anchor, .. } => Measured::Distance { anchor, length: 1.0 },
             Measured::Pose { .. } => Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] },
             Measured::Reference { .. } => continue,
         };
-        let sort = (blank, o.frame, o.state.session);
+        let sort = (blank, o.frame, o.state.session, o.state.place.filter(|_| turned));
         if !seen.contains(&sort) {
             seen.push(sort);
         }
@@ -475,7 +512,8 @@ fn sorts(data: &Dataset) -> Vec<(Measured, usize, Option<u32>)> {
 ///
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
 /// has, so that it does not depend on where the data happens to be. Joints that hardly move in the data stay where they are, and what
-/// cannot be told without their motion is held.
+/// cannot be told without their motion is held. Where balls stood at unknown places, parameters of the arm that do the same are all
+/// kept, since what is usual of an arm then counts as known ([`ball_places`]).
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for.
@@ -516,7 +554,7 @@ fn independent_of(
     let forward = Forward::new(model, (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];
-    let sorts = sorts(data);
+    let sorts = sorts(data, terms.iter().any(|t| matches!(t.site, Site::Fixture(_))));
     // twice as many rows as columns
     let rows_of_a_state: usize = sorts.iter().map(|(m, ..)| residual_rows(m)).sum();
     let states = (2 * p).div_ceil(rows_of_a_state.max(1)).max(24);
@@ -524,8 +562,8 @@ fn independent_of(
     let mut columns = vec![0.0; p * height];
     let mut row = 0;
     for state in random_states(nominal, states, resting) {
-        for (measured, frame, session) in &sorts {
-            let state = State { session: *session, ..state };
+        for (measured, frame, session, place) in &sorts {
+            let state = State { session: *session, place: *place, ..state };
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
             let measured = match measured {
                 Measured::Pose { position, .. } => {
@@ -597,6 +635,15 @@ fn independent_of(
             dependent.push(Dependent { name: terms[c].name.clone(), with, held: false });
         }
     }
+    // what is usual of an arm shares out what touches at unknown places leave open between parameters that do the same: one that stands
+    // for both would have to be unusual
+    let placed = terms.iter().any(|t| t.effect == "place");
+    let of_arm =
+        |name: &String| terms.iter().any(|t| t.name == *name && matches!(t.effect.as_str(), "geometry" | "tool"));
+    let shared = |d: &Dependent| placed && of_arm(&d.name) && d.with.iter().any(of_arm);
+    kept.extend((0..p).filter(|k| dependent.iter().any(|d| d.name == terms[*k].name && shared(d))));
+    kept.sort_unstable();
+    dependent.retain(|d| !shared(d));
     Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))
 }
 

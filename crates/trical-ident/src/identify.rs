@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use faer::Mat;
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
+use crate::ball_places;
 use crate::dataset::Dataset;
 use crate::degenerate::{
     check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
@@ -472,11 +473,14 @@ const IMPLAUSIBLE: f64 = 1e-2;
 
 fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<Identified> {
     let (model, dependent) = prepared(robot, cell, data, choice)?;
-    let known = choice.known().of(&model)?;
-    let fit = |known: &[Known]| {
-        fit_model_knowing(model.clone(), data, &Noise::usual(data.names.len()), known, dependent.clone())
-    };
+    let known = known(&model, data, choice)?;
+    let (noise, params) = manner(&model, data);
+    let free: Vec<usize> = (0..model.terms.len()).collect();
+    let fit = |known: &[Known]| fit_some(model.clone(), free.clone(), data, &noise, known, dependent.clone(), &params);
     let found = fit(&known);
+    if !ball_places::unknown_places(&model.cell, data).is_empty() {
+        return found;
+    }
     let plausible = plausible(&model, data);
     let again = match &found {
         Ok(found) => wanders(&found.model, &plausible),
@@ -494,4 +498,43 @@ fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice)
         Ok(kept) => Ok(Identified { weak: by_prior(&kept.model, &plausible, &known), ..kept }),
         Err(_) => found,
     }
+}
+
+/// The model with the terms `free` identified again on `data`, all others as they are.
+///
+/// # Errors
+/// As a fit.
+pub(crate) fn refit(model: Model, free: Vec<usize>, data: &Dataset) -> Result<Forward> {
+    let (noise, params) = manner(&model, data);
+    let usual = ball_places::usual(&model, data);
+    let known: Vec<Known> = free.iter().filter_map(|k| usual.get(*k).copied()).collect();
+    let mut forward = Forward::new(model, free)?;
+    check_observations(&forward, data)?;
+    Solver::new(forward.free().len()).minimize(&mut forward, data, &noise, &known, &params)?;
+    Ok(forward)
+}
+
+/// A fit to some of the data.
+pub type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
+
+/// How a fit begins and what it minimizes: plain least squares; where places of balls are unknown, as with printed sockets, with their
+/// play as noise and a robust loss.
+pub(crate) fn manner(model: &Model, data: &Dataset) -> (Noise, LmParams) {
+    let recordings = data.names.len();
+    if ball_places::unknown_places(&model.cell, data).is_empty() {
+        (Noise::usual(recordings), LmParams::default())
+    } else {
+        (Noise::of_sockets(recordings), LmParams { huber: ball_places::HUBER, ..LmParams::default() })
+    }
+}
+
+/// What is known of the model's terms beforehand: what the user says, and, where places of balls are unknown, what is usual.
+pub(crate) fn known(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Known>> {
+    let said = choice.known().of(model)?;
+    let usual = ball_places::usual(model, data);
+    Ok(if usual.is_empty() {
+        said
+    } else {
+        said.into_iter().zip(usual).map(|(said, usual)| if said.is_nothing() { usual } else { said }).collect()
+    })
 }

@@ -18,14 +18,18 @@
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
+pub mod ball_places;
+pub mod by_place;
 pub mod calibration;
 pub mod caution;
+pub mod compare;
 pub mod dataset;
 pub mod degenerate;
 pub mod error;
 pub mod fit;
 pub mod folds;
 pub mod gross;
+pub mod history;
 pub mod identifiability;
 pub mod identify;
 pub mod iso9283;
@@ -53,9 +57,11 @@ pub use calibration::{
     forward_in_time,
 };
 pub use caution::cautions;
+pub use compare::{Comparison, compare};
 pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
+pub use history::{History, history};
 pub use identifiability::{Choice, ChoiceError, Dependent, Elasticity, Observability, OwnSetup, ParameterSet};
 pub use identify::{ErrorSummary, Identified, fit_model, identify};
 pub use joint_choice::clean;

@@ -10,6 +10,7 @@ use trical_model::{Basis, Cell, Joints, Model, Pose, Robot, Scope, Site, Support
 
 use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
+use crate::identify::Identified;
 use crate::units::unit;
 
 /// A model as it is kept in a file.
@@ -23,7 +24,23 @@ pub struct ModelFile {
     pub references: Vec<References>,
     /// The recordings that it came from, one session each: terms of [`Basis::session`] k belong to the k-th.
     pub sessions: Vec<Session>,
+    /// How uncertain its terms are together, where that was kept.
+    pub uncertainty: Option<Uncertainty>,
 }
+
+/// How uncertain the terms of a model are together, and how far measurements scattered about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Names of terms.
+    pub names: Vec<String>,
+    /// Their correlation, row by row.
+    pub correlation: Vec<f64>,
+    /// Standard deviation of each coordinate that was measured, about the model, m.
+    pub noise: f64,
+}
+
+/// Beyond so many terms their correlation is not kept: the file would be longer than many recordings.
+const CORRELATED: usize = 200;
 
 /// A recording that a model was learnt on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,6 +51,8 @@ pub struct Session {
     pub fingerprint: String,
     /// Its measuring frame, counted from 1, if it has one.
     pub frame: Option<usize>,
+    /// Names of the places where its balls stood: terms of [`Basis::place`] k belong to the k-th.
+    pub places: Vec<String>,
     /// Joint angles that it visited.
     pub visited: Support,
 }
@@ -56,8 +75,44 @@ struct File {
     sessions: Vec<SessionFile>,
     #[serde(default, rename = "frame", skip_serializing_if = "Vec::is_empty")]
     frames: Vec<FrameFile>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    uncertainty: Option<UncertaintyFile>,
     #[serde(default, rename = "term")]
     terms: Vec<TermFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UncertaintyFile {
+    /// Standard deviation of each coordinate about the model.
+    noise_mm: f64,
+    names: Vec<String>,
+    /// Correlation of the terms: of each with those before it, the first's row is empty; four decimals.
+    correlation: Vec<Vec<f64>>,
+}
+
+impl UncertaintyFile {
+    fn of(u: &Uncertainty) -> Self {
+        let p = u.names.len();
+        let rounded = |c: f64| (c * 1e7).round() / 1e7;
+        let row = |i: usize| (0..i).map(|j| rounded(u.correlation[i * p + j])).collect();
+        Self { noise_mm: u.noise * 1e3, names: u.names.clone(), correlation: (0..p).map(row).collect() }
+    }
+
+    fn read(self) -> Option<Uncertainty> {
+        let p = self.names.len();
+        let shaped = self.correlation.len() == p && self.correlation.iter().enumerate().all(|(i, row)| row.len() == i);
+        let fine = self.correlation.iter().flatten().all(|c| c.abs() <= 1.0) && self.noise_mm > 0.0;
+        (shaped && fine && self.noise_mm.is_finite()).then(|| {
+            let at = |i: usize, j: usize| match i.cmp(&j) {
+                std::cmp::Ordering::Equal => 1.0,
+                std::cmp::Ordering::Greater => self.correlation[i][j],
+                std::cmp::Ordering::Less => self.correlation[j][i],
+            };
+            let correlation = (0..p * p).map(|k| at(k / p, k % p)).collect();
+            Uncertainty { correlation, noise: self.noise_mm * 1e-3, names: self.names }
+        })
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -68,6 +123,8 @@ struct SessionFile {
     fingerprint: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frame: Option<usize>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    places: Vec<String>,
     /// For each joint the stretches of its angle modulo a turn that were visited, deg; mm of sliding joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     visited: Vec<Vec<[f64; 2]>>,
@@ -118,16 +175,37 @@ impl ModelFile {
             recording: name.clone(),
             fingerprint: fingerprint.clone(),
             frame: frame.map(|f| f + 1),
+            places: data.places.get(k).cloned().unwrap_or_default(),
             visited: Support::of(&model.robot, &poses(k)),
         });
         let sessions = sessions.collect();
-        Self { model, joints: data.joints, references: data.references.clone(), sessions }
+        Self { model, joints: data.joints, references: data.references.clone(), sessions, uncertainty: None }
+    }
+
+    /// A model that was identified, with how uncertain its terms are together.
+    #[must_use]
+    pub fn of_fit(fitted: &Identified) -> Self {
+        let p = fitted.free.len();
+        let c = |i: usize, j: usize| fitted.covariance[i * p + j];
+        let at = |i: usize, j: usize| c(i, j) / (c(i, i) * c(j, j)).sqrt();
+        let correlation: Vec<f64> = (0..p * p).map(|k| at(k / p, k % p)).collect();
+        let square: f64 = fitted.errors().unwrap_or_default().iter().map(|e| e * e).sum();
+        let scalars: usize =
+            fitted.data.observations.iter().map(|o| trical_model::residual_rows(&o.measured).min(3)).sum();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
+        let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
+        let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
+        Self {
+            uncertainty: known.then_some(Uncertainty { names, correlation, noise }),
+            ..Self::of(fitted.model.clone(), &fitted.data)
+        }
     }
 
     /// A model that no recording says anything about: drawn by chance, or nominal.
     #[must_use]
     pub fn unmeasured(model: Model) -> Self {
-        Self { model, joints: JointSource::Read, references: Vec::new(), sessions: Vec::new() }
+        Self { model, joints: JointSource::Read, references: Vec::new(), sessions: Vec::new(), uncertainty: None }
     }
 
     /// Names of the recordings that it came from.
@@ -202,12 +280,14 @@ impl ModelFile {
                     recording: s.recording.clone(),
                     fingerprint: s.fingerprint.clone(),
                     frame: s.frame,
+                    places: s.places.clone(),
                     visited: s.visited.stretches(),
                 })
                 .collect(),
             robot: table(&m.robot.to_toml()),
             cell: table(&m.cell.to_toml()),
             frames,
+            uncertainty: self.uncertainty.as_ref().map(UncertaintyFile::of),
             terms,
         };
         toml::to_string(&file).map_err(|e| IdentError::WrongModel(format!("the model cannot be written: {e}")))
@@ -325,16 +405,26 @@ impl ModelFile {
                 frames.len()
             )));
         }
+        let uncertainty = match file.uncertainty.map(UncertaintyFile::read) {
+            Some(None) => {
+                return Err(bad(
+                    "[uncertainty] is damaged: expected noise_mm above 0 and a triangle of correlations between -1 and 1, one row a name"
+                        .into(),
+                ));
+            }
+            read => read.flatten(),
+        };
         let named = file.recordings.into_iter().map(|recording| Session { recording, ..Session::default() });
         let known = file.sessions.into_iter().map(|s| Session {
             recording: s.recording,
             fingerprint: s.fingerprint,
             frame: s.frame,
+            places: s.places,
             visited: Support::from_stretches(&robot, &s.visited),
         });
         let known: Vec<Session> = known.collect();
         let sessions = if known.is_empty() { named.collect() } else { known };
-        Ok(Self { model: Model { robot, cell, frames, terms }, joints: file.joints, references, sessions })
+        Ok(Self { model: Model { robot, cell, frames, terms }, joints: file.joints, references, sessions, uncertainty })
     }
 
     /// Refuses a model of another arm than `robot`.

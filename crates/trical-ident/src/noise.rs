@@ -40,6 +40,14 @@ impl Noise {
         Self { sigma: vec![[1e-5, 1e-5, 1e-5, 5e-5, 1e-4]; recordings] }
     }
 
+    /// The same for touches of printed sockets, whose play is some tenths of a millimetre: 0.2 mm.
+    #[must_use]
+    pub fn of_sockets(recordings: usize) -> Self {
+        let mut noise = Self::usual(recordings);
+        noise.sigma.iter_mut().for_each(|s| s[Kind::Touch as usize] = 2e-4);
+        noise
+    }
+
     /// Standard deviation of scalar `row` of a measurement of recording `recording`, m or rad.
     #[inline]
     #[must_use]

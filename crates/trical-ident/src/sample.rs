@@ -54,6 +54,7 @@ mod tests {
             }
         };
         Dataset {
+            places: Vec::new(),
             names: vec!["a".into()],
             fingerprints: vec![String::new()],
             observations: (1..=count).map(observation).collect(),

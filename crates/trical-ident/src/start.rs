@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use trical_model::pose::{angles_zyx, rotation_from_quaternion};
 use trical_model::{Cell, Forward, Measured, Model, Motion, Pose, Scope, Site, Term};
 
+use crate::ball_places::{self, BallPlace};
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
 use crate::rigid::{median, nearest_rotation, robust_rigid_from_points};
@@ -69,7 +70,11 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     let forward = Forward::new(plain.clone(), Vec::new())?;
     let mut ws = forward.workspace();
     let own_tools = own_tools(model);
-    let own_balls = own_balls(model);
+    let own_balls = ball_places::of_model(model);
+    let stands_elsewhere = |o: &crate::dataset::Observation| {
+        let at = BallPlace::of(&o.state);
+        own_balls.contains(&at) || own_balls.contains(&BallPlace { place: None, ..at })
+    };
     let tool_of = |session: Option<u32>| own_tools.iter().position(|own| session == Some(*own)).map_or(0, |k| k + 1);
     let sights: Vec<Sight> = data
         .observations
@@ -77,8 +82,7 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
         .filter_map(|o| {
             let base_from_flange = forward.world_from_flange(&o.state, &mut ws);
             let zero = Vector3::zeros();
-            if matches!(o.measured, Measured::Touch { .. }) && own_balls.iter().any(|own| o.state.session == Some(*own))
-            {
+            if matches!(o.measured, Measured::Touch { .. }) && stands_elsewhere(o) {
                 return None; // where these balls stand is found from the base, once that is known
             }
             let (point, tool_point, offset, orientation, frame) = match o.measured {
@@ -112,6 +116,10 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     // of every tool
     let mut points = vec![shared; own_tools.len() + 1];
     let touches = sights.iter().any(|s| s.frame.is_none());
+    if sights.is_empty() && !own_balls.is_empty() {
+        let tcp = ball_places::tool_by_pivoting(model, data, &forward, &points[0][0]);
+        points.iter_mut().for_each(|of| of[0] = tcp);
+    }
     // the measuring frame, or {w}, from the base
     let mut frames: Vec<Option<Pose>> = vec![None; data.frames() + 1];
     let slot = |s: &Sight| s.frame.unwrap_or(data.frames());
@@ -200,9 +208,9 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     let base_shift = world_from_base.translation - model.cell.world_from_base.translation;
     let turns: Vec<[f64; 3]> =
         rotations.iter().map(|r| angles_zyx(&(r * model.cell.tool.rotation.transpose()))).collect();
-    let tcp_of = |session: u32| points[tool_of(Some(session))][0];
-    let balls =
-        balls_elsewhere(model, data, Model { cell: Cell { world_from_base, ..plain.cell.clone() }, ..plain }, &tcp_of)?;
+    let tcp_of = |session: Option<u32>| points[tool_of(session)][0];
+    let on_base = Model { cell: Cell { world_from_base, ..plain.cell.clone() }, ..plain };
+    let balls = ball_places::poses(model, data, &Forward::new(on_base, Vec::new())?, &tcp_of);
     for term in &mut model.terms {
         if let Some(session) = term.basis.session {
             // beside what is shared
@@ -212,11 +220,9 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
                 Site::Tool(Motion::About(a)) => term.value = turns[tool][2 - a.index()] - turns[0][2 - a.index()],
                 Site::Target { target, axis } => term.value = (points[tool][target] - points[0][target])[axis.index()],
                 Site::Fixture(m) => {
-                    let pose = balls.iter().find(|(own, _)| *own == session).map(|(_, pose)| pose);
-                    term.value = pose.map_or(0.0, |pose| match m {
-                        Motion::Along(a) => pose.translation[a.index()],
-                        Motion::About(a) => angles_zyx(&pose.rotation)[2 - a.index()],
-                    });
+                    let own = BallPlace { session: Some(session), place: term.basis.place };
+                    let pose = balls.iter().find(|(at, _)| *at == own).map(|(_, pose)| pose);
+                    term.value = pose.map_or(0.0, |pose| ball_places::value(pose, m));
                 }
                 _ => {}
             }
@@ -239,50 +245,11 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     Ok(())
 }
 
-/// Sessions for which the model has terms at sites for which `at` holds.
-fn sessions_with(model: &Model, at: impl Fn(&Site) -> bool) -> Vec<u32> {
-    let mut own: Vec<u32> = model.terms.iter().filter(|t| at(&t.site)).filter_map(|t| t.basis.session).collect();
+/// Sessions with a tool of their own.
+fn own_tools(model: &Model) -> Vec<u32> {
+    let tools = model.terms.iter().filter(|t| matches!(t.site, Site::Tool(_) | Site::Target { .. }));
+    let mut own: Vec<u32> = tools.filter_map(|t| t.basis.session).collect();
     own.sort_unstable();
     own.dedup();
     own
-}
-
-/// Sessions with a tool of their own.
-fn own_tools(model: &Model) -> Vec<u32> {
-    sessions_with(model, |site| matches!(site, Site::Tool(_) | Site::Target { .. }))
-}
-
-/// Sessions whose balls stand elsewhere.
-fn own_balls(model: &Model) -> Vec<u32> {
-    sessions_with(model, |site| matches!(site, Site::Fixture(_)))
-}
-
-/// Where the set of balls stood in those sessions that have a place of their own: the motion of the set in {w} from where it stood first.
-/// `plain` is the arm that stands where the base was found, `tcp_of` a session's TCP in the flange.
-fn balls_elsewhere(
-    model: &Model,
-    data: &Dataset,
-    plain: Model,
-    tcp_of: &dyn Fn(u32) -> Vector3<f64>,
-) -> Result<Vec<(u32, Pose)>> {
-    let own = own_balls(model);
-    if own.is_empty() {
-        return Ok(Vec::new());
-    }
-    let forward = Forward::new(plain, Vec::new())?;
-    let mut ws = forward.workspace();
-    Ok(own
-        .into_iter()
-        .map(|session| {
-            let mut pairs: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::new();
-            for o in data.observations.iter().filter(|o| o.state.session == Some(session)) {
-                let Measured::Touch { ball, reading } = o.measured else { continue };
-                let Some(place) = model.cell.balls.get(ball) else { continue };
-                let flange = forward.world_from_flange(&o.state, &mut ws);
-                let in_flange = tcp_of(session) + model.cell.tool.rotation * Vector3::from(reading);
-                pairs.push((flange.apply(&in_flange), *place));
-            }
-            (session, robust_rigid_from_points(&pairs).unwrap_or_else(Pose::identity))
-        })
-        .collect())
 }

@@ -6,17 +6,14 @@
 
 use trical_model::{Basis, Cell, Forward, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Term};
 
-use crate::dataset::{Dataset, JointSource, References, Rejected};
+use crate::ball_places::{self, place_of, training_poses};
+use crate::dataset::{Dataset, JointSource, Observation, References, Rejected};
 use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
-use crate::identify::{ErrorSummary, fit_model, prepared};
+use crate::identify::{ErrorSummary, identify, refit};
 use crate::model_file::ModelFile;
-use crate::noise::Noise;
 use crate::start::start_sessions;
-
-/// One pose in so many identifies what belongs to a session; the others are scored.
-const EVERY: usize = 4;
 
 /// What is identified again for an instrument that was set up anew.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -188,34 +185,13 @@ pub fn validate(
     joints: Option<JointSource>,
     refit: Option<Refit>,
 ) -> Result<Validation> {
-    let joints = joints.unwrap_or(file.joints);
-    let fingerprints: Vec<String> = recordings.iter().map(crate::dataset::fingerprint).collect();
-    let places = places(file, recordings, &fingerprints, refit);
-    let framed = places.iter().filter_map(|p| p.frame);
-    let known: Vec<References> = framed
-        .map(
-            |(frame, new)| {
-                if new { References::default() } else { file.references.get(frame).cloned().unwrap_or_default() }
-            },
-        )
-        .collect();
-    let mut data = Dataset::build(recordings, joints, Some(&known))?;
+    let Adapted { mut model, data, places, left_out, known, joints } =
+        adapted(file, cell, recordings, joints, refit, false)?;
     let rejected = data.rejected.clone();
-    data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
-
-    let mut model = file.model.clone();
-    let left_out = leave_out(&mut model, &data, &places);
-    data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
-    for place in &places {
-        add_own(&mut model, cell, &data, place);
-    }
-    data.references.resize(model.frames.len(), References::default());
-
     let poses: Vec<Vec<usize>> =
         (0..recordings.len()).map(|r| data.filtered(|o| o.recording == r).used_poses()).collect();
-    let trains = |o: &crate::dataset::Observation| {
-        places[o.recording].refit.any() && poses[o.recording].binary_search(&o.pose).is_ok_and(|i| i % EVERY == 0)
-    };
+    let all = training_poses(&data, !ball_places::unknown_places(cell, &data).is_empty());
+    let trains = |o: &Observation| places[o.recording].refit.any() && all.contains(&o.pose);
     let train = data.filtered(trains);
     let scored = data.filtered(|o| !trains(o));
     if !train.observations.is_empty() {
@@ -228,14 +204,13 @@ pub fn validate(
     let plain = Dataset::build(recordings, joints, Some(&known))?
         .filtered(|o| scored.observations.binary_search_by_key(&o.row, |s| s.row).is_ok());
     let choice = Choice::from(ParameterSet::Nominal).with_own(OwnSetup::all(recordings.len()));
-    let (nominal, dependent) = prepared(robot, cell, &plain, &choice)?;
-    let nominal = fit_model(nominal, &plain, &Noise::usual(plain.names.len()), dependent)?;
+    let nominal = identify(robot, cell, &plain, choice)?;
     let before = position_errors(&Forward::new(nominal.model.clone(), Vec::new())?, &plain);
     let pairs: Vec<(f64, f64)> = before.iter().copied().zip(after.iter().copied()).collect();
     let sessions = places.iter().enumerate().map(|(r, place)| {
         let of: Vec<&(f64, f64)> =
             scored.observations.iter().zip(&pairs).filter(|(o, _)| o.recording == r).map(|(_, p)| p).collect();
-        let from_poses = if place.refit.any() { poses[r].len().div_ceil(EVERY) } else { 0 };
+        let from_poses = if place.refit.any() { poses[r].iter().filter(|p| all.contains(p)).count() } else { 0 };
         SessionErrors {
             recording: data.names[r].clone(),
             learnt: place.learnt,
@@ -265,6 +240,69 @@ pub fn validate(
     })
 }
 
+/// A model beside recordings that it is to predict.
+pub(crate) struct Adapted {
+    /// With terms for what belongs to these recordings and is to be identified, at zero.
+    pub model: Model,
+    /// The recordings in the model's sessions and measuring frames.
+    pub data: Dataset,
+    places: Vec<Place>,
+    /// Terms that say nothing of these recordings.
+    left_out: Vec<LeftOut>,
+    known: Vec<References>,
+    joints: JointSource,
+}
+
+impl Adapted {
+    /// Whether the model was learnt on one of the recordings.
+    pub fn is_known(&self) -> bool {
+        self.places.iter().any(|p| p.learnt.is_some())
+    }
+
+    /// The model with what belongs to the recordings identified on all of their rows.
+    pub fn identified(&self) -> Result<Model> {
+        if self.places.iter().any(|p| p.refit.any()) {
+            refitted(self.model.clone(), &self.data, &self.places)
+        } else {
+            Ok(self.model.clone())
+        }
+    }
+}
+
+/// The model of `file` made ready for `recordings`; with `same_tool` it keeps its tool and targets whatever else is new.
+pub(crate) fn adapted(
+    file: &ModelFile,
+    cell: &Cell,
+    recordings: &[Recording],
+    joints: Option<JointSource>,
+    refit: Option<Refit>,
+    same_tool: bool,
+) -> Result<Adapted> {
+    let joints = joints.unwrap_or(file.joints);
+    let fingerprints: Vec<String> = recordings.iter().map(crate::dataset::fingerprint).collect();
+    let mut places = places(file, cell, recordings, &fingerprints, refit);
+    places.iter_mut().for_each(|p| p.refit.targets &= !same_tool);
+    let framed = places.iter().filter_map(|p| p.frame);
+    let known: Vec<References> = framed
+        .map(
+            |(frame, new)| {
+                if new { References::default() } else { file.references.get(frame).cloned().unwrap_or_default() }
+            },
+        )
+        .collect();
+    let mut data = Dataset::build(recordings, joints, Some(&known))?;
+    data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
+
+    let mut model = file.model.clone();
+    let left_out = leave_out(&mut model, &data, &places);
+    data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
+    for place in &places {
+        add_own(&mut model, cell, &data, place);
+    }
+    data.references.resize(model.frames.len(), References::default());
+    Ok(Adapted { model, data, places, left_out, known, joints })
+}
+
 /// Position errors (m) of one session that the model does not know: what is its own is identified from every fourth of its poses, and
 /// the others are scored. All observations of `data` are of that session.
 pub(crate) fn score_session(model: &Model, data: &Dataset) -> Result<Vec<f64>> {
@@ -278,15 +316,20 @@ pub(crate) fn score_session(model: &Model, data: &Dataset) -> Result<Vec<f64>> {
     model.terms.retain(|t| !matches!(t.site, Site::Frame { frame, .. } if framed && frame == first.frame + 1));
     let cell = model.cell.clone();
     add_own(&mut model, &cell, data, &place);
-    let poses = data.used_poses();
-    let trains = |pose: usize| poses.binary_search(&pose).is_ok_and(|i| i % EVERY == 0);
-    let model = refitted(model, &data.filtered(|o| trains(o.pose)), std::slice::from_ref(&place))?;
-    Ok(position_errors(&Forward::new(model, Vec::new())?, &data.filtered(|o| !trains(o.pose))))
+    let poses = training_poses(data, !ball_places::unknown_places(&cell, data).is_empty());
+    let model = refitted(model, &data.filtered(|o| poses.contains(&o.pose)), std::slice::from_ref(&place))?;
+    Ok(position_errors(&Forward::new(model, Vec::new())?, &data.filtered(|o| !poses.contains(&o.pose))))
 }
 
 /// Where each recording belongs. One that the model was learnt on has its frame there; of the others, those whose frame cannot be one of
 /// the model's get one of their own.
-fn places(file: &ModelFile, recordings: &[Recording], fingerprints: &[String], refit: Option<Refit>) -> Vec<Place> {
+fn places(
+    file: &ModelFile,
+    cell: &Cell,
+    recordings: &[Recording],
+    fingerprints: &[String],
+    refit: Option<Refit>,
+) -> Vec<Place> {
     let frames = file.model.frames.len();
     let framed = |r: &Recording| r.rows.iter().any(|row| row.measured.is_framed());
     let learnt: Vec<Option<u32>> = fingerprints.iter().map(|f| file.session_of(f)).collect();
@@ -312,6 +355,11 @@ fn places(file: &ModelFile, recordings: &[Recording], fingerprints: &[String], r
             };
             if framed(recording) && known_frame.is_none() {
                 asked = Refit::ALL;
+            }
+            // where sockets stood in another session is never known
+            let touched = recording.rows.iter().any(|r| matches!(r.measured, Measured::Touch { .. }));
+            if touched && learnt.is_none() && (!recording.places.is_empty() || !cell.balls_fix_base(|_| true)) {
+                asked.frame = true;
             }
             let new_frame = framed(recording) && (asked.frame || known_frame.is_none());
             let frame = if new_frame {
@@ -371,7 +419,9 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
             model.terms.push(new);
         }
     };
-    if place.refit.frame && any(&|m| matches!(m, Measured::Touch { .. })) {
+    let unknown: Vec<_> = ball_places::unknown_places(cell, data);
+    let mut unknown_here = unknown.into_iter().filter(|p| p.session == Some(place.session)).peekable();
+    if place.refit.frame && unknown_here.peek().is_none() && any(&|m| matches!(m, Measured::Touch { .. })) {
         for m in Motion::ALL {
             add(format!("balls_{}_s{}", m.name(), place.session), "balls", Site::Fixture(m));
         }
@@ -389,6 +439,13 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
                     let name = format!("target{target}_{}_s{}", axis.name(), place.session);
                     add(name, "target", Site::Target { target, axis });
                 }
+            }
+        }
+    }
+    if place.refit.frame {
+        for t in unknown_here.flat_map(|p| ball_places::terms(cell, data, p)) {
+            if !model.terms.iter().any(|have| have.site == t.site && have.basis == t.basis) {
+                model.terms.push(t);
             }
         }
     }
@@ -416,10 +473,7 @@ fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model
                 || (base && t.basis.is_constant() && matches!(t.site, Site::Base(_)))
         })
         .collect();
-    let mut forward = Forward::new(model, free)?;
-    let noise = Noise::usual(train.names.len());
-    crate::solver::minimize(&mut forward, train, &noise, &crate::solver::LmParams::default())?;
-    Ok(forward.into_model())
+    Ok(refit(model, free, train)?.into_model())
 }
 
 /// Errors by joint angle, ball, and place; and, where some are `beyond` the angles that the model was learnt at, of these and the others.
@@ -462,6 +516,11 @@ fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region
         .collect();
     for ball in balls {
         add(format!("ball {}", ball + 1), &|i| matches!(o[i].measured, Measured::Touch { ball: b, .. } if b == ball));
+    }
+    let stood = ball_places::ball_places(data);
+    for place in stood.iter().filter(|_| stood.len() > 1) {
+        let name = format!("place {}", ball_places::name(data, *place));
+        add(name, &|i| place_of(&o[i]) == Some(*place));
     }
     let places: Vec<Option<nalgebra::Vector3<f64>>> = o
         .iter()

@@ -244,7 +244,7 @@ impl Shape {
 }
 
 /// A scalar function of what is known about a pose: `shape(of)`, times the sense of a joint's last motion if `sense` is given, times
-/// a function of a joint's value if `beside` is, and 0 outside of one session if `session` is.
+/// a function of a joint's value if `beside` is, and 0 outside of one session, or one place of the balls there, if `session` and `place` are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Basis {
     /// What it looks at.
@@ -260,6 +260,9 @@ pub struct Basis {
     /// The only session (1-based, see [`State::session`]) in which it is not 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub session: Option<u32>,
+    /// The only place of the set of balls (1-based, in the order of the session's recording, see [`State::place`]) at which it is not 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<usize>,
 }
 
 /// A function of a joint's value (rad or m), as a factor.
@@ -274,7 +277,7 @@ pub struct Beside {
 impl Basis {
     /// 1 everywhere.
     pub const CONSTANT: Self =
-        Self { of: Variable::Nothing, shape: Shape::One, sense: None, beside: None, session: None };
+        Self { of: Variable::Nothing, shape: Shape::One, sense: None, beside: None, session: None, place: None };
 
     /// `shape(of)`.
     #[must_use]
@@ -303,7 +306,13 @@ impl Basis {
     /// Whether it is 1 everywhere.
     #[must_use]
     pub fn is_constant(&self) -> bool {
-        self.shape == Shape::One && self.sense.is_none() && self.beside.is_none() && self.session.is_none()
+        self.shape == Shape::One && self.sense.is_none() && self.beside.is_none() && !self.is_local()
+    }
+
+    /// Whether it holds in one session, or at one place of the balls, only.
+    #[must_use]
+    pub fn is_local(&self) -> bool {
+        self.session.is_some() || self.place.is_some()
     }
 
     /// Whether its shapes' parameters give finite values.
@@ -321,10 +330,17 @@ impl Basis {
         Self { session: Some(session), ..self }
     }
 
-    /// Whether it is 0 at a pose of `state`'s session whatever the pose.
+    /// The same where the set of balls stood at one place (1-based) only.
+    #[must_use]
+    pub fn at_place(self, place: Option<usize>) -> Self {
+        Self { place, ..self }
+    }
+
+    /// Whether it is 0 in `state`'s session, or at its place of the balls, whatever the pose.
     #[must_use]
     pub fn is_elsewhere(&self, state: &State) -> bool {
-        self.session.is_some() && self.session != state.session
+        (self.session.is_some() && self.session != state.session)
+            || self.place.is_some_and(|own| state.place != own.checked_sub(1))
     }
 
     /// What a recording must contain for this basis to have a value, `None` if it has all.

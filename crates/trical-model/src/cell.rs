@@ -93,9 +93,43 @@ struct PointsFile {
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Distances {
-    d12: f64,
-    d13: f64,
-    d23: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    d12: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    d13: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    d23: Option<f64>,
+}
+
+impl Distances {
+    /// The balls in {w}, m: one for no distance, two on x for `d12`, three for all.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    fn balls(self) -> std::result::Result<Vec<Vector3<f64>>, String> {
+        let [d12, d13, d23] = match [self.d12, self.d13, self.d23] {
+            [None, None, None] => return Ok(vec![Vector3::zeros()]),
+            [Some(d12), None, None] if d12.is_finite() && d12 > 0.0 && d12 < 1e6 => {
+                return Ok(vec![Vector3::zeros(), Vector3::new(d12 * 1e-3, 0.0, 0.0)]);
+            }
+            [Some(d12), None, None] => return Err(format!("found d12 = {d12}, expected a distance above 0")),
+            [Some(d12), Some(d13), Some(d23)] => [d12, d13, d23],
+            some => {
+                let has = |(d, name): (&Option<f64>, &'static str)| d.map(|_| name);
+                let found: Vec<_> = some.iter().zip(["d12", "d13", "d23"]).filter_map(has).collect();
+                return Err(format!(
+                    "found {}, expected d12, d13 and d23 of three balls, or d12 of two",
+                    found.join(" and ")
+                ));
+            }
+        };
+        let triangle = balls_from_distances(d12 * 1e-3, d13 * 1e-3, d23 * 1e-3);
+        triangle.map(|balls| balls.to_vec()).ok_or_else(|| {
+            format!(
+                "d12 = {d12}, d13 = {d13}, d23 = {d23} form no triangle: each must be shorter than the other two together"
+            )
+        })
+    }
 }
 
 /// The three balls in {w} from their three distances (m): origin in ball 1, x to ball 2, y towards ball 3.
@@ -142,6 +176,17 @@ impl Cell {
         }
     }
 
+    /// Whether three of the balls `of` (0-based) are not on one line (by more than a millimetre): they then fix where the arm's base
+    /// stands in {w}. Without, as with two printed sockets, {w} is only a name.
+    #[must_use]
+    pub fn balls_fix_base(&self, of: impl Fn(usize) -> bool) -> bool {
+        let balls: Vec<_> = self.balls.iter().enumerate().filter(|(k, _)| of(*k)).map(|(_, p)| p).collect();
+        let Some((first, rest)) = balls.split_first() else { return false };
+        let far = rest.iter().map(|p| *p - *first).max_by(|a, b| a.norm().total_cmp(&b.norm()));
+        let Some(along) = far.and_then(|v| v.try_normalize(1e-3)) else { return false };
+        rest.iter().any(|p| (*p - *first).cross(&along).norm() > 1e-3)
+    }
+
     /// Reads `cell.toml`.
     ///
     /// # Errors
@@ -182,20 +227,10 @@ impl Cell {
         }
         let balls = match &raw.balls {
             None => Vec::new(),
+            Some(BallsFile { distances_mm: None, positions_mm: None }) => vec![Vector3::zeros()],
             Some(BallsFile { distances_mm: Some(d), positions_mm: None }) => {
-                finite("[balls] distances_mm", &[d.d12, d.d13, d.d23])?;
-                balls_from_distances(d.d12 * 1e-3, d.d13 * 1e-3, d.d23 * 1e-3)
-                    .ok_or_else(|| {
-                        bad(
-                            "[balls] distances_mm",
-                            format!(
-                                "d12 = {}, d13 = {}, d23 = {} form no triangle: each must be shorter than the other \
-                                 two together",
-                                d.d12, d.d13, d.d23
-                            ),
-                        )
-                    })?
-                    .to_vec()
+                finite("[balls] distances_mm", &[d.d12, d.d13, d.d23].map(Option::unwrap_or_default))?;
+                d.balls().map_err(|problem| bad("[balls] distances_mm", problem))?
             }
             Some(BallsFile { distances_mm: None, positions_mm: Some(p) }) => points("[balls] positions_mm", p)?,
             Some(_) => {

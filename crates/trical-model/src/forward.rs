@@ -112,8 +112,9 @@ pub struct Workspace {
     pub(crate) tool: [f64; 6],
     pub(crate) fixture: [f64; 6],
     pub(crate) frame: [f64; 6],
-    /// How far the target that is seen is from its constant place on the tool, in flange axes.
-    pub(crate) target: [f64; 3],
+    /// How far the target that is seen, or the ball that is touched, is from its constant place: on the tool in flange axes, in the set of
+    /// balls in its own.
+    pub(crate) point: [f64; 3],
     pub(crate) residual: [f64; 6],
 }
 
@@ -177,14 +178,16 @@ impl Forward {
             for action in actions(term, &this.model.robot, &this.model.cell, this.model.frames.len())? {
                 let constant = action.basis.is_constant();
                 // the payload comes before the moments that a basis may look at
-                let of_a_session = action.basis == Basis { session: action.basis.session, ..Basis::CONSTANT };
+                let of_a_session = action.basis
+                    == Basis { session: action.basis.session, place: action.basis.place, ..Basis::CONSTANT };
                 let can_vary = match action.dof {
                     Dof::Chain(..)
                     | Dof::Base(_)
                     | Dof::Tool(_)
                     | Dof::Fixture(_)
                     | Dof::Frame(..)
-                    | Dof::Target(..) => true,
+                    | Dof::Target(..)
+                    | Dof::Ball(..) => true,
                     Dof::PayloadMass | Dof::PayloadMoment(_) => of_a_session,
                     _ => false,
                 };
@@ -280,7 +283,7 @@ impl Forward {
             tool: [0.0; 6],
             fixture: [0.0; 6],
             frame: [0.0; 6],
-            target: [0.0; 3],
+            point: [0.0; 3],
             residual: [0.0; 6],
         }
     }
@@ -405,7 +408,7 @@ impl Forward {
     /// Both passes over the chain: `ws.moved` then holds the true frames.
     #[inline]
     pub(crate) fn frames_at(&self, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) {
-        ws.target = [0.0; 3];
+        ws.point = [0.0; 3];
         if self.varying.is_empty() {
             self.chain.run(&state.q, None, &mut ws.moved);
             ws.tool = self.tool;
@@ -437,8 +440,9 @@ impl Forward {
                 Dof::Fixture(m) => ws.fixture[m] += v,
                 Dof::Frame(f, m) if f == frame => ws.frame[m] += v,
                 Dof::Target(t, m) if matches!(measured, Measured::Point { target, .. } if *target == t) => {
-                    ws.target[m] += v
+                    ws.point[m] += v;
                 }
+                Dof::Ball(t, m) if matches!(measured, Measured::Touch { ball, .. } if *ball == t) => ws.point[m] += v,
                 _ => {}
             }
         }
@@ -497,10 +501,10 @@ impl Forward {
     pub(crate) fn ball_at(&self, ball: usize, ws: &Workspace) -> (V3, Axes) {
         let f = &ws.fixture;
         if *f == [0.0; 6] {
-            return (self.balls[ball], Axes::of(&Pose::identity()));
+            return (self.balls[ball] + V3::from(ws.point), Axes::of(&Pose::identity()));
         }
         let (turns, turn) = small_rotation(f);
-        (turn * self.balls[ball] + V3::new(f[0], f[1], f[2]), turns)
+        (turn * (self.balls[ball] + V3::from(ws.point)) + V3::new(f[0], f[1], f[2]), turns)
     }
 
     /// The pose of the tool's TCP in {w}: what the arm really does at `state`, by this model.
@@ -619,7 +623,7 @@ impl Forward {
             }
             Measured::Point { target, position } => {
                 let point =
-                    flange.origin + flange.axes.times(&(self.targets[*target] + V3::from(ws.target) + self.slip(ws)));
+                    flange.origin + flange.axes.times(&(self.targets[*target] + V3::from(ws.point) + self.slip(ws)));
                 let (pose, _) = self.frame_at(frame, ws);
                 let r = pose.apply(&point) - V3::from(*position);
                 ws.residual = [r.x, r.y, r.z, 0.0, 0.0, 0.0];

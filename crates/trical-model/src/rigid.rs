@@ -40,7 +40,10 @@ impl Model {
         let mut same_frames = true;
         for term in &self.terms {
             if !term.basis.is_constant() {
-                left_out.push(term.clone());
+                // where balls stood in one session is no property of an arm
+                if !matches!(term.site, Site::Fixture(_) | Site::Ball { .. }) || !term.basis.is_local() {
+                    left_out.push(term.clone());
+                }
                 continue;
             }
             let mut kept = true;

@@ -7,6 +7,9 @@ use crate::error::{ModelError, Result, parse_toml};
 use crate::pose::{Pose, angles_zyx, rotation_zyx};
 use crate::recording::MAX_JOINTS;
 
+/// Mass of every link of [`Robot::with_even_masses`], kg: a collaborative arm of seven joints weighs 15 to 20 kg.
+pub const EVEN_MASS: f64 = 2.5;
+
 /// How a joint moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -304,6 +307,25 @@ impl Robot {
             Some(i) => Err(ModelError::NoMasses { robot: self.name.clone(), joint: i + 1 }),
             None => Ok(()),
         }
+    }
+
+    /// The same arm with links of [`EVEN_MASS`], the centre of each halfway to the next joint's origin: a first idea of how its own weight
+    /// bends an arm whose file has no masses. `None` where some link has a mass.
+    #[must_use]
+    pub fn with_even_masses(&self) -> Option<Self> {
+        if self.joints.iter().any(|j| j.mass.is_some()) {
+            return None;
+        }
+        let mut even = self.clone();
+        let next = |i: usize| match self.joints.get(i + 1) {
+            Some(j) => Vector3::new(j.a, -j.alpha.sin() * j.d, j.alpha.cos() * j.d),
+            None => self.last_from_flange.translation,
+        };
+        for (i, joint) in even.joints.iter_mut().enumerate() {
+            joint.mass = Some(EVEN_MASS);
+            joint.cog = 0.5 * next(i);
+        }
+        Some(even)
     }
 
     /// Whether `q` lies within the joint limits, up to `tolerance` (rad or m).

@@ -230,7 +230,8 @@ impl Naive<'_> {
                     _ => c(0.0),
                 },
             };
-            if basis.session.is_some_and(|own| state.session != Some(own)) {
+            let other_place = basis.place.is_some_and(|own| state.place != Some(own - 1));
+            if basis.session.is_some_and(|own| state.session != Some(own)) || other_place {
                 continue;
             }
             let s = basis.sense.map_or(1.0, |j| f64::from(state.dir.unwrap()[j - 1]));
@@ -471,7 +472,9 @@ impl Draw {
         let beside =
             (self.below(4) == 0).then(|| Beside { joint: 1 + self.below(n), shape: Shape::Cosine { cycles: 2.0 } });
         let session = (self.below(4) == 0).then(|| 1 + u32::from(self.below(2) == 0));
-        Basis { of, shape, sense, beside, session }
+        // one session's balls at one place
+        let place = session.filter(|own| *own == 2).map(|_| 1);
+        Basis { of, shape, sense, beside, session, place }
     }
 
     fn terms(&mut self, n: usize) -> Vec<Term> {
@@ -564,6 +567,7 @@ impl Draw {
         s.payload_kg = Some(0.3);
         s.torques = Some(std::array::from_fn(|_| self.n(20.0)));
         s.session = Some(1 + u32::from(self.below(2) == 0));
+        s.place = Some(usize::from(s.q[0] > 0.0));
         s
     }
 

@@ -10,7 +10,7 @@ use trical_diagnose::effects::EFFECTS;
 use trical_diagnose::{Diagnosis, diagnose_recordings};
 use trical_ident::fit::position_errors;
 use trical_ident::{
-    Calibration, Choice, KnownParameters, ModelFile, Options, Refit, ToolSharing, calibrate, calibrate_stream,
+    Calibration, Choice, KnownParameters, ModelFile, Options, Refit, ToolSharing, calibrate, calibrate_stream, history,
     repeatability, validate,
 };
 use trical_model::{Cell, Forward, Robot, Task};
@@ -103,7 +103,7 @@ pub fn _identify<'py>(
         Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     let text = serde_json::to_string(&found)?;
-    let file = ModelFile::of(found.fitted.model.clone(), &found.fitted.data);
+    let file = ModelFile::of_fit(&found.fitted);
     let errors = match found.passes {
         Some(_) => None,
         None => Some(pairs_mm(&found.each_before, &found.fitted.errors()?).into_pyarray(py)),
@@ -219,6 +219,24 @@ pub fn _validate<'py>(
         Ok((text, pairs_mm(&before, &after), Kept::Scored(Box::new((v, file)))))
     })?;
     Ok((text, errors.into_pyarray(py), PyTold(told)))
+}
+
+/// Sessions against a model, as JSON text.
+#[pyfunction]
+pub fn _history(
+    py: Python<'_>,
+    model: &Bound<'_, PyModel>,
+    recordings: Vec<RecordingArgument>,
+    joints: Option<&str>,
+    need_mm: Option<f64>,
+) -> Result<String> {
+    let file = model.get().file.clone();
+    let joints = joints.map(source).transpose()?.flatten();
+    if need_mm.is_some_and(|n| !(n > 0.0 && n.is_finite())) {
+        return Err(bad("need_mm: expected a number above 0").into());
+    }
+    let recordings = read_all(&recordings, file.model.robot.dof())?;
+    py.detach(|| Ok(serde_json::to_string(&history(&file.model.cell, &file, &recordings, joints, need_mm)?)?))
 }
 
 /// How far repeat visits scatter, as JSON text.

@@ -62,6 +62,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(fits::_identify, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_diagnose, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_validate, m)?)?;
+    m.add_function(wrap_pyfunction!(fits::_history, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_repeatability, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_effects_json, m)?)?;
     m.add_function(wrap_pyfunction!(compensate::_compensate, m)?)?;

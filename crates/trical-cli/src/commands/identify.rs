@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> Result<()> {
         Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     if let Some(out) = &args.out {
-        ModelFile::of(found.fitted.model.clone(), &found.fitted.data).save(out)?;
+        ModelFile::of_fit(&found.fitted).save(out)?;
     }
     if let Some(path) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
@@ -203,6 +203,9 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
             rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.rms_deg), angle(e.max_deg)]);
         }
     }
+    for line in by_place_lines(found) {
+        say(line)?;
+    }
     for caution in found.cautions() {
         for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
             say(line)?;
@@ -215,6 +218,32 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     let written: Vec<String> =
         [&args.out, &args.report, &args.certificate].into_iter().flatten().map(|f| f.display().to_string()).collect();
     if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
+}
+
+/// What places of sockets say beside the errors: which physics earned its place, and the distance between sockets as a check.
+fn by_place_lines(found: &Calibration) -> Vec<String> {
+    let mut out = Vec::new();
+    if let Some(kept) = found.tried.iter().find(|t| t.kept && t.added != "nothing") {
+        let plain = found.tried.first().and_then(|t| t.mean_mm);
+        out.push(match (plain, kept.mean_mm) {
+            (Some(plain), Some(mean)) => format!(
+                "\nAdded, since it lowers the mean error at places held out from {plain:.3} to {mean:.3} mm: {}",
+                kept.added
+            ),
+            _ => format!(
+                "\nAdded as usual of arms (fewer than three places cannot tell whether it helps): {}",
+                kept.added
+            ),
+        });
+    }
+    if !found.distances.is_empty() {
+        out.push("\nDistance between balls, by the arm as the other places have it (cell file):".into());
+    }
+    out.extend(found.distances.iter().map(|d| {
+        let [a, b] = d.balls;
+        format!("  {}: {a} to {b} {:.2} mm ({:.2})", d.place, d.measured_mm, d.cell_mm)
+    }));
+    out
 }
 
 /// What was rejected, reason by reason, at most a dozen lines; `named` may be the first of `all`.

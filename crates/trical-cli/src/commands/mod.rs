@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub mod compare;
 pub mod compensate;
 pub mod completions;
 pub mod convert;
@@ -10,6 +11,7 @@ pub mod effects;
 pub mod export;
 pub mod gauge;
 pub mod guided;
+pub mod history;
 pub mod identify;
 pub mod init;
 pub mod measure;

@@ -56,7 +56,7 @@ pub fn touch(model: &Model, count: usize, noise: f64, seed: u64) -> Recording {
     let (mut ws, mut rows, mut k) = (forward.workspace(), Vec::new(), 0);
     while rows.len() < count {
         k += 1;
-        let ball = rows.len() % 3;
+        let ball = rows.len() % model.cell.balls.len();
         let turn = trical_model::pose::rotation_z(rng.random_range(-3.0..3.0))
             * trical_model::pose::rotation_x(3.1 + rng.random_range(-0.9..0.9))
             * trical_model::pose::rotation_z(rng.random_range(-3.0..3.0));

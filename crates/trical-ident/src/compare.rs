@@ -1,0 +1,568 @@
+//! Is this arm still what it was? A few touches against an earlier calibration: unchanged, or what changed, by how much and how surely.
+//!
+//! The residuals `r` of the new touches by the old model scatter by the old session's noise and by what the old parameters may be off:
+//! `cov r = s^2 I + J C J'`. What is new in any case (a measuring frame, places of sockets) is projected out. Each explanation (tool, base,
+//! the zero of one joint, one wrong touch) has columns `H`; the length of the projection of the whitened residual on them, squared, is
+//! chi-squared with as many degrees of freedom as columns, if nothing changed. The best explanation is taken if its p-value, times the
+//! number of explanations, is below [`FALSE_ALARMS`]; then the next one is sought beside it.
+
+use faer::linalg::solvers::Llt;
+use faer::{Mat, Side};
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term, residual_rows};
+
+use crate::dataset::{Dataset, JointSource};
+use crate::error::{IdentError, Result};
+use crate::fit::check_observations;
+use crate::model_file::{ModelFile, Uncertainty};
+use crate::units::unit;
+use crate::validate::{Refit, adapted};
+
+/// So often may something be said to have changed where nothing has.
+pub const FALSE_ALARMS: f64 = 0.02;
+
+/// Chance that a change of the size that is called visible is seen.
+const SEEN: f64 = 0.9;
+
+/// A claim moves the tool by at least this share of the old model's own errors, root mean square: what an old model does not know of the
+/// arm differs from poses to poses, and among many measurements passes for a change.
+const SHARE: f64 = 0.35;
+
+/// Of more measurements than this some stand for all: they tell more than enough.
+const MEASUREMENTS: usize = 240;
+
+/// One touch among more than this is not tried as a wrong one: many small ones would be.
+const FEW: usize = 60;
+
+/// A change that would have to be larger than this to be seen is not called visible: only its share that something else does not take up
+/// is seen at all.
+const LARGEST_MM: f64 = 20.0;
+const LARGEST_DEG: f64 = 2.0;
+
+/// Most changes that are looked for.
+const CHANGES: usize = 4;
+
+/// One number of a change.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Changed {
+    /// "joint 3", "tool x", "base rz".
+    pub name: String,
+    /// By how much it changed, in `unit`.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// "deg" or "mm".
+    pub unit: String,
+}
+
+/// Something that changed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// "tool", "base", "joint 3", "the touch of line 7".
+    pub what: String,
+    /// [`Scope::Arm`] for a joint, [`Scope::Setup`] for tool and base, [`Scope::Reading`] for one wrong touch.
+    pub scope: Scope,
+    /// How probable this explanation is among all that were tried, 0 to 1.
+    pub probability: f64,
+    /// How often chance alone would give as much, for this explanation.
+    pub p_value: f64,
+    /// By how much.
+    pub by: Vec<Changed>,
+    /// Explanations that the touches do not exclude (more than a tenth as probable).
+    pub rivals: Vec<String>,
+}
+
+/// The smallest change that these poses would show nine times in ten.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Visible {
+    /// "joint 3", "tool", "base".
+    pub what: String,
+    /// In `unit`; `null` where no size would be seen.
+    pub smallest: Option<f64>,
+    /// "deg" or "mm".
+    pub unit: String,
+}
+
+/// An arm beside its earlier calibration.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// The new recording.
+    pub recording: String,
+    /// What tells it from others.
+    pub hash: String,
+    /// Measurements that were compared.
+    pub measurements: usize,
+    /// "unchanged", "setup changed" (tool or base only), "arm changed", "wrong touches" (only those).
+    pub verdict: &'static str,
+    /// In plain sentences.
+    pub summary: String,
+    /// What changed, the surest first.
+    pub changes: Vec<Change>,
+    /// What would have been seen.
+    pub visible: Vec<Visible>,
+    /// Mean position error by the old model as it is, mm; what is new in any case identified.
+    pub mean_mm: f64,
+    /// Standard deviation of each coordinate in the old session, mm.
+    pub noise_mm: f64,
+    /// By how much more the touches scatter than that, whatever changed; 1 where they do not.
+    pub more_noise: f64,
+    /// Mean temperature of the recording, degC, where it was recorded.
+    pub temp_c: Option<f64>,
+    /// Every explanation's own numbers, each fitted alone.
+    pub alone: Vec<Changed>,
+}
+
+/// What may have changed: its name, and which of the terms tell it.
+struct Explanation {
+    what: String,
+    scope: Scope,
+    terms: Vec<usize>,
+    /// Row of one wrong touch instead.
+    touch: Option<usize>,
+}
+
+/// Compares a new recording with the model of `file`, which has to know how uncertain it is ([`ModelFile::of_fit`]).
+///
+/// # Errors
+/// A model that does not know its uncertainty, or was learnt on this very recording; data that the model cannot predict.
+pub fn compare(
+    cell: &Cell,
+    file: &ModelFile,
+    recording: &Recording,
+    joints: Option<JointSource>,
+) -> Result<Comparison> {
+    let uncertainty = file.uncertainty.as_ref().ok_or_else(|| {
+        IdentError::WrongModel(
+            "the model file does not say how uncertain it is ([uncertainty]); expected one that this version identified from at most 200 \
+             parameters"
+                .into(),
+        )
+    })?;
+    let framed = recording.rows.iter().any(|r| r.measured.is_framed());
+    let refit = Refit { frame: framed, targets: false };
+    let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, framed.then_some(refit), true)?;
+    if adapted.is_known() {
+        return Err(IdentError::WrongModel(format!(
+            "{}: the model was learnt on this recording; expected a later one",
+            recording.name
+        )));
+    }
+    let model = adapted.identified()?;
+    let data = thinned(&adapted.data);
+    let errors = crate::fit::position_errors(&Forward::new(model.clone(), Vec::new())?, &adapted.data);
+    let (model, explanations, free) = with_explanations(model, &data, uncertainty);
+    let whitened = Whitened::of(&model, &free, &explanations, &data, uncertainty)?;
+    let mut out = whitened.compare(&model, &explanations);
+    let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
+    out.recording.clone_from(&recording.name);
+    out.hash = crate::dataset::fingerprint(recording);
+    out.measurements = adapted.data.observations.len();
+    out.mean_mm = mean(&errors) * 1e3;
+    out.noise_mm = uncertainty.noise * 1e3;
+    out.temp_c = (!temperatures.is_empty()).then(|| mean(&temperatures));
+    out.summary = in_words(&out);
+    Ok(out)
+}
+
+/// Some of many measurements, evenly.
+fn thinned(data: &Dataset) -> Dataset {
+    let every = data.observations.len().div_ceil(MEASUREMENTS).max(1);
+    let mut some = data.filtered(|_| true);
+    some.observations = data.observations.iter().step_by(every).copied().collect();
+    some
+}
+
+/// Terms whose columns are wanted, in the model's order.
+struct Free {
+    /// Those of the old calibration, with their places in its covariance.
+    old: Vec<(usize, usize)>,
+    /// What is new in any case.
+    new: Vec<usize>,
+}
+
+/// The model with a term for each thing that may have changed.
+fn with_explanations(mut model: Model, data: &Dataset, old: &Uncertainty) -> (Model, Vec<Explanation>, Free) {
+    let known = |t: &Term| old.names.iter().position(|n| *n == t.name);
+    let here = |t: &Term| {
+        t.basis.session.is_some_and(|s| data.observations.iter().any(|o| o.state.session == Some(s)))
+            || matches!(t.site, Site::Frame { frame, .. } if data.observations.iter().any(|o| o.frame + 1 == frame))
+    };
+    let mut free = Free { old: Vec::new(), new: Vec::new() };
+    for (k, t) in model.terms.iter().enumerate() {
+        match known(t) {
+            Some(place) => free.old.push((k, place)),
+            None if here(t) && t.scope() == Scope::Setup => free.new.push(k),
+            None => {}
+        }
+    }
+    let mut out = Vec::new();
+    let mut add = |model: &mut Model, what: String, scope: Scope, sites: Vec<(String, Site)>| {
+        let first = model.terms.len();
+        model.terms.extend(sites.into_iter().map(|(name, site)| Term::new(name, "change", site, Basis::CONSTANT)));
+        out.push(Explanation { what, scope, terms: (first..model.terms.len()).collect(), touch: None });
+    };
+    for joint in 1..=model.robot.dof() {
+        let name = format!("joint {joint}");
+        add(&mut model, name.clone(), Scope::Arm, vec![(name, Site::Joint { joint })]);
+    }
+    let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
+    let mut tool: Vec<(String, Site)> = Vec::new();
+    if any(&|m| !matches!(m, Measured::Point { .. })) {
+        let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+        let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
+        tool.extend(motions.iter().map(|m| (format!("tool {}", m.name()), Site::Tool(*m))));
+    }
+    for target in 1..=model.cell.tool.targets.len() {
+        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+            let site = |axis: Axis| (format!("target {target} {}", axis.name()), Site::Target { target, axis });
+            tool.extend(Axis::ALL.map(site));
+        }
+    }
+    add(&mut model, "tool".into(), Scope::Setup, tool);
+    // where the frame or the balls' places are new, they take up whatever the base did
+    if free.new.is_empty() {
+        let base =
+            |motions: &[Motion]| motions.iter().map(|m| (format!("base {}", m.name()), Site::Base(*m))).collect();
+        add(&mut model, "base".into(), Scope::Setup, base(&Motion::ALL[..3]));
+        add(&mut model, "base (turned too)".into(), Scope::Setup, base(&Motion::ALL));
+    }
+    if data.observations.len() <= FEW {
+        out.extend(data.observations.iter().enumerate().map(|(row, o)| Explanation {
+            what: format!("the measurement of line {}", o.line),
+            scope: Scope::Reading,
+            terms: Vec::new(),
+            touch: Some(row),
+        }));
+    }
+    (model, out, free)
+}
+
+/// Residuals and columns in units of what is usual: independent, with standard deviation 1, what is new projected out.
+struct Whitened {
+    residual: Vec<f64>,
+    /// Of each explanation.
+    columns: Vec<Vec<Vec<f64>>>,
+    /// Scalars, and how many of them what is new has taken up.
+    rows: usize,
+    new: usize,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Takes out of `v` what lies along the orthonormal `basis`, twice for the digits.
+fn project_out(v: &mut [f64], basis: &[Vec<f64>]) {
+    for _ in 0..2 {
+        for q in basis {
+            let d = dot(v, q);
+            v.iter_mut().zip(q).for_each(|(x, y)| *x -= d * y);
+        }
+    }
+}
+
+/// Adds directions of `columns` that `basis` does not have; how many.
+fn extend(basis: &mut Vec<Vec<f64>>, columns: &[Vec<f64>]) -> usize {
+    let before = basis.len();
+    for c in columns {
+        let whole = dot(c, c).sqrt();
+        let mut v = c.clone();
+        project_out(&mut v, basis);
+        let left = dot(&v, &v).sqrt();
+        if left > 1e-6 * whole && whole > 0.0 {
+            v.iter_mut().for_each(|x| *x /= left);
+            basis.push(v);
+        }
+    }
+    basis.len() - before
+}
+
+impl Whitened {
+    fn of(model: &Model, free: &Free, explanations: &[Explanation], data: &Dataset, old: &Uncertainty) -> Result<Self> {
+        let asked = explanations.iter().flat_map(|e| e.terms.iter().copied());
+        let all: Vec<usize> = free.old.iter().map(|o| o.0).chain(free.new.iter().copied()).chain(asked).collect();
+        let p = all.len();
+        let forward = Forward::new(model.clone(), all.clone())?;
+        check_observations(&forward, data)?;
+        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let (mut jacobian, mut residual) = (Mat::<f64>::zeros(rows, p), vec![0.0; rows]);
+        let (mut ws, mut buffer, mut at) = (forward.workspace(), vec![0.0; 6 * p], 0);
+        let mut spans = Vec::new();
+        for o in &data.observations {
+            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut buffer);
+            for k in 0..n {
+                // a pose's rotation is as uncertain as the position a quarter of a metre away
+                let sigma = if k < 3 { old.noise } else { 4.0 * old.noise };
+                residual[at + k] = ws.residual()[k] / sigma;
+                (0..p).for_each(|c| jacobian[(at + k, c)] = buffer[k * p + c] / sigma);
+            }
+            spans.push((at, n));
+            at += n;
+        }
+        let count = old.names.len();
+        let sd = |k: usize| model.terms[free.old[k].0].sd.unwrap_or(0.0);
+        let c = |i: usize, j: usize| old.correlation[free.old[i].1 * count + free.old[j].1] * sd(i) * sd(j);
+        let m = free.old.len();
+        let covariance = Mat::from_fn(m, m, c);
+        let of_old = jacobian.submatrix(0, 0, rows, m);
+        let mut sigma = of_old * &covariance * of_old.transpose();
+        (0..rows).for_each(|i| sigma[(i, i)] += 1.0);
+        // rounded correlations may be a hair from positive
+        let llt = Llt::new(sigma.as_ref(), Side::Lower).map_err(|_| {
+            IdentError::WrongModel("[uncertainty] of the model file: its correlations are of no real fit".into())
+        })?;
+        let lower = llt.L();
+        let white = |mut v: Vec<f64>| {
+            for i in 0..rows {
+                let sum: f64 = (0..i).map(|j| lower[(i, j)] * v[j]).sum();
+                v[i] = (v[i] - sum) / lower[(i, i)];
+            }
+            v
+        };
+        let column = |c: usize| white((0..rows).map(|i| jacobian[(i, c)]).collect());
+        let mut nuisance = Vec::new();
+        let taken: Vec<Vec<f64>> = (0..free.new.len()).map(|k| column(m + k)).collect();
+        let new = extend(&mut nuisance, &taken);
+        let freed = |mut v: Vec<f64>| {
+            project_out(&mut v, &nuisance);
+            v
+        };
+        let mut next = m + free.new.len();
+        let columns = explanations
+            .iter()
+            .map(|e| match e.touch {
+                Some(row) => {
+                    let (from, n) = spans[row];
+                    let unit = |k: usize| (0..rows).map(|i| f64::from(u8::from(i == from + k))).collect();
+                    (0..n).map(|k| freed(white(unit(k)))).collect()
+                }
+                None => {
+                    let own = (next..next + e.terms.len()).map(|c| freed(column(c))).collect();
+                    next += e.terms.len();
+                    own
+                }
+            })
+            .collect();
+        Ok(Self { residual: freed(white(residual)), columns, rows, new })
+    }
+
+    /// The search for what changed.
+    fn compare(&self, model: &Model, explanations: &[Explanation]) -> Comparison {
+        let machine = |k: usize| explanations[k].touch.is_none();
+        let more_noise = self.more_noise(explanations);
+        let families = explanations.len();
+        let limit = FALSE_ALARMS / families as f64;
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let rows = self.rows as f64;
+        let mut taken: Vec<usize> = Vec::new();
+        let mut found: Vec<(usize, f64, f64, Vec<String>)> = Vec::new();
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        while found.len() < CHANGES {
+            let mut left = self.residual.clone();
+            project_out(&mut left, &basis);
+            // statistic, rank, evidence in nats
+            let tried: Vec<(f64, usize, f64)> = (0..families)
+                .map(|k| {
+                    let mut with = basis.clone();
+                    let rank = if taken.contains(&k) { 0 } else { extend(&mut with, &self.columns[k]) };
+                    let t: f64 = with[basis.len()..].iter().map(|q| dot(q, &left).powi(2)).sum::<f64>() / more_noise;
+                    (t, rank, evidence(t, rank))
+                })
+                .collect();
+            let significant = |k: &usize| {
+                let (t, rank, _) = tried[*k];
+                rank > 0 && tail(t, rank) < limit && (!machine(*k) || (t / rows).sqrt() > SHARE)
+            };
+            let Some(best) = (0..families).filter(significant).max_by(|a, b| tried[*a].2.total_cmp(&tried[*b].2))
+            else {
+                break;
+            };
+            let weight = |k: usize| if tried[k].1 > 0 { (tried[k].2 - tried[best].2).exp() } else { 0.0 };
+            let nothing = (-tried[best].2).exp();
+            let total: f64 = (0..families).map(weight).sum::<f64>() + nothing;
+            let rivals = (0..families).filter(|k| *k != best && weight(*k) > 0.1).map(|k| explanations[k].what.clone());
+            found.push((best, weight(best) / total, tail(tried[best].0, tried[best].1), rivals.collect()));
+            taken.push(best);
+            extend(&mut basis, &self.columns[best]);
+        }
+        let chosen: Vec<usize> = found.iter().map(|f| f.0).collect();
+        let sizes = self.sizes(model, explanations, &chosen, more_noise);
+        let changes: Vec<Change> = found
+            .into_iter()
+            .zip(sizes)
+            .map(|((k, probability, p_value, rivals), by)| {
+                let e = &explanations[k];
+                Change { what: e.what.clone(), scope: e.scope, probability, p_value, by, rivals }
+            })
+            .collect();
+        let has = |scope| changes.iter().any(|c| c.scope == scope);
+        let verdict = match (has(Scope::Arm), has(Scope::Setup), changes.is_empty()) {
+            (true, ..) => "arm changed",
+            (_, true, _) => "setup changed",
+            (.., true) => "unchanged",
+            _ => "wrong touches",
+        };
+        let whole = |k: usize| explanations[k].what != "base"; // its turned form has the same numbers
+        let alone = (0..families)
+            .filter(|k| machine(*k) && whole(*k))
+            .flat_map(|k| self.sizes(model, explanations, &[k], more_noise).concat());
+        Comparison {
+            recording: String::new(),
+            hash: String::new(),
+            measurements: 0,
+            verdict,
+            summary: String::new(),
+            changes,
+            visible: self.visible(model, explanations),
+            mean_mm: 0.0,
+            noise_mm: 0.0,
+            more_noise: more_noise.sqrt(),
+            temp_c: None,
+            alone: alone.collect(),
+        }
+    }
+
+    /// By how much the variance of what nothing explains is larger than it was, at least 1.
+    fn more_noise(&self, explanations: &[Explanation]) -> f64 {
+        let mut basis = Vec::new();
+        for (e, columns) in explanations.iter().zip(&self.columns) {
+            if e.touch.is_none() {
+                extend(&mut basis, columns);
+            }
+        }
+        let mut left = self.residual.clone();
+        project_out(&mut left, &basis);
+        let freedom = self.rows.saturating_sub(self.new + basis.len());
+        if freedom < 6 {
+            return 1.0;
+        }
+        // by the median, which one wrong touch does not move
+        let mut squares: Vec<f64> = left.iter().map(|x| x * x).collect();
+        squares.sort_by(f64::total_cmp);
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let share = self.rows as f64 / freedom as f64;
+        (squares[squares.len() / 2] / 0.4549 * share).max(1.0)
+    }
+
+    /// By how much each of `chosen` changed, fitted together.
+    fn sizes(
+        &self,
+        model: &Model,
+        explanations: &[Explanation],
+        chosen: &[usize],
+        more_noise: f64,
+    ) -> Vec<Vec<Changed>> {
+        let columns: Vec<&Vec<f64>> = chosen.iter().flat_map(|k| &self.columns[*k]).collect();
+        let p = columns.len();
+        let lengths: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt().max(1e-300)).collect();
+        // a hair of damping where two explanations are one
+        let normal = Mat::from_fn(p, p, |i, j| {
+            dot(columns[i], columns[j]) / (lengths[i] * lengths[j]) + if i == j { 1e-9 } else { 0.0 }
+        });
+        let right = Mat::from_fn(p, 1 + p, |i, j| match j {
+            0 => -dot(columns[i], &self.residual) / lengths[i],
+            _ => f64::from(u8::from(i + 1 == j)),
+        });
+        let solved = Llt::new(normal.as_ref(), Side::Lower).map(|l| faer::linalg::solvers::Solve::solve(&l, &right));
+        let Ok(solved) = solved else { return vec![Vec::new(); chosen.len()] };
+        let mut next = 0;
+        chosen
+            .iter()
+            .map(|k| {
+                let e = &explanations[*k];
+                let first = next;
+                next += self.columns[*k].len();
+                let number = |(i, term): (usize, &usize)| {
+                    let (t, at) = (&model.terms[*term], first + i);
+                    let u = unit(t);
+                    let sd = (solved[(at, at + 1)] * more_noise).max(0.0).sqrt() / lengths[at] * u.per_si;
+                    Changed { name: t.name.clone(), value: solved[(at, 0)] / lengths[at] * u.per_si, sd, unit: u.name }
+                };
+                e.terms.iter().enumerate().map(number).collect()
+            })
+            .collect()
+    }
+
+    /// The smallest change of each explanation that would be seen.
+    fn visible(&self, model: &Model, explanations: &[Explanation]) -> Vec<Visible> {
+        let limit = FALSE_ALARMS / explanations.len() as f64;
+        let machine = explanations.iter().zip(&self.columns).filter(|(e, _)| e.touch.is_none());
+        let size = |(e, columns): (&Explanation, &Vec<Vec<f64>>)| {
+            let rank = extend(&mut Vec::new(), columns);
+            let needed = lambda(limit, rank.max(1));
+            // of motions along: the one that is seen worst, in mm
+            let along = |t: &&usize| unit(&model.terms[**t]).name == "mm";
+            let of_length = e.terms.iter().filter(along).count();
+            let terms = e.terms.iter().zip(columns).filter(|(t, _)| of_length == 0 || along(t));
+            let worst =
+                terms.map(|(t, c)| (dot(c, c).sqrt(), unit(&model.terms[*t]))).min_by(|a, b| a.0.total_cmp(&b.0));
+            worst.map(|(length, u)| {
+                let smallest = needed / length * u.per_si;
+                Visible {
+                    what: e.what.clone(),
+                    smallest: (length > 1e-9 && smallest < if u.name == "mm" { LARGEST_MM } else { LARGEST_DEG })
+                        .then_some(smallest),
+                    unit: u.name,
+                }
+            })
+        };
+        machine.filter_map(size).collect()
+    }
+}
+
+/// Evidence in nats of `rank` numbers that take up `t`: their prior is as wide as what was found (George & Foster 2000), so that more
+/// numbers pay for being more.
+fn evidence(t: f64, rank: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let k = rank.max(1) as f64;
+    if t > k { 0.5 * (t - k - k * (t / k).ln()) } else { 0.0 }
+}
+
+/// Upper tail of chi-squared.
+fn tail(t: f64, rank: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    ChiSquared::new(rank as f64).map_or(1.0, |d| d.sf(t))
+}
+
+/// Length (in standard deviations) of a change that passes `limit` with the chance [`SEEN`].
+fn lambda(limit: f64, rank: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let threshold = ChiSquared::new(rank as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - limit)).sqrt();
+    // the length of a vector with mean lambda in one of its directions is about normal above it
+    let above = statrs::distribution::Normal::standard().inverse_cdf(SEEN);
+    threshold + above
+}
+
+/// The verdict in sentences.
+fn in_words(c: &Comparison) -> String {
+    let size = |change: &Change| {
+        let along: Vec<&Changed> = change.by.iter().filter(|b| b.unit == "mm").collect();
+        let length = along.iter().map(|b| b.value * b.value).sum::<f64>().sqrt();
+        match &change.by[..] {
+            [] => String::new(),
+            [one] => format!(" by {:.4} +- {:.4} {}", one.value, one.sd, one.unit),
+            _ => format!(" by {length:.3} mm"),
+        }
+    };
+    if c.changes.is_empty() {
+        return format!("Unchanged, as far as these {} measurements see.", c.measurements);
+    }
+    let sentence = |change: &Change| {
+        let sure = (change.probability * 100.0).floor().min(99.0);
+        let or = if change.rivals.is_empty() { String::new() } else { format!(" (or {})", change.rivals.join(", ")) };
+        if change.scope == Scope::Reading {
+            format!("{}{or} is wrong, {sure:.0} % sure.", capital(&change.what))
+        } else {
+            format!("{}{or} changed{}, {sure:.0} % sure.", capital(&change.what), size(change))
+        }
+    };
+    c.changes.iter().map(sentence).collect::<Vec<_>>().join(" ")
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

@@ -1,0 +1,150 @@
+//! An arm over the months: every session against one calibration, the trend of the errors, and when to calibrate again.
+
+use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use trical_model::{Cell, Recording};
+
+use crate::compare::{Comparison, compare};
+use crate::dataset::JointSource;
+use crate::error::{IdentError, Result};
+use crate::model_file::ModelFile;
+
+/// Errors over sessions as a straight line.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Trend {
+    /// Growth of the mean error, mm a day, or a session where the names of the recordings have no dates.
+    pub mm_per_step: f64,
+    /// Standard deviation of it.
+    pub sd: f64,
+    /// How often chance alone would show as much growth, or more.
+    pub p_value: f64,
+}
+
+/// What a folder of sessions tells.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct History {
+    /// Each session, in the order in which they were given.
+    pub sessions: Vec<Comparison>,
+    /// Days of the sessions since the first, by dates such as 2026-11-22 in their names; `null` where some have none.
+    pub days: Option<Vec<f64>>,
+    /// How errors grow; `null` for fewer than four sessions.
+    pub trend: Option<Trend>,
+    /// When the next calibration is due, in a sentence.
+    pub due: String,
+}
+
+/// Every recording against the model of `file`; those that it was learnt on are left out. `need_mm` is the mean error that the work bears.
+///
+/// # Errors
+/// As [`compare`], and no recording beside those that the model was learnt on.
+pub fn history(
+    cell: &Cell,
+    file: &ModelFile,
+    recordings: &[Recording],
+    joints: Option<JointSource>,
+    need_mm: Option<f64>,
+) -> Result<History> {
+    let later = recordings.iter().filter(|r| file.session_of(&crate::dataset::fingerprint(r)).is_none());
+    let sessions = later.map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
+    if sessions.is_empty() {
+        return Err(IdentError::NotEnough("no session beside those that the model was learnt on".into()));
+    }
+    let days: Option<Vec<f64>> = sessions.iter().map(|s| day_in(&s.recording)).collect();
+    let days = days.map(|d| d.iter().map(|x| x - d[0]).collect::<Vec<_>>());
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let steps = days.clone().unwrap_or_else(|| (0..sessions.len()).map(|k| k as f64).collect());
+    let errors: Vec<f64> = sessions.iter().map(|s| s.mean_mm).collect();
+    let trend = trend(&steps, &errors);
+    let due = due(&sessions, &steps, trend, need_mm, if days.is_some() { "days" } else { "sessions" });
+    Ok(History { sessions, days, trend, due })
+}
+
+/// A date such as 2026-11-22 in a name, in days.
+fn day_in(name: &str) -> Option<f64> {
+    name.as_bytes().windows(10).find_map(|w| {
+        let text = std::str::from_utf8(w).ok()?;
+        let mut parts = text.split('-');
+        let mut next = |length: usize| {
+            let part = parts.next().filter(|p| p.len() == length && p.bytes().all(|b| b.is_ascii_digit()))?;
+            part.parse::<i64>().ok()
+        };
+        let (year, month, day) = (next(4)?, next(2)?, next(2)?);
+        if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+            return None;
+        }
+        // days of the civil calendar, years that begin in March
+        let (y, m) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+        #[expect(clippy::cast_precision_loss, reason = "a date")]
+        Some((365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day) as f64)
+    })
+}
+
+/// Least squares line, with how surely it rises; `None` for fewer than four points or all at one time.
+fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let n = x.len() as f64;
+    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let sxx: f64 = x.iter().map(|x| (x - mx).powi(2)).sum();
+    if x.len() < 4 || sxx <= 0.0 {
+        return None;
+    }
+    let slope = x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum::<f64>() / sxx;
+    let left: f64 = x.iter().zip(y).map(|(x, y)| (y - my - slope * (x - mx)).powi(2)).sum();
+    let sd = (left / (n - 2.0) / sxx).sqrt();
+    let p_value = StudentsT::new(0.0, 1.0, n - 2.0).map_or(1.0, |d| d.sf(slope / sd.max(1e-300)));
+    Some(Trend { mm_per_step: slope, sd, p_value })
+}
+
+fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
+    let Some(last) = sessions.last() else { return String::new() };
+    if last.verdict == "arm changed" {
+        return format!("Now: in the last session the arm is not what it was ({}).", last.recording);
+    }
+    let Some(need) = need else {
+        return "Not said: what mean error the work bears, in mm, is not given.".into();
+    };
+    if last.mean_mm > need {
+        return format!("Now: the mean error is {:.3} mm, more than the {need} mm that the work bears.", last.mean_mm);
+    }
+    match trend.filter(|t| t.p_value < 0.05) {
+        None => format!("Not yet: the mean error is {:.3} mm of {need} mm, and shows no growth.", last.mean_mm),
+        Some(t) => {
+            let here = steps.last().copied().unwrap_or(0.0);
+            let left = (need - last.mean_mm) / t.mm_per_step;
+            let soonest = (need - last.mean_mm) / (t.mm_per_step + 2.0 * t.sd);
+            let began = if unit == "days" { format!(" (day {here:.0} since the first)") } else { String::new() };
+            format!(
+                "In {left:.0} {unit} after the last session{began}, in {soonest:.0} at the earliest: the mean error is {:.3} mm of \
+                 {need} mm and grows by {:.4} mm in each of them.",
+                last.mean_mm, t.mm_per_step
+            )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn dates_in_names_are_days_apart() {
+        let days = |name: &str| day_in(name).unwrap();
+        assert_eq!(days("cell 2026-03-01.csv") - days("runs/2026-02-27-morning.csv"), 2.0);
+        assert_eq!(days("2024-03-01") - days("2024-02-27"), 3.0);
+        assert_eq!(day_in("session3.csv"), None);
+        assert_eq!(day_in("2026-13-01.csv"), None);
+    }
+
+    #[test]
+    fn a_line_through_growing_errors_is_found_and_one_through_noise_is_not() {
+        let x: Vec<f64> = (0..8).map(f64::from).collect();
+        let noise = [0.01, -0.02, 0.015, 0.0, -0.01, 0.02, -0.015, 0.005];
+        let grown: Vec<f64> = x.iter().zip(noise).map(|(x, e)| 0.1 + 0.03 * x + e).collect();
+        let t = trend(&x, &grown).unwrap();
+        assert!((t.mm_per_step - 0.03).abs() < 0.005 && t.p_value < 1e-4, "{t:?}");
+        assert!(trend(&x, &noise).unwrap().p_value > 0.05);
+        assert_eq!(trend(&x[..3], &grown[..3]), None);
+    }
+}

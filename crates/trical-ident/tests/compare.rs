@@ -1,0 +1,106 @@
+//! Is this arm still what it was: a few touches against an earlier calibration.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+#[path = "common/arm.rs"]
+mod arm;
+
+use trical_ident::{Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
+use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Site, Task, Term};
+
+/// Standard deviation of each coordinate, m.
+const NOISE: f64 = 1e-5;
+
+fn truth() -> Model {
+    arm::truth(ParameterSet::Compliance, 5)
+}
+
+/// The arm's calibration from 90 touches, as its file has it.
+fn calibrated(truth: &Model) -> ModelFile {
+    let old = Recording { name: "old.csv".into(), ..arm::touch(truth, 90, NOISE, 1) };
+    let c =
+        calibrate(&truth.robot, &truth.cell, &[old], &Options::new(ParameterSet::Compliance), &Task::silent()).unwrap();
+    let text = ModelFile::of_fit(&c.fitted).to_toml().unwrap();
+    ModelFile::parse(&text, "calibrated.toml").unwrap()
+}
+
+/// Ten touches of the arm after `site` moved by `value`.
+fn later(truth: &Model, change: Option<(Site, f64)>, name: &str, seed: u64) -> Recording {
+    let mut arm = truth.clone();
+    if let Some((site, value)) = change {
+        let mut term = Term::new("change", "change", site, Basis::CONSTANT);
+        term.value = value;
+        arm.terms.push(term);
+    }
+    Recording { name: name.into(), ..arm::touch(&arm, 10, NOISE, seed) }
+}
+
+fn compared(truth: &Model, file: &ModelFile, change: Option<(Site, f64)>) -> Comparison {
+    compare(&truth.cell, file, &later(truth, change, "new.csv", 99), None).unwrap()
+}
+
+#[test]
+fn ten_touches_of_the_same_arm_say_unchanged_and_what_they_would_have_seen() {
+    let truth = truth();
+    let c = compared(&truth, &calibrated(&truth), None);
+    assert_eq!((c.verdict, c.changes.len(), c.measurements), ("unchanged", 0, 10));
+    assert_eq!(c.summary, "Unchanged, as far as these 10 measurements see.");
+    let joint_2 = c.visible.iter().find(|v| v.what == "joint 2").unwrap();
+    assert!(joint_2.smallest.is_some_and(|s| s > 0.001 && s < 0.02) && joint_2.unit == "deg", "{joint_2:?}");
+}
+
+#[test]
+fn a_lost_joint_zero_a_new_tool_and_a_carried_plate_are_told_apart_with_their_sizes() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let c = compared(&truth, &file, Some((Site::Joint { joint: 2 }, 0.05_f64.to_radians())));
+    assert_eq!((c.verdict, c.changes[0].what.as_str(), c.changes[0].scope), ("arm changed", "joint 2", Scope::Arm));
+    let by = &c.changes[0].by[0];
+    assert!((by.value - 0.05).abs() < 3.0 * by.sd && by.sd < 0.01 && by.unit == "deg", "{by:?}");
+    assert!(c.changes[0].probability > 0.5 && c.summary.starts_with("Joint 2 changed by 0.0"), "{}", c.summary);
+    let c = compared(&truth, &file, Some((Site::Tool(Motion::Along(Axis::X)), 5e-4)));
+    assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "tool"));
+    let c = compared(&truth, &file, Some((Site::Base(Motion::Along(Axis::Y)), 5e-4)));
+    assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "base"));
+}
+
+#[test]
+fn one_wrong_touch_is_told_as_that() {
+    let truth = truth();
+    let mut recording = later(&truth, None, "new.csv", 99);
+    if let trical_model::Measured::Touch { reading, .. } = &mut recording.rows[4].measured {
+        reading[1] += 3e-4;
+    }
+    let c = compare(&truth.cell, &calibrated(&truth), &recording, None).unwrap();
+    assert_eq!((c.verdict, c.changes.len()), ("wrong touches", 1));
+    assert_eq!(c.changes[0].what, "the measurement of line 6");
+}
+
+#[test]
+fn a_model_without_its_uncertainty_and_its_own_recording_are_refused() {
+    let truth = truth();
+    let mut file = calibrated(&truth);
+    let own = Recording { name: "old.csv".into(), ..arm::touch(&truth, 90, NOISE, 1) };
+    let e = compare(&truth.cell, &file, &own, None).unwrap_err().to_string();
+    assert_eq!(e, "old.csv: the model was learnt on this recording; expected a later one");
+    file.uncertainty = None;
+    let e = compare(&truth.cell, &file, &later(&truth, None, "new.csv", 2), None).unwrap_err().to_string();
+    assert!(e.starts_with("the model file does not say how uncertain it is ([uncertainty])"), "{e}");
+}
+
+#[test]
+fn months_of_growing_errors_say_when_the_next_calibration_is_due() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let sessions: Vec<Recording> = (0..6_u32)
+        .map(|k| {
+            let change = (Site::Tool(Motion::Along(Axis::Z)), 2e-5 * f64::from(k));
+            later(&truth, Some(change), &format!("2026-0{}-01.csv", k + 1), 50 + u64::from(k))
+        })
+        .collect();
+    let h = history(&truth.cell, &file, &sessions, None, Some(0.2)).unwrap();
+    assert_eq!(h.days.as_ref().unwrap()[1], 31.0);
+    assert!(h.trend.is_some_and(|t| t.mm_per_step > 0.0 && t.p_value < 0.05), "{:?}", h.trend);
+    assert!(h.due.starts_with("In ") && h.due.contains(" days after the last session"), "{}", h.due);
+    let h = history(&truth.cell, &file, &sessions[..4], None, Some(0.01)).unwrap();
+    assert!(h.due.starts_with("Now: the mean error is"), "{}", h.due);
+}

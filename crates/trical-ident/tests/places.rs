@@ -1,0 +1,124 @@
+//! Balls and printed sockets at unknown places: their pose is identified with the arm, and the arm is scored at places that it did not see.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+#[path = "common/arm.rs"]
+mod arm;
+
+use nalgebra::Vector3;
+use trical_ident::{ModelFile, Options, ParameterSet, calibrate, validate};
+use trical_model::pose::rotation_zyx;
+use trical_model::{Cell, Measured, Model, Pose, Recording, Site, Task};
+
+/// Standard deviation of each coordinate, m; the mean length of such a vector, mm.
+const NOISE: f64 = 5e-5;
+const LEAST_MM: f64 = 0.08;
+
+/// Where the set stood, in {w}: height, turn and tilt differ.
+fn stood(place: usize) -> Pose {
+    let k = [
+        [0.35, -0.2, 0.1, 0.4, 0.0],
+        [0.3, 0.25, 0.3, -0.9, 0.3],
+        [0.1, 0.4, 0.05, 2.1, -0.2],
+        [0.4, 0.0, 0.45, 1.2, 0.5],
+    ];
+    let [x, y, z, turn, tilt] = k[place];
+    Pose { rotation: rotation_zyx(turn, tilt, 0.1), translation: Vector3::new(x, y, z) }
+}
+
+/// Touches by the true arm of balls that `cell` has, at the named places.
+fn touched(cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
+    let mut truth = arm::truth(ParameterSet::Geometry, 3);
+    truth.terms.retain(|t| !matches!(t.site, Site::Base(_)));
+    truth.cell.world_from_base = cell.world_from_base;
+    let mut all = Recording { name: format!("sockets{seed}.csv"), joints: 6, ..Recording::default() };
+    for (k, place) in places.iter().enumerate() {
+        let mut here = truth.clone();
+        here.cell.balls = cell.balls.iter().map(|b| stood(*place).apply(b)).collect();
+        let mut rows = arm::touch(&here, 40, NOISE, seed + *place as u64).rows;
+        // one socket after the other, as by hand
+        rows.sort_by_key(|r| matches!(r.measured, Measured::Touch { ball, .. } if ball > 0));
+        for r in &mut rows {
+            r.state.place = Some(k);
+            r.line = all.rows.len() + 2;
+            all.rows.push(*r);
+        }
+        all.places.push(format!("place {place}"));
+    }
+    (truth, all)
+}
+
+fn cell(balls: &str) -> Cell {
+    let text =
+        format!("[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\n[balls]\n{balls}");
+    Cell::parse(&text, "cell.toml").unwrap()
+}
+
+#[test]
+fn two_sockets_at_unknown_places_calibrate_the_arm_to_their_noise() {
+    let cell = cell("distances_mm = { d12 = 50.0 }");
+    let (truth, recording) = touched(&cell, &[0, 1, 2], 1);
+    let c =
+        calibrate(&truth.robot, &cell, &[recording], &Options::new(ParameterSet::Geometry), &Task::silent()).unwrap();
+    assert!(!c.fitted.model.terms.iter().any(|t| matches!(t.site, Site::Base(_))), "two sockets fix no base");
+    assert!(c.before.mean_mm > 0.5, "{:?}", c.before);
+    assert!(c.errors.mean_mm < 1.1 * LEAST_MM, "{:?}", c.errors);
+    let by_place = c.held_out.by_place.unwrap();
+    assert!(by_place.mean_mm < 2.5 * LEAST_MM, "{by_place:?}");
+    assert_eq!(c.held_out.forward, None, "a fit to the poses before knows one socket of the last place only");
+    assert_eq!(c.distances.len(), 3);
+    for d in &c.distances {
+        assert!((d.measured_mm - 50.0).abs() < 0.5 && d.balls == [1, 2] && d.cell_mm == 50.0, "{d:?}");
+    }
+    // a place that the model never saw: its pose from half of the touches, the other half scored
+    let file =
+        ModelFile::parse(&ModelFile::of(c.fitted.model, &c.fitted.data).to_toml().unwrap(), "calibrated.toml").unwrap();
+    assert_eq!(file.sessions[0].places, ["place 0", "place 1", "place 2"]);
+    let (_, other) = touched(&cell, &[3], 7);
+    let v = validate(&truth.robot, &cell, &file, &[other], None, None).unwrap();
+    assert_eq!((v.sessions[0].from_poses, v.sessions[0].poses, &v.sessions[0].refitted[..]), (20, 20, &["frame"][..]));
+    assert!(
+        v.after.mean_mm < 2.5 * LEAST_MM && v.before.mean_mm > 4.0 * v.after.mean_mm,
+        "{:?} {:?}",
+        v.before,
+        v.after
+    );
+}
+
+#[test]
+fn one_socket_without_any_distance_holds_the_scale_by_the_arms_lengths() {
+    let cell = cell("");
+    let (truth, recording) = touched(&cell, &[0, 1, 2, 3], 11);
+    let c =
+        calibrate(&truth.robot, &cell, &[recording], &Options::new(ParameterSet::Geometry), &Task::silent()).unwrap();
+    assert!(c.errors.mean_mm < 1.1 * LEAST_MM, "{:?}", c.errors);
+    assert!(c.cautions().iter().any(|c| c.contains("no distance")), "{:?}", c.cautions());
+}
+
+#[test]
+fn a_plate_of_three_balls_that_is_turned_and_carried_elsewhere_is_found_there() {
+    let cell = cell("distances_mm = { d12 = 300, d13 = 300, d23 = 300 }");
+    let (truth, mut recording) = touched(&cell, &[0, 1], 21);
+    recording.name = "plate.csv".into();
+    let c =
+        calibrate(&truth.robot, &cell, &[recording], &Options::new(ParameterSet::Geometry), &Task::silent()).unwrap();
+    let turns = c.fitted.model.terms.iter().filter(|t| t.effect == "place").count();
+    assert_eq!(turns, 6, "{:?}", c.fitted.model.terms.iter().map(|t| &t.name).collect::<Vec<_>>());
+    assert!(c.fitted.model.terms.iter().any(|t| matches!(t.site, Site::Base(_))));
+    assert!(c.errors.mean_mm < 1.1 * LEAST_MM, "{:?}", c.errors);
+}
+
+#[test]
+fn sockets_are_written_as_one_distance_or_none() {
+    assert_eq!(cell("distances_mm = { d12 = 50.0 }").balls, [Vector3::zeros(), Vector3::new(0.05, 0.0, 0.0)]);
+    assert_eq!(cell("").balls, [Vector3::zeros()]);
+    let wrong = |balls: &str| {
+        let text =
+            format!("[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [0, 0, 0]\n[balls]\n{balls}");
+        Cell::parse(&text, "cell.toml").unwrap_err().to_string()
+    };
+    assert_eq!(
+        wrong("distances_mm = { d12 = 50, d13 = 50 }"),
+        "cell.toml, [balls] distances_mm: found d12 and d13, expected d12, d13 and d23 of three balls, or d12 of two"
+    );
+    assert!(wrong("distances_mm = { d12 = 0 }").contains("expected a distance above 0"));
+}

@@ -637,7 +637,7 @@ fn independent_of(
     }
     // what is usual of an arm shares out what touches at unknown places leave open between parameters that do the same: one that stands
     // for both would have to be unusual
-    let placed = terms.iter().any(|t| t.effect == "place");
+    let placed = !unknown_places(&nominal.cell, data).is_empty();
     let of_arm =
         |name: &String| terms.iter().any(|t| t.name == *name && matches!(t.effect.as_str(), "geometry" | "tool"));
     let shared = |d: &Dependent| placed && of_arm(&d.name) && d.with.iter().any(of_arm);

@@ -26,14 +26,14 @@ pub fn draw_truth(nominal: &Model, seed: u64) -> Result<Model> {
         let x: f64 = StandardNormal.sample(&mut rng);
         x * sd
     };
-    let touch = Row {
+    let touch = |ball| Row {
         state: State::at(&[0.0; MAX_JOINTS]),
-        measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+        measured: Measured::Touch { ball, reading: [0.0; 3] },
         seq: None,
         line: 0,
     };
-    let recording =
-        Recording { name: "truth".into(), joints: nominal.robot.dof(), rows: vec![touch], ..Recording::default() };
+    let rows = (0..nominal.cell.balls.len()).map(touch).collect();
+    let recording = Recording { name: "truth".into(), joints: nominal.robot.dof(), rows, ..Recording::default() };
     let data = Dataset::build(&[recording], JointSource::Read, None)?;
     let choice = Choice::from(ParameterSet::Compliance);
     let mut model = nominal.clone();

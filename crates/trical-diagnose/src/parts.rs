@@ -44,13 +44,6 @@ impl<'a> Parts<'a> {
         Self::new(design, set, folds, temper, (2, Some(0), &|pose| usize::from(!split(pose))))
     }
 
-    /// Sessions, each with what belongs to it (a frame, a tool) of its own, in four parts at most; `None` for one session.
-    pub(crate) fn by_session(design: &'a Design, set: &[usize], folds: &Folds, temper: f64) -> Option<Self> {
-        let count = folds.sessions().min(FOLDS);
-        let part_of = |pose: usize| folds.session_of(pose) % count;
-        if count > 1 { Self::new(design, set, folds, temper, (count, None, &part_of)) } else { None }
-    }
-
     fn new(
         design: &'a Design,
         set: &[usize],

@@ -49,7 +49,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         by_block: whole(&proving.blocks),
         forward: whole(&proving.later),
         by_place: None,
-        by_session: whole(&Parts::by_session(&design, chosen, folds, rounds.temper())),
+        by_session: rounds.by_session().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e)),
     };
     let usual = held_out.by_block.unwrap_or(ErrorSummary::of(&fitted.errors()?));
     let none = proving.prove(&[]);

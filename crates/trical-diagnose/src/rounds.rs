@@ -1,6 +1,6 @@
 //! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
-use trical_ident::calibration::own_setup;
+use trical_ident::calibration::{own_setup, score_sessions};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::folds::Folds;
@@ -11,7 +11,7 @@ use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Cell, Measured, Model, Place, Robot, Site, Task, Term};
+use trical_model::{Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
@@ -623,6 +623,43 @@ impl Rounds {
                 _ => 1.0,
             })
             .sum()
+    }
+
+    /// Errors (m) of each session by the arm that the others say, with what was chosen; `None` for one session.
+    pub(crate) fn by_session(&self) -> Option<Vec<f64>> {
+        (self.kept.names.len() > 1).then(|| {
+            let fit = |data: &Dataset| self.fit_of_sessions(data);
+            score_sessions(&self.kept, &fit).unwrap_or_default()
+        })
+    }
+
+    /// The fit of some of the sessions, with those of the terms that act there.
+    fn fit_of_sessions(&self, data: &Dataset) -> Result<Identified> {
+        let model = &self.fitted.model;
+        let forward = Forward::new(model.clone(), (0..model.terms.len()).collect())?;
+        let (mut ws, p) = (forward.workspace(), model.terms.len());
+        let mut jacobian = vec![0.0; 6 * p];
+        let mut acts = vec![false; p];
+        for o in &data.observations {
+            let rows = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut jacobian);
+            for (k, acts) in acts.iter_mut().enumerate() {
+                *acts |= (0..rows).any(|row| jacobian[row * p + k] != 0.0);
+            }
+        }
+        // without balls or anchors, measuring frames take up where the base stands
+        let optical = data.observations.iter().all(|o| o.measured.is_framed());
+        let kept: Vec<bool> = model
+            .terms
+            .iter()
+            .zip(acts)
+            .map(|(t, acts)| acts && !(optical && matches!(t.site, Site::Base(_))))
+            .collect();
+        let mut model = self.fitted.model.clone();
+        let mut at = kept.iter();
+        model.terms.retain(|_| at.next().copied().unwrap_or(false));
+        let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
+        let free = (0..model.terms.len()).collect();
+        fit_some(model, free, data, &self.fitted.noise, &known, Vec::new(), &LmParams::WITHIN_NOISE)
     }
 
     /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.

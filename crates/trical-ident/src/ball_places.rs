@@ -147,6 +147,16 @@ fn motions(cell: &Cell, touched: &BTreeSet<usize>) -> Vec<Motion> {
     Motion::ALL.into_iter().filter(told).collect()
 }
 
+/// Motions of the set that touches in a session tell.
+pub(crate) fn motions_in(cell: &Cell, data: &Dataset, session: u32) -> Vec<Motion> {
+    let ball = |o: &Observation| match o.measured {
+        Measured::Touch { ball, .. } if o.state.session == Some(session) => Some(ball),
+        _ => None,
+    };
+    let touched: BTreeSet<usize> = data.observations.iter().filter_map(ball).collect();
+    if touched.is_empty() { Vec::new() } else { motions(cell, &touched) }
+}
+
 /// Terms of the set's pose at a place: its motion in {w} from where the cell file has it.
 #[must_use]
 pub fn terms(cell: &Cell, data: &Dataset, place: BallPlace) -> Vec<Term> {

@@ -3,7 +3,7 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_model::{Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
+use trical_model::{Cell, Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
 
 use crate::ball_places::{self, base_is_fixed, unknown_places};
 use crate::dataset::Dataset;
@@ -347,7 +347,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
     }
     let places = unknown_places(&model.cell, data);
     terms.extend(places.iter().flat_map(|p| ball_places::terms(&model.cell, data, *p)));
-    terms.extend(own_terms(&terms, data, &choice.own));
+    terms.extend(own_terms(&terms, &model.cell, data, &choice.own));
     if set >= ParameterSet::Geometry {
         let link = |parameter, link, name: &str| {
             constant(format!("{name}_{link}"), "geometry", Site::Link { link, parameter })
@@ -423,7 +423,7 @@ fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Te
 const NEAR_PARALLEL: f64 = 0.1;
 
 /// What the tool and the place of the balls add in those sessions that have their own.
-fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
+fn own_terms(shared: &[Term], cell: &Cell, data: &Dataset, own: &OwnSetup) -> Vec<Term> {
     let has = |session: u32, f: &dyn Fn(&Measured) -> bool| {
         data.observations.iter().any(|o| o.state.session == Some(session) && f(&o.measured))
     };
@@ -447,9 +447,8 @@ fn own_terms(shared: &[Term], data: &Dataset, own: &OwnSetup) -> Vec<Term> {
     }
     let placed = |session: u32| shared.iter().any(|t| t.effect == "place" && t.basis.session == Some(session));
     for session in own.balls.iter().filter(|s| !placed(**s)) {
-        if has(*session, &|m| matches!(m, Measured::Touch { .. })) {
-            out.extend(Motion::ALL.map(|m| of(&format!("balls_{}", m.name()), "balls", Site::Fixture(m), *session)));
-        }
+        let motions = ball_places::motions_in(cell, data, *session).into_iter();
+        out.extend(motions.map(|m| of(&format!("balls_{}", m.name()), "balls", Site::Fixture(m), *session)));
     }
     out
 }
@@ -551,10 +550,11 @@ fn independent_of(
         frames: nominal.frames.clone(),
         terms: terms.clone(),
     };
-    let forward = Forward::new(model, (0..p).collect())?;
+    let mut forward = Forward::new(model.clone(), (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];
-    let sorts = sorts(data, terms.iter().any(|t| matches!(t.site, Site::Fixture(_))));
+    let turned = terms.iter().any(|t| matches!(t.site, Site::Fixture(_)));
+    let sorts = sorts(data, turned);
     // twice as many rows as columns
     let rows_of_a_state: usize = sorts.iter().map(|(m, ..)| residual_rows(m)).sum();
     let states = (2 * p).div_ceil(rows_of_a_state.max(1)).max(24);
@@ -573,6 +573,13 @@ fn independent_of(
                         position: *position,
                         quaternion: trical_model::pose::quaternion_from_rotation(&frame_rotation),
                     }
+                }
+                // a ball of a set that may be turned is where it is touched, or a turn of the set would look unlike one of the base
+                Measured::Touch { ball, .. } if turned && place.is_none() => {
+                    let mut touching = model.clone();
+                    touching.cell.balls[*ball] = forward.world_from_tool(&state, &mut ws).translation;
+                    forward = Forward::new(touching, (0..p).collect())?;
+                    *measured
                 }
                 other => *other,
             };

@@ -1,8 +1,6 @@
 //! A set of candidates fitted without each part of the poses in turn, and on each part alone: what its coefficients say apart, and what
 //! the poses of a part say of it when it was learnt on the others.
 //!
-//! Where sessions are the parts, the frame and the tool of a session act in one part only: they are fitted to that part.
-//!
 //! With `H` the normal matrix of the fitted rows (priors included), `x` the solution and `E = X_t H^-1` for the rows `X_t` that are
 //! predicted, columns `o` are taken out by `x' = x - H^-1[:, o] y`, `y = H^-1[o, o]^-1 x[o]`, which changes the predicted residual by
 //! `-E[:, o] y`; columns `A` are added by the Schur complement of `H`. Another set costs what its difference costs.
@@ -35,8 +33,6 @@ pub struct Partition<'a> {
     /// Products of the columns, and with the residual, over each part.
     grams: Vec<Mat<f64>>,
     pushes: Vec<Vec<f64>>,
-    /// Of each part, an orthonormal basis of what only its own rows determine: the frame and the tool of a session.
-    own: Vec<Option<Mat<f64>>>,
     /// The fit without each part.
     fits: Vec<Fit>,
 }
@@ -131,7 +127,6 @@ impl<'a> Partition<'a> {
             columns,
             grams: Vec::new(),
             pushes: Vec::new(),
-            own: Vec::new(),
             fits: Vec::new(),
         };
         let sums = |part: usize| {
@@ -143,7 +138,6 @@ impl<'a> Partition<'a> {
             (gram, (0..n).map(|j| push[(j, 0)]).collect())
         };
         (this.grams, this.pushes) = (0..count).into_par_iter().map(sums).unzip();
-        this.own = (0..count).map(|part| this.own_of(part)).collect();
         let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
         this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;
         Some(this)
@@ -170,32 +164,16 @@ impl<'a> Partition<'a> {
         (h, g)
     }
 
-    /// Parameters without a prior that act in no other part: they are fitted to the part that is predicted.
-    fn own_of(&self, part: usize) -> Option<Mat<f64>> {
-        let elsewhere = |j: usize| (0..self.rows.len()).any(|k| k != part && self.grams[k][(j, j)] > 0.0);
-        let own: Vec<usize> =
-            (0..self.design.parameters).filter(|j| self.grams[part][(*j, *j)] > 0.0 && !elsewhere(*j)).collect();
-        (!own.is_empty()).then(|| self.rows_of(part, &own).qr().compute_thin_Q())
-    }
-
-    /// What is left of rows of a part beside what only they determine.
-    fn beside_own(&self, part: usize, rows: Mat<f64>) -> Mat<f64> {
-        match &self.own[part] {
-            Some(q) => &rows - q * (q.transpose() * &rows),
-            None => rows,
-        }
-    }
-
     fn without_part(&self, part: usize) -> Option<Fit> {
         let all: Vec<usize> = (0..self.scale.len()).collect();
         let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), &all);
         let factor = h.llt(Side::Lower).ok()?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
-        let tested = self.beside_own(part, self.columns[part].clone());
-        let mut left = self.beside_own(part, self.residual_of(part));
-        matmul(left.as_mut(), Accum::Add, tested.as_ref(), x.as_ref(), 1.0, Par::Seq);
+        let tested = &self.columns[part];
+        let mut left = self.residual_of(part);
+        matmul(left.as_mut(), Accum::Add, tested, x.as_ref(), 1.0, Par::Seq);
         let mut hat = Mat::<f64>::zeros(tested.nrows(), inverse.ncols());
-        matmul(hat.as_mut(), Accum::Replace, tested.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
+        matmul(hat.as_mut(), Accum::Replace, tested, inverse.as_ref(), 1.0, Par::Seq);
         Some(Fit { inverse, x, hat, left })
     }
 
@@ -203,7 +181,7 @@ impl<'a> Partition<'a> {
     fn predicted_by(&self, part: usize, columns: &[usize]) -> Option<Mat<f64>> {
         let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), columns);
         let x = h.llt(Side::Lower).ok()?.solve(&g);
-        Some(self.beside_own(part, self.residual_of(part) + self.rows_of(part, columns) * x))
+        Some(self.residual_of(part) + self.rows_of(part, columns) * x)
     }
 
     /// Residual of a part's rows without any fit.
@@ -249,7 +227,7 @@ impl<'a> Partition<'a> {
             let seen = Mat::from_fn(self.rows[part].len(), k, |i, j| columns[(self.rows[part][i], j)]);
             let (with_set, with_itself) = (self.columns[part].transpose() * &seen, seen.transpose() * &seen);
             let push = seen.transpose() * self.residual_of(part);
-            Seen { columns: self.beside_own(part, seen), with_set, with_itself, push }
+            Seen { columns: seen, with_set, with_itself, push }
         };
         Added { precision, parts: (0..self.rows.len()).map(sums).collect() }
     }

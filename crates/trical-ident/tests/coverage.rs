@@ -26,8 +26,9 @@ fn random_joints(model: &Model, rng: &mut Pcg64Mcg) -> State {
 fn one_run(seed: u64) -> (Model, Dataset) {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut model = Model::nominal(Robot::parse(ROBOT, "arm.toml").unwrap(), Cell::parse(CELL, "cell.toml").unwrap());
-    let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
-    let shape = build(vec![Row { state: State::at(&[]), measured: touch, seq: None, line: 2 }]);
+    let touch =
+        |ball| Row { state: State::at(&[]), measured: Measured::Touch { ball, reading: [0.0; 3] }, seq: None, line: 2 };
+    let shape = build((0..3).map(touch).collect());
     model.terms = independent_terms(&model, &shape, &Choice::from(ParameterSet::Compliance)).unwrap().0;
     for t in &mut model.terms {
         let size = if t.effect == "compliance" { 2e-5 } else { 1e-3 };

@@ -20,6 +20,7 @@ fn stood(place: usize) -> Pose {
         [0.3, 0.25, 0.3, -0.9, 0.3],
         [0.1, 0.4, 0.05, 2.1, -0.2],
         [0.4, 0.0, 0.45, 1.2, 0.5],
+        [0.2, -0.35, 0.2, 2.8, 0.25],
     ];
     let [x, y, z, turn, tilt] = k[place];
     Pose { rotation: rotation_zyx(turn, tilt, 0.1), translation: Vector3::new(x, y, z) }
@@ -56,7 +57,7 @@ fn cell(balls: &str) -> Cell {
 #[test]
 fn two_sockets_at_unknown_places_calibrate_the_arm_to_their_noise() {
     let cell = cell("distances_mm = { d12 = 50.0 }");
-    let (truth, recording) = touched(&cell, &[0, 1, 2], 1);
+    let (truth, recording) = touched(&cell, &[0, 1, 2, 3], 1);
     let c =
         calibrate(&truth.robot, &cell, &[recording], &Options::new(ParameterSet::Geometry), &Task::silent()).unwrap();
     assert!(!c.fitted.model.terms.iter().any(|t| matches!(t.site, Site::Base(_))), "two sockets fix no base");
@@ -65,15 +66,15 @@ fn two_sockets_at_unknown_places_calibrate_the_arm_to_their_noise() {
     let by_place = c.held_out.by_place.unwrap();
     assert!(by_place.mean_mm < 2.5 * LEAST_MM, "{by_place:?}");
     assert_eq!(c.held_out.forward, None, "a fit to the poses before knows one socket of the last place only");
-    assert_eq!(c.distances.len(), 3);
+    assert_eq!(c.distances.len(), 4);
     for d in &c.distances {
         assert!((d.measured_mm - 50.0).abs() < 0.5 && d.balls == [1, 2] && d.cell_mm == 50.0, "{d:?}");
     }
     // a place that the model never saw: its pose from half of the touches, the other half scored
     let file =
         ModelFile::parse(&ModelFile::of(c.fitted.model, &c.fitted.data).to_toml().unwrap(), "calibrated.toml").unwrap();
-    assert_eq!(file.sessions[0].places, ["place 0", "place 1", "place 2"]);
-    let (_, other) = touched(&cell, &[3], 7);
+    assert_eq!(file.sessions[0].places, ["place 0", "place 1", "place 2", "place 3"]);
+    let (_, other) = touched(&cell, &[4], 7);
     let v = validate(&truth.robot, &cell, &file, &[other], None, None).unwrap();
     assert_eq!((v.sessions[0].from_poses, v.sessions[0].poses, &v.sessions[0].refitted[..]), (20, 20, &["frame"][..]));
     assert!(

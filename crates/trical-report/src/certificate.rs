@@ -64,7 +64,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
         &Column { model: &c.nominal, data: &c.fitted.data, errors: &c.each_before },
         &Column { model: &c.fitted.model, data: &c.fitted.data, errors: &after },
         c.rejected,
-        Some(&ModelFile::of(c.fitted.model.clone(), &c.fitted.data)),
+        Some(&ModelFile::of_fit(&c.fitted)),
         notes,
         made,
     )

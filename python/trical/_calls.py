@@ -439,7 +439,7 @@ def observability(
     robot: PathLike | Robot,
     cell: PathLike | Cell,
     joints: str = "read",
-    model: str = "compliance",
+    model: str = "complete",
     noise: float | None = None,
 ) -> Observability:
     """Say what measurements tell about the parameters of a set, whatever their values.

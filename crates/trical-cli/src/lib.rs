@@ -54,7 +54,7 @@ enum Command {
     /// Files to start from: a commented robot.toml and cell.toml, a recording with the columns
     Init(commands::init::Args),
     /// A robot, a cell and 90 touches to try the program on: the arm has a flaw
-    Sample(commands::sample::Args),
+    Sample(commands::init::Args),
     /// Plan collision-free, informative touches
     Plan(commands::plan::Args),
     /// Simulate whole calibrations: touches against error, chosen against random, platforms of balls compared

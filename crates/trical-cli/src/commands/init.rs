@@ -22,15 +22,15 @@ const FILES: [(&str, &str, &str); 3] = [
     ),
 ];
 
-/// Arguments of `trical init`.
+/// Arguments of `trical init` and of `trical sample`.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder into which the files are written
     #[arg(value_name = "DIR", default_value = ".")]
-    folder: PathBuf,
+    pub folder: PathBuf,
     /// A machine-readable summary on standard output
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 /// Runs the command.

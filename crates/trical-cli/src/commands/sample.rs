@@ -1,8 +1,6 @@
 //! `trical sample`: a robot, a cell and a recording to try the program on.
 
-use std::path::PathBuf;
-
-use crate::commands::init::written;
+use crate::commands::init::{Args, written};
 use crate::error::Result;
 use crate::say;
 
@@ -20,17 +18,6 @@ pub const FILES: [(&str, &str, &str); 3] = [
         "90 touches by an arm that differs, and has one flaw more",
     ),
 ];
-
-/// Arguments of `trical sample`.
-#[derive(clap::Args)]
-pub struct Args {
-    /// Folder into which the files are written
-    #[arg(value_name = "DIR", default_value = ".")]
-    folder: PathBuf,
-    /// A machine-readable summary on standard output
-    #[arg(long)]
-    json: bool,
-}
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {

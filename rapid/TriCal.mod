@@ -19,6 +19,7 @@ MODULE TriCal
     !   04 joints j1..j6             24 who are you             99 close
     !   06 tool x y z q1..q4         30 (sent only) joint sample: s j1..j6
     !   08 speed mm/s deg/s          25, 26 (while the arm moves) stop, alive?
+    !   27 SECRET, the first message of each client
     ! A client that sends anything else is disconnected.
     ! A RAPID string holds 80 characters: longer replies are sent in pieces.
     !**************************************************************************
@@ -27,6 +28,13 @@ MODULE TriCal
     ! Address of the controller's own port (service port: 192.168.125.1).
     LOCAL CONST string ADDRESS:="192.168.125.1";
     LOCAL CONST num PORT:=5000;
+
+    ! Who may command. SECRET: 8 to 40 letters and digits, the same as secret=
+    ! in the computer's URL; "none" for no secret. CLIENT: the address of the
+    ! computer, for instance "192.168.125.20"; "any" for whoever is connected.
+    ! The server does not start before both are set.
+    LOCAL CONST string SECRET:="";
+    LOCAL CONST string CLIENT:="";
 
     ! Limits of this side, whatever the computer asks for.
     LOCAL CONST num MAX_CORRECTION:=5;     ! mm, each correction
@@ -53,6 +61,7 @@ MODULE TriCal
     LOCAL VAR socketdev skServer;
     LOCAL VAR socketdev skClient;
     LOCAL VAR bool bConnected:=FALSE;
+    LOCAL VAR bool bKnown:=FALSE;
     LOCAL VAR string sBuffer:="";
     LOCAL VAR num nCode:=0;
     LOCAL VAR num nCount:=0;
@@ -68,6 +77,10 @@ MODULE TriCal
 
     ! Waits for a client, does what it asks, and waits for the next.
     PROC TriCalServer()
+        IF CLIENT="" OR (StrLen(SECRET)<8 AND SECRET<>"none") THEN
+            TPWrite "TriCal: set SECRET and CLIENT in its module";
+            EXIT;
+        ENDIF
         ClkReset ckTime;
         ClkStart ckTime;
         BookErrNo ERR_TRICAL;
@@ -92,10 +105,15 @@ MODULE TriCal
         SocketListen skServer;
         TPWrite "TriCal: waiting for a client";
         SocketAccept skServer,skClient\ClientAddress:=sClient\Time:=WAIT_MAX;
+        IF CLIENT<>"any" AND sClient<>CLIENT THEN
+            TPWrite "TriCal: turned away "+sClient;
+            RETURN;
+        ENDIF
         TPWrite "TriCal: connected to "+sClient;
         sBuffer:="";
         nSampleTime:=0;
         nSum:=0;
+        bKnown:=(SECRET="none");
         bConnected:=TRUE;
     ERROR
         IF ERRNO=ERR_SOCK_TIMEOUT THEN
@@ -112,9 +130,12 @@ MODULE TriCal
         VAR string sPart;
         VAR num nEnd;
         VAR string sMessage;
+        VAR num nWait:=WAIT_MAX;
+        ! Who does not say the secret soon is not waited for.
+        IF NOT bKnown nWait:=10;
         nEnd:=StrMatch(sBuffer,1,"#");
         WHILE nEnd>StrLen(sBuffer) DO
-            SocketReceive skClient\Str:=sPart\Time:=WAIT_MAX;
+            SocketReceive skClient\Str:=sPart\Time:=nWait;
             IF StrLen(sBuffer)+StrLen(sPart)>80 THEN
                 ! No request is that long: it is another language, and may have
                 ! a command in what follows.
@@ -130,6 +151,10 @@ MODULE TriCal
         ELSE
             sBuffer:="";
         ENDIF
+        IF NOT bKnown OR StrMatch(sMessage,1,"27 ")=1 THEN
+            Login sMessage;
+            RETURN FALSE;
+        ENDIF
         IF NOT Parse(sMessage) THEN
             TPWrite "TriCal: not a client of TriCal, disconnected";
             bConnected:=FALSE;
@@ -137,7 +162,7 @@ MODULE TriCal
         ENDIF
         RETURN TRUE;
     ERROR
-        IF ERRNO=ERR_SOCK_TIMEOUT THEN
+        IF ERRNO=ERR_SOCK_TIMEOUT AND bKnown THEN
             ResetRetryCount;
             RETRY;
         ENDIF
@@ -145,6 +170,28 @@ MODULE TriCal
         bConnected:=FALSE;
         RETURN FALSE;
     ENDFUNC
+
+    ! The first message has to be the secret, as a whole; nothing in another
+    ! one is done.
+    LOCAL PROC Login(string sMessage)
+        nCode:=27;
+        IF SECRET<>"none" AND sMessage="27 "+SECRET+" " THEN
+            bKnown:=TRUE;
+            Reply "";
+            RETURN;
+        ENDIF
+        TPWrite "TriCal: wrong secret, disconnected";
+        ! Slow for who guesses.
+        WaitTime 1;
+        IF SECRET="none" THEN
+            Refuse "no secret is set here";
+        ELSEIF StrMatch(sMessage,1,"27 ")=1 THEN
+            Refuse "wrong secret";
+        ELSE
+            Refuse "secret expected";
+        ENDIF
+        bConnected:=FALSE;
+    ENDPROC
 
     ! Splits a message into its code and up to seven numbers.
     LOCAL FUNC bool Parse(string sMessage)

@@ -6,29 +6,60 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{url:?}: {problem}")]
 pub struct UrlError {
-    /// The URL as it was given, without a password.
+    /// The URL as it was given, without secrets.
     pub url: String,
     /// What was found and what was expected.
     pub problem: String,
 }
 
-/// A URL as it may be shown and recorded: the value of `password` is left out.
+/// Options whose values are shown and recorded nowhere.
+const SECRETS: [&str; 2] = ["password", "secret"];
+
+/// A URL as it may be shown and recorded: values of `password` and `secret` are left out, and what stands before an `@`.
 #[must_use]
 pub fn without_secrets(text: &str) -> String {
     let hidden = |part: &str| match part.split_once('=') {
-        Some(("password", _)) => "password=...".to_owned(),
+        Some((key, _)) if SECRETS.iter().any(|secret| key.eq_ignore_ascii_case(secret)) => format!("{key}=..."),
         _ => part.to_owned(),
     };
-    match text.split_once('?') {
-        Some((place, query)) => format!("{place}?{}", query.split('&').map(hidden).collect::<Vec<_>>().join("&")),
-        None => text.to_owned(),
+    let (place, query) = text.split_once('?').map_or((text, None), |(place, query)| (place, Some(query)));
+    let place = match (place.split_once("://"), place.rsplit_once('@')) {
+        (Some((scheme, _)), Some((_, host))) => format!("{scheme}://...@{host}"),
+        _ => place.to_owned(),
+    };
+    match query {
+        Some(query) => format!("{place}?{}", query.split('&').map(hidden).collect::<Vec<_>>().join("&")),
+        None => place,
+    }
+}
+
+/// A password or a shared secret. It is shown nowhere, not even by `{:?}`.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct Secret(String);
+
+impl Secret {
+    /// A secret of which this is the text.
+    pub fn new(text: impl Into<String>) -> Self {
+        Self(text.into())
+    }
+
+    /// Its text, for who sends it.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.0
+    }
+}
+
+impl std::fmt::Debug for Secret {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("...")
     }
 }
 
 /// A device URL in its parts; values are percent-decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceUrl {
-    /// The URL as it was given, without a password, for messages.
+    /// The URL as it was given, without secrets, for messages.
     pub text: String,
     /// What stands before `://`, in lower case.
     pub scheme: String,
@@ -63,10 +94,13 @@ impl DeviceUrl {
                 return Err(fail(format!("option {key:?} is given twice")));
             }
             let value = percent_decode(value)
-                .ok_or_else(|| fail(format!("option {key:?} has a broken percent escape in {value:?}")))?;
+                .ok_or_else(|| fail(format!("option {key:?} has a broken percent escape in its value")))?;
             pairs.push((key.to_owned(), value));
         }
         let place = percent_decode(place).ok_or_else(|| fail("broken percent escape in the place".to_owned()))?;
+        if place.contains('@') && !place.starts_with('/') {
+            return Err(fail("a user before an \"@\"; expected options behind a \"?\"".to_owned()));
+        }
         Ok(Self { text: without_secrets(text), scheme: scheme.to_ascii_lowercase(), place, query: pairs })
     }
 
@@ -80,6 +114,18 @@ impl DeviceUrl {
     pub fn take(&mut self, key: &str) -> Option<String> {
         let at = self.query.iter().position(|(known, _)| known == key)?;
         Some(self.query.remove(at).1)
+    }
+
+    /// Takes a secret out of the URL: `key=TEXT`, or `key=@FILE` for the first line of a file, which leaves no trace in a
+    /// shell's history.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn take_secret(&mut self, key: &str) -> Result<Option<Secret>, UrlError> {
+        let Some(value) = self.take(key) else { return Ok(None) };
+        let Some(path) = value.strip_prefix('@') else { return Ok(Some(Secret(value))) };
+        let text = trical_model::error::read_text(std::path::Path::new(path)).map_err(|e| self.error(e.to_string()))?;
+        Ok(Some(Secret(text.lines().next().unwrap_or_default().trim().to_owned())))
     }
 
     /// Takes a number out of the URL, or `default`.
@@ -149,6 +195,28 @@ mod tests {
         assert_eq!(without_secrets("rapid://host:5000"), "rapid://host:5000");
         let error = DeviceUrl::parse(url).unwrap().error("wrong").to_string();
         assert!(!error.contains("s3cret") && error.contains("user=me"), "{error}");
+        for url in [
+            "rapid://h?secret=s3cret&x",
+            "rws://h?Password=s3cret&x",
+            "rws://me:s3cret@h?x=%",
+            "rws://h?password=s3cret%2",
+        ] {
+            let error = DeviceUrl::parse(url).unwrap_err().to_string();
+            assert!(!error.contains("s3cret"), "{error}");
+        }
+        assert_eq!(format!("{:?}", Secret::new("s3cret")), "...");
+    }
+
+    #[test]
+    fn a_secret_may_stand_in_a_file() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "s3cret word\nmore\n").unwrap();
+        let mut url = DeviceUrl::parse(&format!("rapid://h?secret=@{}&password=p", file.path().display())).unwrap();
+        assert_eq!(url.take_secret("secret").unwrap().unwrap().text(), "s3cret word");
+        assert_eq!(url.take_secret("password").unwrap().unwrap().text(), "p");
+        assert_eq!(url.take_secret("password").unwrap(), None);
+        let mut url = DeviceUrl::parse("rapid://h?secret=@/no/such").unwrap();
+        assert!(url.take_secret("secret").unwrap_err().to_string().contains("/no/such"));
     }
 
     #[test]

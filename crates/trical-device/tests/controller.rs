@@ -11,6 +11,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use trical_device::controller::{RapidClient, RapidSettings, StopCount};
+use trical_device::url::Secret;
 use trical_device::{CellOptions, Controller, ControllerError, VirtualCell, open_controller};
 
 /// A server that answers each whole request by a script, for one client.
@@ -254,6 +255,58 @@ fn who_speaks_another_language_is_disconnected_and_moves_nothing() {
         assert_eq!(answer, "", "{text:?}");
     }
     assert_eq!(cell.motions(), 0);
+}
+
+/// What a raw client is answered, until it is disconnected.
+fn answered(cell: &VirtualCell, text: &str) -> String {
+    let mut stream = std::net::TcpStream::connect(cell.address()).unwrap();
+    stream.write_all(text.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8(answer).unwrap()
+}
+
+#[test]
+fn who_does_not_know_the_secret_commands_nothing() {
+    let options = CellOptions { secret: Some(Secret::new("Torx25kanne")), ..CellOptions::default() };
+    let cell = VirtualCell::start(Box::new(common::Gantry::default()), options).unwrap();
+    assert_eq!(answered(&cell, "24 #02 10 0 0 0 0 0 #"), "27 0 secret expected#");
+    assert_eq!(answered(&cell, "02 10 0 0 0 0 0 #"), "27 0 secret expected#");
+    assert_eq!(answered(&cell, "27 Torx25 #02 10 0 0 0 0 0 #"), "27 0 wrong secret#");
+    assert_eq!(answered(&cell, "POST / HTTP/1.1\r\n\r\n#27 Torx25kanne #02 10 0 0 0 0 0 #"), "");
+    assert_eq!(cell.motions(), 0);
+
+    let url = format!("rapid://{}?settle_ms=0", cell.address());
+    let error = open_controller(&url).err().unwrap().to_string();
+    assert!(error.contains("secret expected; secret= in the URL is to be SECRET of its module"), "{error}");
+    let error = open_controller(&format!("{url}&secret=Torx25kannen")).err().unwrap().to_string();
+    assert!(error.contains("wrong secret") && !error.contains("Torx25"), "{error}");
+    let mut controller = open_controller(&cell.controller_url()).unwrap();
+    controller.move_joints(&[0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    assert_eq!(cell.motions(), 1);
+}
+
+#[test]
+fn a_secret_where_none_is_set_is_told() {
+    let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
+    let error = open_controller(&format!("rapid://{}?secret=Torx25kanne", cell.address())).err().unwrap();
+    assert!(error.to_string().contains("no secret is set here"), "{error}");
+    open_controller(&format!("rapid://{}?secret=none", cell.address())).unwrap().ping().unwrap();
+}
+
+#[test]
+fn a_second_client_waits_until_the_first_has_gone() {
+    let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
+    let first = open_controller(&cell.controller_url()).unwrap();
+    let mut second = std::net::TcpStream::connect(cell.address()).unwrap();
+    second.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
+    second.write_all(b"02 10 0 0 0 0 0 #").unwrap();
+    let mut answer = [0; 20];
+    assert!(second.read(&mut answer).is_err(), "{answer:?}");
+    assert_eq!(cell.motions(), 0);
+    drop(first);
+    second.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    assert!(second.read(&mut answer).unwrap() > 0);
 }
 
 #[test]

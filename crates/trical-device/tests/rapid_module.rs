@@ -142,3 +142,20 @@ fn the_module_of_the_web_services_has_what_the_client_writes_and_reads() {
     assert_eq!(limits(&module), limits(&self::module()));
     assert_eq!(limits(&module).len(), 8);
 }
+
+#[test]
+fn the_server_starts_with_a_secret_only_and_looks_at_nothing_else_before_it() {
+    let module = module();
+    for text in ["string SECRET:=\"\";", "string CLIENT:=\"\";", "StrLen(SECRET)<8 AND SECRET<>\"none\""] {
+        assert!(module.contains(text), "{text}");
+    }
+    for reason in [protocol::SECRET_EXPECTED, protocol::SECRET_WRONG, protocol::SECRET_NOT_SET, protocol::NO_SECRET] {
+        assert!(module.contains(&format!("\"{reason}\"")), "{reason}");
+    }
+    // the same text as the client sends
+    assert_eq!(protocol::write_login("SECRET"), "27 SECRET #");
+    assert!(module.contains("sMessage=\"27 \"+SECRET+\" \""));
+    let place = |text: &str| module.find(text).unwrap();
+    assert!(place("Login sMessage") < place("NOT Parse(sMessage)"));
+    assert!(place("sClient<>CLIENT") < place("bConnected:=TRUE"));
+}

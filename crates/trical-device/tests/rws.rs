@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use md5::{Digest, Md5};
 use trical_device::controller::{RwsClient, RwsSettings};
+use trical_device::url::Secret;
 use trical_device::{Controller, ControllerError, open_controller};
 
 const NONCE: &str = "9d8c7b6a5f4e";
@@ -179,6 +180,8 @@ fn server() -> (String, Arc<Mutex<Robot>>) {
 
 fn settings() -> RwsSettings {
     RwsSettings {
+        user: "Default User".to_owned(),
+        password: Secret::new("robotics"),
         timeout: Duration::from_secs(5),
         move_timeout: Duration::from_millis(200),
         poll: Duration::from_millis(1),
@@ -252,7 +255,7 @@ fn a_motion_without_an_answer_blocks_the_next_one() {
 #[test]
 fn wrong_users_missing_modules_and_other_servers_are_told_apart() {
     let (address, robot) = server();
-    let error = RwsClient::connect(&address, RwsSettings { password: "x".to_owned(), ..settings() }).err().unwrap();
+    let error = RwsClient::connect(&address, RwsSettings { password: Secret::new("x"), ..settings() }).err().unwrap();
     assert!(error.to_string().contains("wrong user \"Default User\" or password"), "{error}");
     let error = RwsClient::connect(&address, RwsSettings { unit: "ROB_2".to_owned(), ..settings() }).err().unwrap();
     assert!(error.to_string().contains("ROB_2 the mechanical unit?"), "{error}");
@@ -275,7 +278,8 @@ fn wrong_users_missing_modules_and_other_servers_are_told_apart() {
 #[test]
 fn the_url_opens_the_client() {
     let (address, _robot) = server();
-    let mut controller = open_controller(&format!("rws://{address}?user=Default%20User&settle_ms=0")).unwrap();
+    let mut controller =
+        open_controller(&format!("rws://{address}?user=Default%20User&password=robotics&settle_ms=0")).unwrap();
     controller.ping().unwrap();
     assert_eq!(controller.temperature().unwrap(), None);
     assert!(controller.clock().unwrap() >= 0.0);

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use trical_device::controller::rapid_protocol::{NO_SECRET, is_secret};
+use trical_device::url::Secret;
 use trical_device::virtual_cell::{Scheduled, Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
 use trical_diagnose::truth::{TruthError, draw_truth, hide};
@@ -29,6 +31,9 @@ pub struct Args {
     /// TCP port of the controller; 0 for any that is free
     #[arg(long, default_value_t = 5000)]
     port: u16,
+    /// What a client of the controller has to give first, or none; without it one is drawn. It stands in the URL that is printed
+    #[arg(long, value_name = "WORD")]
+    secret: Option<String>,
     /// An effect of docs/effects.md to hide in the arm, with its site and its size in typical ones, as in
     /// lost_motion_direction@3*2; steps and ripples as joint_zero_shift@2/600 (s), gear_ripple@4/100 (cycles)
     #[arg(long, value_name = "EFFECT[@SITE][*SIZE]")]
@@ -96,7 +101,15 @@ impl Args {
         for (q, v) in start.iter_mut().zip(&self.start_deg) {
             *q = v.to_radians();
         }
+        let usual = CellOptions::like_a_real_one(truth, self.seed, self.port);
+        let secret = match self.secret.as_deref() {
+            None => usual.secret.clone(),
+            Some(NO_SECRET) => None,
+            Some(word) if is_secret(word) => Some(Secret::new(word)),
+            Some(_) => return Err(CliError::Input("--secret: expected 8 to 40 letters and digits, or none".into())),
+        };
         Ok(CellOptions {
+            secret,
             pace: self.pace,
             radio_delay: self.radio_ms * 1e-3,
             unsettled,
@@ -104,7 +117,7 @@ impl Args {
             placement: self.placement_mm * 1e-3,
             start,
             script: self.script()?,
-            ..CellOptions::like_a_real_one(truth, self.seed, self.port)
+            ..usual
         })
     }
 }

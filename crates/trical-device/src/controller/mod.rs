@@ -15,7 +15,8 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 use trical_model::recording::Joints;
 
-use crate::url::{DeviceUrl, UrlError};
+use self::rapid_protocol::{NO_SECRET, is_secret};
+use crate::url::{DeviceUrl, Secret, UrlError};
 use trical_recording::motion::JointSample;
 
 pub use rapid::{RapidClient, RapidSettings};
@@ -182,6 +183,16 @@ pub enum ControllerError {
         /// What the controller says.
         reason: String,
     },
+    /// The controller wants a secret, or another one.
+    #[error(
+        "robot controller {controller}: {reason}; secret= in the URL is to be SECRET of its module, or none on both sides"
+    )]
+    Secret {
+        /// Name of the controller.
+        controller: String,
+        /// What the controller says.
+        reason: String,
+    },
     /// An answer that is none.
     #[error("robot controller {controller}: answered {found:?} to {request:?}, expected {expected}")]
     Garbage {
@@ -230,11 +241,12 @@ pub enum ControllerError {
 ///
 /// `rapid://host:port` is an ABB IRC5 that runs `rapid/TriCal.mod` (default port 5000). Options: `timeout_s` (of an
 /// answer), `move_timeout_s` (of a motion), `stream_ms` (joints while moving; 0 = off), `settle_ms` (pause between the two
-/// readings of the joints that must agree).
+/// readings of the joints that must agree), `secret` (what the module has as `SECRET`; `none` where it has none, `@FILE` for
+/// the first line of a file).
 ///
 /// `rws://host:port` is an ABB controller with RobotWare 6 behind Robot Web Services 1.0 (default port 80); motions need
-/// `rapid/TriCalRws.mod`, reading the joints does not. Options: `user`, `password`, `task`, `module`, `unit`,
-/// `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
+/// `rapid/TriCalRws.mod`, reading the joints does not. Options: `user` and `password` (`@FILE` for the first line of a file), or
+/// `login=factory` for those of every new controller; `task`, `module`, `unit`, `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
 ///
 /// `ur://host` is a Universal Robots controller in remote control: URScript and RTDE. Options: `timeout_s`,
 /// `move_timeout_s`, `settle_ms`, `max_correction_mm`, `rtde_port`, `script_port`.
@@ -276,20 +288,32 @@ fn milliseconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Dur
 
 fn rapid_settings(url: &mut DeviceUrl) -> Result<RapidSettings, UrlError> {
     let defaults = RapidSettings::default();
+    let secret = url.take_secret("secret")?.filter(|secret| secret.text() != NO_SECRET);
+    if secret.as_ref().is_some_and(|secret| !is_secret(secret.text())) {
+        return Err(url.error("option \"secret\": expected 8 to 40 letters and digits, or none"));
+    }
     let settings = RapidSettings {
         timeout: seconds(url, "timeout_s", defaults.timeout)?,
         move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
         stream: milliseconds(url, "stream_ms", defaults.stream)?,
         settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+        secret,
     };
-    url.finish("timeout_s, move_timeout_s, stream_ms, settle_ms")?;
+    url.finish("secret, timeout_s, move_timeout_s, stream_ms, settle_ms")?;
     Ok(settings)
 }
 
 fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
     let defaults = RwsSettings::default();
+    let (user, password) = match (url.take("login").as_deref(), url.take("user"), url.take_secret("password")?) {
+        (Some("factory"), None, None) => (rws::FACTORY_LOGIN.0.to_owned(), Secret::new(rws::FACTORY_LOGIN.1)),
+        (None, Some(user), Some(password)) => (user, password),
+        _ => {
+            let expected = "expected user= and password=, or login=factory for those that every new controller has";
+            return Err(url.error(format!("no user and password: {expected}")));
+        }
+    };
     let mut word = |key: &str, default: String| url.take(key).unwrap_or(default);
-    let [user, password] = [word("user", defaults.user), word("password", defaults.password)];
     let [task, module, unit] =
         [word("task", defaults.task), word("module", defaults.module), word("unit", defaults.unit)];
     for (key, name) in [("task", &task), ("module", &module), ("unit", &unit)] {
@@ -308,7 +332,7 @@ fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
         poll: milliseconds(url, "poll_ms", defaults.poll)?,
         settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
     };
-    url.finish("user, password, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms")?;
+    url.finish("user, password, login, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms")?;
     Ok(settings)
 }
 
@@ -386,8 +410,13 @@ mod tests {
     #[test]
     fn a_bad_url_is_one_clear_sentence() {
         assert!(says("kuka://host").contains("unknown controller \"kuka\""));
-        assert!(says("rws://host?module=a/b").contains("letters, digits"));
-        assert!(says("rws://127.0.0.1:1").contains("cannot connect"));
+        assert!(says("rws://host?login=factory&module=a/b").contains("letters, digits"));
+        assert!(says("rws://127.0.0.1:1?login=factory").contains("cannot connect"));
+        assert!(says("rws://127.0.0.1:1?user=me&password=p").contains("cannot connect"));
+        for unsaid in ["", "?user=me", "?password=p", "?login=default", "?login=factory&user=me"] {
+            assert!(says(&format!("rws://127.0.0.1:1{unsaid}")).contains("login=factory for those"), "{unsaid}");
+        }
+        assert!(says("rapid://host?secret=short").contains("8 to 40 letters and digits"));
         assert!(says("rapid://host?speed=1").contains("unknown option \"speed\""));
         assert!(says("rapid://127.0.0.1:1").contains("cannot connect"));
         assert!(says("rapid://").contains("nothing between"));

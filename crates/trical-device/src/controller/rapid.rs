@@ -9,6 +9,7 @@ use trical_model::recording::{Joints, MAX_JOINTS};
 use super::rapid_protocol::{self as protocol, Reply, code};
 use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops};
 use crate::gauge::shorten;
+use crate::url::Secret;
 use trical_recording::motion::JointSample;
 
 /// How long a controller may take to say that the arm stands after a stop.
@@ -34,6 +35,8 @@ pub struct RapidSettings {
     pub stream: Duration,
     /// When the joints stand still.
     pub settle: JointSettle,
+    /// What the module has as `SECRET`; `None` where it has none.
+    pub secret: Option<Secret>,
 }
 
 impl Default for RapidSettings {
@@ -43,6 +46,7 @@ impl Default for RapidSettings {
             move_timeout: Duration::from_secs(120),
             stream: Duration::from_millis(100),
             settle: JointSettle::default(),
+            secret: None,
         }
     }
 }
@@ -103,6 +107,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             stops: Stops::default(),
             broken: None,
         };
+        client.login()?;
         client.identify()?;
         let fine = protocol::write_request(code::ZONE, &[1.0], 0);
         client.request(code::ZONE, &fine, client.settings.timeout)?;
@@ -117,6 +122,14 @@ impl<S: Read + Write + Send> RapidClient<S> {
     /// Largest correction that the controller takes, m.
     pub fn correction_limit(&self) -> f64 {
         self.correction_limit
+    }
+
+    /// Gives the secret, before anything else.
+    fn login(&mut self) -> Result<(), ControllerError> {
+        let Some(secret) = &self.settings.secret else { return Ok(()) };
+        let message = protocol::write_login(secret.text());
+        self.send(&message)?;
+        self.reply(code::LOGIN, "27 ... #", self.settings.timeout).map(|_| ())
     }
 
     fn identify(&mut self) -> Result<(), ControllerError> {
@@ -161,6 +174,11 @@ impl<S: Read + Write + Send> RapidClient<S> {
             return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
         }
         self.send(request)?;
+        self.reply(wanted, request, timeout)
+    }
+
+    /// The reply to a request that was sent, which is shown in messages as `request`.
+    fn reply(&mut self, wanted: u8, request: &str, timeout: Duration) -> Result<String, ControllerError> {
         let deadline = Instant::now() + timeout;
         loop {
             let Some(message) = self.next_message(deadline)? else {
@@ -175,6 +193,10 @@ impl<S: Read + Write + Send> RapidClient<S> {
                 Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
                 // to a sign of life that came when the motion had ended
                 Some(Reply { code: code::ALIVE, .. }) => {}
+                Some(Reply { code: code::LOGIN, ok: false, data }) => {
+                    self.broken = Some(data.clone());
+                    return Err(ControllerError::Secret { controller: self.name.clone(), reason: data });
+                }
                 Some(reply) if reply.code == wanted && reply.ok => return Ok(reply.data),
                 Some(reply) if reply.code == wanted => {
                     let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };

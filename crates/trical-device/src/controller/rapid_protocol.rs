@@ -19,6 +19,7 @@
 //! | 24 | who are you | `TriCal <version> <number of joints> <correction limit mm>` |
 //! | 25 | stop the motion under way; taken while it is | after the motion's own reply, which is refused |
 //! | 26 | alive? taken while the arm moves; a module that hears nothing for some seconds then stops it | |
+//! | 27 | `SECRET`: the first message, where the module has one; a word, not a number | |
 //! | 30 | (never requested) | `seconds j1 .. j6`: a sample of the stream |
 //! | 99 | close | |
 
@@ -55,6 +56,8 @@ pub mod code {
     pub const STOP: u8 = 25;
     /// Say that both ends are alive, while the arm moves.
     pub const ALIVE: u8 = 26;
+    /// Give the secret.
+    pub const LOGIN: u8 = 27;
     /// A sample of the stream.
     pub const SAMPLE: u8 = 30;
     /// Close the connection.
@@ -109,6 +112,39 @@ pub fn parse_request(message: &[u8]) -> Option<Request> {
     let code = words.next()?.parse().ok()?;
     let parameters = words.map(parse_number).collect::<Option<Vec<f64>>>()?;
     Some(Request { code, parameters })
+}
+
+/// Fewest and most letters of a secret: a RAPID string holds 80.
+pub const SECRET_LETTERS: std::ops::RangeInclusive<usize> = 8..=40;
+
+/// The word that stands for no secret at all, in the module and in a URL.
+pub const NO_SECRET: &str = "none";
+
+/// What is said to who commands before it has given the secret.
+pub const SECRET_EXPECTED: &str = "secret expected";
+
+/// What is said to who gives a wrong one.
+pub const SECRET_WRONG: &str = "wrong secret";
+
+/// What is said to who gives a secret where none is set.
+pub const SECRET_NOT_SET: &str = "no secret is set here";
+
+/// Whether a text can be a secret: letters and digits only, neither too few nor too many.
+#[must_use]
+pub fn is_secret(text: &str) -> bool {
+    SECRET_LETTERS.contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_alphanumeric())
+}
+
+/// Writes the message that gives the secret.
+#[must_use]
+pub fn write_login(secret: &str) -> String {
+    format!("{:02} {secret} #", code::LOGIN)
+}
+
+/// The secret that a message gives, without its `#`; `None` where it is another message.
+#[must_use]
+pub fn parse_login(message: &[u8]) -> Option<&str> {
+    std::str::from_utf8(message).ok()?.trim().strip_prefix("27 ").map(str::trim)
 }
 
 /// Takes a reply apart, without its `#`.
@@ -190,6 +226,21 @@ mod tests {
         let q = [(-359.999_99_f64).to_radians(); MAX_JOINTS];
         assert!(write_request(code::MOVE_JOINTS, &joints_in_degrees(&q, 6), 5).len() <= 80);
         assert!(write_reply(code::JOINTS, true, &write_joints(&q, 6)).len() <= 80);
+    }
+
+    #[test]
+    fn a_secret_fits_a_rapid_string_and_is_no_request() {
+        let longest = "s".repeat(*SECRET_LETTERS.end());
+        let message = write_login(&longest);
+        assert!(message.len() <= 80);
+        let message = message.trim_end_matches('#').as_bytes();
+        assert_eq!(parse_login(message), Some(longest.as_str()));
+        assert_eq!(parse_request(message), None);
+        assert_eq!(parse_login(b"24 "), None);
+        for bad in ["none", "short", "with blank", "with#hash", "gr\u{fc}\u{df}e_1234", &"s".repeat(41)] {
+            assert!(!is_secret(bad), "{bad}");
+        }
+        assert!(is_secret("Torx25kanne"));
     }
 
     #[test]

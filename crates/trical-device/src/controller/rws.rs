@@ -12,18 +12,22 @@ use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
 use super::{Controller, ControllerError, JointSettle, StopCount, Stops};
 use crate::gauge::shorten;
+use crate::url::Secret;
 use trical_recording::motion::JointSample;
 
 /// Stops the RAPID program.
 const STOP_PATH: &str = "/rw/rapid/execution?action=stop";
 
+/// User and password that every new controller has.
+pub const FACTORY_LOGIN: (&str, &str) = ("Default User", "robotics");
+
 /// Settings of the connection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RwsSettings {
-    /// User; the controllers' default is `Default User`.
+    /// User of the controller.
     pub user: String,
-    /// Password; the controllers' default is `robotics`.
-    pub password: String,
+    /// Password of the user; sent as a digest, and only when the controller asks.
+    pub password: Secret,
     /// Task of the module.
     pub task: String,
     /// Name of the module.
@@ -43,8 +47,8 @@ pub struct RwsSettings {
 impl Default for RwsSettings {
     fn default() -> Self {
         Self {
-            user: "Default User".to_owned(),
-            password: "robotics".to_owned(),
+            user: String::new(),
+            password: Secret::default(),
             task: "T_ROB1".to_owned(),
             module: "TriCalRws".to_owned(),
             unit: "ROB_1".to_owned(),
@@ -166,7 +170,8 @@ impl RwsClient {
     fn authorization(&mut self, method: &HttpMethod<'_>, path: &str, body: &str) -> Option<String> {
         let settings = &self.settings;
         let bytes = (!body.is_empty()).then_some(body.as_bytes());
-        let context = AuthContext::new_with_method(&settings.user, &settings.password, path, bytes, method.clone());
+        let context =
+            AuthContext::new_with_method(&settings.user, settings.password.text(), path, bytes, method.clone());
         Some(self.challenge.as_mut()?.respond(&context).ok()?.to_header_string())
     }
 

@@ -1,5 +1,7 @@
 //! The arm behind a virtual cell: a true model, and the nominal arm that the controller believes in.
 
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::Matrix3;
@@ -8,6 +10,7 @@ use trical_model::touch::reading_at;
 use trical_model::{Forward, Joints, Model, Pose, State, Workspace};
 
 use super::{CellOptions, Frame, Plant};
+use crate::url::Secret;
 
 /// The true arm and the balls, and the nominal arm of the controller.
 pub struct ArmPlant {
@@ -71,11 +74,13 @@ impl Plant for ArmPlant {
 }
 
 impl CellOptions {
-    /// Noise and limits of a cell like a real one.
+    /// Noise and limits of a cell like a real one, and a secret that is drawn anew: other programs of this computer, a web
+    /// browser among them, reach its port, too.
     #[must_use]
     pub fn like_a_real_one(model: &Model, seed: u64, port: u16) -> Self {
         Self {
             port,
+            secret: Some(drawn_secret()),
             limits: model.robot.joints.iter().map(|j| (j.limits[0], j.limits[1])).collect(),
             // the indicators resolve 0.001 mm; the arm comes to rest within 0.01 mm
             noise: 0.5e-6,
@@ -84,4 +89,10 @@ impl CellOptions {
             ..Self::default()
         }
     }
+}
+
+/// A secret that nobody can guess, from the random keys that the operating system gives.
+fn drawn_secret() -> Secret {
+    let word = || RandomState::new().build_hasher().finish();
+    Secret::new(format!("{:016x}{:016x}", word(), word()))
 }

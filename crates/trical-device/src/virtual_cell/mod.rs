@@ -23,6 +23,7 @@ use thiserror::Error;
 use trical_model::recording::{Joints, MAX_JOINTS, State};
 
 use crate::gauge::uwave_protocol::Status;
+use crate::url::Secret;
 
 pub use arm::ArmPlant;
 pub use plant::{Frame, Plant};
@@ -33,6 +34,8 @@ pub use script::{Scheduled, When};
 pub struct CellOptions {
     /// TCP port of the controller on 127.0.0.1; 0 = any that is free.
     pub port: u16,
+    /// What a client has to give first; `None` = whoever comes may command.
+    pub secret: Option<Secret>,
     /// Channels of the indicators along x, y, z.
     pub channels: [u8; 3],
     /// Group of the indicators.
@@ -84,6 +87,7 @@ impl Default for CellOptions {
     fn default() -> Self {
         Self {
             port: 0,
+            secret: None,
             channels: [0, 1, 2],
             group: 0,
             limits: Vec::new(),
@@ -234,6 +238,7 @@ pub struct VirtualCell {
     threads: Vec<JoinHandle<()>>,
     terminal: PathBuf,
     address: SocketAddr,
+    secret: Option<Secret>,
     channels: [u8; 3],
     group: u8,
     radio_delay: f64,
@@ -258,6 +263,7 @@ impl VirtualCell {
         let (master, slave, terminal) =
             raw_terminal().map_err(|error| CellError::PseudoTerminal { reason: error.to_string() })?;
 
+        let secret = options.secret.clone();
         let (channels, group, radio_delay) = (options.channels, options.group, options.radio_delay);
         let world = Arc::new(Mutex::new(world::World::new(plant, options)));
         let stop = Arc::new(AtomicBool::new(false));
@@ -267,6 +273,7 @@ impl VirtualCell {
             threads: Vec::new(),
             terminal,
             address,
+            secret,
             channels,
             group,
             radio_delay,
@@ -312,10 +319,11 @@ impl VirtualCell {
         )
     }
 
-    /// URL for [`crate::open_controller`]; without pauses too.
+    /// URL for [`crate::open_controller`]; without pauses too. It has the secret.
     #[must_use]
     pub fn controller_url(&self) -> String {
-        format!("rapid://{}?settle_ms=0", self.address)
+        let secret = self.secret.as_ref().map(|secret| format!("&secret={}", secret.text())).unwrap_or_default();
+        format!("rapid://{}?settle_ms=0{secret}", self.address)
     }
 
     /// Lets something go wrong from now on.

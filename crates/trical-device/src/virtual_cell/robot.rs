@@ -14,6 +14,9 @@ use trical_recording::motion::JointSample;
 /// A client that says nothing for so long while the arm moves is taken for gone, as the module does.
 const WATCHDOG: Duration = Duration::from_secs(5);
 
+/// Who has not given the secret by then is disconnected, as the module does.
+const LOGIN_WITHIN: Duration = Duration::from_secs(10);
+
 /// Serves clients until `stop`.
 pub(super) fn serve(listener: &TcpListener, world: &Arc<Mutex<World>>, stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
@@ -32,7 +35,9 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(Duration::from_millis(20)))?;
     let mut pending: Vec<u8> = Vec::new();
-    while !stop.load(Ordering::Relaxed) {
+    let secret = lock(world).options.secret.clone();
+    let (mut known, begin) = (secret.is_none(), Instant::now());
+    while !stop.load(Ordering::Relaxed) && (known || begin.elapsed() < LOGIN_WITHIN) {
         let mut bytes = [0_u8; 256];
         match stream.read(&mut bytes) {
             Ok(0) => return Ok(()),
@@ -42,6 +47,24 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
         }
         while let Some(end) = pending.iter().position(|byte| *byte == b'#') {
             let message: Vec<u8> = pending.drain(..=end).take(end).collect();
+            let given = protocol::parse_login(&message);
+            if given.is_some() || !known && protocol::parse_request(&message).is_some() {
+                let refused = match (given, &secret) {
+                    (_, None) => Some(protocol::SECRET_NOT_SET),
+                    (None, Some(_)) => Some(protocol::SECRET_EXPECTED),
+                    (Some(given), Some(secret)) => (given != secret.text()).then_some(protocol::SECRET_WRONG),
+                };
+                let reply = protocol::write_reply(code::LOGIN, refused.is_none(), refused.unwrap_or_default());
+                stream.write_all(reply.as_bytes())?;
+                if refused.is_some() {
+                    return Ok(());
+                }
+                known = true;
+                continue;
+            }
+            if !known {
+                return Ok(());
+            }
             let (reply, takes, pieces, stalls) = {
                 let mut world = lock(world);
                 world.commands += 1;

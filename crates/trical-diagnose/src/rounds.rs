@@ -4,6 +4,7 @@ use trical_ident::calibration::{own_setup, score_sessions};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::folds::Folds;
+use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
 use trical_ident::identify::{Identified, fit_model, fit_some, prepared};
@@ -97,6 +98,7 @@ impl Round {
 impl Rounds {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
+        refuse_stuck_stems(robot, cell, data)?;
         let all = rejection::without_stale(data);
         // the twist of near-parallel axes is an effect here
         let set = ParameterSet::Compliance;

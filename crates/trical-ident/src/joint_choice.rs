@@ -4,6 +4,7 @@ use trical_model::{Cell, Recording, Robot};
 
 use crate::dataset::{Dataset, JointSource};
 use crate::error::Result;
+use crate::follow::refuse_stuck_stems;
 use crate::gross::reject_gross_errors;
 use crate::identifiability::ParameterSet;
 use crate::identify::identify;
@@ -19,7 +20,7 @@ pub fn all_commanded(recordings: &[Recording]) -> bool {
 /// `set` explain better.
 ///
 /// # Errors
-/// As [`Dataset::build`] and [`reject_gross_errors`].
+/// As [`Dataset::build`], [`refuse_stuck_stems`] and [`reject_gross_errors`].
 pub fn clean(
     robot: &Robot,
     cell: &Cell,
@@ -30,7 +31,11 @@ pub fn clean(
 ) -> Result<Dataset> {
     let of = |source| -> Result<Dataset> {
         let data = Dataset::build(recordings, source, None)?;
-        if keep_outliers { Ok(data) } else { reject_gross_errors(robot, cell, &data) }
+        if keep_outliers {
+            return Ok(data);
+        }
+        refuse_stuck_stems(robot, cell, &data)?;
+        reject_gross_errors(robot, cell, &data)
     };
     if let Some(source) = joints {
         return of(source);

@@ -10,6 +10,7 @@
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |
+//! | [`follow`] | indicators that read the same whatever the arm does |
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`] | a model on data that it was not fitted to |
@@ -28,6 +29,7 @@ pub mod degenerate;
 pub mod error;
 pub mod fit;
 pub mod folds;
+pub mod follow;
 pub mod gross;
 pub mod history;
 pub mod identifiability;

@@ -527,3 +527,52 @@ fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
         assert_ne!(stands, serde_json::json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), "it never moved");
     }
 }
+
+#[test]
+fn ctrl_c_stops_a_jog() {
+    let place = Place::new("0");
+    let cell = place.cell(&["--pace", "1"]);
+    let jog = [
+        "robot",
+        "jog",
+        "--controller",
+        &cell.controller,
+        "--joint",
+        "1",
+        "--by-deg",
+        "5",
+        "--speed-mm-s",
+        "1",
+        "--go",
+    ];
+    let child = place.command(&jog).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(800));
+    let begin = Instant::now();
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let o = child.wait_with_output().unwrap();
+    assert!(begin.elapsed() < Duration::from_secs(3), "{:?}", begin.elapsed());
+    refused(&o, 1, "stopped by the user in the middle of a motion");
+}
+
+#[test]
+fn who_does_not_know_the_secret_is_told_and_moves_nothing() {
+    let place = Place::new("0");
+    let cell = place.cell(&["--secret", "Torx25kanne"]);
+    assert!(cell.controller.ends_with("&secret=Torx25kanne"), "{}", cell.controller);
+    std::fs::write(place.path("secret.txt"), "Torx25kanne\n").unwrap();
+    let bare = cell.controller.trim_end_matches("&secret=Torx25kanne").to_owned();
+    let ping = |more: &str| place.run(&["robot", "ping", "--controller", &format!("{bare}{more}")]);
+    assert!(ping("&secret=@secret.txt").status.success());
+    refused(&ping(""), 2, "secret expected");
+    refused(&ping("&secret=Torx25kannen"), 2, "wrong secret");
+    let refusal = place.run(&["virtual-cell", "--robot", "robot.toml", "--cell", "cell.toml", "--secret", "short"]);
+    refused(&refusal, 2, "--secret: expected 8 to 40 letters and digits, or none");
+    // a recording does not have it
+    let o =
+        place.run(&["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "2", "--out", "plan.csv"]);
+    assert!(o.status.success(), "{}", text(&o.stderr));
+    assert!(place.measure(&cell, &["--go"]).status.success());
+    let recorded = std::fs::read(place.path("run.mcap")).unwrap();
+    assert!(!recorded.windows(11).any(|w| w == b"Torx25kanne"));
+    assert!(recorded.windows(10).any(|w| w == b"secret=..."));
+}

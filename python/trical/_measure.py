@@ -109,10 +109,10 @@ def measure(
 ) -> Measured:
     """Drive robot and gauge through a plan, and record: the automated procedure. Nothing moves without `go=True`.
 
-    Every accepted touch is on disk before the arm moves on. Ctrl-C, and whatever `progress` raises, end the run in
-    order: the motion under way ends, the arm goes back the way it came, the recording is finished, and only then the
-    exception is raised; its cause says where the arm is. `resume=True` goes on with a recording, however it was
-    broken off.
+    Every accepted touch is on disk before the arm moves on. Ctrl-C, and whatever `progress` raises, end the run: Ctrl-C
+    stops the motion under way through the controller, and the arm stays there; between motions it goes back the way it
+    came. The recording is finished, and only then the exception is raised; its cause says where the arm is.
+    `resume=True` goes on with a recording, however it was broken off.
 
     Args:
         plan: a Plan or other Touches, or the path of a plan.csv.

@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -147,11 +148,59 @@ def test_ctrl_c_brings_the_arm_back_and_leaves_the_recording_whole(plan: trical.
         ends = (
             "stopped by the user; the arm went back the way it came",
             "stopped by the user; the arm had not left its place",
+            "in the middle of a motion; the arm stands where it was stopped",
         )
         assert last.endswith(ends), said
     finally:
         child.kill()
     assert 3 <= len(trical.Recording.load(out)) < len(plan)
+
+
+SLOW = """
+import signal, sys, threading, time, trical
+signal.signal(signal.SIGINT, signal.default_int_handler)
+files = {"robot": sys.argv[1], "cell": sys.argv[2]}
+with trical.virtual_cell(**files, pace=1.0) as cell:
+    try:
+        if sys.argv[4] == "jog":
+            with trical.Controller(cell.controller) as robot:
+                print("begins", flush=True)
+                robot.jog(joint=1, by=0.08, speed=1e-3, go=True)
+        else:
+            print("begins", flush=True)
+            trical.measure(sys.argv[3], sys.argv[4], **files, gauge=cell.gauge, controller=cell.controller, go=True,
+                           travel_speed=0.02)
+    except KeyboardInterrupt as e:
+        print("interrupted:", e.__cause__, flush=True)
+        with trical.Controller(cell.controller) as robot:
+            at = robot.joints()
+            time.sleep(0.3)
+            assert abs(robot.joints() - at).max() == 0.0 and abs(at).max() > 0.0, at
+"""
+
+
+@pytest.mark.parametrize("what", ["run.mcap", "jog"])
+def test_ctrl_c_stops_a_motion_under_way(plan: trical.Plan, tmp_path: Path, what: str) -> None:
+    plan.save(tmp_path / "plan.csv")
+    child = subprocess.Popen(
+        [sys.executable, "-c", SLOW, FILES["robot"], FILES["cell"], tmp_path / "plan.csv", what],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+    )
+    assert child.stdout is not None
+    try:
+        child.stdout.readline()
+        time.sleep(1.0)
+        begin = time.monotonic()
+        os.kill(child.pid, signal.SIGINT)
+        said, problems = child.communicate(timeout=30)
+        # a motion that is not stopped takes half a minute
+        assert child.returncode == 0 and time.monotonic() - begin < 10, problems
+        assert "stopped by the user in the middle of a motion" in said
+    finally:
+        child.kill()
 
 
 def test_other_threads_run_while_the_arm_moves(plan: trical.Plan, tmp_path: Path) -> None:

@@ -79,8 +79,15 @@ enum Command {
     Completions(commands::completions::Args),
 }
 
-/// Characters of a message; what a file holds is part of some.
+/// Bytes of a message; what a file holds is part of some.
 const LONGEST_MESSAGE: usize = 900;
+
+/// A message as a terminal bears it: not too long, one line, and nothing of a file that a terminal would obey.
+fn shown(message: &str) -> String {
+    let end = message.floor_char_boundary(LONGEST_MESSAGE);
+    let text: String = message[..end].chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if end < message.len() { text + "..." } else { text }
+}
 
 /// Runs the program with these arguments, the program's own name first, and returns its exit code: 0 where all went well.
 /// Arguments that cannot be read, and `--help`, end the process as clap does (2 and 0).
@@ -113,7 +120,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match result {
         Ok(()) => 0,
         Err(e) => {
-            note!("trical: {}", trical_model::error::shortened(&e.to_string(), LONGEST_MESSAGE));
+            note!("trical: {}", shown(&e.to_string()));
             e.code()
         }
     }

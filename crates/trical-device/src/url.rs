@@ -1,10 +1,11 @@
 //! The small URL grammar of `--gauge` and `--controller`: `scheme://place?key=value&key=value`.
 
 use thiserror::Error;
+use trical_model::error::shortened;
 
 /// A URL that cannot be used, as one sentence.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{url:?}: {problem}")]
+#[error("{:?}: {}", shortened(url, 200), shortened(problem, 400))]
 pub struct UrlError {
     /// The URL as it was given, without secrets.
     pub url: String,

@@ -6,7 +6,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use trical_model::error::{parse_toml, read_text};
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
-use trical_model::{Basis, Cell, Joints, Model, Pose, Robot, Scope, Site, Support, Term, Variable};
+use trical_model::{
+    Basis, Cell, Forward, Joints, Model, ModelError, Pose, Robot, Scope, Site, Support, Term, Variable,
+};
 
 use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
@@ -424,7 +426,11 @@ impl ModelFile {
         });
         let known: Vec<Session> = known.collect();
         let sessions = if known.is_empty() { named.collect() } else { known };
-        Ok(Self { model: Model { robot, cell, frames, terms }, joints: file.joints, references, sessions, uncertainty })
+        let model = Model { robot, cell, frames, terms };
+        if let Err(e @ ModelError::NoSuchSite { .. }) = Forward::new(model.clone(), Vec::new()) {
+            return Err(bad(e.to_string()));
+        }
+        Ok(Self { model, joints: file.joints, references, sessions, uncertainty })
     }
 
     /// Refuses a model of another arm than `robot`.

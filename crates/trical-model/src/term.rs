@@ -219,10 +219,20 @@ pub(crate) struct Action {
     pub weight: f64,
 }
 
+/// As it stands in a model file.
+impl std::fmt::Display for Site {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match toml::Value::try_from(self) {
+            Ok(value) => write!(f, "site = {value}"),
+            Err(_) => f.write_str("a site"),
+        }
+    }
+}
+
 /// Resolves a term's site into degrees of freedom.
 pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) -> Result<Vec<Action>> {
     let n = robot.dof();
-    let no_site = || ModelError::NoSuchSite { term: term.name.clone(), site: format!("{:?}", term.site) };
+    let no_site = || ModelError::NoSuchSite { term: term.name.clone(), site: term.site.to_string() };
     let joint_index = |joint: usize| (1..=n).contains(&joint).then(|| joint - 1).ok_or_else(no_site);
     let index = |number: usize, have: usize| (1..=have).contains(&number).then(|| number - 1).ok_or_else(no_site);
     let own = |i: usize| match robot.joints[i].kind {

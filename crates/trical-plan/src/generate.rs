@@ -138,6 +138,10 @@ const TOUCH: u64 = 1;
 /// Attempts that are made before anyone looks whether there are enough.
 const CHUNK: usize = 128;
 
+/// A ball is given up where none of the first twentieth of the attempts was in reach. Where all attempts give the 15 touches that
+/// are wanted, and a tenth of those in reach can be used, the first 1000 of 20 000 have seven in reach.
+const NONE_IN_REACH: usize = 20;
+
 /// `options.pool_per_ball` candidates at `ball` (0-based), in the order in which they were found. Same options, same result, for
 /// any number of threads.
 ///
@@ -154,9 +158,11 @@ pub fn generate(
     let mut pool = Vec::with_capacity(wanted);
     let mut rejected = Rejected::default();
     let stream = TOUCH | ((ball as u64) << 8);
-    while pool.len() < wanted && rejected.attempts < most {
+    let none_in_reach = |r: &Rejected| r.unreachable == r.attempts && r.attempts >= most / NONE_IN_REACH;
+    while pool.len() < wanted && rejected.attempts < most && !none_in_reach(&rejected) {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
-        task.step(pool.len() as f64 / wanted.max(1) as f64, "looking for touches")?;
+        let done = (pool.len() as f64 / wanted.max(1) as f64).max(rejected.attempts as f64 / most as f64);
+        task.step(done, "looking for touches")?;
         let first = rejected.attempts;
         let results: Vec<std::result::Result<Candidate, Refusal>> = (first..(first + CHUNK).min(most))
             .into_par_iter()
@@ -182,7 +188,11 @@ pub fn generate(
             found: pool.len(),
             wanted: options.per_ball,
             attempts: rejected.attempts,
-            reason: format!("refused were {}", rejected.in_words()),
+            reason: if none_in_reach(&rejected) {
+                "none was in reach: the ball is too far away, or the joints do not turn the device every way".into()
+            } else {
+                format!("refused were {}", rejected.in_words())
+            },
         });
     }
     Ok((pool, rejected))

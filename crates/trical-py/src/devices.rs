@@ -1,7 +1,7 @@
 //! Gauges and controllers by their URLs: for a person with a cable in hand.
 
 use std::sync::atomic::AtomicBool;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use numpy::ndarray::Array2;
@@ -49,7 +49,7 @@ pub fn _ports(py: Python<'_>) -> Result<Vec<(String, String, Option<String>)>> {
 /// Masters a gauge: what it shows on the calibrator (3,) m, its URL from now on, warnings.
 #[pyfunction]
 pub fn _master(py: Python<'_>, url: String) -> Result<(Bound<'_, PyArray1<f64>>, String, Vec<String>)> {
-    let Mastering { zero, url, warnings } = watched(py, None, |cancel, _| Ok(master(&url, cancel)?))?;
+    let Mastering { zero, url, warnings } = watched(py, None, |end, _| Ok(master(&url, &end.asked)?))?;
     Ok((zero.to_vec().into_pyarray(py), url, warnings))
 }
 
@@ -91,11 +91,11 @@ impl PyGaugeLink {
 
     /// One reading, (3,) m; `settled`: once it stands still.
     fn read<'py>(&self, py: Python<'py>, settled: bool) -> Result<Bound<'py, PyArray1<f64>>> {
-        let reading = watched(py, None, |cancel, _| {
+        let reading = watched(py, None, |end, _| {
             self.link.with("gauge", |gauge| {
                 if settled {
                     let settle = gauge.settle();
-                    return Ok(settled_reading(gauge, &settle, cancel)?);
+                    return Ok(settled_reading(gauge, &settle, &end.asked)?);
                 }
                 Ok(gauge.read()?)
             })
@@ -116,7 +116,7 @@ impl PyGaugeLink {
     /// Reads so many times.
     fn trial<'py>(&self, py: Python<'py>, count: usize) -> Result<Tried<'py>> {
         let Trial { says, readings, seconds_each, axes } =
-            watched(py, None, |cancel, _| self.link.with("gauge", |gauge| Ok(trial(gauge, count, cancel)?)))?;
+            watched(py, None, |end, _| self.link.with("gauge", |gauge| Ok(trial(gauge, count, &end.asked)?)))?;
         let readings = Array2::from_shape_fn((readings.len(), 3), |(i, k)| readings[i][k]).into_pyarray(py);
         let axes = axes.iter().map(|a| (a.mean, a.sd, a.spread, a.step)).collect();
         Ok((says, readings, seconds_each, axes))
@@ -127,7 +127,7 @@ impl PyGaugeLink {
         let wait = Duration::try_from_secs_f64(wait)
             .map_err(|_| bad(format!("timeout is {wait}, expected a time in s of 0 or more")))?;
         let work = |cancel: &AtomicBool| self.link.with("gauge", |gauge| Ok(stem_answers(gauge, axis, wait, cancel)?));
-        Ok(watched(py, None, |cancel, _| work(cancel))?)
+        Ok(watched(py, None, |end, _| work(&end.asked))?)
     }
 }
 
@@ -198,10 +198,10 @@ impl PyControllerLink {
 
     /// Joints once they stand still, (joints,) rad (m).
     fn joints<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray1<f64>>> {
-        let q = watched(py, None, |cancel, _| {
+        let q = watched(py, None, |end, _| {
             self.link.with("controller", |c| {
                 let settle = c.joint_settle();
-                Ok(wait_settled(c, &settle, cancel)?)
+                Ok(wait_settled(c, &settle, &end.asked)?)
             })
         })?;
         Ok(array(py, &q, self.joints))
@@ -231,16 +231,17 @@ impl PyControllerLink {
         };
         check_speed(speed).map_err(|e| refused(&e))?;
         let robot = robot.map(|r| r.read()).transpose()?;
-        let (before, after) = watched(py, None, |cancel, _| {
+        let (before, after) = watched(py, None, |end, _| {
             self.link.with("controller", |c| {
+                c.stop_when(Arc::clone(&end.stops));
                 let settle = c.joint_settle();
-                let from = wait_settled(c, &settle, cancel)?;
+                let from = wait_settled(c, &settle, &end.asked)?;
                 let target = jog.target(&from, self.joints, max_angle, robot.as_ref()).map_err(|e| refused(&e))?;
                 if !go {
                     return Ok((from, target));
                 }
                 jog.go(c, &target, speed)?;
-                // a motion under way ends before the call does
+                // a motion that was not stopped ends before the call does
                 Ok((from, wait_settled(c, &settle, &AtomicBool::new(false))?))
             })
         })?;

@@ -142,7 +142,7 @@ pub fn _measure(
     progress: Option<Py<PyAny>>,
 ) -> Result<Ran> {
     let settings = settings.read()?;
-    let report = watched(py, progress, |cancel, tell| {
+    let report = watched(py, progress, |end, tell| {
         let (robot, cell) = read(&robot, &cell)?;
         let plan = plan.read(&robot, &cell)?;
         let round = Some(stride(&plan));
@@ -161,8 +161,8 @@ pub fn _measure(
             settings: &settings,
             start_ns: now_ns(),
             guard: &|from: &Joints, to: &Joints, touched| guard.check(from, to, touched),
-            cancel,
-            stops: None,
+            cancel: &end.asked,
+            stops: Some(Arc::clone(&end.stops)),
         };
         let mut told = Told::default();
         let report = session.perform(&mut retell(&mut told, tell)).map_err(ended)?;
@@ -189,7 +189,7 @@ pub fn _touch_here(
     progress: Option<Py<PyAny>>,
 ) -> Result<PyRows> {
     let settings = settings.read()?;
-    let recording = watched(py, progress, |cancel, tell| {
+    let recording = watched(py, progress, |end, tell| {
         let (robot, cell) = read(&robot, &cell)?;
         if ball >= cell.balls.len() {
             return Err(bad(format!("ball is {}, expected 1 to {}", ball + 1, cell.balls.len())).into());
@@ -208,8 +208,8 @@ pub fn _touch_here(
             start_ns: now_ns(),
             // a person brought the arm where it stands
             guard: &|_, _, _| Ok(()),
-            cancel,
-            stops: None,
+            cancel: &end.asked,
+            stops: Some(Arc::clone(&end.stops)),
         };
         let (mut log, before) = RecordingWriter::resume(&out, &session.header())?;
         let index = before.iter().flat_map(|b| &b.recording.rows).filter_map(|r| r.seq).max().map_or(0, |s| s + 1);

@@ -4,7 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use trical_device::controller::StopCount;
 
 use crate::errors::Result;
 
@@ -14,20 +16,32 @@ const LOOK: Duration = Duration::from_millis(50);
 /// How work says how far it is.
 pub type Tell<'a> = &'a mut dyn FnMut(f64, String);
 
+/// How the work learns that it is to end.
+#[derive(Default)]
+pub struct End {
+    /// Set once: the work ends in order.
+    pub asked: AtomicBool,
+    /// How often Ctrl-C was pressed: each stops a motion under way through the controller.
+    pub stops: StopCount,
+}
+
 /// Runs `work` on a thread of its own, while this one hears its progress for `progress` (a callable of a fraction and what is
-/// being done, or None) and looks for Ctrl-C. Ctrl-C, and whatever `progress` raises, set the flag that `work` is given; the
-/// call returns when `work` has ended, in order, and raises that. How it ended then is the cause of what is raised.
+/// being done, or None) and looks for Ctrl-C. Ctrl-C, and whatever `progress` raises, tell `work` to end, and each Ctrl-C to stop
+/// the motion under way; the call returns when `work` has ended, in order, and raises that. How it ended then is the cause of what is raised.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    work: impl FnOnce(&AtomicBool, Tell<'_>) -> Result<T> + Send,
+    work: impl FnOnce(&End, Tell<'_>) -> Result<T> + Send,
 ) -> PyResult<T> {
-    let cancel = &AtomicBool::new(false);
+    let end = &End::default();
+    let stop = || {
+        end.stops.fetch_add(1, Ordering::Relaxed);
+    };
     let (result, raised) = py.detach(move || {
         std::thread::scope(|scope| {
             let (tell, hear) = channel::<(f64, String)>();
             let worker = scope.spawn(move || {
-                work(cancel, &mut |fraction, what| {
+                work(end, &mut |fraction, what| {
                     // nobody hears any more: the other side has panicked
                     let _ = tell.send((fraction, what));
                 })
@@ -41,7 +55,9 @@ pub fn watched<T: Send>(
                 };
                 if raised.is_some() {
                     // pressed again: the end is on its way, and shall not be interrupted a second time where it is caught
-                    Python::attach(|py| drop(py.check_signals()));
+                    if Python::attach(|py| py.check_signals().is_err()) {
+                        stop();
+                    }
                     continue;
                 }
                 let heard = Python::attach(|py| {
@@ -52,7 +68,10 @@ pub fn watched<T: Send>(
                     }
                 });
                 if let Err(e) = heard {
-                    cancel.store(true, Ordering::Relaxed);
+                    end.asked.store(true, Ordering::Relaxed);
+                    if Python::attach(|py| e.is_instance_of::<PyKeyboardInterrupt>(py)) {
+                        stop();
+                    }
                     raised = Some(e);
                 }
             }

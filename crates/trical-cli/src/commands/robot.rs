@@ -11,7 +11,7 @@ use trical_device::{Controller, open_controller};
 use trical_model::{Joints, Robot};
 
 use crate::error::{CliError, Result};
-use crate::say;
+use crate::{interrupt, say};
 
 /// Arguments of `trical robot`.
 #[derive(clap::Args)]
@@ -190,6 +190,7 @@ fn move_a_little(jog: &Jog) -> Result<()> {
         say(format!("Would move {would}, at {} mm/s.", jog.speed_mm_s))?;
         return say("Nothing has moved. Add --go to move.");
     }
+    controller.stop_when(interrupt::watch()?.stops);
     what.go(controller.as_mut(), &to, jog.speed_mm_s * 1e-3).map_err(failed)?;
     let at = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
     let degrees = in_degrees(&at, count);

@@ -1,5 +1,7 @@
 //! A touch where the arm stands, and what such touches say of tool and base.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 use trical_model::recording::Row;
@@ -58,6 +60,9 @@ impl Session<'_> {
     ) -> Result<Row, SessionError> {
         let mut gauge = open_gauge(self.gauge).map_err(SessionError::Gauge)?;
         let mut controller = open_controller(self.controller).map_err(SessionError::Controller)?;
+        if let Some(stops) = &self.stops {
+            controller.stop_when(Arc::clone(stops));
+        }
         let settle = controller.joint_settle();
         let at = wait_settled(controller.as_mut(), &settle, self.cancel).map_err(SessionError::Controller)?;
         let entry = PlanEntry { index, ball, joints: at, via: Vec::new() };

@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs, dead_code)]
 
 use std::collections::BTreeMap;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -19,7 +21,7 @@ use trical_device::{
 use trical_diagnose::truth::draw_truth;
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
 use trical_model::{Cell, Forward, Joints, Measured, Model, Recording, Robot, Row, State};
-use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches};
+use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches, write_plan};
 use trical_recording::mcap::Header;
 use trical_recording::{RecordingWriter, read_recording};
 
@@ -80,6 +82,8 @@ struct Bench {
     cell: Cell,
     truth: Model,
     plan: Vec<PlanEntry>,
+    /// The same as a file.
+    plan_csv: String,
     collision: CollisionModel,
 }
 
@@ -109,6 +113,7 @@ impl Bench {
             ..PlanOptions::default()
         };
         let planned = plan_touches(&robot, &cell, &options, &trical_model::Task::silent()).unwrap();
+        let plan_csv = write_plan(&robot, &planned.entries);
         let plan = planned
             .entries
             .iter()
@@ -121,13 +126,25 @@ impl Bench {
             .collect();
         let truth = draw_truth(&nominal, 5).unwrap();
         let collision = CollisionModel::new(&robot, &cell).unwrap().with_margin(2e-3);
-        Self { robot, cell, truth, plan, collision }
+        Self { robot, cell, truth, plan, plan_csv, collision }
     }
 
     fn start(&self, seed: u64, script: Vec<Scheduled>, start: Joints, outside: &Arc<AtomicBool>) -> VirtualCell {
+        self.start_at_pace(0.0, seed, script, start, outside)
+    }
+
+    /// With motions that take real time.
+    fn start_at_pace(
+        &self,
+        pace: f64,
+        seed: u64,
+        script: Vec<Scheduled>,
+        start: Joints,
+        outside: &Arc<AtomicBool>,
+    ) -> VirtualCell {
         let limits = self.robot.joints.iter().map(|j| j.limits).collect();
         let arm = ArmPlant::new(&self.truth).unwrap();
-        let options = CellOptions { script, start, ..CellOptions::like_a_real_one(&self.truth, seed, 0) };
+        let options = CellOptions { pace, script, start, ..CellOptions::like_a_real_one(&self.truth, seed, 0) };
         // corrections may use some of the clearance that the guard keeps
         let collision = self.collision.clone().with_margin(1e-3);
         let watched = Watched { arm, limits, collision, stood: start, outside: Arc::clone(outside) };
@@ -329,6 +346,118 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
         (runs / 10..runs * 9 / 10).contains(&(complete as u64)),
         "faults that always or never matter test nothing: {complete}"
     );
+}
+
+/// The program itself, against a cell: its exit code, and what it said. `end` ends it: a signal, and after how long.
+fn program(
+    folder: &std::path::Path,
+    cell: &VirtualCell,
+    wrong: &str,
+    end: Option<(&str, u64)>,
+) -> (Option<i32>, String) {
+    let gauge = format!("{}&timeout_ms=1000", cell.gauge_url());
+    let controller = format!("{}{wrong}&timeout_s=3&move_timeout_s=20", cell.controller_url());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trical"));
+    command.args([
+        "measure",
+        "--robot",
+        "robot.toml",
+        "--cell",
+        "cell.toml",
+        "--plan",
+        "plan.csv",
+        "--out",
+        "run.mcap",
+    ]);
+    command.args(["--go", "--gauge", &gauge, "--controller", &controller]).current_dir(folder);
+    if folder.join("run.mcap").exists() {
+        command.arg("--resume");
+    }
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    if let Some((signal, milliseconds)) = end {
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        Command::new("kill").args([signal, &child.id().to_string()]).stderr(Stdio::null()).status().unwrap();
+    }
+    let o = child.wait_with_output().unwrap();
+    (o.status.code(), String::from_utf8_lossy(&o.stderr).into_owned())
+}
+
+/// A quarter as many as of the other kind: the program is killed, interrupted or hung up on at any moment, in the middle of motions
+/// that take real time, with and without another fault, and now and then does not know the secret at first.
+#[test]
+fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
+    let bench = Bench::new();
+    let truth = Forward::new(bench.truth.clone(), Vec::new()).unwrap();
+    let outside = Arc::new(AtomicBool::new(false));
+    let runs = runs().div_ceil(4);
+    let told = std::sync::Mutex::new(BTreeMap::<&str, usize>::new());
+    let count = |kind: &'static str| *told.lock().unwrap().entry(kind).or_insert(0) += 1;
+    let one = |seed: u64| {
+        let mut rng = Pcg64Mcg::seed_from_u64(90_000 + seed);
+        let faults = if rng.random_range(0..2) == 0 { script(&mut rng) } else { Vec::new() };
+        let slip = faults.iter().find_map(|s| match s.fault {
+            Fault::SlippedPlate { by_um } => Some(by_um.map(|v| f64::from(v) * 1e-6)),
+            _ => None,
+        });
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        for (name, text) in [
+            ("robot.toml", include_str!("../cells/irb120/robot.toml")),
+            ("cell.toml", include_str!("../cells/irb120/cell.toml")),
+            ("plan.csv", bench.plan_csv.as_str()),
+        ] {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        let mut says = format!("killed run {seed}, {faults:?}");
+        let cell = bench.start_at_pace(0.02, seed, faults, [0.0; 9], &outside);
+        if rng.random_range(0..10) == 0 {
+            let (code, error) = program(folder.path(), &cell, "x", None);
+            assert!(code == Some(2) && error.contains("wrong secret") && cell.motions() == 0, "{says}: {error}");
+            count("did not know the secret");
+        }
+        let signal = ["-KILL", "-KILL", "-INT", "-TERM", "-HUP"][rng.random_range(0..5)];
+        let end = (signal, rng.random_range(20..4000));
+        let (code, error) = program(folder.path(), &cell, "", Some(end));
+        says += &format!(", {end:?}: {code:?} {error}");
+        count(match code {
+            Some(0) => "complete before",
+            None => "killed",
+            Some(_) => "ended in order",
+        });
+        // what is on disk is whole; the arm stands where the controller stopped it when its client was gone
+        std::thread::sleep(Duration::from_millis(100));
+        let before = path.exists().then(|| read_recording(&path).unwrap().recording.rows).unwrap_or_default();
+        let stands = cell.state().q;
+        drop(cell);
+        let mut last = (None, String::new());
+        for attempt in 0..3_u64 {
+            let cell = bench.start(seed + 500 * (attempt + 1), Vec::new(), stands, &outside);
+            last = program(folder.path(), &cell, "", None);
+            if last.0 == Some(0) {
+                break;
+            }
+        }
+        let after = if path.exists() { read_recording(&path).unwrap().recording.rows } else { Vec::new() };
+        assert_eq!(after[..before.len()], before[..], "{says}: lost");
+        if last.0 == Some(0) {
+            let numbers: Vec<u64> = after.iter().map(|row| row.seq.unwrap()).collect();
+            assert_eq!(numbers, bench.plan.iter().map(|entry| entry.index).collect::<Vec<_>>(), "{says}");
+        } else {
+            assert!(last.1.contains("is refused") && last.1.contains("was not driven"), "{says}: {}", last.1);
+            count("left where only a person gets it out");
+        }
+        let allowed = 60e-6 + slip.map_or(0.0, |s| s.iter().map(|v| v * v).sum::<f64>().sqrt());
+        let far = misfit(&truth, &after);
+        assert!(far < allowed, "{says}: a touch is off by {:.4} mm", far * 1e3);
+    };
+    std::thread::scope(|scope| {
+        for part in 0..8 {
+            let one = &one;
+            scope.spawn(move || (0..runs).filter(|seed| seed % 8 == part).for_each(one));
+        }
+    });
+    assert!(!outside.load(Ordering::Relaxed), "the arm was outside its limits, or met something");
+    println!("{runs} sessions of the program: {:?}", told.lock().unwrap());
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
@@ -38,7 +38,7 @@ impl Place {
     fn refuses(&self, args: &str, words: &str) {
         let begin = Instant::now();
         let o = Command::new("sh")
-            .args(["-c", &format!("ulimit -v {ADDRESS_SPACE}; exec \"$0\" \"$@\"")])
+            .args(["-c", &format!("ulimit -v {ADDRESS_SPACE}; exec timeout 120 \"$0\" \"$@\"")])
             .arg(env!("CARGO_BIN_EXE_trical"))
             .args(args.split(' '))
             .current_dir(self.0.path())
@@ -267,6 +267,108 @@ fn numbers_on_the_command_line() {
     let p = Place::new();
     for (option, words) in [("--per-ball", "at most 1000"), ("--pool", "at most 1000"), ("--points", "at most 1000")] {
         p.refuses(&format!("plan --robot robot.toml --cell cell.toml {option} 1000000000000 --out o.csv"), words);
+    }
+}
+
+/// Ends a program when it goes out of scope.
+struct Ends(std::process::Child);
+
+impl Drop for Ends {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Every kind of file that a command reads: the command, with `{}` where the file stands, and its extension.
+const READERS: &[(&str, &str)] = &[
+    ("plan --robot {} --cell cell.toml --out o.csv", "toml"),
+    ("plan --robot {} --cell cell.toml --out o.csv", "urdf"),
+    ("plan --robot robot.toml --cell {} --out o.csv", "toml"),
+    ("convert {} o.toml", "urdf"),
+    ("identify {} --robot robot.toml --cell cell.toml", "csv"),
+    ("identify {} --robot robot.toml --cell cell.toml", "mcap"),
+    ("diagnose {} --robot robot.toml --cell cell.toml", "csv"),
+    ("convert {} o.mcap", "csv"),
+    ("convert {} o.csv", "mcap"),
+    ("identify touches.csv --robot robot.toml --cell cell.toml --known {}", "toml"),
+    ("validate touches.csv --robot robot.toml --cell cell.toml --model {}", "toml"),
+    ("compare {} touches.csv", "toml"),
+    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "mod"),
+    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "src"),
+    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "ls"),
+    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "script"),
+    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "csv"),
+    ("compensate a.mod --robot robot.toml --cell cell.toml --model model.toml --frames {} --out o", "toml"),
+    (
+        "measure --robot robot.toml --cell cell.toml --plan {} --gauge line:///dev/null --controller rapid://127.0.0.1:1 --out o.mcap",
+        "csv",
+    ),
+    (
+        "measure --robot robot.toml --cell cell.toml --plan plan.csv --gauge line:///dev/null --controller rapid://127.0.0.1:1 \
+         --go --resume --out {}",
+        "mcap",
+    ),
+    ("virtual-cell --robot robot.toml --cell cell.toml --port 0 --faults {}", "toml"),
+    ("virtual-cell --robot robot.toml --cell cell.toml --port 0 --truth {}", "toml"),
+    ("robot ping --controller rapid://127.0.0.1:1?secret=@{}", "txt"),
+    ("plan --robot robot.toml --cell mesh-{}.toml --out o.csv", "stl"),
+    ("plan --robot robot.toml --cell mesh-{}.toml --out o.csv", "obj"),
+];
+
+#[test]
+fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let run = |args: &str| {
+        let o =
+            Command::new(env!("CARGO_BIN_EXE_trical")).args(args.split(' ')).current_dir(p.0.path()).output().unwrap();
+        assert!(o.status.success(), "{args}: {}", String::from_utf8_lossy(&o.stderr));
+    };
+    run("sample s");
+    for name in ["robot.toml", "cell.toml", "touches.csv"] {
+        std::fs::rename(p.path("s").join(name), p.path(name)).unwrap();
+    }
+    run("identify touches.csv --robot robot.toml --cell cell.toml --out model.toml");
+    run("plan --robot robot.toml --cell cell.toml --per-ball 2 --out plan.csv");
+    p.write("a.mod", "MODULE m\nENDMODULE\n");
+    let solids_at = CELL.find("solids = [").unwrap();
+    let solids_end = solids_at + CELL[solids_at..].find('\n').unwrap();
+    let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ball,ix_mm,iy_mm,iz_mm";
+    let lines = [
+        ("yes 0,0,0,0,0,0,1,0,0,0", header.to_owned()),
+        // not one end of a line
+        ("tr '\\0' x < /dev/zero", String::new()),
+    ];
+    for (command, extension) in READERS {
+        for device in ["urandom", "zero"] {
+            let _ = std::os::unix::fs::symlink(format!("/dev/{device}"), p.path(&format!("{device}.{extension}")));
+        }
+        // 5 GB of zeros that take no place
+        let hole = std::fs::File::create(p.path(&format!("hole.{extension}"))).unwrap();
+        hole.set_len(5_000_000_000).unwrap();
+        let pipe = p.path(&format!("pipe.{extension}"));
+        let _ = Command::new("mkfifo").arg(&pipe).status().unwrap();
+        for kind in ["urandom", "zero", "hole", "pipe"] {
+            let name = format!("{kind}.{extension}");
+            let solids = format!("solids = [{{ shape = \"mesh\", file = \"{name}\" }}]");
+            if matches!(*extension, "stl" | "obj") {
+                p.write(&format!("mesh-{name}.toml"), [&CELL[..solids_at], &solids, &CELL[solids_end..]].concat());
+            }
+            let asked = command.replace("{}", &name);
+            if kind != "pipe" {
+                p.refuses(&asked, "");
+                continue;
+            }
+            for (writes, first) in &lines {
+                let script = format!("{{ echo '{first}'; {writes}; }} > \"$0\"");
+                let writer = Command::new("sh").args(["-c", &script]).arg(&pipe).stderr(Stdio::null()).spawn().unwrap();
+                let _ends = Ends(writer);
+                p.refuses(&asked, "");
+            }
+        }
     }
 }
 

@@ -185,8 +185,9 @@ class Controller(_Device):
     """A robot controller by its URL, open until `close` or the end of a `with` block.
 
     Args:
-        url: as for `trical measure --controller`: "rapid://192.168.125.1:5000" (ABB, rapid/TriCal.mod), "rws://HOST"
-            (ABB, Robot Web Services), "ur://HOST" (Universal Robots).
+        url: as for `trical measure --controller`: "rapid://192.168.125.1:5000?secret=WORD" (ABB,
+            rapid/TriCal.mod), "rws://HOST?user=NAME&password=WORD" (ABB, Robot Web Services), "ur://HOST" (Universal
+            Robots). "@FILE" for a secret is the first line of a file.
 
     Raises:
         TricalError: a URL that cannot be used.

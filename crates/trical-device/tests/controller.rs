@@ -241,6 +241,37 @@ fn a_stop_is_sent_and_confirmed_while_the_arm_moves() {
 }
 
 #[test]
+fn a_controller_that_floods_is_stopped_all_the_same() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut request = String::new();
+        let mut byte = [0];
+        while !request.contains("02 ") && stream.read(&mut byte).is_ok_and(|count| count == 1) {
+            request.push(char::from(byte[0]));
+            if byte[0] == b'#' && !request.contains("02 ") {
+                stream.write_all(sound(&request).unwrap().as_bytes()).unwrap();
+                request.clear();
+            }
+        }
+        while stream.write_all(&b"26 1 #".repeat(1000)).is_ok() {}
+    });
+    let mut client = RapidClient::connect(&address, settings()).unwrap();
+    let stops = StopCount::default();
+    client.stop_when(Arc::clone(&stops));
+    let begin = std::time::Instant::now();
+    let asks = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(80));
+        stops.fetch_add(1, Ordering::Relaxed);
+    });
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::StopNotConfirmed { .. } | ControllerError::Silent { .. }), "{error}");
+    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
+    asks.join().unwrap();
+}
+
+#[test]
 fn who_speaks_another_language_is_disconnected_and_moves_nothing() {
     let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
     for text in [

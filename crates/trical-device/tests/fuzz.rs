@@ -50,6 +50,54 @@ impl Port for Script {
     }
 }
 
+/// Sends for ever, without a pause.
+struct Flood(&'static [u8], usize);
+
+impl Read for Flood {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        for to in into.iter_mut() {
+            *to = self.0[self.1 % self.0.len()];
+            self.1 += 1;
+        }
+        Ok(into.len())
+    }
+}
+
+impl Write for Flood {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Port for Flood {
+    fn waiting(&mut self) -> io::Result<usize> {
+        Ok(4096)
+    }
+}
+
+#[test]
+fn devices_that_never_end_sending_are_not_heard_for_ever() {
+    let begin = std::time::Instant::now();
+    for said in
+        [&b"x"[..], b"hello\r", b"DT10009+0000000.001M\r", b"\r", b"911\r", b"26 1 #", b"30 1 1 1 2 3 4 5 6#", b"#"]
+    {
+        let settings = UWaveSettings { timeout: Duration::from_millis(1), attempts: 2, ..UWaveSettings::default() };
+        let mut gauge = UWave::new(Flood(said, 0), "flood", settings);
+        assert!(gauge.read().is_err(), "{said:?}");
+        assert!(gauge.receiver_information(0).is_err(), "{said:?}");
+        let timeout = Duration::from_millis(1);
+        let settings = LineSettings { timeout, attempts: 2, ..LineSettings::preset("line").unwrap() };
+        let mut gauge = LineGauge::new(vec![Flood(said, 0)], "flood", settings).unwrap();
+        assert!(gauge.read().is_err(), "{said:?}");
+        let settings = RapidSettings { timeout, move_timeout: timeout, ..RapidSettings::default() };
+        assert!(RapidClient::new(Flood(said, 0), "flood", settings).is_err(), "{said:?}");
+    }
+    assert!(begin.elapsed() < Duration::from_secs(60), "{:?}", begin.elapsed());
+}
+
 fn pieces() -> impl Strategy<Value = Vec<Vec<u8>>> {
     let piece = prop_oneof![
         proptest::collection::vec(any::<u8>(), 0..60),

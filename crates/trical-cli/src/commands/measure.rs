@@ -31,7 +31,7 @@ pub struct Args {
     /// The gauge, e.g. uwave:///dev/ttyUSB0?x=00&y=01&z=02; see trical gauge test --help
     #[arg(long, value_name = "URL")]
     gauge: String,
-    /// The robot controller, e.g. rapid://192.168.125.1:5000; see trical robot ping --help
+    /// The robot controller, e.g. rapid://192.168.125.1:5000?secret=@FILE; see trical robot ping --help
     #[arg(long, value_name = "URL")]
     controller: String,
     /// Where to record

@@ -39,8 +39,8 @@ enum What {
 /// The controller.
 #[derive(clap::Args)]
 pub struct Link {
-    /// The robot controller: rapid://192.168.125.1:5000 (ABB, rapid/TriCal.mod), rws://192.168.125.1 (ABB, Robot Web
-    /// Services), ur://192.168.0.2 (Universal Robots)
+    /// The robot controller: rapid://192.168.125.1:5000?secret=@FILE (ABB, rapid/TriCal.mod),
+    /// rws://192.168.125.1?user=NAME&password=@FILE (ABB, Robot Web Services), ur://192.168.0.2 (Universal Robots)
     #[arg(long, value_name = "URL")]
     controller: String,
     /// A machine-readable summary on standard output

@@ -18,6 +18,9 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(5);
 /// How often each end of the line hears of the other while the arm moves.
 const ALIVE_EVERY: Duration = Duration::from_secs(1);
 
+/// Answers that were sent in time are taken so long after it; a controller that never ends sending is not heard for ever.
+const LATE: Duration = Duration::from_secs(1);
+
 /// More joint samples than any motion has; a controller that sends more is not ours.
 const MOST_SAMPLES: usize = 100_000;
 
@@ -298,6 +301,9 @@ impl<S: Read + Write + Send> RapidClient<S> {
 
     fn next_message(&mut self, deadline: Instant) -> Result<Option<Vec<u8>>, ControllerError> {
         loop {
+            if Instant::now() >= deadline + LATE {
+                return Ok(None);
+            }
             if let Some(end) = self.buffer.iter().position(|byte| *byte == b'#') {
                 return Ok(Some(self.buffer.drain(..=end).take(end).collect()));
             }

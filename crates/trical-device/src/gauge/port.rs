@@ -202,9 +202,15 @@ impl Lines {
         }
     }
 
+    /// More than any device has said meanwhile; of one that never ends sending no more is taken in.
+    const MOST_WAITING: usize = 65_536;
+
+    /// Records that came in time are looked at so long after the deadline, and those of a device that never ends sending not for ever.
+    const LATE: Duration = Duration::from_secs(1);
+
     /// Takes in all that waits already, without blocking.
     pub(crate) fn drain(&mut self, port: &mut dyn Port) -> io::Result<()> {
-        while port.waiting()? > 0 {
+        while self.buffer.len() < Self::MOST_WAITING && port.waiting()? > 0 {
             if !self.fill(port)? {
                 break;
             }
@@ -215,6 +221,9 @@ impl Lines {
     /// Waits for a whole record until the deadline.
     pub(crate) fn wait(&mut self, port: &mut dyn Port, deadline: Instant) -> io::Result<Option<Vec<u8>>> {
         loop {
+            if Instant::now() >= deadline + Self::LATE {
+                return Ok(None);
+            }
             if let Some(line) = self.next_line() {
                 return Ok(Some(line));
             }

@@ -4,6 +4,7 @@
 #![cfg(unix)]
 
 use std::fmt::Write as _;
+use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -295,9 +296,6 @@ const READERS: &[(&str, &str)] = &[
     ("validate touches.csv --robot robot.toml --cell cell.toml --model {}", "toml"),
     ("compare {} touches.csv", "toml"),
     ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "mod"),
-    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "src"),
-    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "ls"),
-    ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "script"),
     ("compensate {} --robot robot.toml --cell cell.toml --model model.toml --out o", "csv"),
     ("compensate a.mod --robot robot.toml --cell cell.toml --model model.toml --frames {} --out o", "toml"),
     (
@@ -305,8 +303,7 @@ const READERS: &[(&str, &str)] = &[
         "csv",
     ),
     (
-        "measure --robot robot.toml --cell cell.toml --plan plan.csv --gauge line:///dev/null --controller rapid://127.0.0.1:1 \
-         --go --resume --out {}",
+        "measure --robot robot.toml --cell cell.toml --plan plan.csv --gauge GAUGE --controller CONTROLLER --go --resume --out {}",
         "mcap",
     ),
     ("virtual-cell --robot robot.toml --cell cell.toml --port 0 --faults {}", "toml"),
@@ -334,6 +331,14 @@ fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
     run("identify touches.csv --robot robot.toml --cell cell.toml --out model.toml");
     run("plan --robot robot.toml --cell cell.toml --per-ball 2 --out plan.csv");
     p.write("a.mod", "MODULE m\nENDMODULE\n");
+    // the recording is opened when gauge and controller have answered
+    let mut cell = Command::new(env!("CARGO_BIN_EXE_trical"));
+    cell.args(["virtual-cell", "--robot", "robot.toml", "--cell", "cell.toml", "--port", "0", "--json"]);
+    let mut cell = Ends(cell.current_dir(p.0.path()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap());
+    let mut links = String::new();
+    BufReader::new(cell.0.stdout.take().unwrap()).read_line(&mut links).unwrap();
+    let links: serde_json::Value = serde_json::from_str(&links).unwrap();
+    let [gauge, controller] = ["gauge", "controller"].map(|key| links[key].as_str().unwrap().to_owned());
     let solids_at = CELL.find("solids = [").unwrap();
     let solids_end = solids_at + CELL[solids_at..].find('\n').unwrap();
     let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ball,ix_mm,iy_mm,iz_mm";
@@ -350,14 +355,16 @@ fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
         let hole = std::fs::File::create(p.path(&format!("hole.{extension}"))).unwrap();
         hole.set_len(5_000_000_000).unwrap();
         let pipe = p.path(&format!("pipe.{extension}"));
-        let _ = Command::new("mkfifo").arg(&pipe).status().unwrap();
+        if !pipe.exists() {
+            assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        }
         for kind in ["urandom", "zero", "hole", "pipe"] {
             let name = format!("{kind}.{extension}");
             let solids = format!("solids = [{{ shape = \"mesh\", file = \"{name}\" }}]");
             if matches!(*extension, "stl" | "obj") {
                 p.write(&format!("mesh-{name}.toml"), [&CELL[..solids_at], &solids, &CELL[solids_end..]].concat());
             }
-            let asked = command.replace("{}", &name);
+            let asked = command.replace("{}", &name).replace("GAUGE", &gauge).replace("CONTROLLER", &controller);
             if kind != "pipe" {
                 p.refuses(&asked, "");
                 continue;

@@ -1,7 +1,7 @@
 //! Compensation from file to file.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use trical_model::Model;
@@ -72,7 +72,7 @@ impl Job<'_> {
         let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         let (mut bytes, mut ends) = (Vec::new(), Vec::new());
         for (path, name) in files.iter().zip(&names) {
-            let read = std::fs::read(path).map_err(|e| ProgramError::Input(format!("{name}: cannot be read: {e}")))?;
+            let read = read_program(path, name, bytes.len())?;
             if bytes.is_empty() {
                 bytes = read
             } else {
@@ -215,6 +215,22 @@ impl Drop for Half {
     }
 }
 
+/// The largest program, all its files together, bytes: with 50 bytes a target it takes ten times that in memory.
+const LARGEST: usize = 128 << 20;
+
+/// Reads a file of a program whose other files have so many bytes.
+fn read_program(path: &Path, name: &str, others: usize) -> Result<Vec<u8>, ProgramError> {
+    let unreadable = |problem: String| ProgramError::Input(format!("{name}: {problem}"));
+    let (mut bytes, most) = (Vec::new(), LARGEST - others.min(LARGEST));
+    File::open(path)
+        .and_then(|file| file.take(most as u64 + 1).read_to_end(&mut bytes))
+        .map_err(|e| unreadable(format!("cannot be read: {e}")))?;
+    if bytes.len() > most {
+        return Err(unreadable(format!("the program has more than {} MiB, expected at most that", LARGEST >> 20)));
+    }
+    Ok(bytes)
+}
+
 /// Reads tools and frames from a `--frames` file: TOML, or another program that declares them (`CalibData.mod`,
 /// `$config.dat`).
 ///
@@ -222,8 +238,8 @@ impl Drop for Half {
 /// One sentence.
 pub fn load_frames(path: &Path) -> Result<Frames, ProgramError> {
     let Some(dialect) = Dialect::of(path).filter(|d| *d != Dialect::Csv) else { return Frames::load(path) };
-    let file = path.display();
-    let bytes = std::fs::read(path).map_err(|e| ProgramError::Input(format!("{file}: cannot be read: {e}")))?;
+    let file = path.display().to_string();
+    let bytes = read_program(path, &file, 0)?;
     let scan = dialect.scan(&bytes).map_err(|e| ProgramError::Input(format!("{file}: {e}")))?;
     Ok(scan.frames)
 }

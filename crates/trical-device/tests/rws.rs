@@ -4,16 +4,19 @@
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use md5::{Digest, Md5};
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use trical_device::controller::{RwsClient, RwsSettings};
 use trical_device::url::Secret;
 use trical_device::{Controller, ControllerError, open_controller};
 
 const NONCE: &str = "9d8c7b6a5f4e";
+const CERTIFICATE: &str = include_str!("data/rws-test-server.pem");
 const REALM: &str = "validusers@robapi.abb";
 
 /// The controller behind the services.
@@ -112,8 +115,8 @@ impl Robot {
     }
 }
 
-fn serve(mut stream: TcpStream, robot: &Mutex<Robot>) -> std::io::Result<()> {
-    let mut reader = BufReader::new(stream.try_clone()?);
+fn serve(stream: impl Read + Write, robot: &Mutex<Robot>) -> std::io::Result<()> {
+    let mut reader = BufReader::new(stream);
     loop {
         let mut first = String::new();
         if reader.read_line(&mut first)? == 0 {
@@ -158,7 +161,7 @@ fn serve(mut stream: TcpStream, robot: &Mutex<Robot>) -> std::io::Result<()> {
         };
         let head = format!("HTTP/1.1 {status} X\r\n{more}Content-Length: {}\r\n\r\n", text.len());
         // in one piece: two small writes would wait for each other
-        stream.write_all(
+        reader.get_mut().write_all(
             (if status == 204 { format!("HTTP/1.1 204 X\r\n{more}\r\n") } else { head + &text }).as_bytes(),
         )?;
     }
@@ -176,6 +179,46 @@ fn server() -> (String, Arc<Mutex<Robot>>) {
         }
     });
     (address, robot)
+}
+
+/// The same over https.
+fn secure_server() -> (String, Arc<Mutex<Robot>>) {
+    let certificates = CertificateDer::pem_slice_iter(CERTIFICATE.as_bytes()).map(Result::unwrap).collect();
+    let key = PrivateKeyDer::from_pem_slice(CERTIFICATE.as_bytes()).unwrap();
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = rustls::ServerConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
+    let config = Arc::new(config.with_no_client_auth().with_single_cert(certificates, key).unwrap());
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let robot = Arc::new(Mutex::new(Robot::new()));
+    let shared = Arc::clone(&robot);
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let (robot, tls) = (Arc::clone(&shared), rustls::ServerConnection::new(Arc::clone(&config)).unwrap());
+            std::thread::spawn(move || serve(rustls::StreamOwned::new(tls, stream.unwrap()), &robot));
+        }
+    });
+    (address, robot)
+}
+
+#[test]
+fn over_https_the_controllers_own_certificate_is_believed_and_no_other() {
+    let (address, robot) = secure_server();
+    let certified = RwsSettings { certificate: Some(CERTIFICATE.to_owned()), ..settings() };
+    let mut client = RwsClient::connect(&address, certified.clone()).unwrap();
+    client.move_joints(&[0.1; 9]).unwrap();
+    assert!((client.joints().unwrap()[0] - 0.1).abs() < 1e-6);
+    // a controller that is not asked over https, and one that is another
+    assert!(RwsClient::connect(&address, settings()).is_err());
+    let (plain, asked) = server();
+    assert!(RwsClient::connect(&plain, certified.clone()).is_err());
+    assert_eq!(asked.lock().unwrap().unauthorized, 0, "nothing is said without encryption");
+    let other = RwsClient::connect(&address.replace("127.0.0.1", "127.0.0.2"), certified);
+    assert!(other.is_err());
+    let none = RwsSettings { certificate: Some("no certificate".to_owned()), ..settings() };
+    let error = RwsClient::connect(&address, none).err().unwrap().to_string();
+    assert!(error.contains("its certificate is no PEM"), "{error}");
+    assert_eq!(robot.lock().unwrap().sessions, 1);
 }
 
 fn settings() -> RwsSettings {

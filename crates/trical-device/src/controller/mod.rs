@@ -8,11 +8,13 @@ pub mod rws_protocol;
 pub mod trial;
 pub mod ur;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use thiserror::Error;
+use trical_model::error::read_text;
 use trical_model::recording::Joints;
 
 use self::rapid_protocol::{NO_SECRET, is_secret};
@@ -246,7 +248,7 @@ pub enum ControllerError {
 ///
 /// `rws://host:port` is an ABB controller with RobotWare 6 behind Robot Web Services 1.0 (default port 80); motions need
 /// `rapid/TriCalRws.mod`, reading the joints does not. Options: `user` and `password` (`@FILE` for the first line of a file), or
-/// `login=factory` for those of every new controller; `task`, `module`, `unit`, `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
+/// `login=factory` for those of every new controller; `certificate` (PEM file: https, default port 443), `task`, `module`, `unit`, `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
 ///
 /// `ur://host` is a Universal Robots controller in remote control: URScript and RTDE. Options: `timeout_s`,
 /// `move_timeout_s`, `settle_ms`, `max_correction_mm`, `rtde_port`, `script_port`.
@@ -262,7 +264,8 @@ pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError
         }
         "rws" => {
             let settings = rws_settings(&mut url)?;
-            Ok(Box::new(RwsClient::connect(&with_port(&url.place, 80), settings)?))
+            let port = if settings.certificate.is_some() { 443 } else { 80 };
+            Ok(Box::new(RwsClient::connect(&with_port(&url.place, port), settings)?))
         }
         "ur" => {
             let settings = ur_settings(&mut url)?;
@@ -313,6 +316,8 @@ fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
             return Err(url.error(format!("no user and password: {expected}")));
         }
     };
+    let certificate = url.take("certificate").map(|path| read_text(Path::new(&path))).transpose();
+    let certificate = certificate.map_err(|e| url.error(e.to_string()))?;
     let mut word = |key: &str, default: String| url.take(key).unwrap_or(default);
     let [task, module, unit] =
         [word("task", defaults.task), word("module", defaults.module), word("unit", defaults.unit)];
@@ -324,6 +329,7 @@ fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
     let settings = RwsSettings {
         user,
         password,
+        certificate,
         task,
         module,
         unit,
@@ -332,7 +338,9 @@ fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
         poll: milliseconds(url, "poll_ms", defaults.poll)?,
         settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
     };
-    url.finish("user, password, login, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms")?;
+    url.finish(
+        "user, password, login, certificate, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms",
+    )?;
     Ok(settings)
 }
 

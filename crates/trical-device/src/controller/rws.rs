@@ -3,10 +3,12 @@
 //! Nothing here was tried on a real controller. That setting a variable needs no mastership in automatic mode is what the
 //! manual says for a local program; where a controller asks for it, it answers 403, and the error says so \[I\].
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use digest_auth::{AuthContext, HttpMethod, WwwAuthenticateHeader};
 use trical_model::recording::Joints;
+use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
@@ -28,6 +30,9 @@ pub struct RwsSettings {
     pub user: String,
     /// Password of the user; sent as a digest, and only when the controller asks.
     pub password: Secret,
+    /// The controller's certificate or that of who issued it, as PEM: then the services are asked over https, and only where they
+    /// have it. `None` = http.
+    pub certificate: Option<String>,
     /// Task of the module.
     pub task: String,
     /// Name of the module.
@@ -49,6 +54,7 @@ impl Default for RwsSettings {
         Self {
             user: String::new(),
             password: Secret::default(),
+            certificate: None,
             task: "T_ROB1".to_owned(),
             module: "TriCalRws".to_owned(),
             unit: "ROB_1".to_owned(),
@@ -80,16 +86,26 @@ impl RwsClient {
     /// Connects to `host[:port]` and reads the joints once.
     ///
     /// # Errors
-    /// No connection, wrong user or password, or something else that answers.
+    /// No connection, a certificate that is none or not the controller's, wrong user or password, or something else that answers.
     pub fn connect(address: &str, settings: RwsSettings) -> Result<Self, ControllerError> {
-        let config = ureq::Agent::config_builder()
+        let mut config = ureq::Agent::config_builder()
             .http_status_as_error(false)
             .max_redirects(0)
-            .timeout_global(Some(settings.timeout))
-            .build();
+            .timeout_global(Some(settings.timeout));
+        if let Some(pem) = &settings.certificate {
+            let certificate = Certificate::from_pem(pem.as_bytes()).map_err(|error| ControllerError::Connect {
+                address: address.to_owned(),
+                reason: format!("its certificate is no PEM: {error}"),
+            })?;
+            let tls = TlsConfig::builder()
+                .root_certs(RootCerts::new_with_certs(&[certificate]))
+                .unversioned_rustls_crypto_provider(Arc::new(rustls::crypto::ring::default_provider()));
+            config = config.tls_config(tls.build()).https_only(true);
+        }
+        let scheme = if settings.certificate.is_some() { "https" } else { "http" };
         let mut client = Self {
-            agent: config.into(),
-            base: format!("http://{address}"),
+            agent: config.build().into(),
+            base: format!("{scheme}://{address}"),
             name: format!("rws {address}"),
             settings,
             challenge: None,

@@ -4,7 +4,7 @@
 #![cfg(unix)]
 
 use std::fmt::Write as _;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write as _};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -376,6 +376,45 @@ fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
                 p.refuses(&asked, "");
             }
         }
+    }
+}
+
+#[test]
+fn controllers_that_never_end_sending_fill_nothing() {
+    if !bounded() {
+        return;
+    }
+    let p = Place::new();
+    let http = "HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n\r\n";
+    let header = format!("HTTP/1.1 200 OK\r\nX: {}", "x".repeat(4000));
+    for (scheme, first, then) in [
+        ("rapid", "", "x"),
+        ("rapid", "", "26 1 #"),
+        ("rapid", "", "24 1 #"),
+        ("rws", http, "{\"a\":1}"),
+        ("rws", header.as_str(), "x"),
+        ("ur", "", "x"),
+        ("ur", "", "\0\u{6}Mabc"),
+    ] {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let (first, then) = (first.to_owned(), then.repeat(1000));
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                let (first, then) = (first.clone(), then.clone());
+                std::thread::spawn(move || {
+                    let mut stream = stream;
+                    let _ = stream.write_all(first.as_bytes());
+                    while stream.write_all(then.as_bytes()).is_ok() {}
+                });
+            }
+        });
+        let url = match scheme {
+            "rapid" => format!("rapid://127.0.0.1:{port}?timeout_s=1"),
+            "rws" => format!("rws://127.0.0.1:{port}?timeout_s=1&login=factory"),
+            _ => format!("ur://127.0.0.1?timeout_s=1&rtde_port={port}&script_port={port}"),
+        };
+        p.refuses(&format!("robot ping --controller {url}"), "robot controller");
     }
 }
 

@@ -241,6 +241,21 @@ fn a_stop_is_sent_and_confirmed_while_the_arm_moves() {
 }
 
 #[test]
+fn a_motion_whose_answer_is_no_message_is_stopped_and_the_connection_not_used_again() {
+    let (send, seen) = std::sync::mpsc::channel();
+    let mut client = connect(move |request| {
+        send.send(request.to_owned()).unwrap();
+        if request.starts_with("02") { Some("HTTP/1.1 200 OK #".to_owned()) } else { sound(request) }
+    })
+    .unwrap();
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Garbage { .. }), "{error}");
+    assert!(matches!(client.correct([1e-3, 0.0, 0.0]), Err(ControllerError::Lost { .. })));
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(seen.try_iter().last().unwrap(), "25 #");
+}
+
+#[test]
 fn a_controller_that_floods_is_stopped_all_the_same() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

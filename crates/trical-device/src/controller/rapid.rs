@@ -261,6 +261,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
                     return Err(ControllerError::Refused { controller, request: request.to_owned(), reason });
                 }
                 _ => {
+                    let _ = self.send(&protocol::write_request(code::STOP, &[], 0));
                     self.broken = Some(format!("an answer before was {:?}", shorten(&message)));
                     return Err(self.garbage(request, &message, format!("{wanted:02} 1 ... #")));
                 }

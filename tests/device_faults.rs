@@ -426,7 +426,8 @@ fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
         });
         // what is on disk is whole; the arm stands where the controller stopped it when its client was gone
         std::thread::sleep(Duration::from_millis(100));
-        let before = path.exists().then(|| read_recording(&path).unwrap().recording.rows).unwrap_or_default();
+        let recorded = || if path.exists() { read_recording(&path).unwrap().recording.rows } else { Vec::new() };
+        let before = recorded();
         let stands = cell.state().q;
         let at = |q: &Joints| q.iter().zip(&stands).all(|(a, b)| (a - b).abs() < 1e-3);
         if !at(&[0.0; 9]) && !bench.plan.iter().any(|e| at(&e.joints) || e.via.iter().any(at)) {
@@ -441,7 +442,7 @@ fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
                 break;
             }
         }
-        let after = if path.exists() { read_recording(&path).unwrap().recording.rows } else { Vec::new() };
+        let after = recorded();
         assert_eq!(after[..before.len()], before[..], "{says}: lost");
         if last.0 == Some(0) {
             let numbers: Vec<u64> = after.iter().map(|row| row.seq.unwrap()).collect();

@@ -189,7 +189,7 @@ pub fn generate(
             wanted: options.per_ball,
             attempts: rejected.attempts,
             reason: if none_in_reach(&rejected) {
-                "none was in reach: the ball is too far away, or the joints do not turn the device every way".into()
+                "all were out of reach: the ball is too far away, or the joints do not turn the device every way".into()
             } else {
                 format!("refused were {}", rejected.in_words())
             },

@@ -260,7 +260,7 @@ fn a_ball_out_of_reach_says_which_and_why() {
     let e = plan_touches(&robot, &cell, &options, &Task::silent()).unwrap_err();
     assert_eq!(
         e.to_string(),
-        "ball 2: 0 collision-free configurations found in 128 attempts, expected 15; none was in reach: the ball is too far away, \
+        "ball 2: 0 collision-free configurations found in 128 attempts, expected 15; all were out of reach: the ball is too far away, \
          or the joints do not turn the device every way"
     );
 }

@@ -256,6 +256,15 @@ fn messages_hold_nothing_that_a_terminal_obeys_and_stay_short_in_bytes() {
     );
     let url = format!("line:///dev/null?{}=1", "\u{1f916}".repeat(20_000));
     p.refuses(&format!("gauge test --gauge {url}"), "unknown option");
+    // a site that the arm does not have: the file, and the site as it stands there
+    for args in ["sample s", "identify s/touches.csv --robot s/robot.toml --cell s/cell.toml --out model.toml"] {
+        let o = Command::new(env!("CARGO_BIN_EXE_trical")).args(args.split(' ')).current_dir(p.0.path()).output();
+        assert!(o.unwrap().status.success(), "{args}");
+    }
+    let model = std::fs::read_to_string(p.path("model.toml")).unwrap();
+    p.write("bad.toml", model.replace("link = 2\n", "link = 22\n"));
+    let validate = "validate s/touches.csv --robot s/robot.toml --cell s/cell.toml --model bad.toml";
+    p.refuses(validate, "bad.toml: term 'alpha_2' acts at site = { link = { link = 22, parameter = \"alpha\" } }");
     let list = "1,".repeat(20_000) + "1";
     p.refuses(&format!("virtual-cell --robot robot.toml --cell cell.toml --unsettled {list}"), "--unsettled");
 }

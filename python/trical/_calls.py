@@ -61,7 +61,7 @@ def identify(
             where it has one.
         robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
         cell: path of a cell.toml, or a Cell.
-        joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.
+        joints: which joint angles to use: "read", "commanded", or "auto", whichever the model explains better.
         model: "nominal" (measuring frame or base, and tool points only), "geometry" (rigid), "compliance" (the
             paper's 31) or "complete": as rich as robot and recordings allow; `cautions` says what was left out and why.
         compliant: joints (from 1) whose compliance is identified; all that carry gravity where empty.

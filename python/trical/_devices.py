@@ -60,7 +60,7 @@ class GaugeTest:
     def __repr__(self) -> str:
         """What it says of itself, and how still it stood."""
         lines = [f"<trical.GaugeTest of {self._head()}>", *(f"  {line}" for line in self.says)]
-        lines.append("axis   mean mm     sd mm  spread mm  finest step mm")
+        lines.append("axis   mean mm     sd mm  spread mm  smallest step mm")
         for axis, *numbers in self._rows():
             said = [f"{x:10.4f}" if isinstance(x, float) else f"{x!s:>10}" for x in numbers]
             lines.append(f"{axis}   {said[0]}{said[1]}{said[2]:>11}{said[3]:>16}")

@@ -251,7 +251,7 @@ class Diagnosis(Reported):
 
     @property
     def joints(self) -> str:
-        """Which joint angles were believed: "read" or "commanded"."""
+        """Which joint angles were used: "read" or "commanded"."""
         joints: str = self.answer["joints"]
         return joints
 

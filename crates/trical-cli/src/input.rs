@@ -60,7 +60,7 @@ pub fn quoted(arg: std::ffi::OsString) -> String {
     }
 }
 
-/// Which joint angles to believe.
+/// Which joint angles to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Joints {
     /// Those that the controller reported (q1_deg ...)

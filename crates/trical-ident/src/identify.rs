@@ -311,8 +311,7 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
         let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();
         let weak = weakest_direction(&r, &names, 1.0).unwrap_or_default();
         return Err(IdentError::NotConverged(format!(
-            "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? What these \
-             measurements tell least is {}: poses that vary more tell it, or fewer parameters",
+            "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? These measurements determine {} least: measure more varied poses, or identify fewer parameters",
             report.iterations,
             if report.ended == Ended::Stuck { " where no step helped" } else { "" },
             report.gradient,

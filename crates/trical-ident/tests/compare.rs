@@ -81,7 +81,7 @@ fn a_model_without_its_uncertainty_and_its_own_recording_are_refused() {
     let mut file = calibrated(&truth);
     let own = Recording { name: "old.csv".into(), ..arm::touch(&truth, 90, NOISE, 1) };
     let e = compare(&truth.cell, &file, &own, None).unwrap_err().to_string();
-    assert_eq!(e, "old.csv: the model was learnt on this recording; expected a later one");
+    assert_eq!(e, "old.csv: the model was fitted to this recording; expected a later one");
     file.uncertainty = None;
     let e = compare(&truth.cell, &file, &later(&truth, None, "new.csv", 2), None).unwrap_err().to_string();
     assert!(e.starts_with("the model file does not say how uncertain it is ([uncertainty])"), "{e}");

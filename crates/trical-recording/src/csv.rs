@@ -101,7 +101,7 @@ impl Reader<'_> {
             if let Some(other) = slot {
                 let other = self.header.get(other.at).map_or("", String::as_str);
                 return Err(self.wrong_header(if other == name {
-                    format!("column {name} stands there twice")
+                    format!("column {name} is given twice")
                 } else {
                     format!("columns {other} and {name} are both there")
                 }));

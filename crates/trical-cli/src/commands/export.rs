@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<()> {
     say(format!("Wrote {}", written.join(" and ")))?;
     if let Some(e) = map {
         say(format!(
-            "Over {} poses within its limits the arm misses by {:.3} mm on average, {:.3} mm at most, as seen from its own base.",
+            "At {} poses within its limits the nominal arm is off by {:.3} mm on average and {:.3} mm at most, seen from its own base.",
             args.poses, e.mean_mm, e.max_mm
         ))?;
     }

@@ -198,8 +198,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
             say(format!("  {line}"))?;
         }
         say(format!("{count} readings of all three axes, {:.0} ms each", each * 1e3))?;
-        let mut rows =
-            vec![["axis", "mean mm", "sd mm", "from least to largest mm", "finest step mm"].map(String::from).to_vec()];
+        let mut rows = vec![["axis", "mean mm", "sd mm", "range mm", "smallest step mm"].map(String::from).to_vec()];
         rows.extend(AXES.iter().zip(&axes).map(|(a, x)| {
             vec![
                 a.to_string(),

@@ -335,7 +335,7 @@ impl Led<'_> {
         self.kept.zero = None;
         let bare = bare_url(&self.about.gauge);
         loop {
-            match self.ask("Take the device where no stem touches anything. (s: the indicators read zero on the calibrator already.)")? {
+            match self.ask("Hold the device so that no stem touches anything. (s: the indicators read zero on the calibrator already.)")? {
                 Answer::Go => {}
                 Answer::Back => continue,
                 _ => {

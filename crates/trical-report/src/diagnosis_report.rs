@@ -126,10 +126,31 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
     }
 }
 
+/// A finding against the variable that reveals it, one value for each observation.
+pub struct Against {
+    /// What `x` is, with its unit.
+    pub label: String,
+    /// The variable.
+    pub x: Vec<f64>,
+    /// Error along the direction in which the finding acts, everything else modelled, without it, mm.
+    pub without: Vec<f64>,
+    /// And with it, mm.
+    pub with: Vec<f64>,
+}
+
+/// What a finding does, against the variable that reveals it.
+///
+/// # Errors
+/// A model that cannot be evaluated.
+pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
+    let Seen { before: without, after: with, part } = seen(f, d)?;
+    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
+    Ok(Against { label, x, without, with })
+}
+
 /// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
 pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
-    let Seen { before, after, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
+    let Against { label, x, without: before, with: after } = against(f, d)?;
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
     let series = [
         Series { name: "without it", color: BEFORE, points: points(&before) },

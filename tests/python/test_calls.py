@@ -181,6 +181,29 @@ def test_plots_are_figures(
         pickle.loads(pickle.dumps(diagnosis)).plot(1)
 
 
+def test_sizes_and_orders_that_no_arm_has_are_noticed(touches: trical.Recording, tmp_path: Path) -> None:
+    q = trical.poses(60, **FILES, seed=3)
+    poses = trical.simulate(trical.Model.nominal(**FILES), q, full_pose=True, seed=1)
+    assert poses.orientation is not None and poses.position is not None
+    trical.identify(poses, **FILES)
+    turned = trical.Recording(q=q, position=poses.position, orientation=np.roll(poses.orientation, -1, axis=1))
+    with pytest.raises(trical.TricalError, match="only if each quaternion is read as x, y, z, w"):
+        trical.identify(turned, **FILES)
+    # another arm's signs, or zero: the error says that joints are beyond their limits
+    other = touches.q.copy()
+    other[:, 1] += np.radians(200)
+    beyond = trical.Recording(q=other, ball=touches.ball, indicators=touches.indicators)
+    with pytest.raises((trical.TricalError, RuntimeError), match="beyond their limits, joint 2"):
+        trical.identify(beyond, **FILES)
+    # all problems of a file in one message
+    lines = str(touches.to_csv()).splitlines()
+    lines[3] = lines[3].replace(".", "x", 1)
+    lines[5] = "1,2"
+    (tmp_path / "many.csv").write_text("\n".join(lines))
+    with pytest.raises(trical.RecordingError, match="line 4, column .*; line 6: found 2 fields"):
+        trical.Recording.load(tmp_path / "many.csv")
+
+
 def test_recordings_are_joined(touches: trical.Recording) -> None:
     first, second = touches[:40], touches[40:]
     joined = first + second

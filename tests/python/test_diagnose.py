@@ -87,3 +87,12 @@ def test_the_catalogue_is_that_of_the_program() -> None:
 def test_errors_travel_between_processes(kind: type[Exception]) -> None:
     again = pickle.loads(pickle.dumps(kind("line 3: found nothing")))
     assert type(again) is kind and str(again) == "line 3: found nothing"
+
+
+def test_sockets_are_identified_and_a_diagnosis_says_why_it_is_not_possible(shared: Path) -> None:
+    d = shared / "mukca"
+    files = {"robot": f"{d / 'panda.urdf'}#panda_link0:ball_link", "cell": d / "panda.cell.toml"}
+    with pytest.raises(
+        trical.NotEnoughDataError, match="touches of 2 balls leave the arm's base open: identify closes it"
+    ):
+        trical.diagnose(d / "panda_1.csv", **files)

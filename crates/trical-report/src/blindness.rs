@@ -111,11 +111,12 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
             effects.push((s.effect, Vec::new()));
             effects.len() - 1
         });
-        effects[k].1.push(format!("{} {:.1}", s.site, s.lambda));
+        effects[k].1.push(format!("{}: {:.1}", s.site, s.lambda));
     }
     list.into_iter()
         .map(|(remedy, effects)| {
-            let what: Vec<String> = effects.iter().map(|(e, sites)| format!("{e} ({})", sites.join(", "))).collect();
+            let named = |(e, sites): &Sites| format!("{} ({})", e.effect().title, sites.join(", "));
+            let what: Vec<String> = effects.iter().map(named).collect();
             (remedy.to_owned(), what.join("; "))
         })
         .collect()

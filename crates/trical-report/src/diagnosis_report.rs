@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, verdict};
+use trical_diagnose::{Diagnosis, Finding, RowKind, verdict};
 use trical_ident::{ErrorSummary, JointSource};
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
@@ -26,7 +26,7 @@ const FEW: usize = 8;
 const CROWDED: f64 = 24.0;
 
 fn rivals(f: &Finding) -> String {
-    f.rivals.iter().map(Rival::in_words).collect::<Vec<_>>().join(", ")
+    f.rivals.iter().map(|r| verdict::named(r.effect, r.site).to_lowercase()).collect::<Vec<_>>().join(", ")
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -480,7 +480,12 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
-        blind.push(vec![b.effect.to_string(), b.site.to_string(), format!("{:.2}", b.lambda), lacks]);
+        blind.push(vec![
+            format!("{} ({})", b.effect.effect().title, b.effect),
+            b.site.to_string(),
+            format!("{:.2}", b.lambda),
+            lacks,
+        ]);
     }
     sections.push(Section {
         heading: "What this data could not show".into(),

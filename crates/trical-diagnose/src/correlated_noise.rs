@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_model::{Measured, residual_rows};
@@ -14,6 +15,9 @@ use crate::settings::{AUTOCORRELATIONS, CORRELATED_NATS, CORRELATION_LENGTHS, WH
 
 /// Where the best of them is looked for first, as indices into both.
 const FIRST: [(usize, usize); 3] = [(3, 0), (5, 2), (7, 3)];
+
+/// Columns that are made white at once.
+const AT_ONCE: usize = 8;
 
 /// How noise is correlated from one measurement to the next: AR(1), beside a white part.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -153,13 +157,36 @@ impl Filter {
 
     /// `W` times a column.
     pub fn apply(&self, column: &mut [f64]) {
-        let mut forecasts = vec![0.0; self.steps.len()];
-        for (row, step) in self.steps.iter().enumerate() {
-            if let Some(b) = step.before {
-                let new = column[b] * self.steps[b].root;
-                forecasts[row] = self.correlation.kept * (forecasts[b] + self.steps[b].gain * new);
+        let mut rows: Vec<[f64; 1]> = column.iter().map(|v| [*v]).collect();
+        self.whiten(&mut rows);
+        column.iter_mut().zip(&rows).for_each(|(v, row)| *v = row[0]);
+    }
+
+    /// `W` times each column, some at a time: each row hangs on one before it, so that several take hardly longer than one.
+    pub fn apply_to_all(&self, columns: &mut Mat<f64>) {
+        let mut rows = vec![[0.0; AT_ONCE]; if self.works() { columns.nrows() } else { 0 }];
+        for first in (0..columns.ncols()).step_by(AT_ONCE).take_while(|_| self.works()) {
+            let some = first..columns.ncols().min(first + AT_ONCE);
+            for (k, column) in some.clone().enumerate() {
+                rows.iter_mut().zip(columns.col_as_slice(column)).for_each(|(row, v)| row[k] = *v);
             }
-            column[row] = (column[row] - forecasts[row]) / step.root;
+            self.whiten(&mut rows);
+            for (k, column) in some.enumerate() {
+                rows.iter().zip(columns.col_as_slice_mut(column)).for_each(|(row, v)| *v = row[k]);
+            }
+        }
+    }
+
+    fn whiten<const N: usize>(&self, rows: &mut [[f64; N]]) {
+        let mut forecasts = vec![[0.0; N]; self.steps.len()];
+        for (at, step) in self.steps.iter().enumerate() {
+            if let Some(b) = step.before {
+                let gain = self.steps[b].gain * self.steps[b].root;
+                let (before, new) = (forecasts[b], rows[b]);
+                forecasts[at] = std::array::from_fn(|k| self.correlation.kept * (before[k] + gain * new[k]));
+            }
+            let (forecast, of_one) = (forecasts[at], 1.0 / step.root);
+            rows[at] = std::array::from_fn(|k| (rows[at][k] - forecast[k]) * of_one);
         }
     }
 

@@ -4,6 +4,7 @@ use serde::Serialize;
 use trical_ident::HeldOut;
 use trical_ident::dataset::{Dataset, Rejected};
 use trical_ident::known::Known;
+use trical_ident::model_file::{ModelFile, Uncertainty};
 use trical_ident::noise::Noise;
 use trical_model::{Model, Place, Scope};
 
@@ -289,12 +290,23 @@ pub struct Diagnosis {
     /// The data without them.
     #[serde(skip)]
     pub data: Dataset,
+    /// How uncertain its terms are together.
+    #[serde(skip)]
+    pub uncertainty: Option<Uncertainty>,
     /// The baseline fit.
     #[serde(skip)]
     pub before: Model,
     /// For [`Diagnosis::undecided`].
     #[serde(skip)]
     pub grounds: Grounds,
+}
+
+impl Diagnosis {
+    /// The extended model as a file.
+    #[must_use]
+    pub fn model_file(&self) -> ModelFile {
+        ModelFile { uncertainty: self.uncertainty.clone(), ..ModelFile::of(self.model.clone(), &self.data) }
+    }
 }
 
 /// What later questions about a diagnosis need to know, and nobody reads.

@@ -10,7 +10,7 @@ use crate::covariates::{is_order, name, order_of, value};
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::settings::{
     CURVE_KNOTS, FINE_CURVE_KNOTS, GROWTH_QUANTILES, LOCAL_CENTRES, LOCAL_REACHES, LOCAL_VALUES, STEP_THRESHOLDS,
-    UNNAMED_PRICE_NATS, UNNAMED_SIZE_RAD, VALUES_PER_KNOT,
+    UNNAMED_PRICE_NATS, UNNAMED_REST, UNNAMED_SIZE_RAD, VALUES_PER_KNOT,
 };
 
 fn sorted(values: &[f64]) -> Vec<f64> {
@@ -176,6 +176,10 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
             out.push(candidate(joint, terms, &format!("q{other}, with its own angle,")));
         }
     }
+    // a curve may also be the small rest beside a name: a large one would do what the name does, at no further price
+    let small = |c: &Candidate| Candidate { scales: c.scales.iter().map(|s| s * UNNAMED_REST).collect(), ..c.clone() };
+    let rests: Vec<Candidate> = out.iter().filter(|c| c.terms.len() > 1).map(small).collect();
+    out.extend(rests);
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let price = (out.len() as f64).ln() + UNNAMED_PRICE_NATS;
     for c in &mut out {

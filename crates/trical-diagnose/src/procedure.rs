@@ -7,6 +7,7 @@ use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
 use trical_ident::folds::Folds;
 use trical_ident::identify::ErrorSummary;
+use trical_ident::model_file::Uncertainty;
 use trical_model::{Cell, Forward, Model, Place, Robot, Site, Task};
 
 use crate::candidate::Candidate;
@@ -98,6 +99,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .collect(),
         rejected: kept.rejected.clone(),
         model: fitted.model.clone(),
+        uncertainty: Uncertainty::of(fitted),
         data: kept.clone(),
         before: baseline,
         grounds: Grounds {

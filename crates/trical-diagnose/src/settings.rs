@@ -62,6 +62,9 @@ pub const UNNAMED_PRICE_NATS: f64 = 5.0;
 /// How far a joint may be off without a name, rad (0.02 deg): the prior of each knot of a curve.
 pub const UNNAMED_SIZE_RAD: f64 = 0.02 * std::f64::consts::PI / 180.0;
 
+/// Where a curve without a name stands beside a name, it is tried with knots of this share of that size too.
+pub const UNNAMED_REST: f64 = 0.2;
+
 /// Thresholds tried for each variable.
 pub const STEP_THRESHOLDS: usize = 30;
 

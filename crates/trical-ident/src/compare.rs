@@ -134,7 +134,7 @@ pub fn compare(
 ) -> Result<Comparison> {
     let uncertainty = file.uncertainty.as_ref().ok_or_else(|| {
         IdentError::WrongModel(
-            "the model file does not say how uncertain it is ([uncertainty]); expected one that this version identified from at most 200 \
+            "the model file does not say how uncertain it is ([uncertainty]); expected one that this version identified from at most 1000 \
              parameters"
                 .into(),
         )

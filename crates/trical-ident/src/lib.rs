@@ -12,7 +12,7 @@
 //! | [`folds`] | which poses a fit must not see when it is scored |
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
-//! | [`validate`] | a model on data that it was not fitted to |
+//! | [`validate`], [`predicted`] | a model on data that it was not fitted to; how far off it says that it may be |
 //! | [`repeatability`], [`iso9283`] | how far repeat visits scatter; accuracy and repeatability as the standard has them |
 //! | [`joint_choice`] | which joint angles to use |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
@@ -39,6 +39,7 @@ pub mod model_file;
 pub mod noise;
 mod normal;
 mod optional;
+pub mod predicted;
 pub mod repeatability;
 pub mod rigid;
 mod sample;
@@ -68,6 +69,7 @@ pub use joint_choice::clean;
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
+pub use predicted::Predicted;
 pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{Streamed, identify_stream};

@@ -39,8 +39,27 @@ pub struct Uncertainty {
     pub noise: f64,
 }
 
+impl Uncertainty {
+    /// Of a fit; `None` where it has too many parameters to be kept, or none that the data determine.
+    #[must_use]
+    pub fn of(fitted: &Identified) -> Option<Self> {
+        let p = fitted.free.len();
+        let c = |i: usize, j: usize| fitted.covariance[i * p + j];
+        let at = |i: usize, j: usize| c(i, j) / (c(i, i) * c(j, j)).sqrt();
+        let correlation: Vec<f64> = (0..p * p).map(|k| at(k / p, k % p)).collect();
+        let square: f64 = fitted.errors().unwrap_or_default().iter().map(|e| e * e).sum();
+        let scalars: usize =
+            fitted.data.observations.iter().map(|o| trical_model::residual_rows(&o.measured).min(3)).sum();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
+        let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
+        let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
+        known.then_some(Self { names, correlation, noise })
+    }
+}
+
 /// Beyond so many terms their correlation is not kept: the file would be longer than many recordings.
-const CORRELATED: usize = 200;
+const CORRELATED: usize = 1000;
 
 /// A recording that a model was learnt on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,10 +94,11 @@ struct File {
     sessions: Vec<SessionFile>,
     #[serde(default, rename = "frame", skip_serializing_if = "Vec::is_empty")]
     frames: Vec<FrameFile>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    uncertainty: Option<UncertaintyFile>,
     #[serde(default, rename = "term")]
     terms: Vec<TermFile>,
+    /// Last, since it may be long.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    uncertainty: Option<UncertaintyFile>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -87,7 +107,7 @@ struct UncertaintyFile {
     /// Standard deviation of each coordinate about the model.
     noise_mm: f64,
     names: Vec<String>,
-    /// Correlation of the terms: of each with those before it, the first's row is empty; four decimals.
+    /// Correlation of the terms: of each with those before it, the first's row is empty; seven decimals.
     correlation: Vec<Vec<f64>>,
 }
 
@@ -185,21 +205,7 @@ impl ModelFile {
     /// A model that was identified, with how uncertain its terms are together.
     #[must_use]
     pub fn of_fit(fitted: &Identified) -> Self {
-        let p = fitted.free.len();
-        let c = |i: usize, j: usize| fitted.covariance[i * p + j];
-        let at = |i: usize, j: usize| c(i, j) / (c(i, i) * c(j, j)).sqrt();
-        let correlation: Vec<f64> = (0..p * p).map(|k| at(k / p, k % p)).collect();
-        let square: f64 = fitted.errors().unwrap_or_default().iter().map(|e| e * e).sum();
-        let scalars: usize =
-            fitted.data.observations.iter().map(|o| trical_model::residual_rows(&o.measured).min(3)).sum();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
-        let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
-        let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
-        let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
-        Self {
-            uncertainty: known.then_some(Uncertainty { names, correlation, noise }),
-            ..Self::of(fitted.model.clone(), &fitted.data)
-        }
+        Self { uncertainty: Uncertainty::of(fitted), ..Self::of(fitted.model.clone(), &fitted.data) }
     }
 
     /// A model that no recording says anything about: drawn by chance, or nominal.
@@ -287,8 +293,8 @@ impl ModelFile {
             robot: table(&m.robot.to_toml()),
             cell: table(&m.cell.to_toml()),
             frames,
-            uncertainty: self.uncertainty.as_ref().map(UncertaintyFile::of),
             terms,
+            uncertainty: self.uncertainty.as_ref().map(UncertaintyFile::of),
         };
         toml::to_string(&file).map_err(|e| IdentError::WrongModel(format!("the model cannot be written: {e}")))
     }

@@ -13,6 +13,7 @@ use crate::fit::position_errors;
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, identify, refit};
 use crate::model_file::ModelFile;
+use crate::predicted::{Predicted, predicted};
 use crate::start::start_sessions;
 
 /// What is identified again for an instrument that was set up anew.
@@ -112,6 +113,8 @@ pub struct Validation {
     pub n: usize,
     /// How many of them are at joint angles that the model was not learnt at; `null` where its file does not say.
     pub beyond: Option<usize>,
+    /// How far off the model says that it may be, beside what was found; `null` where its file does not say how uncertain it is.
+    pub predicted: Option<Predicted>,
     /// The same by recording.
     pub sessions: Vec<SessionErrors>,
     /// The same by region.
@@ -194,7 +197,9 @@ pub fn validate(
     let trains = |o: &Observation| places[o.recording].refit.any() && all.contains(&o.pose);
     let train = data.filtered(trains);
     let scored = data.filtered(|o| !trains(o));
+    let mut own = Vec::new();
     if !train.observations.is_empty() {
+        own = own_terms(&model, &train, &places);
         model = refitted(model, &train, &places)?;
     }
     let forward = Forward::new(model, Vec::new())?;
@@ -224,18 +229,24 @@ pub fn validate(
     });
     let visited = file.visited();
     let beyond: Vec<bool> = scored.observations.iter().map(|o| visited.beyond(&o.state.q).is_some()).collect();
+    let model = forward.into_model();
+    let predicted = match &file.uncertainty {
+        Some(u) => predicted(&model, u, (&own, &train), &scored, &beyond)?,
+        None => None,
+    };
     Ok(Validation {
         before: ErrorSummary::of(&before),
         after: ErrorSummary::of(&after),
         n: pairs.len(),
         beyond: (!visited.is_empty()).then(|| beyond.iter().filter(|b| **b).count()),
+        predicted,
         sessions: sessions.collect(),
         regions: regions(&scored, &pairs, &beyond),
         left_out,
         rejected,
         errors: pairs,
         data: scored,
-        model: forward.into_model(),
+        model,
         nominal: (nominal.model, plain),
     })
 }
@@ -460,20 +471,25 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
 /// Identifies what belongs to the sessions that are refitted (of lengths the base), everything else of the model kept.
 fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model> {
     start_sessions(&mut model, train)?;
+    let free = own_terms(&model, train, places);
+    Ok(refit(model, free, train)?.into_model())
+}
+
+/// Indices of the terms that are identified for the sessions that are refitted.
+fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
     let lengths = train.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
     let base = lengths && places.iter().any(|p| p.refit.frame);
     let own = |t: &Term| {
         t.basis.session.is_some_and(|s| places.iter().any(|p| p.session == s && p.refit.any()))
             || matches!(t.site, Site::Frame { frame, .. } if places.iter().any(|p| p.frame == Some((frame - 1, true))))
     };
-    let free = (0..model.terms.len())
+    (0..model.terms.len())
         .filter(|k| {
             let t = &model.terms[*k];
             (own(t) && !matches!(t.site, Site::Payload(_)) && t.scope() == Scope::Setup)
                 || (base && t.basis.is_constant() && matches!(t.site, Site::Base(_)))
         })
-        .collect();
-    Ok(refit(model, free, train)?.into_model())
+        .collect()
 }
 
 /// Errors by joint angle, ball, and place; and, where some are `beyond` the angles that the model was learnt at, of these and the others.

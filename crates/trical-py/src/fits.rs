@@ -179,7 +179,7 @@ pub fn _diagnose<'py>(
             Some(count) => next_touches(&robot, &cell, &found, count, task)?,
             None => None,
         };
-        let file = ModelFile::of(found.model.clone(), &found.data);
+        let file = found.model_file();
         Ok((file, value.to_string(), pairs, planned, Kept::Diagnosed(Box::new((found, source)))))
     })?;
     let planned = planned.map(|(next, said)| (touches(py, &robot, &next.entries), said.to_string()));

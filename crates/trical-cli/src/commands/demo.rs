@@ -323,7 +323,7 @@ fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
     let plain = identify(robot, cell, &data, ParameterSet::Compliance)?;
     let milliseconds = clock.elapsed().as_secs_f64() * 1e3;
     let nominal = identify(robot, cell, &data, ParameterSet::Nominal)?.model;
-    ModelFile::of(plain.model.clone(), &data).save(&story.file("calibrated.toml"))?;
+    ModelFile::of_fit(&plain).save(&story.file("calibrated.toml"))?;
     let left = ErrorSummary::of(&plain.errors()?).rms_mm;
     story.tell(format!(
         "4. The plain model, {} parameters identified in {milliseconds:.1} ms, leaves {left:.3} mm rms (calibrated.toml).",
@@ -338,10 +338,9 @@ fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
         story.tell(format!("   {line}"))?;
     }
     let mut models = Models { nominal, best: plain.model.clone(), plain, diagnosis };
-    if models.found() {
-        models.best = models.diagnosis.model.clone();
-    }
-    ModelFile::of(models.best.clone(), &models.diagnosis.data).save(&story.file("improved.toml"))?;
+    let improved = if models.found() { models.diagnosis.model_file() } else { ModelFile::of_fit(&models.plain) };
+    improved.save(&story.file("improved.toml"))?;
+    models.best = improved.model;
     Ok(models)
 }
 

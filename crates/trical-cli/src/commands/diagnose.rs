@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 use trical_diagnose::{Diagnosis, EffectId, Options, Undecided, diagnose_recordings};
-use trical_ident::{JointSource, ModelFile, write_whole};
+use trical_ident::{JointSource, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
 use trical_report::{diagnosis_report, table, verdict_told};
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
         _ => None,
     };
     if let Some(out) = &args.out {
-        ModelFile::of(diagnosis.model.clone(), &diagnosis.data).save(out)?;
+        diagnosis.model_file().save(out)?;
     }
     if let Some(report) = &args.report {
         let made = input::made(&input::files(&args.recordings, &args.cell, None));

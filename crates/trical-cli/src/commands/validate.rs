@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trical_ident::{ErrorSummary, ModelFile, Refit, validate, write_whole};
+use trical_ident::{ErrorSummary, ModelFile, Predicted, Refit, validate, write_whole};
 
 use trical_report::{certificate, table, validate_report};
 
@@ -71,7 +71,8 @@ pub fn run(args: &Args) -> Result<()> {
     for session in &v.sessions {
         say(format!("  {}", session.in_words()))?;
     }
-    for line in v.left_out_in_words().into_iter().chain(v.beyond_in_words()) {
+    let predicted = v.predicted.as_ref().map(Predicted::in_words);
+    for line in v.left_out_in_words().into_iter().chain(v.beyond_in_words()).chain(predicted) {
         for part in table::wrapped(&line, 108, "  ") {
             say(part)?;
         }

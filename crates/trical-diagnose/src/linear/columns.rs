@@ -252,11 +252,16 @@ impl Linear {
 
     /// All columns after the filter, `rows x width`.
     pub fn columns(&self) -> Mat<f64> {
-        let mut all = Mat::zeros(self.rows(), self.width);
-        for column in 0..self.width {
-            self.column(column, all.col_as_slice_mut(column));
-            self.filter.apply(all.col_as_slice_mut(column));
+        self.filtered(0..self.width)
+    }
+
+    /// Some columns after the filter.
+    fn filtered(&self, columns: impl ExactSizeIterator<Item = usize>) -> Mat<f64> {
+        let mut all = Mat::zeros(self.rows(), columns.len());
+        for (k, column) in columns.enumerate() {
+            self.column(column, all.col_as_slice_mut(k));
         }
+        self.filter.apply_to_all(&mut all);
         all
     }
 
@@ -273,11 +278,7 @@ impl Linear {
 
     /// `(WX)'WY` of all columns `X`, `width x k`, for some of them.
     pub fn products_of(&self, columns: &[usize]) -> Mat<f64> {
-        let mut rows = Mat::<f64>::zeros(self.rows(), columns.len());
-        for (j, a) in columns.iter().enumerate() {
-            self.column(*a, rows.col_as_slice_mut(j));
-            self.filter.apply(rows.col_as_slice_mut(j));
-        }
+        let rows = self.filtered(columns.iter().copied());
         if self.filter.works() {
             return self.products(rows);
         }
@@ -380,38 +381,38 @@ impl Linear {
         out
     }
 
-    /// Inner products of the columns `from..to` with each other after the filter: row by row of the lower triangle, diagonal included.
-    pub fn products_among(&self, from: usize, to: usize) -> Vec<f64> {
-        let mut out = Vec::with_capacity((to - from) * (to - from + 1) / 2);
-        let any_whole = self.filter.works() || (from..to).any(|a| self.whole_of[self.place[a]].is_some());
+    /// Inner products of the columns of each span with each other after the filter: row by row of the lower triangle, diagonal included.
+    pub fn products_among(&self, spans: &[(usize, usize)]) -> Vec<Vec<f64>> {
+        // several spans together, so that the filter has enough to do at once
+        let chunks: Vec<&[(usize, usize)]> = spans.chunks(if self.filter.works() { BATCH } else { 1 }).collect();
+        chunks.into_par_iter().flat_map_iter(|spans| self.products_among_some(spans)).collect()
+    }
+
+    fn products_among_some(&self, spans: &[(usize, usize)]) -> Vec<Vec<f64>> {
+        let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Vec::new() };
+        let all = first.0..last.1;
+        let any_whole = self.filter.works() || all.clone().any(|a| self.whole_of[self.place[a]].is_some());
         let observations = self.first_row.len() - 1;
-        let columns: Vec<Vec<f64>> = (from..to)
-            .map(|a| {
-                if any_whole {
-                    let mut all = vec![0.0; self.rows()];
-                    self.column(a, &mut all);
-                    self.filter.apply(&mut all);
-                    return all;
-                }
-                let at = self.place[a];
-                (0..observations).map(|o| self.says[o * self.width + at]).collect()
-            })
-            .collect();
-        for i in 0..to - from {
-            for j in 0..=i {
-                let [a, b] = [i, j].map(|k| self.family[self.place[from + k]]);
-                let products = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b);
-                out.push(if any_whole || a == b {
-                    products.sum()
-                } else {
-                    let [u, v] = [a, b].map(|family| self.directions.col_as_slice(family));
-                    let between =
-                        |o: usize| (self.first_row[o]..self.first_row[o + 1]).map(|r| u[r] * v[r]).sum::<f64>();
-                    products.enumerate().map(|(o, product)| product * between(o)).sum()
-                });
+        let columns = if any_whole {
+            self.filtered(all.clone())
+        } else {
+            Mat::from_fn(observations, all.len(), |o, k| self.says[o * self.width + self.place[all.start + k]])
+        };
+        let between = |i: usize, j: usize| -> f64 {
+            let products = columns.col_as_slice(i).iter().zip(columns.col_as_slice(j)).map(|(a, b)| a * b);
+            let [a, b] = [i, j].map(|k| self.family[self.place[all.start + k]]);
+            if any_whole || a == b {
+                return products.sum();
             }
-        }
-        out
+            let [u, v] = [a, b].map(|family| self.directions.col_as_slice(family));
+            let common = |o: usize| (self.first_row[o]..self.first_row[o + 1]).map(|r| u[r] * v[r]).sum::<f64>();
+            products.enumerate().map(|(o, product)| product * common(o)).sum()
+        };
+        let of = |(from, to): &(usize, usize)| {
+            let own = from - all.start..to - all.start;
+            own.clone().flat_map(|i| (own.start..=i).map(move |j| (i, j))).map(|(i, j)| between(i, j)).collect()
+        };
+        spans.iter().map(of).collect()
     }
 }
 

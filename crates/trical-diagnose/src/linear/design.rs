@@ -4,7 +4,6 @@ use std::sync::OnceLock;
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::noise::Noise;
@@ -96,7 +95,7 @@ impl Design {
         // an orthonormal basis of the parameters, and behind it the residual after projection, twice for the last digits
         let mut jacobian = linear.jacobian.clone();
         let mut residual = linear.residual.clone();
-        (0..p).for_each(|j| linear.filter.apply(jacobian.col_as_slice_mut(j)));
+        linear.filter.apply_to_all(&mut jacobian);
         linear.filter.apply(&mut residual);
         let qr = jacobian.qr();
         let of_parameters = (0..p).map(|j| qr.R()[(j, j)].abs().max(1e-300).ln()).sum();
@@ -124,7 +123,7 @@ impl Design {
         let all = columns.map(|x| x.transpose() * &x);
         let among: Vec<Vec<f64>> = match &all {
             Some(all) => spans.iter().map(|(from, to)| lower(all, *from, *to)).collect(),
-            None => spans.par_iter().map(|(from, to)| linear.products_among(*from, *to)).collect(),
+            None => linear.products_among(&spans),
         };
         let grams = spans.iter().map(|_| OnceLock::new()).collect();
         let (mut squares, mut left, mut beside, mut beside_at) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

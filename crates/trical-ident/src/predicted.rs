@@ -1,0 +1,190 @@
+//! How far off predictions may be: what the uncertainty of a model's parameters does to them, and how measurements scatter about it.
+//!
+//! With a covariance `C` of the known parameters, whose derivatives at a measurement are `j`, and others that were identified for this session
+//! alone from rows `S` (and `J` of the known ones) of standard deviation `s`, with derivatives `k`, a prediction has the variance
+//! `h C h' + s^2 k (S'S)^-1 k'`, `h = j - k (S'S)^-1 S'J`: what belongs to the session makes up for part of what is wrong with the arm.
+//! Where a curve was never visited `C` is its prior, so that predictions are as uncertain there as the curve is.
+
+use faer::linalg::solvers::{DenseSolveCore, Solve};
+use faer::{Mat, Side};
+use trical_model::{Forward, Measured, Model};
+
+use crate::dataset::{Dataset, Observation};
+use crate::error::{IdentError, Result};
+use crate::fit::check_observations;
+use crate::model_file::Uncertainty;
+
+/// Standard deviations to each side within which 95 of 100 normal numbers lie.
+const HOLDS_95: f64 = 1.959_964;
+
+/// Of more measurements than this, so many are looked at, evenly.
+const MEASUREMENTS: usize = 3000;
+
+/// How uncertain a model said that it is, and how far that was true.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Predicted {
+    /// Standard deviation of a coordinate of the measured position, root mean square over the measurements, mm: that of the parameters and the
+    /// scatter of measurements together.
+    pub sd_mm: f64,
+    /// That of the parameters alone.
+    pub parameters_sd_mm: f64,
+    /// Share of the coordinates that were found within 1.96 of their own standard deviations: 0.95 where the standard deviations are true.
+    pub covered: f64,
+    /// The same at joint angles that the model was learnt at, and at others; `null` where there are none.
+    pub covered_visited: Option<f64>,
+    /// See `covered_visited`.
+    pub covered_beyond: Option<f64>,
+}
+
+impl Predicted {
+    /// In a sentence.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+        let beyond =
+            self.covered_beyond.map(|b| format!(" ({} at joint angles that it was not learnt at)", percent(b)));
+        format!(
+            "The model expects a standard deviation of {:.3} mm in each coordinate, {:.3} mm of it from its parameters; its intervals of \
+             95 % hold {} of the coordinates{}.",
+            self.sd_mm,
+            self.parameters_sd_mm,
+            percent(self.covered),
+            beyond.unwrap_or_default()
+        )
+    }
+}
+
+/// Standard deviations of one coordinate, m, and how far off the prediction was.
+struct Coordinate {
+    parameters: f64,
+    all: f64,
+    error: f64,
+    observation: usize,
+}
+
+/// What a model says of its own errors beside what they are: `own` are indices of terms that were identified from `train`, `beyond` says
+/// of each observation of `data` whether it is at joint angles that the model was not learnt at. `None` where there is nothing to say.
+///
+/// # Errors
+/// Data that the model cannot predict.
+pub(crate) fn predicted(
+    model: &Model,
+    uncertainty: &Uncertainty,
+    (own, train): (&[usize], &Dataset),
+    data: &Dataset,
+    beyond: &[bool],
+) -> Result<Option<Predicted>> {
+    let all = coordinates(model, uncertainty, (own, train), data)?;
+    let root_mean = |of: &dyn Fn(&Coordinate) -> f64| {
+        let square: f64 = all.iter().map(|c| of(c).powi(2)).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let n = all.len().max(1) as f64;
+        (square / n).sqrt() * 1e3
+    };
+    let covered = |pick: &dyn Fn(&Coordinate) -> bool| {
+        let some: Vec<&Coordinate> = all.iter().filter(|c| pick(c)).collect();
+        let held = some.iter().filter(|c| c.error.abs() <= HOLDS_95 * c.all).count();
+        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        (!some.is_empty()).then(|| held as f64 / some.len() as f64)
+    };
+    let is_beyond = |c: &Coordinate| beyond.get(c.observation).copied().unwrap_or(false);
+    Ok(covered(&|_| true).map(|share| Predicted {
+        sd_mm: root_mean(&|c| c.all),
+        parameters_sd_mm: root_mean(&|c| c.parameters),
+        covered: share,
+        covered_visited: covered(&|c| !is_beyond(c)),
+        covered_beyond: covered(&is_beyond),
+    }))
+}
+
+/// Derivatives of rows to the known and to the own parameters, and the residual.
+struct Rows {
+    known: Mat<f64>,
+    own: Mat<f64>,
+    residual: Vec<f64>,
+    observation: Vec<usize>,
+}
+
+impl Rows {
+    /// Rows of position of every `every`-th observation, and with `rotations` those of orientation, which are as uncertain as the position a
+    /// quarter of a metre away.
+    fn of(forward: &Forward, known: usize, data: &Dataset, every: usize, rotations: bool) -> Result<Self> {
+        check_observations(forward, data)?;
+        let p = forward.free().len();
+        let (mut ws, mut block) = (forward.workspace(), vec![0.0; 6 * p]);
+        let some: Vec<(usize, &Observation)> = data.observations.iter().enumerate().step_by(every).collect();
+        let (mut entries, mut residual, mut observation) = (Vec::new(), Vec::new(), Vec::new());
+        for (at, o) in some {
+            trical_model::interrupt::checkpoint()?;
+            let rows = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
+            let framed = matches!(o.measured, Measured::Pose { .. });
+            for k in 0..if rotations || !framed { rows } else { rows.min(3) } {
+                let weight = if k < 3 { 1.0 } else { 0.25 };
+                entries.extend(block[k * p..(k + 1) * p].iter().map(|v| v * weight));
+                residual.push(ws.residual()[k] * weight);
+                observation.push(at);
+            }
+        }
+        let m = residual.len();
+        Ok(Self {
+            known: Mat::from_fn(m, known, |i, j| entries[i * p + j]),
+            own: Mat::from_fn(m, p - known, |i, j| entries[i * p + known + j]),
+            residual,
+            observation,
+        })
+    }
+}
+
+fn coordinates(
+    model: &Model,
+    uncertainty: &Uncertainty,
+    (own, train): (&[usize], &Dataset),
+    data: &Dataset,
+) -> Result<Vec<Coordinate>> {
+    let place = |k: usize| uncertainty.names.iter().position(|n| *n == model.terms[k].name);
+    let known: Vec<(usize, usize)> = (0..model.terms.len())
+        .filter(|k| !own.contains(k) && model.terms[*k].sd.is_some())
+        .filter_map(|k| Some((k, place(k)?)))
+        .collect();
+    let m = known.len();
+    let forward = Forward::new(model.clone(), known.iter().map(|k| k.0).chain(own.iter().copied()).collect())?;
+    let every = data.observations.len().div_ceil(MEASUREMENTS).max(1);
+    let asked = Rows::of(&forward, m, data, every, false)?;
+    let count = uncertainty.names.len();
+    let sd = |k: usize| model.terms[known[k].0].sd.unwrap_or(0.0);
+    let covariance =
+        Mat::from_fn(m, m, |i, j| uncertainty.correlation[known[i].1 * count + known[j].1] * sd(i) * sd(j));
+    let (mut h, mut of_own) = (asked.known, vec![0.0; asked.residual.len()]);
+    if !own.is_empty() {
+        let every = train.observations.len().div_ceil(MEASUREMENTS).max(1);
+        let fitted = Rows::of(&forward, m, train, every, true)?;
+        let normal = fitted.own.transpose() * &fitted.own;
+        let damped = Mat::from_fn(own.len(), own.len(), |i, j| {
+            normal[(i, j)] * if i == j { 1.0 + 1e-9 } else { 1.0 } + if i == j { 1e-12 } else { 0.0 }
+        });
+        let factor = damped.llt(Side::Lower).map_err(|_| {
+            IdentError::NotEnough("the poses that the measuring frame is identified from do not determine it".into())
+        })?;
+        let taken_up = factor.solve(&(fitted.own.transpose() * &fitted.known));
+        h -= &asked.own * taken_up;
+        let through = &asked.own * factor.inverse();
+        for (i, v) in of_own.iter_mut().enumerate() {
+            *v = (0..own.len()).map(|j| through[(i, j)] * asked.own[(i, j)]).sum();
+        }
+    }
+    let through = &h * &covariance;
+    let noise = uncertainty.noise;
+    let each = asked.residual.iter().zip(of_own).zip(asked.observation).enumerate();
+    Ok(each
+        .map(|(i, ((error, of_own), observation))| {
+            let of_known: f64 = (0..m).map(|j| through[(i, j)] * h[(i, j)]).sum();
+            let parameters = of_known.max(0.0) + noise * noise * of_own;
+            Coordinate {
+                parameters: parameters.sqrt(),
+                all: (parameters + noise * noise).sqrt(),
+                error: *error,
+                observation,
+            }
+        })
+        .collect())
+}

@@ -209,9 +209,9 @@ def validate(
 ) -> Validation:
     """Score a model on recordings of its arm.
 
-    A recording that the model was fitted to is predicted with all that was learnt of it; to any other only what belongs
-    to the arm goes. Where the model cannot know a recording's measuring frame, frame and tool points are identified
-    from every fourth of its poses.
+    A recording that the model was fitted to is predicted with all that was identified of it; to any other goes only
+    what belongs to the arm. Where the model cannot know a recording's measuring frame, frame and tool points are
+    identified from every fourth of its poses.
     `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
     "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
     anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError

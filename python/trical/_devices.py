@@ -288,7 +288,7 @@ def virtual_cell(
     ...     trical.measure(plan, "run.mcap", robot=..., cell=..., gauge=cell.gauge, controller=cell.controller, go=True)
 
     Args:
-        robot: path of a robot.toml or URDF, or a Robot: the arm in which the controller believes.
+        robot: path of a robot.toml or URDF, or a Robot: the arm with which the controller computes.
         cell: path of a cell.toml, or a Cell.
         truth: the true arm; drawn by chance where not given: errors of 0.3 mm and 0.1 deg in the chain, more in base
             and tool, compliances of 0.002 to 0.02 deg/Nm. `VirtualCell.truth` has it.

@@ -134,7 +134,7 @@ class Validation(Reported):
 
     `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
     with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that the model was
-    not learnt at (None where it does not know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2)
+    not fitted at (None where it does not know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2)
     one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
     """
 

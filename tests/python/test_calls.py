@@ -202,7 +202,7 @@ def test_sizes_and_orders_that_no_arm_has_are_noticed(touches: trical.Recording,
     lines[3] = lines[3].replace(".", "x", 1)
     lines[5] = "1,2"
     (tmp_path / "many.csv").write_text("\n".join(lines))
-    with pytest.raises(trical.RecordingError, match="line 4, column .*; line 6: found 2 fields"):
+    with pytest.raises(trical.RecordingError, match=r"line 4, column .*; line 6: found 2 fields"):
         trical.Recording.load(tmp_path / "many.csv")
 
 

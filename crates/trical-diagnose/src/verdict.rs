@@ -484,8 +484,12 @@ mod tests {
 
     #[test]
     fn rows_that_together_gain_less_than_one_by_one_end_at_the_whole_model() {
-        let findings =
-            [finding(EffectId::EncoderError, 2, SURE, [0.5, 0.1]), finding(EffectId::GearRipple, 1, SURE, [0.5, 0.2])];
+        let findings = [
+            finding(EffectId::EncoderError, 2, SURE, [0.5, 0.1]),
+            finding(EffectId::GearRipple, 1, SURE, [0.5, 0.2]),
+            // with this one the error at unseen poses is larger
+            finding(EffectId::JointHarmonic, 3, SURE, [0.3, 0.4]),
+        ];
         let verdict = told(&findings, &[], [(31, 0.5), (90, 0.3)]);
         let after: Vec<String> = verdict.rows.iter().map(|r| format!("{:.2}", r.after_mm)).collect();
         // 0.24 and 0.21 mm^2 share the 0.16 mm^2 that both take together

@@ -43,7 +43,7 @@ fn ten_touches_of_the_same_arm_say_unchanged_and_what_they_would_have_seen() {
     let truth = truth();
     let c = compared(&truth, &calibrated(&truth), None);
     assert_eq!((c.verdict, c.changes.len(), c.measurements), ("unchanged", 0, 10));
-    assert_eq!(c.summary, "Unchanged, as far as these 10 measurements see.");
+    assert_eq!(c.summary, "No change was found in these 10 measurements.");
     let joint_2 = c.visible.iter().find(|v| v.what == "joint 2").unwrap();
     assert!(joint_2.smallest.is_some_and(|s| s > 0.001 && s < 0.02) && joint_2.unit == "deg", "{joint_2:?}");
 }

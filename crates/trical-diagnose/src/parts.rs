@@ -6,9 +6,12 @@ use std::sync::OnceLock;
 use trical_ident::folds::{FOLDS, Folds};
 use trical_ident::identify::ErrorSummary;
 
+use crate::candidate::Candidate;
+use crate::effect_id::Cause;
+use crate::findings::Group;
 use crate::linear::{Alone, Design, Partition};
 use crate::probability::{Replication, replication};
-use crate::settings::{LAST_PERCENT, PARTS_BY_ROWS};
+use crate::settings::{LAST_PERCENT, PARTS_BY_ROWS, PAYS_ERRORS, UNNAMED_PRICE_NATS};
 
 /// The joint fit of a set of candidates in parts.
 pub(crate) struct Parts<'a> {
@@ -90,5 +93,115 @@ impl<'a> Parts<'a> {
             self.partition.alone(&groups)
         });
         replication(&self.partition.apart(members, alone), self.variance / self.temper)
+    }
+
+    /// Members of the groups that do not better the log score of unseen blocks beside those that stay, by more than chance: what each block
+    /// gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name has
+    /// to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
+    /// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
+    pub(crate) fn what_does_not_pay(
+        &self,
+        candidates: &[Candidate],
+        mut groups: Vec<Group>,
+        instead: &dyn Fn(&Group) -> Vec<usize>,
+    ) -> Vec<usize> {
+        let mut out: Vec<usize> = Vec::new();
+        let mut now = self.scores(&out, None);
+        while !groups.is_empty() {
+            let surely = |other: &[f64]| {
+                let gains: Vec<f64> = now.iter().zip(other).map(|(with, without)| with - without).collect();
+                gains.iter().sum::<f64>() - PAYS_ERRORS * gains.iter().map(|g| g * g).sum::<f64>().sqrt()
+            };
+            let pays = |g: &Group| {
+                let without = [&out[..], &g.members[..]].concat();
+                let rivals = instead(g).into_iter().map(|c| surely(&self.scores(&without, Some(c))));
+                let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
+                let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
+                rivals.fold(surely(&self.scores(&without, None)) - price, f64::min)
+            };
+            let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
+            out.extend(groups.swap_remove(worst).members);
+            now = self.scores(&out, None);
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+#[path = "../../trical-ident/tests/common/arm.rs"]
+#[allow(clippy::unwrap_used)]
+mod arm;
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+    use trical_ident::{Aim, Choice, Dataset, JointSource, ParameterSet, Scatter, identify, simulate};
+    use trical_model::{Basis, Place, Shape, Site, State, Term, Variable};
+
+    use crate::covariates::Covariates;
+    use crate::effect_id::EffectId;
+    use crate::findings::grouped;
+    use crate::locators::locators;
+
+    /// What does not pay of the candidates that `set` makes for an arm with a hidden error of joint 2, each alone in its group but for those
+    /// from `groups` on, which are what could stand instead.
+    fn not_paying(
+        hidden: Shape,
+        size: f64,
+        set: &dyn Fn(&Covariates<'_>, &Dataset) -> Vec<Candidate>,
+        groups: usize,
+    ) -> Vec<usize> {
+        let mut truth = arm::truth(ParameterSet::Compliance, 5);
+        let basis = Basis::new(Variable::Joint { joint: 2 }, hidden);
+        truth.terms.push(Term { value: size, ..Term::new("hidden", "hidden", Site::Joint { joint: 2 }, basis) });
+        let mut rng = Pcg64Mcg::seed_from_u64(8);
+        let pose = || {
+            let within = |j: &trical_model::Joint| rng.random_range(j.limits[0].max(-1.4)..j.limits[1].min(1.4));
+            State::at(&truth.robot.joints.iter().map(within).collect::<Vec<f64>>())
+        };
+        let rows: Vec<(State, Aim)> =
+            std::iter::repeat_with(pose).take(200).zip(0..).map(|(s, k)| (s, Aim::Ball(k % 3))).collect();
+        let scatter = Scatter { length: 1e-5, angle: 0.0, seed: 3 };
+        let recording = simulate(&truth, &rows, &scatter, None).unwrap();
+        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let candidates = set(&Covariates::new(&fitted.model, &data, 1e-5), &data);
+        let design = Design::new(&fitted.model, &candidates, &data, &fitted.noise).unwrap();
+        let all: Vec<usize> = (0..groups).collect();
+        let parts = Parts::by_block(&design, &all, &Folds::of(&data), 1.0).unwrap();
+        let instead: Vec<usize> = (groups..candidates.len()).collect();
+        parts.what_does_not_pay(&candidates, grouped(&candidates[..groups], &all), &|_| instead.clone())
+    }
+
+    fn of_joint_2(effect: EffectId, r: &Covariates<'_>) -> Vec<Candidate> {
+        let asked = (effect.effect().ask)(r).candidates;
+        asked.into_iter().filter(|c| c.site == Place::Joint(2)).collect()
+    }
+
+    #[test]
+    fn a_curve_of_many_waves_does_not_pay_where_one_of_them_says_it_all() {
+        let curve_and_waves = |r: &Covariates<'_>, _: &Dataset| {
+            [of_joint_2(EffectId::EncoderError, r), of_joint_2(EffectId::JointHarmonic, r)].concat()
+        };
+        assert_eq!(not_paying(Shape::Sine { cycles: 5.0 }, 5e-4, &curve_and_waves, 1), [0]);
+        // one wave alone is no rival of a curve with waves that are not of the joint's first ones
+        assert!(not_paying(Shape::Sine { cycles: 9.0 }, 5e-4, &curve_and_waves, 1).is_empty());
+    }
+
+    #[test]
+    fn of_a_name_and_a_curve_that_say_the_same_the_name_stays() {
+        let ratio_and_curve = |r: &Covariates<'_>, data: &Dataset| {
+            let mut both = of_joint_2(EffectId::GearRatio, r);
+            let curves = locators(r.model, data);
+            let own = |c: &&Candidate| c.site == Place::Joint(2) && c.curve() == Some(Variable::Joint { joint: 2 });
+            both.extend(curves.iter().find(own).cloned());
+            both
+        };
+        assert_eq!(not_paying(Shape::Linear, 5e-4, &ratio_and_curve, 2), [1]);
     }
 }

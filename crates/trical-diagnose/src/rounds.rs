@@ -26,8 +26,8 @@ use crate::parts::Parts;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, PAYS_ERRORS,
-    ROWS_ALIKE, SETTLED_SHARE, TRIED_WITH_CURVES, UNNAMED_PRICE_NATS,
+    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE,
+    SETTLED_SHARE, TRIED_WITH_CURVES,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -547,7 +547,7 @@ impl Rounds {
                 let groups = grouped(&members[..held.len()], &all[..held.len()]);
                 let leaner = |curve: usize, wave: &usize| members[*wave].is_part_of(&members[curve]);
                 let instead = |g: &Group| (all.len()..members.len()).filter(|w| leaner(g.members[0], w)).collect();
-                what_does_not_pay(&p, &members, groups, &instead)
+                p.what_does_not_pay(&members, groups, &instead)
             })
         };
         let (let_go, held): (Vec<_>, Vec<_>) = held.into_iter().enumerate().partition(|(k, _)| dropped.contains(k));
@@ -580,7 +580,7 @@ impl Rounds {
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..members.len()).collect();
             match Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper()) {
-                Some(parts) => what_does_not_pay(&parts, &members, grouped(&members, &all), &|_| Vec::new()),
+                Some(parts) => parts.what_does_not_pay(&members, grouped(&members, &all), &|_| Vec::new()),
                 None => Vec::new(),
             }
         };
@@ -693,41 +693,6 @@ impl Rounds {
         }
         Ok(any)
     }
-}
-
-/// Members of the groups that do not better the log score of unseen blocks beside those that stay, by more than chance: what each
-/// block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name has to
-/// gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that `instead` has for
-/// it goes as well.
-fn what_does_not_pay(
-    parts: &Parts<'_>,
-    candidates: &[Candidate],
-    mut groups: Vec<Group>,
-    instead: &dyn Fn(&Group) -> Vec<usize>,
-) -> Vec<usize> {
-    let mut out: Vec<usize> = Vec::new();
-    let mut now = parts.scores(&out, None);
-    while !groups.is_empty() {
-        let surely = |other: &[f64]| {
-            let gains: Vec<f64> = now.iter().zip(other).map(|(with, without)| with - without).collect();
-            gains.iter().sum::<f64>() - PAYS_ERRORS * gains.iter().map(|g| g * g).sum::<f64>().sqrt()
-        };
-        let pays = |g: &Group| {
-            let without = [&out[..], &g.members[..]].concat();
-            let rivals = instead(g).into_iter().map(|c| surely(&parts.scores(&without, Some(c))));
-            let price = if candidates[g.members[0]].cause == Cause::Unexplained { UNNAMED_PRICE_NATS } else { 0.0 };
-            rivals.fold(surely(&parts.scores(&without, None)) - price, f64::min)
-        };
-        let Some((worst, least)) = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1)) else {
-            break;
-        };
-        if least > 0.0 {
-            break;
-        }
-        out.extend(groups.swap_remove(worst).members);
-        now = parts.scores(&out, None);
-    }
-    out
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.

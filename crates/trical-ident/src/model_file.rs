@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use trical_model::error::{parse_toml, read_text};
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
-use trical_model::{Basis, Cell, Joints, Model, Pose, Robot, Scope, Site, Support, Term, Variable};
+use trical_model::{Basis, Cell, Forward, Joints, Model, Pose, Robot, Scope, Site, Support, Term, Variable};
 
 use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
@@ -37,6 +37,9 @@ pub struct Uncertainty {
     pub correlation: Vec<f64>,
     /// Standard deviation of each coordinate that was measured, about the model, m.
     pub noise: f64,
+    /// How far what happened in the course of the sessions moved a coordinate about its middle, root mean square, m: as much may happen,
+    /// unforeseen, in the course of another one.
+    pub course: f64,
 }
 
 impl Uncertainty {
@@ -54,8 +57,33 @@ impl Uncertainty {
         let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
-        known.then_some(Self { names, correlation, noise })
+        known.then(|| Self { names, correlation, noise, course: of_course(fitted).unwrap_or(0.0) })
     }
+}
+
+/// See [`Uncertainty::course`].
+fn of_course(fitted: &Identified) -> Result<f64> {
+    let mut without = fitted.model.clone();
+    without.terms.iter_mut().filter(|t| t.scope() == Scope::Course).for_each(|t| t.value = 0.0);
+    let [with, without] = [fitted.model.clone(), without].map(|model| Forward::new(model, Vec::new()));
+    let (with, without) = (with?, without?);
+    let (mut here, mut there) = (with.workspace(), without.workspace());
+    // sum, sum of squares and number, of each recording and row
+    let mut sums = vec![[(0.0, 0.0, 0.0); 3]; fitted.data.names.len()];
+    for o in &fitted.data.observations {
+        let rows = with.residual(&o.state, &o.measured, o.frame, &mut here);
+        without.residual(&o.state, &o.measured, o.frame, &mut there);
+        for k in 0..rows.min(3) {
+            let moved = here.residual()[k] - there.residual()[k];
+            let (sum, squares, count) = &mut sums[o.recording][k];
+            *sum += moved;
+            *squares += moved * moved;
+            *count += 1.0;
+        }
+    }
+    let each = || sums.iter().flatten().filter(|(_, _, n)| *n > 0.0);
+    let about: f64 = each().map(|(sum, squares, n)| squares - sum * sum / n).sum();
+    Ok((about.max(0.0) / each().map(|s| s.2).sum::<f64>().max(1.0)).sqrt())
 }
 
 /// Beyond so many terms their correlation is not kept: the file would be longer than many recordings.
@@ -106,6 +134,9 @@ struct File {
 struct UncertaintyFile {
     /// Standard deviation of each coordinate about the model.
     noise_mm: f64,
+    /// What happened in the course of the sessions, of each coordinate.
+    #[serde(default)]
+    course_mm: f64,
     names: Vec<String>,
     /// Correlation of the terms: of each with those before it, the first's row is empty; seven decimals.
     correlation: Vec<Vec<f64>>,
@@ -116,21 +147,27 @@ impl UncertaintyFile {
         let p = u.names.len();
         let rounded = |c: f64| (c * 1e7).round() / 1e7;
         let row = |i: usize| (0..i).map(|j| rounded(u.correlation[i * p + j])).collect();
-        Self { noise_mm: u.noise * 1e3, names: u.names.clone(), correlation: (0..p).map(row).collect() }
+        Self {
+            noise_mm: u.noise * 1e3,
+            course_mm: u.course * 1e3,
+            names: u.names.clone(),
+            correlation: (0..p).map(row).collect(),
+        }
     }
 
     fn read(self) -> Option<Uncertainty> {
         let p = self.names.len();
         let shaped = self.correlation.len() == p && self.correlation.iter().enumerate().all(|(i, row)| row.len() == i);
-        let fine = self.correlation.iter().flatten().all(|c| c.abs() <= 1.0) && self.noise_mm > 0.0;
-        (shaped && fine && self.noise_mm.is_finite()).then(|| {
+        let fine =
+            self.correlation.iter().flatten().all(|c| c.abs() <= 1.0) && self.noise_mm > 0.0 && self.course_mm >= 0.0;
+        (shaped && fine && self.noise_mm.is_finite() && self.course_mm.is_finite()).then(|| {
             let at = |i: usize, j: usize| match i.cmp(&j) {
                 std::cmp::Ordering::Equal => 1.0,
                 std::cmp::Ordering::Greater => self.correlation[i][j],
                 std::cmp::Ordering::Less => self.correlation[j][i],
             };
             let correlation = (0..p * p).map(|k| at(k / p, k % p)).collect();
-            Uncertainty { correlation, noise: self.noise_mm * 1e-3, names: self.names }
+            Uncertainty { correlation, noise: self.noise_mm * 1e-3, course: self.course_mm * 1e-3, names: self.names }
         })
     }
 }

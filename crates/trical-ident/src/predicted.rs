@@ -3,7 +3,8 @@
 //! With a covariance `C` of the known parameters, whose derivatives at a measurement are `j`, and others that were identified for this session
 //! alone from rows `S` (and `J` of the known ones) of standard deviation `s`, with derivatives `k`, a prediction has the variance
 //! `h C h' + s^2 k (S'S)^-1 k'`, `h = j - k (S'S)^-1 S'J`: what belongs to the session makes up for part of what is wrong with the arm.
-//! Where a curve was never visited `C` is its prior, so that predictions are as uncertain there as the curve is.
+//! Where a curve was never visited `C` is its prior, so that predictions are as uncertain there as the curve is. What happened in the course of
+//! the sessions that were learnt (warming up, a step) may happen in another one, unforeseen: its spread is added.
 
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Mat, Side};
@@ -23,8 +24,8 @@ const MEASUREMENTS: usize = 3000;
 /// How uncertain a model said that it is, and how far that was true.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Predicted {
-    /// Standard deviation of a coordinate of the measured position, root mean square over the measurements, mm: that of the parameters and the
-    /// scatter of measurements together.
+    /// Standard deviation of a coordinate of the measured position, root mean square over the measurements, mm: that of the parameters, the
+    /// scatter of measurements, and what may happen in the course of a session, together.
     pub sd_mm: f64,
     /// That of the parameters alone.
     pub parameters_sd_mm: f64,
@@ -62,8 +63,9 @@ struct Coordinate {
     observation: usize,
 }
 
-/// What a model says of its own errors beside what they are: `own` are indices of terms that were identified from `train`, `beyond` says
-/// of each observation of `data` whether it is at joint angles that the model was not learnt at. `None` where there is nothing to say.
+/// What a model says of its own errors beside what they are. `own` are indices of terms that were identified from `train`; `learnt` says of
+/// each recording whether the model was learnt on it, `beyond` of each observation of `data` whether it is at joint angles that the model was
+/// not learnt at. `None` where there is nothing to say.
 ///
 /// # Errors
 /// Data that the model cannot predict.
@@ -72,9 +74,9 @@ pub(crate) fn predicted(
     uncertainty: &Uncertainty,
     (own, train): (&[usize], &Dataset),
     data: &Dataset,
-    beyond: &[bool],
+    (learnt, beyond): (&[bool], &[bool]),
 ) -> Result<Option<Predicted>> {
-    let all = coordinates(model, uncertainty, (own, train), data)?;
+    let all = coordinates(model, uncertainty, (own, train), data, learnt)?;
     let root_mean = |of: &dyn Fn(&Coordinate) -> f64| {
         let square: f64 = all.iter().map(|c| of(c).powi(2)).sum();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
@@ -140,6 +142,7 @@ fn coordinates(
     uncertainty: &Uncertainty,
     (own, train): (&[usize], &Dataset),
     data: &Dataset,
+    learnt: &[bool],
 ) -> Result<Vec<Coordinate>> {
     let place = |k: usize| uncertainty.names.iter().position(|n| *n == model.terms[k].name);
     let known: Vec<(usize, usize)> = (0..model.terms.len())
@@ -179,12 +182,10 @@ fn coordinates(
         .map(|(i, ((error, of_own), observation))| {
             let of_known: f64 = (0..m).map(|j| through[(i, j)] * h[(i, j)]).sum();
             let parameters = of_known.max(0.0) + noise * noise * of_own;
-            Coordinate {
-                parameters: parameters.sqrt(),
-                all: (parameters + noise * noise).sqrt(),
-                error: *error,
-                observation,
-            }
+            let known = learnt.get(data.observations[observation].recording).copied().unwrap_or(false);
+            let course = if known { 0.0 } else { uncertainty.course };
+            let all = (parameters + noise * noise + course * course).sqrt();
+            Coordinate { parameters: parameters.sqrt(), all, error: *error, observation }
         })
         .collect())
 }

@@ -231,7 +231,10 @@ pub fn validate(
     let beyond: Vec<bool> = scored.observations.iter().map(|o| visited.beyond(&o.state.q).is_some()).collect();
     let model = forward.into_model();
     let predicted = match &file.uncertainty {
-        Some(u) => predicted(&model, u, (&own, &train), &scored, &beyond)?,
+        Some(u) => {
+            let learnt: Vec<bool> = places.iter().map(|p| p.learnt.is_some()).collect();
+            predicted(&model, u, (&own, &train), &scored, (&learnt, &beyond))?
+        }
         None => None,
     };
     Ok(Validation {

@@ -217,3 +217,22 @@ fn balls_that_stood_elsewhere_in_another_session_are_found_and_refitted_in_a_thi
     assert_eq!(v.sessions[0].refitted, ["frame", "targets"]);
     assert!(v.after.mean_mm < 2.0 * LEAST_MM, "{:?}", v.after);
 }
+
+#[test]
+fn intervals_of_predictions_hold_what_they_promise_on_another_day() {
+    let truth = truth();
+    // few poses, so that the parameters are as uncertain as the measurements
+    let mut few = seen(&truth, 1, [0.0; 3]);
+    few.rows.truncate(30);
+    let c = learnt(&truth, &[few], ToolSharing::FromData);
+    let text = ModelFile::of_fit(&c.fitted).to_toml().unwrap();
+    let file = ModelFile::parse(&text, "calibrated.toml").unwrap();
+    let other = seen(&truth, 2, [2e-3, -1e-3, 3e-3]);
+    let v = validate(&truth.robot, &truth.cell, &file, &[other], None, Some(Refit::ALL)).unwrap();
+    let p = v.predicted.unwrap();
+    assert!(p.parameters_sd_mm > 0.7 * NOISE * 1e3, "{p:?}");
+    assert!((0.90..0.99).contains(&p.covered), "{p:?}");
+    // as far off as it says
+    let found = v.after.rms_mm / 3.0_f64.sqrt();
+    assert!((0.75..1.3).contains(&(found / p.sd_mm)), "{found} {p:?}");
+}

@@ -371,18 +371,7 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
     says.push("0,109,0,0,0,0".to_owned());
     along(0, &mut says);
     says.extend(["nonsense", "", ""].map(str::to_owned));
-    let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "led.mcap"];
-    let more = ["--guided", "--go", "--per-ball", "12"];
-    let mut child = place
-        .command(&[&["measure"][..], &CELL_ARGS, &links, &more].concat())
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    child.stdin.take().unwrap().write_all((says.join("\n") + "\n").as_bytes()).unwrap();
-    let o = child.wait_with_output().unwrap();
-    let out = text(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    let (o, out) = guided(&place, &cell, &["--go", "--per-ball", "12"], &says);
     assert!(o.status.success(), "{out}\n{}", text(&o.stderr));
     for words in [
         "Mastering",
@@ -406,6 +395,101 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
     let told = json(&o);
     assert_eq!(told["observations"], 36);
     assert!(told["rms_mm"].as_f64().unwrap() < 0.02, "{}", told["rms_mm"]);
+}
+
+/// A guided session in which a person types these lines; what it says, in one line.
+fn guided(place: &Place, cell: &Cell, more: &[&str], says: &[String]) -> (Output, String) {
+    let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "led.mcap", "--guided"];
+    let mut child = place
+        .command(&[&["measure"][..], &CELL_ARGS, &links, more].concat())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all((says.join("\n") + "\n").as_bytes()).unwrap();
+    let o = child.wait_with_output().unwrap();
+    let said = text(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    (o, said)
+}
+
+/// All of these are said, in this order.
+fn says_in_order(said: &str, words: &[&str]) {
+    let mut from = 0;
+    for word in words {
+        let found = said[from..].find(word);
+        from +=
+            found.unwrap_or_else(|| panic!("'{word}' is missing behind '{}' in:\n{said}", &said[..from])) + word.len();
+    }
+}
+
+#[test]
+fn a_guided_session_shows_itself_first_and_goes_on_where_it_was_left() {
+    let place = Place::new("4");
+    let cell = place.cell(&[]);
+    let plan = std::fs::read_to_string(place.path("plan.csv")).unwrap();
+    let entry: Vec<&str> = plan.lines().nth(1).unwrap().split(',').collect();
+    let mut way: Vec<String> =
+        entry[14].split(';').filter(|q| !q.trim().is_empty()).map(|q| q.trim().replace(' ', ",")).collect();
+    let (approach, touch) = (entry[8..14].join(","), entry[2..8].join(","));
+    way.extend([approach.clone(), touch]);
+    let lines = |lines: &[&str]| lines.iter().map(|line| (*line).to_owned()).collect::<Vec<_>>();
+
+    // without --go: everything is told, nothing moves, nothing is written
+    let (o, said) = guided(&place, &cell, &["--per-ball", "4"], &[]);
+    assert!(o.status.success(), "{}", text(&o.stderr));
+    says_in_order(
+        &said,
+        &["1. Mastering", "orientation 4 of 4", "ball 3", "12 touches", "move to the touch", "Nothing has moved"],
+    );
+    assert!(!place.path("led.guided.json").exists() && !place.path("led.plan.csv").exists());
+
+    // mastering refuses stems in the air; then one touch, and the end
+    let mut first = lines(&["", "", ""]);
+    first.extend(way);
+    first.extend(lines(&["", "", "q"]));
+    let (o, said) = guided(&place, &cell, &["--go"], &first);
+    refused(&o, 1, "--guided --resume goes on with this step");
+    says_in_order(
+        &said,
+        &["the stem along x reads", "in the air", "The calibrator reads", "orientation 1 of 4", "orientation 2 of 4"],
+    );
+    let (o, _) = guided(&place, &cell, &["--go"], &[]);
+    refused(&o, 2, "exists already; --resume goes on with it");
+
+    // it goes on with the second touch and the mastering, back to the first, which is kept; tool point and base are skipped
+    let mut second = lines(&["b", "s", "s", "s"]);
+    second.extend([approach, String::new()]);
+    second.extend(lines(&["b", "", "q"]));
+    let (o, said) = guided(&place, &cell, &["--go", "--resume", "--per-ball", "4"], &second);
+    refused(&o, 1, "ended by the user");
+    assert!(!said.contains("1. Mastering"), "{said}");
+    says_in_order(
+        &said,
+        &[
+            "orientation 2 of 4",
+            "orientation 1 of 4",
+            "touched already",
+            "orientation 2 of 4",
+            "Ball 1.",
+            "12 touches are planned",
+            "Is everybody out",
+            "4. Plan",
+            "12 touches are planned",
+        ],
+    );
+
+    // the measurement, with the plan that was made; the ball stood in for the calibrator, so free stems read less than 5.9 mm
+    let (o, said) = guided(&place, &cell, &["--go", "--resume", "--stroke-mm=-5.9,4.5"], &lines(&[""]));
+    assert!(o.status.success(), "{said}\n{}", text(&o.stderr));
+    says_in_order(
+        &said,
+        &["5. Measurement", "12 touches measured", "trical identify led.mcap --robot robot.toml --cell led.cell.toml"],
+    );
+    assert!(!said.contains("4. Plan"), "{said}");
+    let o = place.run(&["convert", "led.setup.mcap", "rows.csv"]);
+    assert!(o.status.success(), "{}", text(&o.stderr));
+    assert_eq!(std::fs::read_to_string(place.path("rows.csv")).unwrap().lines().count(), 2, "a header and one touch");
 }
 
 #[test]

@@ -232,7 +232,7 @@ fn tables_of_one_line_or_a_million_columns() {
     p.write("a.csv", columns + "\n" + &"0,".repeat(1_000_009) + "0\n");
     p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
     p.write("a.csv", "q1_deg,".repeat(140_000) + "q1_deg\n" + &"0,".repeat(140_000) + "0\n");
-    p.refuses(identify, "column q1_deg stands there twice");
+    p.refuses(identify, "column q1_deg is given twice");
     p.refuses(measure, "found it twice");
     p.write("a.csv", "x".repeat(1_000_000) + "\n0\n");
     p.refuses(identify, "unknown column 'xxx");

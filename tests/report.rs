@@ -193,7 +193,7 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     // the map of errors has the numbers of the export
     let map = good(&folder, &["export", "--model", "out.toml", "--error-map", "m.csv", "--poses", "6000", "--json"]);
     let map: serde_json::Value = serde_json::from_str(&map).unwrap();
-    let part = html.split("What the arm misses without this model").nth(1).unwrap();
+    let part = html.split("Position error of the nominal arm over its whole workspace").nth(1).unwrap();
     for number in ["mean_mm", "max_mm"] {
         assert!(part.contains(&mm(&map["error_map"][number])), "{number}: {map}");
     }

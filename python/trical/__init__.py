@@ -28,6 +28,7 @@ from ._calls import (
 )
 from ._devices import Controller, Gauge, GaugeTest, gauges, master, virtual_cell
 from ._files import Sample, convert, export, sample
+from ._findings import Coefficient, Evidence, Finding, Place, Rival, Unexplained, Unseen
 from ._measure import BaseFound, Measured, ToolPoint, find_base, find_tool_point, measure, touch_here
 from ._native import (
     Cell,
@@ -45,16 +46,19 @@ from ._native import (
     WrongModelError,
     __version__,
 )
-from ._recording import Recording
+from ._recording import Recording, concat
 from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Study, Touches, Validation
 from ._studies import study_platforms, study_touches
 
 __all__ = [
     "BaseFound",
     "Cell",
+    "Coefficient",
     "Controller",
     "DeviceError",
     "Diagnosis",
+    "Evidence",
+    "Finding",
     "Gauge",
     "GaugeTest",
     "Identified",
@@ -65,23 +69,28 @@ __all__ = [
     "NotConvergedError",
     "NotEnoughDataError",
     "Observability",
+    "Place",
     "Plan",
     "PlanningError",
     "Recording",
     "RecordingError",
+    "Rival",
     "Robot",
     "Sample",
     "Study",
     "ToolPoint",
     "Touches",
     "TricalError",
+    "Unexplained",
     "UnreachableError",
+    "Unseen",
     "Validation",
     "VirtualCell",
     "WrongModelError",
     "__version__",
     "compare",
     "compensate",
+    "concat",
     "convert",
     "diagnose",
     "effects",

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import _native
+from ._findings import Finding, Unexplained, Unseen
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import Frame, PathLike, Recording
@@ -61,7 +62,7 @@ def identify(
             where it has one.
         robot: path of a robot.toml or URDF ("arm.urdf#base_link:tool0"), or a Robot.
         cell: path of a cell.toml, or a Cell.
-        joints: which joint angles to believe: "read", "commanded", or "auto", whichever the model explains better.
+        joints: which joint angles to use: "read", "commanded", or "auto", whichever the model explains better.
         model: "nominal" (measuring frame or base, and tool points only), "geometry" (rigid), "compliance" (the
             paper's 31) or "complete": as rich as robot and recordings allow; `cautions` says what was left out and why.
         compliant: joints (from 1) whose compliance is identified; all that carry gravity where empty.
@@ -175,9 +176,9 @@ def diagnose(
         deciding = NextTouches(*touches, s["effect"], s["site"], s["explanations"], s["lambda"], s["random_lambda"])
     return Diagnosis(
         model=model,
-        findings=answer["findings"],
-        unexplained=nameless,
-        blind_to=answer["blind_to"],
+        findings=[Finding.of(f) for f in answer["findings"]],
+        unexplained=[Unexplained.of(u) for u in nameless],
+        blind_to=[Unseen.of(b) for b in answer["blind_to"]],
         answer=answer,
         errors_mm=errors,
         next=deciding,
@@ -208,9 +209,9 @@ def validate(
 ) -> Validation:
     """Score a model on recordings of its arm.
 
-    A recording that the model was fitted to is predicted with all that was learnt of it; to any other only what belongs
-    to the arm goes. Where the model cannot know a recording's measuring frame, frame and tool points are identified
-    from every fourth of its poses.
+    A recording that the model was fitted to is predicted with all that was identified of it; to any other goes only
+    what belongs to the arm. Where the model cannot know a recording's measuring frame, frame and tool points are
+    identified from every fourth of its poses.
     `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
     "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
     anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError
@@ -239,7 +240,7 @@ def compare(model: Model, recording: PathLike | Recording, *, joints: str | None
     `model` is an earlier calibration by `identify`, which knows how uncertain it is. Keys: verdict ("unchanged",
     "setup changed", "arm changed", "wrong touches"), summary, changes (what, by how much, probability, rivals), visible
     (the smallest change that these poses would show nine times in ten), mean_mm, noise_mm, more_noise, alone, temp_c,
-    hash. WrongModelError where the model does not know its uncertainty, or was learnt on this recording.
+    hash. WrongModelError where the model does not know its uncertainty, or was fitted to this recording.
     """
     session: dict[str, Any] = history(model, [recording], joints=joints)["sessions"][0]
     return session
@@ -250,9 +251,9 @@ def history(
 ) -> dict[str, Any]:
     """Compare sessions in the order of time with one calibration of the arm.
 
-    Keys: sessions (each as `compare` has it; those that the model was learnt on are left out), days (since the first,
+    Keys: sessions (each as `compare` has it; those that the model was fitted to are left out), days (since the first,
     by dates such as 2026-11-22 in the names of files), trend (growth of the mean error), due (when the next calibration
-    is due, in a sentence; `need_mm` is the mean error that the work bears).
+    is due, in a sentence; `need_mm` is the mean error that the work allows).
     """
     result: dict[str, Any] = json.loads(_native._history(model, _sources(recordings), joints, need_mm))
     return result

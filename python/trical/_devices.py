@@ -60,7 +60,7 @@ class GaugeTest:
     def __repr__(self) -> str:
         """What it says of itself, and how still it stood."""
         lines = [f"<trical.GaugeTest of {self._head()}>", *(f"  {line}" for line in self.says)]
-        lines.append("axis   mean mm     sd mm  spread mm  finest step mm")
+        lines.append("axis   mean mm     sd mm  spread mm  smallest step mm")
         for axis, *numbers in self._rows():
             said = [f"{x:10.4f}" if isinstance(x, float) else f"{x!s:>10}" for x in numbers]
             lines.append(f"{axis}   {said[0]}{said[1]}{said[2]:>11}{said[3]:>16}")
@@ -289,7 +289,7 @@ def virtual_cell(
     ...     trical.measure(plan, "run.mcap", robot=..., cell=..., gauge=cell.gauge, controller=cell.controller, go=True)
 
     Args:
-        robot: path of a robot.toml or URDF, or a Robot: the arm in which the controller believes.
+        robot: path of a robot.toml or URDF, or a Robot: the arm with which the controller computes.
         cell: path of a cell.toml, or a Cell.
         truth: the true arm; drawn by chance where not given: errors of 0.3 mm and 0.1 deg in the chain, more in base
             and tool, compliances of 0.002 to 0.02 deg/Nm. `VirtualCell.truth` has it.

@@ -267,6 +267,12 @@ class Rows:
 class Told:
     """What a report is made of."""
 
+    def finding(self, number: int) -> tuple[str, _Floats, _Floats, _Floats]:
+        """Return a finding (from 0) against what reveals it: label of x, x, errors without and with it (n,) mm."""
+
+    def joint_values(self) -> _Floats:
+        """Return the joints at each observation that was fitted, (n, joints), rad (m for a joint that slides)."""
+
     def write(self, path: _Path, call: str, inputs: Sequence[str]) -> None:
         """Write the report: one HTML file, whole or not at all, made by `call` from `inputs`."""
 

@@ -311,6 +311,10 @@ class Recording:
             raise TricalError(f"{self.name}: no row was chosen of {n}")
         return Recording._of(self._rows.take([int(k) for k in np.sort(chosen)]))
 
+    def __add__(self, other: Recording) -> Recording:
+        """Join the rows of two recordings of one session: see `concat`."""
+        return concat([self, other]) if isinstance(other, Recording) else NotImplemented
+
     def __eq__(self, other: object) -> bool:
         """Say whether all values are the same."""
         if not isinstance(other, Recording):
@@ -343,3 +347,61 @@ class Recording:
         rows: list[Sequence[object]] = [(kind, n) for kind, n in self._counts()]
         table = _html.table(["rows", "n"], rows, f"{self.name}: {self.joints} joints")
         return table + _html.note(f"with {', '.join(known)}" if known else "")
+
+
+def concat(recordings: Iterable[Recording], *, name: str | None = None) -> Recording:
+    """Join recordings of one arm into one: rows of one session that are in several files.
+
+    They share measuring frame, tool and cell; recordings of different days are given to `identify` one by one instead,
+    as sessions. What a recording does not have is missing in its rows. Where times (or numbers of poses) would not go
+    on, those of the later recording are moved to begin where the earlier ends. `name` is by default that of the first.
+    Raises RecordingError, TricalError.
+    """
+    import numpy as np
+
+    parts = list(recordings)
+    if not parts:
+        raise TricalError("found no recording, expected one or more")
+    joints = {p.joints for p in parts}
+    if len(joints) > 1:
+        raise TricalError(f"found recordings of arms with {sorted(joints)} joints, expected one arm")
+    tables = [p.__reduce__()[1][1] for p in parts]
+    columns: dict[str, Any] = {}
+    for key in dict.fromkeys(k for t in tables for k in t):
+        like = next(t[key] for t in tables if key in t)
+        if key == "prismatic":
+            if any(list(t[key]) != list(like) for t in tables if key in t):
+                raise TricalError("found recordings of different arms: not the same joints slide; expected one arm")
+            columns[key] = like
+        elif key in ("time", "pose"):
+            columns[key] = _going_on(
+                [t.get(key) for t in tables], [len(p) for p in parts], 1.0 if key == "pose" else 0.0
+            )
+        elif key == "place":
+            columns[key] = [x for t, p in zip(tables, parts, strict=True) for x in t.get(key, [""] * len(p))]
+        else:
+            like = np.asarray(like)
+            empty = 0 if like.dtype.kind in "iu" else np.nan
+            blocks = [
+                np.asarray(t[key]) if key in t else np.full((len(p), *like.shape[1:]), empty, like.dtype)
+                for t, p in zip(tables, parts, strict=True)
+            ]
+            columns[key] = np.concatenate(blocks)
+    return Recording._restore(parts[0].name if name is None else name, columns)
+
+
+def _going_on(values: list[Any], lengths: list[int], gap: float) -> Floats:
+    """Join columns that rise: each is moved to begin behind the end of those before, if it would begin earlier."""
+    import numpy as np
+
+    joined: list[Floats] = []
+    end = -np.inf
+    for column, n in zip(values, lengths, strict=True):
+        block = np.full(n, np.nan) if column is None else np.array(column, dtype=float)
+        known = block[np.isfinite(block)]
+        if len(known) and known.min() < end + gap:
+            block = block + (end + gap - known.min())
+        if len(known):
+            end = max(end, float(np.nanmax(block)))
+        joined.append(block)
+    return np.concatenate(joined)

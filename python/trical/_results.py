@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from . import _html
-from ._native import Model
+from ._findings import Finding, Unexplained, Unseen
+from ._native import Model, TricalError
 from ._told import Reported
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
@@ -21,11 +22,6 @@ Errors = dict[str, float]
 
 _SUMMARY = ("mean_mm", "median_mm", "sd_mm", "rms_mm", "max_mm")
 _HEAD = ("position error, mm", "mean", "median", "sd", "rms", "max")
-
-
-def site_words(site: dict[str, Any]) -> str:
-    """Say where: {"joint": 3} is "joint 3"."""
-    return ", ".join(k if v is True else f"{k} {v}" for k, v in site.items())
 
 
 def _error_rows(errors: Sequence[tuple[str, Errors | None]]) -> list[list[object]]:
@@ -117,6 +113,12 @@ class Identified(Reported):
 
         return errors(self.errors_mm, "identified")
 
+    def residuals_by_joint(self) -> Figure:
+        """Draw each measurement's position error against every joint, of the nominal arm and identified."""
+        from ._plots import by_joint
+
+        return by_joint(self._told().joint_values(), self.errors_mm, ("nominal arm", "identified"))
+
     def certificate(self, path: str | os.PathLike[str]) -> None:
         """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
 
@@ -132,7 +134,7 @@ class Validation(Reported):
 
     `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
     with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that the model was
-    not learnt at (None where it does not know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2)
+    not fitted at (None where it does not know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2)
     one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
     """
 
@@ -235,23 +237,23 @@ class NextTouches(Touches):
 class Diagnosis(Reported):
     """What a model lacks, by the recordings, and the model that has it.
 
-    `findings` are dicts with effect, site, located, confidence, lambda, coefficients, evidence, rivals; `blind_to` what
-    the recordings could not show; `unexplained` where a mismatch has no name; `answer` all of the command's JSON;
+    `findings` (`Finding`) are in order of importance; `unexplained` (`Unexplained`) says where a mismatch has no known
+    cause, `blind_to` (`Unseen`) what the recordings could not show; `answer` has all of the command's JSON;
     `errors_mm` (observations, 2) position errors one by one, without and with what was found; `next` touches that
     would decide between the least sure finding and its rivals, where they were asked for and anything is undecided.
     """
 
     model: Model
-    findings: list[dict[str, Any]]
-    unexplained: list[dict[str, Any]]
-    blind_to: list[dict[str, Any]]
+    findings: list[Finding]
+    unexplained: list[Unexplained]
+    blind_to: list[Unseen]
     answer: dict[str, Any]
     errors_mm: Floats
     next: NextTouches | None = None
 
     @property
     def joints(self) -> str:
-        """Which joint angles were believed: "read" or "commanded"."""
+        """Which joint angles were used: "read" or "commanded"."""
         joints: str = self.answer["joints"]
         return joints
 
@@ -277,11 +279,26 @@ class Diagnosis(Reported):
         head = "error at poses that the fit did not see, mm rms"
         return _html.table(columns, rows, head) + "".join(map(_html.note, self.answer["cautions"]))
 
-    def plot(self) -> Figure:
-        """Draw position errors before and after, and how sure the findings are; needs matplotlib (trical[plot])."""
-        from ._plots import diagnosis
+    def plot(self, finding: int | None = None) -> Figure:
+        """Draw position errors before and after, and how sure the findings are; needs matplotlib (trical[plot]).
 
-        return diagnosis(self)
+        With the number of a `finding`, from 1: each measurement's error against the variable that reveals the finding,
+        along the direction in which it acts, without it and with it, everything else modelled. Raises TricalError for a
+        number that no finding has, and where the result was pickled.
+        """
+        from ._plots import diagnosis, one_finding
+
+        if finding is None:
+            return diagnosis(self)
+        if not 1 <= finding <= len(self.findings):
+            raise TricalError(f"found no finding {finding}, there are {len(self.findings)}")
+        return one_finding(self.findings[finding - 1], *self._told().finding(finding - 1))
+
+    def residuals_by_joint(self) -> Figure:
+        """Draw each measurement's position error against every joint, without and with what was found."""
+        from ._plots import by_joint
+
+        return by_joint(self._told().joint_values(), self.errors_mm, ("without what was found", "with it"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -290,9 +307,8 @@ class Plan(Touches, Reported):
 
     Arrays as in `Touches`: ball, q, approach, via, directions, text. `parameters` are dicts with name, site, unit, sd,
     nominal; `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm);
-    `answer` all that the planner says. `blind_to` lists the effects that these touches would not show at a typical
-    size: dicts with effect, site, lambda (length of its traces in standard deviations of the noise; 3 is just visible)
-    and advice, what would help; or with effect and lacks, what no such recording has.
+    `answer` all that the planner says. `blind_to` (`Unseen`) lists the effects that these touches would not show at a
+    typical size, each at its site, with the advice that would help; or with what no such recording has.
     """
 
     parameters: list[dict[str, Any]]
@@ -300,10 +316,15 @@ class Plan(Touches, Reported):
     answer: dict[str, Any]
 
     @property
-    def blind_to(self) -> list[dict[str, Any]]:
+    def blind_to(self) -> list[Unseen]:
         """What the touches would not show; see above."""
-        blind: list[dict[str, Any]] = self.answer["blind_to"]
-        return blind
+        return [Unseen.of(b) for b in self.answer["blind_to"]]
+
+    def plot(self) -> Figure:
+        """Draw the joints' angles at the touches of each ball, and the effects they would not show (matplotlib)."""
+        from ._plots import plan
+
+        return plan(self)
 
     def _expected(self) -> list[tuple[str, dict[str, float]]]:
         return [(k, self.expected[k]) for k in ("sphere", "workspace") if self.expected[k] is not None]
@@ -316,8 +337,8 @@ class Plan(Touches, Reported):
             lines.append(f"  does not determine the {len(self.parameters)} parameters")
         lines += [f"  expected in the {k}: mean {e['mean_mm']:.3f} mm" for k, e in self._expected()]
         if self.blind_to:
-            n = len({b["effect"] for b in self.blind_to})
-            lines.append(f"  would not show {n} effects, at some sites at least: see blind_to")
+            n = len({b.effect for b in self.blind_to})
+            lines.append(f"  would not show {n} effects, at one place or more: see blind_to")
         return "\n".join([head, *lines])
 
     def _repr_html_(self) -> str:

@@ -69,6 +69,11 @@ class Reported:
             raise TricalError("this result was pickled or built by hand: its report is to be written where it was made")
         self._made.told.write(path, self._made.call, self._made.inputs)
 
+    def _told(self) -> Told:
+        if self._made is None:
+            raise TricalError("this result was pickled or built by hand: draw it where it was made")
+        return self._made.told
+
     def _certificate(self, path: _Path) -> None:
         if self._made is None:
             raise TricalError("this result was pickled or built by hand: certify it where it was made")

@@ -75,6 +75,16 @@ def test_what_was_hidden_in_a_simulation_is_found(
     first = diagnosis.findings[0]
     assert (first["effect"], first["site"]) == ("lost_motion_direction", {"joint": 2})
     assert first["coefficients"][0]["value"] == pytest.approx(0.02, rel=0.05)
+    # the same by names that an editor completes
+    assert (first.effect, str(first.site), first.site.joint) == ("lost_motion_direction", "joint 2", 2)
+    assert (
+        first.coefficients[0].unit == "deg"
+        and first.evidence.holdout_rms_after_mm == diagnosis.findings[0]["evidence"]["holdout_rms_after_mm"]
+    )
+    with pytest.raises(AttributeError):
+        first.effect = "another"  # type: ignore[misc]
+    with pytest.raises(KeyError):
+        first["effects"]
     elsewhere = trical.poses(100, **FILES, seed=9)
     senses = np.ones((100, 6))
     miss = [
@@ -142,7 +152,9 @@ def test_results_pickle(name: str, request: pytest.FixtureRequest) -> None:
     assert repr(pickle.loads(pickle.dumps(result))) == repr(result)
 
 
-def test_plots_are_figures(fitted: trical.Identified, diagnosis: trical.Diagnosis, touches: trical.Recording) -> None:
+def test_plots_are_figures(
+    fitted: trical.Identified, diagnosis: trical.Diagnosis, touches: trical.Recording, plan: trical.Plan
+) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     import io
 
@@ -150,11 +162,90 @@ def test_plots_are_figures(fitted: trical.Identified, diagnosis: trical.Diagnosi
         (fitted.plot(), 1),
         (trical.validate(fitted.model, touches).plot(), 1),
         (diagnosis.plot(), 2),
+        (diagnosis.plot(1), 1),
+        (diagnosis.residuals_by_joint(), 6),
+        (fitted.residuals_by_joint(), 6),
+        (plan.plot(), 2),
     ]:
         assert len(figure.axes) == axes
         out = io.BytesIO()
         figure.savefig(out, format="png")
         assert len(out.getvalue()) > 5000
+    # the gap of joint 2: without it the errors of both senses lie apart
+    (without, with_it) = diagnosis.plot(1).axes[0].lines
+    assert "sense of joint 2" in diagnosis.plot(1).axes[0].get_xlabel()
+    assert np.std(without.get_ydata()) > 3 * np.std(with_it.get_ydata())
+    with pytest.raises(trical.TricalError, match="found no finding 9"):
+        diagnosis.plot(9)
+    with pytest.raises(trical.TricalError, match="draw it where it was made"):
+        pickle.loads(pickle.dumps(diagnosis)).plot(1)
+
+
+def test_sizes_and_orders_that_no_arm_has_are_noticed(touches: trical.Recording, tmp_path: Path) -> None:
+    q = trical.poses(60, **FILES, seed=3)
+    poses = trical.simulate(trical.Model.nominal(**FILES), q, full_pose=True, seed=1)
+    assert poses.orientation is not None and poses.position is not None
+    trical.identify(poses, **FILES)
+    turned = trical.Recording(q=q, position=poses.position, orientation=np.roll(poses.orientation, -1, axis=1))
+    with pytest.raises(trical.TricalError, match="only if each quaternion is read as x, y, z, w"):
+        trical.identify(turned, **FILES)
+    # another arm's signs, or zero: the error says that joints are beyond their limits
+    sample = trical.sample(tmp_path / "sample")
+    arm = trical.Recording.load(sample.recording)
+    other = arm.q.copy()
+    other[:, 1] += np.radians(200)
+    beyond = trical.Recording(q=other, ball=arm.ball, indicators=arm.indicators, directions=arm.directions)
+    with pytest.raises(trical.NotConvergedError, match="beyond their limits, joint 2"):
+        trical.identify(beyond, robot=sample.robot, cell=sample.cell)
+    # all problems of a file in one message
+    lines = str(touches.to_csv()).splitlines()
+    lines[3] = lines[3].replace(".", "x", 1)
+    lines[5] = "1,2"
+    (tmp_path / "many.csv").write_text("\n".join(lines))
+    with pytest.raises(trical.RecordingError, match=r"line 4, column .*; line 6: found 2 fields"):
+        trical.Recording.load(tmp_path / "many.csv")
+
+
+def test_recordings_are_joined(touches: trical.Recording) -> None:
+    first, second = touches[:40], touches[40:]
+    joined = first + second
+    assert joined == touches and len(trical.concat([first, second, first])) == 130
+    # what one of them lacks is missing in its rows
+    bare = trical.Recording(q=second.q, ball=second.ball, indicators=second.indicators, name="bare")
+    mixed = trical.concat([bare, first], name="mixed")
+    assert mixed.name == "mixed" and mixed.directions is not None
+    assert np.all(mixed.directions[:50] == 0) and np.all(mixed.directions[50:] == first.directions)
+    # times and numbers of poses go on
+    timed = trical.Recording(q=np.zeros((2, 6)), distance=[1.0, 1.1], time=[0.0, 5.0], pose=[0, 1], place=["a", "b"])
+    twice = timed + timed
+    assert twice.time is not None and twice.pose is not None and twice.place is not None
+    assert twice.time.tolist() == [0, 5, 5, 10] and twice.pose.tolist() == [0, 1, 2, 3]
+    assert twice.place.tolist() == ["a", "b", "a", "b"]
+    with pytest.raises(trical.TricalError, match=r"arms with \[2, 6\] joints"):
+        trical.concat([timed, trical.Recording(q=np.zeros((1, 2)), distance=1.0)])
+    with pytest.raises(trical.TricalError, match="found no recording"):
+        trical.concat([])
+
+
+def test_an_arm_is_compared_with_what_it_was(truth: trical.Model, plan: trical.Plan, fitted: trical.Identified) -> None:
+    few = slice(0, 90, 8)
+    again = trical.simulate(
+        truth, plan.q[few], ball=plan.ball[few], directions=plan.directions[few], noise=5e-6, seed=11
+    )
+    told = trical.compare(fitted.model, again)
+    assert told["verdict"] in ("unchanged", "setup changed", "arm changed", "wrong touches")
+    assert told["summary"] and told["mean_mm"] > 0 and told["visible"]
+    # joint 3 is 0.2 deg off since
+    turned = again.q.copy()
+    turned[:, 2] += np.radians(0.2)
+    moved = trical.Recording(
+        q=turned, ball=again.ball, indicators=again.indicators, directions=again.directions, name="moved"
+    )
+    changed = trical.compare(fitted.model, moved)
+    assert changed["verdict"] != "unchanged" and changed["mean_mm"] > 3 * told["mean_mm"]
+    history = trical.history(fitted.model, [again, moved], need_mm=0.1)
+    assert [s["verdict"] for s in history["sessions"]] == [told["verdict"], changed["verdict"]]
+    assert history["due"].startswith("Now:") and len(history["sessions"]) == 2
 
 
 def test_what_is_known_beforehand_counts(touches: trical.Recording, tmp_path: Path) -> None:

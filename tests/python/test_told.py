@@ -102,15 +102,15 @@ def test_objects_and_arrays_are_told_by_name(place: Path, tmp_path: Path) -> Non
 def test_a_plan_says_what_it_would_be_blind_to(place: Path) -> None:
     plan = trical.plan(**FILES)
     blind = plan.blind_to
-    assert blind and all({"effect", "lambda"} <= b.keys() and ("advice" in b) != ("lacks" in b) for b in blind)
+    assert blind and all({"effect", "lambda"} <= set(b) and ("advice" in b) != ("lacks" in b) for b in blind)
     assert all(0 <= b["lambda"] < 3 for b in blind)
-    assert not any("--" in b.get("advice", "") for b in blind), "an option of the command line"
+    assert not any("--" in (b.advice or "") for b in blind), "an option of the command line"
     assert f"would not show {len({b['effect'] for b in blind})} effects" in repr(plan)
     # twice the noise, half as visible: nothing that was hidden appears
     louder = trical.plan(**FILES, noise=2e-5).blind_to
-    where = {(b["effect"], json.dumps(b.get("site"))): b["lambda"] for b in louder}
+    where = {(b["effect"], str(b.site)): b.lambda_ for b in louder}
     for b in blind:
-        assert where[b["effect"], json.dumps(b.get("site"))] == pytest.approx(b["lambda"] / 2, abs=1e-9)
+        assert where[b.effect, str(b.site)] == pytest.approx(b["lambda"] / 2, abs=1e-9)
     said = json.loads(command(place, "plan", *ARGS, "--out", "p.csv", "--json"))["blind_to"]
     assert [(b["effect"], b["lambda"]) for b in said] == [(b["effect"], b["lambda"]) for b in blind]
 

@@ -50,7 +50,7 @@ pub fn made(inputs: &[&Path]) -> Made {
 }
 
 /// An argument as a shell would have to be given it.
-fn quoted(arg: std::ffi::OsString) -> String {
+pub fn quoted(arg: std::ffi::OsString) -> String {
     let arg = arg.to_string_lossy();
     let plain = |c: char| c.is_alphanumeric() || "-_=+./:,@%#".contains(c);
     if !arg.is_empty() && arg.chars().all(plain) {
@@ -60,7 +60,7 @@ fn quoted(arg: std::ffi::OsString) -> String {
     }
 }
 
-/// Which joint angles to believe.
+/// Which joint angles to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Joints {
     /// Those that the controller reported (q1_deg ...)

@@ -37,8 +37,8 @@ impl CorrelatedNoise {
     pub fn caution(&self) -> Option<String> {
         (*self != Self::WHITE).then(|| {
             format!(
-                "noise is correlated from one measurement to the next ({:.2}): effects were judged with that in mind, but standard \
-                 deviations are stated as if it were white",
+                "noise is correlated from one measurement to the next (correlation {:.2}): the probabilities take that into account, \
+                 the standard deviations do not",
                 self.kept * (1.0 - self.white)
             )
         })

@@ -1,9 +1,9 @@
 //! Which joint angles to use, where the user leaves that to the data.
 
 use trical_ident::dataset::{Dataset, JointSource};
-use trical_ident::error::Result;
+use trical_ident::error::{IdentError, Result};
 use trical_ident::joint_choice::all_commanded;
-use trical_model::{Cell, Recording, Robot, Task};
+use trical_model::{Cell, Measured, Recording, Robot, Task};
 
 use crate::diagnosis::Diagnosis;
 use crate::options::Options;
@@ -23,7 +23,8 @@ pub fn diagnose_recordings(
 ) -> Result<(Diagnosis, JointSource)> {
     let of = |source| -> Result<(Diagnosis, JointSource)> {
         let data = Dataset::build(recordings, source, None)?;
-        Ok((diagnose(robot, cell, &data, options, task)?, source))
+        let found = diagnose(robot, cell, &data, options, task).map_err(|e| of_few_balls(e, cell, &data))?;
+        Ok((found, source))
     };
     if let Some(source) = options.joints {
         return of(source);
@@ -34,4 +35,20 @@ pub fn diagnose_recordings(
     }
     let commanded = of(JointSource::Commanded)?;
     Ok(if commanded.0.after.holdout_rms_mm < read.0.after.holdout_rms_mm { commanded } else { read })
+}
+
+/// One or two balls leave the base open: a calibration closes it by what is usual of arms, a diagnosis takes nothing as known.
+fn of_few_balls(e: IdentError, cell: &Cell, data: &Dataset) -> IdentError {
+    let touches = data.observations.iter().any(|o| matches!(o.measured, Measured::Touch { .. }));
+    let count = cell.balls.len();
+    match e {
+        IdentError::NotEnough(_) | IdentError::NotConverged(_) if touches && (1..3).contains(&count) => {
+            IdentError::NotEnough(format!(
+                "touches of {count} ball{} leave the arm's base open: identify closes it by what is usual of arms, but a diagnosis \
+                 takes nothing as known ({e}); three balls that are not on a line allow it",
+                if count == 1 { "" } else { "s" }
+            ))
+        }
+        e => e,
+    }
 }

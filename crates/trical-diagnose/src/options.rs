@@ -6,7 +6,7 @@ use trical_ident::dataset::JointSource;
 /// What is asked of a diagnosis.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Which joint angles to believe; `None`: as read and as commanded, and what leaves less, held out.
+    /// Which joint angles to use; `None`: as read and as commanded, and what leaves less, held out.
     pub joints: Option<JointSource>,
     /// What has no name is told but not modelled.
     pub names_only: bool,

@@ -149,9 +149,37 @@ pub fn family(family: Family) -> &'static str {
     }
 }
 
-fn capital(text: &str) -> String {
+/// A text that begins with a capital letter.
+#[must_use]
+pub fn capital(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + chars.as_str())
+}
+
+/// A variable in words: "q4" is "the angle of joint 4".
+fn variable(name: &str) -> String {
+    let joint = |prefix| name.strip_prefix(prefix).filter(|n| n.parse::<usize>().is_ok());
+    match (name, joint("q"), joint("dir")) {
+        ("seq", ..) => "the number of the pose".into(),
+        ("time", ..) => "the time".into(),
+        (_, Some(n), _) => format!("the angle of joint {n}"),
+        (_, _, Some(n)) => format!("the sense of joint {n}'s last motion"),
+        _ => name.to_owned(),
+    }
+}
+
+/// Where a mismatch without a known cause is, in words: "where the angle of joint 2 is below -32 deg".
+#[must_use]
+pub fn region(region: &str) -> String {
+    if let Some(all) = region.strip_prefix("all of ") {
+        return match all.split_once(", with ") {
+            Some((a, b)) => format!("as a function of {} and {} together", variable(a), variable(b)),
+            None => format!("as a function of {}", variable(all)),
+        };
+    }
+    let (name, rest) = region.split_once(' ').unwrap_or((region, ""));
+    let rest = rest.replacen('<', "below", 1).replacen('>', "above", 1);
+    format!("where {} is {rest}", variable(name))
 }
 
 /// What a row of the table sums up, before it has its place in it.
@@ -221,7 +249,7 @@ fn plain_row(kind: RowKind, text: String, [before_mm, after_mm]: [f64; 2]) -> Ve
 
 fn row_of(step: &Step, findings: &[Finding], [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
     let Some(f) = step.first.and_then(|k| findings.get(k)) else {
-        let text = format!("Without a name: curves{}", at(&step.places, ""));
+        let text = format!("No known cause: smooth curves{}", at(&step.places, ""));
         return plain_row(RowKind::Curves, text, [before_mm, after_mm]);
     };
     let said_at = level(f).0;
@@ -244,7 +272,7 @@ fn row_of(step: &Step, findings: &[Finding], [before_mm, after_mm]: [f64; 2]) ->
 /// What is too small or not sure enough for a row of its own: so many findings, or only curves.
 fn rest_row(findings: Vec<usize>, errors: [f64; 2]) -> VerdictRow {
     let text = match findings.len() {
-        0 => "Smaller curves without a name".to_owned(),
+        0 => "Smaller curves of no known cause".to_owned(),
         1 => "1 smaller or less sure finding".to_owned(),
         n => format!("{n} smaller or less sure findings"),
     };
@@ -257,8 +285,12 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
     let mut rows = vec![plain_row(RowKind::Plain, format!("Plain model, {plain} parameters"), [before; 2])];
     let mut here = before;
     let mut rest: Vec<Step> = Vec::new();
-    for step in steps(findings, unexplained) {
-        let next = (here * here - step.gain).max(0.0).sqrt();
+    let steps = steps(findings, unexplained);
+    // findings that stand in for each other gain more one by one than together
+    let (sum, together) = (steps.iter().map(|s| s.gain.max(0.0)).sum::<f64>(), before * before - after * after);
+    let part = if sum > together { (together / sum).max(0.0) } else { 1.0 };
+    for step in steps {
+        let next = (here * here - part * step.gain).max(0.0).sqrt();
         let guessed = step.confidence.is_some_and(|[_, high]| high < LEAST_TOLD);
         if next > here * (1.0 - LEAST_STEP) || guessed {
             rest.push(step);
@@ -274,7 +306,8 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
     }
     let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
     rows.extend(left.map(|u| {
-        let text = format!("Not explained{}: {:.3} mm that go with {}", at(&[u.site], ""), u.rms_mm, u.variable);
+        let place = at(&[u.site], "");
+        let text = format!("Still unexplained{place}: {:.3} mm that change with {}", u.rms_mm, variable(&u.variable));
         plain_row(RowKind::Unexplained, text, [after; 2])
     }));
     let last = if findings.is_empty() && unexplained.is_empty() {
@@ -326,7 +359,7 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         unexplained
             .iter()
             .take(1)
-            .map(|u| format!("Without a name: {} is off for {} ({:.3} mm).", u.site, u.region, u.rms_mm)),
+            .map(|u| format!("No known cause: {} is off {} ({:.3} mm).", u.site, region(&u.region), u.rms_mm)),
     );
     if findings.is_empty() && unexplained.is_empty() {
         sentences.push("The model explains the data: nothing found.".into());
@@ -450,6 +483,32 @@ mod tests {
     }
 
     #[test]
+    fn rows_that_together_gain_less_than_one_by_one_end_at_the_whole_model() {
+        let findings = [
+            finding(EffectId::EncoderError, 2, SURE, [0.5, 0.1]),
+            finding(EffectId::GearRipple, 1, SURE, [0.5, 0.2]),
+            // with this one the error at unseen poses is larger
+            finding(EffectId::JointHarmonic, 3, SURE, [0.3, 0.4]),
+        ];
+        let verdict = told(&findings, &[], [(31, 0.5), (90, 0.3)]);
+        let after: Vec<String> = verdict.rows.iter().map(|r| format!("{:.2}", r.after_mm)).collect();
+        // 0.24 and 0.21 mm^2 share the 0.16 mm^2 that both take together
+        assert_eq!(after, ["0.50", "0.41", "0.30", "0.30", "0.30"]);
+    }
+
+    #[test]
+    fn regions_are_said_in_words() {
+        for (name, said) in [
+            ("q2 < -32 deg", "where the angle of joint 2 is below -32 deg"),
+            ("time from 20.0 to 30.0 s", "where the time is from 20.0 to 30.0 s"),
+            ("all of q4, with q1", "as a function of the angle of joint 4 and the angle of joint 1 together"),
+            ("all of seq", "as a function of the number of the pose"),
+        ] {
+            assert_eq!(region(name), said);
+        }
+    }
+
+    #[test]
     fn what_has_no_name_stands_in_the_table_at_its_size() {
         let curve = |joint, modelled, [before, after]: [f64; 2]| Unexplained {
             site: Place::Joint(joint),
@@ -469,8 +528,8 @@ mod tests {
             said,
             [
                 "Plain model, 31 parameters",
-                "Without a name: curves at joints 1 and 2",
-                "Not explained at joint 5: 0.020 mm that go with q4",
+                "No known cause: smooth curves at joints 1 and 2",
+                "Still unexplained at joint 5: 0.020 mm that change with the angle of joint 4",
                 "Whole model, 60 parameters"
             ]
         );

@@ -121,7 +121,7 @@ fn distances(model: &Model, data: &Dataset, place: BallPlace) -> Result<Vec<Meas
 }
 
 /// Robot and parameters with the physics that lowers the error at places held out, and what was tried. Nothing is added where `choice` asks
-/// for less than compliance, and all where fewer than three places cannot tell. What may be added: waves of each joint's error over its own angle
+/// for less than compliance, and all where fewer than three places cannot tell. What may be added: harmonics of each joint's error over its own angle
 /// (once and twice a turn), and, for a robot without masses, sag under links that are taken to weigh alike.
 ///
 /// # Errors
@@ -139,10 +139,10 @@ pub fn choose(
     }
     let even = robot.with_even_masses();
     let waves = choice.clone().with_waves();
-    let mut candidates = vec![("nothing", robot, choice.clone()), ("waves of each joint", robot, waves.clone())];
+    let mut candidates = vec![("nothing", robot, choice.clone()), ("harmonics of each joint", robot, waves.clone())];
     if let Some(even) = &even {
-        candidates.push(("sag under links that weigh alike", even, choice.clone()));
-        candidates.push(("sag under links that weigh alike, waves of each joint", even, waves));
+        candidates.push(("sag with equal link masses", even, choice.clone()));
+        candidates.push(("sag with equal link masses, harmonics of each joint", even, waves));
     }
     if places < PLACES {
         return Ok(candidates.pop().map_or(as_asked, |(added, robot, choice)| {

@@ -44,7 +44,7 @@ pub enum ToolSharing {
 pub struct Options {
     /// Which parameters.
     pub choice: Choice,
-    /// Which joint angles to believe; `None`: whichever the model explains better.
+    /// Which joint angles to use; `None`: whichever the model explains better.
     pub joints: Option<JointSource>,
     /// Keep gross errors.
     pub keep_outliers: bool,
@@ -204,7 +204,7 @@ impl Calibration {
         out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
             out.push(
-                "the robot has no masses: its links are taken to weigh alike (2.5 kg, halfway to the next joint), so that compliance is \
+                "the robot has no masses: its links are assumed to have the same mass (2.5 kg, halfway to the next joint), so that compliance is \
                  right in shape but not in size"
                     .into(),
             );

@@ -108,7 +108,7 @@ pub fn held(robot: &Robot, data: &Dataset, names: &[&str]) -> Option<String> {
     let joints: Vec<usize> = hardly_moving(robot, data).into_iter().map(|(k, _)| k + 1).collect();
     (!joints.is_empty() && !names.is_empty()).then(|| {
         format!(
-            "joint{} {} hardly move{} (less than 1 deg or 5 mm): what only {} motion tells was held at nominal: {}",
+            "joint{} {} hardly move{} (less than 1 deg or 5 mm): what only {} motion shows was kept at nominal: {}",
             if joints.len() > 1 { "s" } else { "" },
             numbers(&joints),
             if joints.len() > 1 { "" } else { "s" },
@@ -123,8 +123,7 @@ pub fn held(robot: &Robot, data: &Dataset, names: &[&str]) -> Option<String> {
 pub fn near_nominal(names: &[&str]) -> Option<String> {
     (!names.is_empty()).then(|| {
         format!(
-            "the measurements say little of {}: kept near nominal, within some 2 mm and 0.2 deg (0.3 deg under the largest load); poses that \
-             vary more would tell",
+            "the measurements hardly determine {}: kept near nominal, within some 2 mm and 0.2 deg (0.3 deg under the largest load); more varied poses would determine them",
             names.join(", ")
         )
     })
@@ -141,7 +140,8 @@ pub fn too_many(parameters: f64, folds: &crate::folds::Folds) -> Option<String> 
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     (3.0 * parameters > blocks as f64).then(|| {
         format!(
-            "{parameters:.0} parameters were determined from {blocks} independent places of the arm ({} poses): more than a third",
+            "{parameters:.0} parameters were determined from {blocks} independent places of the arm ({} poses), fewer than three places \
+             for each: where nothing was measured the model may be wrong; measure more poses",
             folds.poses().len()
         )
     })

@@ -144,7 +144,7 @@ pub fn compare(
     let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, framed.then_some(refit), true)?;
     if adapted.is_known() {
         return Err(IdentError::WrongModel(format!(
-            "{}: the model was learnt on this recording; expected a later one",
+            "{}: the model was fitted to this recording; expected a later one",
             recording.name
         )));
     }
@@ -548,7 +548,7 @@ fn in_words(c: &Comparison) -> String {
         }
     };
     if c.changes.is_empty() {
-        return format!("Unchanged, as far as these {} measurements see.", c.measurements);
+        return format!("No change was found in these {} measurements.", c.measurements);
     }
     let sentence = |change: &Change| {
         let sure = (change.probability * 100.0).floor().min(99.0);

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use trical_model::{Cell, Forward, Joint, JointKind, MAX_JOINTS, Measured, Model, Robot};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
+use crate::rigid::{median, rigid_from_points};
 
 /// Joint values and places beyond these are no arm's: 278 turns, and a kilometre.
 const FAR_RAD: f64 = 1745.4;
@@ -114,8 +115,49 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
                 ),
             );
         }
+        if quaternions_from_x(&forward, data, k) {
+            return error(
+                "columns qw, qx, qy, qz",
+                "the orientations follow the arm only if each quaternion is read as x, y, z, w; expected w, x, y, z"
+                    .to_owned(),
+            );
+        }
     }
     Ok(())
+}
+
+/// A tool that is turned as the arm says, but for as much as a nominal arm is off, and one that is not, rad.
+const ALIKE: f64 = 0.1;
+const UNLIKE: f64 = 0.35;
+
+/// Whether the orientations of a recording follow the arm only with the last number of each quaternion put first. What they turn from one pose
+/// to the next is compared, so that tool and measuring frame do not matter; the size of a turn is the same in both orders, its axis is not.
+fn quaternions_from_x(forward: &Forward, data: &Dataset, recording: usize) -> bool {
+    let mut ws = forward.workspace();
+    let mut poses: Vec<(UnitQuaternion<f64>, [f64; 4])> = Vec::new();
+    for o in data.observations.iter().filter(|o| o.recording == recording) {
+        if let Measured::Pose { quaternion, .. } = o.measured {
+            let rotation = forward.world_from_tool(&o.state, &mut ws).rotation;
+            poses.push((UnitQuaternion::from_matrix(&rotation), quaternion));
+        }
+    }
+    let off = |read: fn([f64; 4]) -> [f64; 4]| -> Option<f64> {
+        let unit = |q: [f64; 4]| {
+            let [w, x, y, z] = read(q);
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+        };
+        let turned = |pair: &[(UnitQuaternion<f64>, [f64; 4])]| match pair {
+            [a, b] => Some(((a.0.inverse() * b.0).scaled_axis(), (unit(a.1).inverse() * unit(b.1)).scaled_axis())),
+            _ => None,
+        };
+        let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = poses.windows(2).filter_map(turned).collect();
+        let tool = rigid_from_points(&pairs)?.rotation;
+        let left: Vec<f64> = pairs.iter().map(|(arm, measured)| (tool * measured - arm).norm()).collect();
+        Some(median(&left))
+    };
+    let as_it_is = off(|q| q);
+    let from_x = off(|[x, y, z, w]| [w, x, y, z]);
+    as_it_is.zip(from_x).is_some_and(|(a, b)| a > UNLIKE && b < ALIKE)
 }
 
 /// 2 pi taken for degrees, rad.

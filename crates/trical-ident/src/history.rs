@@ -47,7 +47,7 @@ pub fn history(
     let later = recordings.iter().filter(|r| file.session_of(&crate::dataset::fingerprint(r)).is_none());
     let sessions = later.map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
     if sessions.is_empty() {
-        return Err(IdentError::NotEnough("no session beside those that the model was learnt on".into()));
+        return Err(IdentError::NotEnough("no session beside those that the model was fitted to".into()));
     }
     let days: Option<Vec<f64>> = sessions.iter().map(|s| day_in(&s.recording)).collect();
     let days = days.map(|d| d.iter().map(|x| x - d[0]).collect::<Vec<_>>());
@@ -101,21 +101,23 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
         return format!("Now: in the last session the arm is not what it was ({}).", last.recording);
     }
     let Some(need) = need else {
-        return "Not said: what mean error the work bears, in mm, is not given.".into();
+        return "Not known: the mean error that the work allows is not given.".into();
     };
     if last.mean_mm > need {
-        return format!("Now: the mean error is {:.3} mm, more than the {need} mm that the work bears.", last.mean_mm);
+        return format!("Now: the mean error is {:.3} mm, more than the {need} mm that the work allows.", last.mean_mm);
     }
     match trend.filter(|t| t.p_value < 0.05) {
-        None => format!("Not yet: the mean error is {:.3} mm of {need} mm, and shows no growth.", last.mean_mm),
+        None => format!(
+            "Not yet: the mean error is {:.3} mm of the {need} mm that the work allows, and does not grow.",
+            last.mean_mm
+        ),
         Some(t) => {
             let here = steps.last().copied().unwrap_or(0.0);
             let left = (need - last.mean_mm) / t.mm_per_step;
             let soonest = (need - last.mean_mm) / (t.mm_per_step + 2.0 * t.sd);
             let began = if unit == "days" { format!(" (day {here:.0} since the first)") } else { String::new() };
             format!(
-                "In {left:.0} {unit} after the last session{began}, in {soonest:.0} at the earliest: the mean error is {:.3} mm of \
-                 {need} mm and grows by {:.4} mm in each of them.",
+                "In {left:.0} {unit} after the last session{began}, in {soonest:.0} at the earliest: the mean error is {:.3} mm of the {need} mm that the work allows, and grows by {:.4} mm in each of them.",
                 last.mean_mm, t.mm_per_step
             )
         }

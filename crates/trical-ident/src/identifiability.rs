@@ -219,7 +219,7 @@ impl Choice {
         Self { own, ..self }
     }
 
-    /// The same with two waves of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
+    /// The same with two harmonics of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
     #[must_use]
     pub fn with_waves(self) -> Self {
         Self { waves: true, ..self }

@@ -6,6 +6,7 @@ use faer::Mat;
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
 use crate::ball_places;
+use crate::caution::beyond_limits;
 use crate::dataset::Dataset;
 use crate::degenerate::{
     check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
@@ -310,15 +311,16 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
         let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();
         let weak = weakest_direction(&r, &names, 1.0).unwrap_or_default();
-        return Err(IdentError::NotConverged(format!(
-            "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? What these \
-             measurements tell least is {}: poses that vary more tell it, or fewer parameters",
-            report.iterations,
-            if report.ended == Ended::Stuck { " where no step helped" } else { "" },
-            report.gradient,
-            if in_radians(data) { ", and the joint angles in deg (none is beyond 6.3)" } else { "" },
-            weak.join(" with ")
-        )));
+        return Err(IdentError::NotConverged(
+            format!(
+                "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? These measurements determine {} least: measure more varied poses, or identify fewer parameters",
+                report.iterations,
+                if report.ended == Ended::Stuck { " where no step helped" } else { "" },
+                report.gradient,
+                if in_radians(data) { ", and the joint angles in deg (none is beyond 6.3)" } else { "" },
+                weak.join(" with "),
+            ) + &beyond_limits(&forward.model().robot, data).map_or_else(String::new, |said| format!("; {said}")),
+        ));
     }
     let rows: usize = residuals.iter().map(|(_, n)| n).sum();
     let square: f64 = residuals.iter().map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>()).sum();

@@ -1,4 +1,4 @@
-//! Which joint angles to believe, where the user leaves that to the data.
+//! Which joint angles to use, where the user leaves that to the data.
 
 use trical_model::{Cell, Recording, Robot};
 

@@ -89,7 +89,7 @@ impl KnownParameters {
         for (i, k) in known.parameter.iter().enumerate() {
             let wrong = |problem: String| Err(error(format!("parameter {}: {problem}", k.name)));
             if known.parameter[..i].iter().any(|o| o.name == k.name) {
-                return wrong("stands there twice".into());
+                return wrong("is given twice".into());
             }
             let all = [("value", k.value), ("sd", k.sd), ("min", k.min), ("max", k.max)];
             if let Some((field, Some(v))) = all.into_iter().find(|(_, v)| v.is_some_and(|v| !v.is_finite())) {

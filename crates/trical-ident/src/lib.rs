@@ -15,7 +15,7 @@
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`], [`predicted`] | a model on data that it was not fitted to; how far off it says that it may be |
 //! | [`repeatability`], [`iso9283`] | how far repeat visits scatter; accuracy and repeatability as the standard has them |
-//! | [`joint_choice`] | which joint angles to believe |
+//! | [`joint_choice`] | which joint angles to use |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 

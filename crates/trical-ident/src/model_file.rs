@@ -75,9 +75,8 @@ fn of_course(fitted: &Identified) -> Result<f64> {
     for o in &fitted.data.observations {
         let rows = with.residual(&o.state, &o.measured, o.frame, &mut here);
         without.residual(&o.state, &o.measured, o.frame, &mut there);
-        for k in 0..rows.min(3) {
+        for (k, (sum, squares, count)) in sums[o.recording].iter_mut().enumerate().take(rows) {
             let moved = here.residual()[k] - there.residual()[k];
-            let (sum, squares, count) = &mut sums[o.recording][k];
             *sum += moved;
             *squares += moved * moved;
             *count += 1.0;

@@ -43,7 +43,7 @@ impl Predicted {
     pub fn in_words(&self) -> String {
         let percent = |share: f64| format!("{:.0} %", 100.0 * share);
         let beyond =
-            self.covered_beyond.map(|b| format!(" ({} at joint angles that it was not learnt at)", percent(b)));
+            self.covered_beyond.map(|b| format!(" ({} at joint angles that it was not fitted at)", percent(b)));
         format!(
             "The model expects a standard deviation of {:.3} mm in each coordinate, {:.3} mm of it from its parameters; its intervals of \
              95 % hold {} of the coordinates{}.",

@@ -167,7 +167,7 @@ fn visits(recording: &Recording, robot: Option<Robot>, cell: Option<Cell>) -> Re
         }
         (true, ..) => {
             return Err(IdentError::NotEnough(format!(
-                "{}: has touches; expected --robot and --cell, to say where the arm believes to be",
+                "{}: has touches; expected --robot and --cell, to compute positions from the joints",
                 recording.name
             )));
         }

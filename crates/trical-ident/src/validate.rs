@@ -78,7 +78,7 @@ impl SessionErrors {
     #[must_use]
     pub fn in_words(&self) -> String {
         let known = match (self.learnt, self.refitted.is_empty()) {
-            (Some(_), true) => "the model was learnt on it".to_owned(),
+            (Some(_), true) => "the model was fitted to it".to_owned(),
             (None, true) => "in the measuring frame and with the tool of the model".to_owned(),
             (_, false) => format!(
                 "{} identified from {} of its poses, the other {} scored",
@@ -138,12 +138,12 @@ pub struct Validation {
 }
 
 impl Validation {
-    /// Where the model had to say something of joint angles that it was not learnt at, in a sentence.
+    /// Where the model had to say something of other joint angles, in a sentence.
     #[must_use]
     pub fn beyond_in_words(&self) -> Option<String> {
         self.beyond.filter(|n| *n > 0).map(|n| {
             format!(
-                "{n} of {} measurements are at joint angles that the model was not learnt at (by more than 3 deg).",
+                "{n} of {} measurements are more than 3 deg away from all joint angles that the model was fitted at.",
                 self.n
             )
         })
@@ -511,8 +511,8 @@ fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region
     };
     let o = &data.observations;
     if beyond.contains(&true) {
-        add("joint angles that the model was learnt at".into(), &|i| !beyond[i]);
-        add("joint angles that it was not learnt at".into(), &|i| beyond[i]);
+        add("joint angles that the model was fitted at".into(), &|i| !beyond[i]);
+        add("other joint angles".into(), &|i| beyond[i]);
     }
     for joint in 0..data.dof {
         let q: Vec<f64> = o.iter().map(|o| o.state.q[joint]).collect();

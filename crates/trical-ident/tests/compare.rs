@@ -43,7 +43,7 @@ fn ten_touches_of_the_same_arm_say_unchanged_and_what_they_would_have_seen() {
     let truth = truth();
     let c = compared(&truth, &calibrated(&truth), None);
     assert_eq!((c.verdict, c.changes.len(), c.measurements), ("unchanged", 0, 10));
-    assert_eq!(c.summary, "Unchanged, as far as these 10 measurements see.");
+    assert_eq!(c.summary, "No change was found in these 10 measurements.");
     let joint_2 = c.visible.iter().find(|v| v.what == "joint 2").unwrap();
     assert!(joint_2.smallest.is_some_and(|s| s > 0.001 && s < 0.02) && joint_2.unit == "deg", "{joint_2:?}");
 }
@@ -81,7 +81,7 @@ fn a_model_without_its_uncertainty_and_its_own_recording_are_refused() {
     let mut file = calibrated(&truth);
     let own = Recording { name: "old.csv".into(), ..arm::touch(&truth, 90, NOISE, 1) };
     let e = compare(&truth.cell, &file, &own, None).unwrap_err().to_string();
-    assert_eq!(e, "old.csv: the model was learnt on this recording; expected a later one");
+    assert_eq!(e, "old.csv: the model was fitted to this recording; expected a later one");
     file.uncertainty = None;
     let e = compare(&truth.cell, &file, &later(&truth, None, "new.csv", 2), None).unwrap_err().to_string();
     assert!(e.starts_with("the model file does not say how uncertain it is ([uncertainty])"), "{e}");

@@ -194,7 +194,7 @@ impl Forward {
                 if !constant && !can_vary {
                     return Err(ModelError::NoSuchSite {
                         term: term.name.clone(),
-                        site: format!("{} as something that varies", term.site),
+                        site: format!("{} as a quantity that varies from pose to pose", term.site),
                     });
                 }
                 let dof = this.dofs.iter().position(|d| *d == action.dof).unwrap_or_else(|| {

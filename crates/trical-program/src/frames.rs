@@ -60,7 +60,7 @@ pub struct Frames {
     pub world: Option<Pose>,
 }
 
-const TWICE: &str = "stands there twice: controllers do not tell capitals from small letters";
+const TWICE: &str = "is given twice: controllers do not distinguish upper and lower case";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

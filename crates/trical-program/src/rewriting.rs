@@ -165,8 +165,7 @@ fn without_torques(model: &Model) -> Option<String> {
     let left_out: Vec<&str> = model.terms.iter().filter(|t| by_measured_torque(t)).map(|t| t.name.as_str()).collect();
     (!left_out.is_empty()).then(|| {
         format!(
-            "the model knows how far joints give way under measured torques ({}), which a program does not have: how far they give way \
-             is not corrected",
+            "the model knows how far joints deflect under measured torques ({}), which a program does not have: how far they deflect is not corrected",
             left_out.join(", ")
         )
     })

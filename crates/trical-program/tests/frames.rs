@@ -16,5 +16,5 @@ fn tools_and_frames() {
                 cog_mm = [0, 0, 60]\n[frames.table]\nxyz_mm = [500, -100, 20]\nquaternion = [1, 0, 0, 0]\n";
     common::mutants(&[seed], |text| targets::frames(text.as_bytes()));
     let twice = Frames::parse("[tools.A]\nxyz_mm = [0, 0, 1]\n[tools.a]\nxyz_mm = [0, 0, 2]\n", "f.toml").unwrap_err();
-    assert!(twice.to_string().contains("[tools.a]: stands there twice"));
+    assert!(twice.to_string().contains("[tools.a]: is given twice"));
 }

@@ -5,7 +5,7 @@ use trical_ident::{JointSource, ParameterSet};
 
 use crate::errors::bad;
 
-/// Which joint angles to believe; `None` for those that the data is to choose.
+/// Which joint angles to use; `None` for those that the data is to choose.
 pub fn source(joints: &str) -> PyResult<Option<JointSource>> {
     match joints {
         "read" => Ok(Some(JointSource::Read)),

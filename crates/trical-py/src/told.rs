@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use trical_diagnose::Diagnosis;
 use trical_ident::{Calibration, JointSource, ModelFile, Validation, write_whole};
@@ -42,8 +44,33 @@ impl Kept {
 #[pyclass(name = "Told", module = "trical._native", frozen)]
 pub struct PyTold(pub Kept);
 
+/// What is drawn of a finding: label of x, x, errors without and with it, mm.
+type Drawn<'py> = (String, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
 #[pymethods]
 impl PyTold {
+    /// A finding (from 0) of a diagnosis against the variable that reveals it, one value for each observation.
+    fn finding<'py>(&self, py: Python<'py>, number: usize) -> Result<Drawn<'py>> {
+        let Kept::Diagnosed(d) = &self.0 else { return Err(bad("expected a diagnosis").into()) };
+        let Some(f) = d.0.findings.get(number) else {
+            return Err(bad(format!("found no finding {}, there are {}", number + 1, d.0.findings.len())).into());
+        };
+        let drawn = diagnosis_report::against(f, &d.0)?;
+        let array = |v: Vec<f64>| v.into_pyarray(py);
+        Ok((drawn.label, array(drawn.x), array(drawn.without), array(drawn.with)))
+    }
+
+    /// Joints at each observation that was fitted, (n, joints), rad (m for a joint that slides).
+    fn joint_values<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f64>>> {
+        let (data, dof) = match &self.0 {
+            Kept::Fitted(f) => (&f.fitted.data, f.fitted.model.robot.dof()),
+            Kept::Diagnosed(d) => (&d.0.data, d.0.model.robot.dof()),
+            _ => return Err(bad("expected an identification or a diagnosis").into()),
+        };
+        let o = &data.observations;
+        Ok(Array2::from_shape_fn((o.len(), dof), |(k, j)| o[k].state.q[j]).into_pyarray(py))
+    }
+
     /// Writes the certificate of a calibration or a validation: one page, made by `call` from `inputs`.
     fn certify(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
         long(py, None, |_| -> Result<()> {

@@ -101,7 +101,7 @@ impl Reader<'_> {
             if let Some(other) = slot {
                 let other = self.header.get(other.at).map_or("", String::as_str);
                 return Err(self.wrong_header(if other == name {
-                    format!("column {name} stands there twice")
+                    format!("column {name} is given twice")
                 } else {
                     format!("columns {other} and {name} are both there")
                 }));
@@ -320,6 +320,28 @@ pub(crate) struct Parser<'a> {
     slots: Slots,
 }
 
+/// So many problems of a file are told at most.
+const MOST_PROBLEMS: usize = 6;
+
+/// One message with all problems of a file, the first one first.
+fn all_in_one(problems: Vec<RecordError>) -> Option<RecordError> {
+    let many = problems.len() >= MOST_PROBLEMS;
+    let mut problems = problems.into_iter();
+    let mut first = problems.next()?;
+    if let RecordError::Csv { problem, .. } = &mut first {
+        for other in problems {
+            match other {
+                RecordError::Csv { place, problem: next, .. } => *problem += &format!("; {place}: {next}"),
+                other => *problem += &format!("; {other}"),
+            }
+        }
+        if many {
+            *problem += "; perhaps more";
+        }
+    }
+    Some(first)
+}
+
 impl<'a> Parser<'a> {
     /// Reads a header.
     pub fn new(file: &'a str, header: &csv::StringRecord, joints: usize) -> Result<Self> {
@@ -351,9 +373,11 @@ impl<'a> Parser<'a> {
         take: &mut dyn FnMut(Row) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut record = csv::StringRecord::new();
+        let mut problems: Vec<RecordError> = Vec::new();
         loop {
             match csv.read_record(&mut record) {
-                Ok(false) => return Ok(()),
+                _ if problems.len() >= MOST_PROBLEMS => break,
+                Ok(false) => break,
                 Ok(true) => {}
                 Err(e) => {
                     let line = e.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
@@ -368,10 +392,16 @@ impl<'a> Parser<'a> {
             if record.len() != self.reader.header.len() {
                 let (found, expected) = (record.len(), self.reader.header.len());
                 let problem = format!("found {found} fields, expected {expected} as in the header");
-                return Err(self.reader.error(format!("line {line}"), problem).into());
+                problems.push(self.reader.error(format!("line {line}"), problem));
+                continue;
             }
-            take(Cells { reader: &self.reader, record: &record, line }.row(&self.slots, places)?)?;
+            match (Cells { reader: &self.reader, record: &record, line }.row(&self.slots, places)) {
+                Ok(row) if problems.is_empty() => take(row)?,
+                Ok(_) => {}
+                Err(e) => problems.push(e),
+            }
         }
+        all_in_one(problems).map_or(Ok(()), |e| Err(e.into()))
     }
 
     /// Refuses a row that goes back in time.

@@ -79,7 +79,7 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
 }
 
 /// Where gravity has no moment about an axis.
-const UPRIGHT: &str = "nothing, and nothing need: gravity has no torque about this axis as the arm stands";
+const UPRIGHT: &str = "nothing, and it is not needed: gravity has no torque about this axis";
 
 /// For each joint, whether gravity has no moment about its axis at any of the touches.
 fn no_torque(model: &Model, plan: &[PlanEntry]) -> Result<Vec<bool>> {
@@ -111,14 +111,23 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
             effects.push((s.effect, Vec::new()));
             effects.len() - 1
         });
-        effects[k].1.push(format!("{} {:.1}", s.site, s.lambda));
+        effects[k].1.push(format!("{}: {:.1}", s.site, s.lambda));
     }
     list.into_iter()
         .map(|(remedy, effects)| {
-            let what: Vec<String> = effects.iter().map(|(e, sites)| format!("{e} ({})", sites.join(", "))).collect();
+            let named = |(e, sites): &Sites| format!("{} ({})", e.effect().title, sites.join(", "));
+            let what: Vec<String> = effects.iter().map(named).collect();
             (remedy.to_owned(), what.join("; "))
         })
         .collect()
+}
+
+/// How many effects would not be seen at one place or more.
+pub fn count(seen: &[Seen]) -> usize {
+    let mut hidden: Vec<EffectId> = seen.iter().filter(|s| s.lambda < VISIBLE).map(|s| s.effect).collect();
+    hidden.sort_unstable();
+    hidden.dedup();
+    hidden.len()
 }
 
 /// As `docs/formats.md` has it.

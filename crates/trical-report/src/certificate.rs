@@ -58,7 +58,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
         None => "These are the poses of the fit: the numbers say nothing about other poses.".to_owned(),
     }];
     if c.passes.is_some() {
-        notes.push(format!("Of {} measurements, a sample of {} is told here.", c.observations, after.len()));
+        notes.push(format!("These numbers are from a sample of {1} of {0} measurements.", c.observations, after.len()));
     }
     render(
         &Column { model: &c.nominal, data: &c.fitted.data, errors: &c.each_before },

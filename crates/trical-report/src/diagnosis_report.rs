@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, verdict};
+use trical_diagnose::{Diagnosis, Finding, RowKind, verdict};
 use trical_ident::{ErrorSummary, JointSource};
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
@@ -13,7 +13,7 @@ use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::table::number;
+use crate::table::{number, two_digits};
 use crate::verdict_told;
 
 /// Findings with a figure of their own.
@@ -26,7 +26,7 @@ const FEW: usize = 8;
 const CROWDED: f64 = 24.0;
 
 fn rivals(f: &Finding) -> String {
-    f.rivals.iter().map(Rival::in_words).collect::<Vec<_>>().join(", ")
+    f.rivals.iter().map(|r| verdict::named(r.effect, r.site).to_lowercase()).collect::<Vec<_>>().join(", ")
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -126,10 +126,31 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
     }
 }
 
+/// A finding against the variable that reveals it, one value for each observation.
+pub struct Against {
+    /// What `x` is, with its unit.
+    pub label: String,
+    /// The variable.
+    pub x: Vec<f64>,
+    /// Error along the direction in which the finding acts, everything else modelled, without it, mm.
+    pub without: Vec<f64>,
+    /// And with it, mm.
+    pub with: Vec<f64>,
+}
+
+/// What a finding does, against the variable that reveals it.
+///
+/// # Errors
+/// A model that cannot be evaluated.
+pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
+    let Seen { before: without, after: with, part } = seen(f, d)?;
+    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
+    Ok(Against { label, x, without, with })
+}
+
 /// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
 pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
-    let Seen { before, after, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
+    let Against { label, x, without: before, with: after } = against(f, d)?;
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
     let series = [
         Series { name: "without it", color: BEFORE, points: points(&before) },
@@ -139,12 +160,12 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         .coefficients
         .iter()
         .map(|c| {
-            let sd = c.sd.map_or_else(String::new, |s| format!(" (sd {s:.1e})"));
-            format!("{}{sd}", number(&c.name, c.value, &c.unit))
+            let n = number(&c.name, c.value, &c.unit);
+            c.sd.map_or_else(|| n.clone(), |sd| format!("{n} (standard deviation {})", two_digits(sd)))
         })
         .collect();
     let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
-    let mut text = vec![format!("{}. {told}.", f.located), format!("What to do: {}", f.action)];
+    let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
     if !f.rivals.is_empty() {
         text.push(format!(
             "This data cannot exclude {}. trical diagnose --next 8 plans touches that decide.",
@@ -278,7 +299,7 @@ fn map(d: &Diagnosis) -> Result<String> {
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
     let decimals = verdict_told::decimals(d);
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
-    rows.extend(d.verdict.rows.iter().map(|r| {
+    rows.extend(d.verdict.rows.iter().filter(|r| verdict_told::shows(r, decimals)).map(|r| {
         let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
@@ -351,7 +372,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     stairs.extend(steps.into_iter().map(|(name, _, after)| (name, after)));
     section.figures.push(Figure {
         caption:
-            "Error at held-out poses as the findings are modelled one after the other (?: a curve without a name)."
+            "Error at held-out poses as the findings are modelled one after the other (?: a curve of no known cause)."
                 .into(),
         svg: plots::staircase("held-out error, mm rms", "the finding that is added", &stairs)?,
     });
@@ -362,7 +383,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
     let all = d.unexplained.iter().chain(&d.more_unexplained);
     all.take(4)
         .map(|u| {
-            let site = u.site;
+            let site = verdict::capital(&u.site.to_string());
             let figures = if u.curve.is_empty() {
                 Vec::new()
             } else {
@@ -377,13 +398,13 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                     )?,
                 }]
             };
-            let how = if u.curve.is_empty() { "Asking for it freely" } else { "A free curve" };
+            let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
             Ok(Section {
-                heading: format!("Without a name: {site}"),
+                heading: format!("No known cause: {site}"),
                 text: vec![format!(
-                    "{site} is off for {}, and no effect of the catalogue says why. {how} takes the held-out error from {:.4} to \
+                    "{site} is off {}, and no effect of the catalogue says why. {how} takes the held-out error from {:.4} to \
                      {:.4} mm.",
-                    u.region, u.holdout_rms_before_mm, u.holdout_rms_after_mm
+                    verdict::region(&u.region), u.holdout_rms_before_mm, u.holdout_rms_after_mm
                 )],
                 figures,
                 ..Section::default()
@@ -459,7 +480,12 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
-        blind.push(vec![b.effect.to_string(), b.site.to_string(), format!("{:.2}", b.lambda), lacks]);
+        blind.push(vec![
+            format!("{} ({})", b.effect.effect().title, b.effect),
+            b.site.to_string(),
+            format!("{:.2}", b.lambda),
+            lacks,
+        ]);
     }
     sections.push(Section {
         heading: "What this data could not show".into(),
@@ -477,6 +503,6 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
-    made.notes.push(format!("Joint angles that were believed: {source:?}.").to_lowercase().replacen('j', "J", 1));
+    made.notes.push(format!("Joint angles that were used: {source:?}.").to_lowercase().replacen('j', "J", 1));
     page::render("TriCal: diagnosis", &said, &sections, &made)
 }

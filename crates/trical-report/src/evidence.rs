@@ -19,7 +19,7 @@ use crate::turn;
 const POINTS: usize = 4000;
 
 /// So many marks and arms in the picture of the cell.
-const MARKS: usize = 400;
+const MARKS: usize = 250;
 const ARMS: usize = 45;
 
 /// So many rejected rows are listed.
@@ -132,7 +132,7 @@ impl Errors<'_> {
                 svg: plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
             },
             Figure {
-                caption: "How often which error occurs, after. A second hump or a long tail is no noise.".into(),
+                caption: "How often which error occurs, after. A second peak or a long tail is not noise.".into(),
                 svg: plots::histogram("position error, mm", &mm)?,
             },
         ];
@@ -288,8 +288,7 @@ pub fn long_tail(e: &ErrorSummary, data: &Dataset) -> Option<String> {
     let lengths = data.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
     (!lengths && e.max_mm > TAIL * e.rms_mm).then(|| {
         format!(
-            "The largest error is {:.1} times the rms, more than noise alike in all directions would make: trical diagnose asks \
-             what the model lacks.",
+            "The largest error is {:.1} times the rms, more than random noise would give: trical diagnose looks for what the model lacks.",
             e.max_mm / e.rms_mm
         )
     })
@@ -328,8 +327,7 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
         .map(|(name, f)| {
             format!(
                 "What is left in {name} is {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
-                 0.05 mm for poses): either it was measured that much worse, or the model lacks something, and trical diagnose \
-                 asks what."
+                 0.05 mm for poses): either it was measured that much worse, or the model lacks something; trical diagnose looks for it."
             )
         })
         .collect())

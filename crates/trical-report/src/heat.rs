@@ -12,7 +12,7 @@ use crate::page::{Figure, Section};
 const POSES: usize = 6000;
 
 /// Squares along the longer side of a panel.
-const SQUARES: f64 = 22.0;
+const SQUARES: f64 = 17.0;
 
 /// Width of a panel and of the margins about it, in the picture's units.
 const PANEL: f64 = 270.0;
@@ -210,12 +210,11 @@ pub fn section(model: &Model) -> Result<Section> {
     let map = ErrorMap::of(model, POSES)?;
     let all = map.summary();
     Ok(Section {
-        heading: "What the arm misses without this model, all over its workspace".into(),
+        heading: "Position error of the nominal arm over its whole workspace, by this model".into(),
         text: vec![format!(
             "At {POSES} poses at random within the limits of the joints the nominal arm's tool is {:.3} mm from where this model \
              says that it is, on average; {:.3} mm at most. Seen from the arm's own base: where the arm stands in the cell does \
-             not count, nor do time, temperature and sense of motion. This is the model's word, and beyond the angles at which \
-             it was measured an extrapolation.",
+             not count, nor do time, temperature and sense of motion. These numbers are predictions of the model; beyond the measured joint angles they are extrapolated.",
             all.mean_mm, all.max_mm
         )],
         figures: vec![Figure {

@@ -42,8 +42,7 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     for (name, e) in &unseen {
         if e.mean_mm > LARGER * t.errors.mean_mm {
             out.push(format!(
-                "The error at poses not used ({name}) is {:.1} times that of the fit: the model bends to these measurements more \
-                 than to the arm.",
+                "The error at poses not used ({name}) is {:.1} times that of the fit: the model has too many parameters for these measurements.",
                 e.mean_mm / t.errors.mean_mm
             ));
         }
@@ -69,7 +68,7 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     }
     let stopped = f.stopped();
     if !stopped.is_empty() {
-        out.push(format!("Stopped by a limit of --known, which the data would pass: {}.", stopped.join(", ")));
+        out.push(format!("Held at a limit of --known, beyond which the data would go: {}.", stopped.join(", ")));
     }
     Ok(out)
 }
@@ -117,7 +116,7 @@ fn parameters(t: &Calibration) -> Section {
     )];
     let dropped = f.left_out();
     if !dropped.is_empty() {
-        text.push(format!("Not identified, since others do the same: {}.", dropped.join("; ")));
+        text.push(format!("Not identified, because other parameters have the same effect: {}.", dropped.join("; ")));
     }
     if !pairs.is_empty() {
         text.push(
@@ -148,7 +147,7 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
         .push(evidence::to_be_looked_at(list, "numbers measured for each parameter, where the base came out, limits"));
     let mut one_by_one = errors.section()?;
     if after.len() < t.observations {
-        one_by_one.text.push(format!("These are of a sample of {} of {} measurements.", after.len(), t.observations));
+        one_by_one.text.push(format!("These are from a sample of {} of {} measurements.", after.len(), t.observations));
     }
     sections.extend([
         Section {
@@ -163,7 +162,6 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
     ]);
     sections.extend(errors.pictures()?);
     sections.extend([parameters(t), evidence::rejected(&t.named, t.rejected)]);
-    made.notes
-        .push(format!("Joint angles that were believed: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
+    made.notes.push(format!("Joint angles that were used: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
     page::render("TriCal: identification", &verdict, &sections, &made)
 }

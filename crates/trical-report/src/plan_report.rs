@@ -3,7 +3,7 @@
 use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
-use crate::blindness::{self, VISIBLE};
+use crate::blindness;
 use crate::error::Result;
 use crate::evidence::{row, typical};
 use crate::page::{self, Figure, Made, Section};
@@ -52,7 +52,8 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
             told.plan.entries.iter().map(|e| &e.joints).map(of).collect()
         })
         .flatten();
-    let mut rows = vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "arrives moving down", "up"])];
+    let mut rows =
+        vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "touches reached moving down", "up"])];
     for (k, joint) in robot.joints.iter().enumerate() {
         let span = |values: &mut dyn Iterator<Item = f64>| {
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
@@ -87,13 +88,13 @@ fn verdict(cell: &Cell, told: &Told) -> String {
     let e = &told.plan.expected;
     format!(
         "{} touches of {} balls. With noise of {} mm they leave {} on average in the sphere and {} in the whole workspace, as \
-         far as the model is complete; {} of the effects that it may lack would not be seen.",
+         far as the model is complete; {} of the effects that it may lack would not be seen, at one place or more.",
         told.plan.entries.len(),
         cell.balls.len(),
         told.options.noise_m * 1e3,
         e.in_sphere.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
         e.in_workspace.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
-        told.seen.iter().filter(|s| s.lambda < VISIBLE).count()
+        blindness::count(&told.seen)
     )
 }
 

@@ -146,7 +146,9 @@ impl Told {
         }
         let advice = blindness::advice(&self.seen);
         if !advice.is_empty() {
-            out.push("It would not show (lambda of a typical size, 3 is just visible):".into());
+            out.push(
+                "Effects that this plan would not show, with the lambda of a typical size (3 is just visible):".into(),
+            );
         }
         for (remedy, what) in advice {
             out.extend(table::wrapped(&what, 108, "  "));

@@ -46,6 +46,7 @@ fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>)
         with(&root)?;
         root.present().map_err(failed)?;
     }
+    let svg = svg.replace(" opacity=\"1\"", "").replace('\n', "");
     // scale with the page
     let (w, h) = size;
     Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &format!("width=\"100%\" style=\"max-width:{w}px\""), 1))
@@ -62,7 +63,8 @@ fn axes<'a, 'c, 's>(
     also: impl FnOnce(&mut Mesh<'a, 'c, 's>),
 ) -> Result<()> {
     let mut mesh = chart.configure_mesh();
-    mesh.light_line_style(WHITE)
+    // lines between the labelled ones would be half of a report's bytes
+    mesh.max_light_lines(0)
         .bold_line_style(RGBColor(225, 225, 225))
         .x_desc(x_label)
         .y_desc(y_label)
@@ -76,7 +78,7 @@ fn axes<'a, 'c, 's>(
 pub const LIVE: &str = "<div class=\"plot\">";
 
 /// A plot has so many points at most: a drawing of bounded size, whatever the recording.
-const MOST_POINTS: usize = 450;
+const MOST_POINTS: usize = 400;
 
 /// Which of many points are drawn: of those that fall into one cell of a grid, the first. Single points far from others stay. The grid is
 /// made coarser until few enough are left.

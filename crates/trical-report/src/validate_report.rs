@@ -22,7 +22,10 @@ fn concerns(v: &Validation) -> Result<Vec<String>> {
     }
     let worst = v.regions.iter().filter(|r| r.n > 4).max_by(|a, b| a.after.mean_mm.total_cmp(&b.after.mean_mm));
     if let Some(r) = worst.filter(|r| r.after.mean_mm > WORSE * v.after.mean_mm) {
-        out.push(format!("Errors are unlike: {:.3} mm on average for {}.", r.after.mean_mm, r.region));
+        out.push(format!(
+            "Errors differ from region to region: {:.3} mm on average for {}.",
+            r.after.mean_mm, r.region
+        ));
     }
     let lost = v.regions.iter().filter(|r| r.after.mean_mm >= r.before.mean_mm).count();
     if lost > 0 && v.after.mean_mm < v.before.mean_mm {

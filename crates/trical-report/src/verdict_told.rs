@@ -15,6 +15,9 @@ const WIDE: usize = 110;
 /// Errors in another session that are so many times larger are told in the verdict.
 const MUCH_WORSE: f64 = 1.3;
 
+/// What the model is for.
+const USES: &str = "`trical compensate` corrects what is modelled";
+
 /// What an action says that asks nothing of the owner but to use the model.
 const BY_THE_MODEL: &str = "Let the calibrated model correct it";
 
@@ -50,6 +53,13 @@ pub fn errors(row: &VerdictRow, decimals: usize) -> String {
     } else {
         format!("{:.decimals$}", row.after_mm)
     }
+}
+
+/// Whether a row claims anything: what is too small for a row of its own may show no change.
+#[must_use]
+pub fn shows(row: &VerdictRow, decimals: usize) -> bool {
+    let shown = |mm: f64| format!("{mm:.decimals$}");
+    row.kind != RowKind::Rest || shown(row.before_mm) != shown(row.after_mm)
 }
 
 /// Decimals that make the smallest error of a diagnosis readable.
@@ -104,8 +114,12 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
     let decimals = decimals(d);
     let table = |claims: usize, advised: usize| -> Vec<String> {
         let mut rows = d.verdict.shortened(claims);
-        if let (Some(whole), Some(elsewhere)) = (rows.last_mut(), elsewhere(d)) {
-            whole.text += &elsewhere;
+        rows.retain(|r| shows(r, decimals));
+        if let Some(whole) = rows.last_mut() {
+            whole.text += &elsewhere(d).unwrap_or_default();
+            if !d.findings.is_empty() {
+                whole.text += &format!("; {USES}");
+            }
         }
         let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
         std::iter::once(head.clone()).chain(each).collect()

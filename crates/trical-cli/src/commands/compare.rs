@@ -20,7 +20,7 @@ pub struct Args {
     /// New recordings of the same arm, 8 to 12 touches do (CSV or MCAP)
     #[arg(required = true, value_name = "REC")]
     recordings: Vec<PathBuf>,
-    /// Which joint angles to believe (default: those that the model was fitted to)
+    /// Which joint angles to use (default: those that the model was fitted to)
     #[arg(long, value_enum)]
     joints: Option<Joints>,
     /// Where to write one row for each arm, session and parameter: a CSV that DuckDB, Polars or Grafana read
@@ -74,7 +74,10 @@ fn print(c: &Comparison) -> Result<()> {
         Some(size) => format!("{} {size:.3} {}", v.what, v.unit),
         None => format!("{} nothing", v.what),
     });
-    let line = format!("They would show, nine times in ten: {}.", seen.collect::<Vec<_>>().join(", "));
+    let line = format!(
+        "A change as large as these would be found in nine cases of ten: {}.",
+        seen.collect::<Vec<_>>().join(", ")
+    );
     for line in table::wrapped(&line, 108, "  ") {
         say(line)?;
     }

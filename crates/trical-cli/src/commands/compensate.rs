@@ -170,11 +170,11 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         mm(report.after[1])
     ))?;
     for (setup, n) in &report.setups {
-        say(format!("  {n} meant with {setup}"))?;
+        say(format!("  {n} with {setup}"))?;
     }
     if report.unknown_places > 0 {
         say(format!(
-            "  {} to places that the running program computes: what is approached from there has no known sense",
+            "  {} to places that the running program computes: the sense of the motion after it is not known",
             if report.unknown_places == 1 {
                 "1 motion goes".into()
             } else {

@@ -24,7 +24,7 @@ pub struct Args {
     recordings: Vec<PathBuf>,
     #[command(flatten)]
     cell: RobotAndCell,
-    /// Which joint angles to believe
+    /// Which joint angles to use
     #[arg(long, value_enum, default_value = "read")]
     joints: Joints,
     /// Model what has a name alone: what has none is told, but not corrected
@@ -94,7 +94,10 @@ pub fn run(args: &Args) -> Result<()> {
         say(line)?;
     }
     if args.joints == Joints::Auto {
-        say(format!("The {} joints were believed: held out, they leave less.", source_words(source)))?;
+        say(format!(
+            "The {} joint angles were used: they leave a smaller error at held-out poses.",
+            source_words(source)
+        ))?;
     }
     if args.next.is_some() {
         for line in next_lines(args, next.as_ref()) {
@@ -178,8 +181,9 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
     if !blind.is_empty() {
         let all = EffectId::ALL.len();
         out.push(format!(
-            "{} of the {all} known effects would not show in this data, at some places at least.",
-            blind.len()
+            "{} of the {all} known effects could not be seen at one place or more, even if the arm had them{}.",
+            blind.len(),
+            if args.report.is_none() { "; --report lists them" } else { "" }
         ));
     }
     out

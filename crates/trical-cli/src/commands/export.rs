@@ -14,6 +14,7 @@ use crate::{input, say};
 
 /// Arguments of `trical export`.
 #[derive(clap::Args)]
+#[command(group(clap::ArgGroup::new("files").required(true).multiple(true).args(["urdf", "mdh", "error_map", "ur_kinematics"])))]
 pub struct Args {
     /// The model: calibrated.toml or improved.toml
     #[arg(long, value_name = "FILE")]
@@ -22,7 +23,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// Where to write the arm as a URDF: the one of --robot, corrected, or else base, links and tool anew
-    #[arg(long, value_name = "FILE", required_unless_present_any = ["mdh", "error_map", "ur_kinematics"])]
+    #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
     /// Where to write the kinematics of an arm of Universal Robots for its ROS driver (robot_calibration.yaml)
     #[arg(long, value_name = "FILE")]
@@ -87,7 +88,7 @@ pub fn run(args: &Args) -> Result<()> {
     say(format!("Wrote {}", written.join(" and ")))?;
     if let Some(e) = map {
         say(format!(
-            "Over {} poses within its limits the arm misses by {:.3} mm on average, {:.3} mm at most, as seen from its own base.",
+            "At {} poses within its limits the nominal arm is off by {:.3} mm on average and {:.3} mm at most, seen from its own base.",
             args.poses, e.mean_mm, e.max_mm
         ))?;
     }

@@ -1,6 +1,5 @@
 //! `trical gauge`: for a person with a cable in hand.
 
-use std::io::BufRead;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -199,8 +198,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
             say(format!("  {line}"))?;
         }
         say(format!("{count} readings of all three axes, {:.0} ms each", each * 1e3))?;
-        let mut rows =
-            vec![["axis", "mean mm", "sd mm", "from least to largest mm", "finest step mm"].map(String::from).to_vec()];
+        let mut rows = vec![["axis", "mean mm", "sd mm", "range mm", "smallest step mm"].map(String::from).to_vec()];
         rows.extend(AXES.iter().zip(&axes).map(|(a, x)| {
             vec![
                 a.to_string(),
@@ -260,14 +258,4 @@ fn zero(link: &Link, as_json: bool) -> Result<()> {
     }
     say(format!("On the calibrator the gauge shows {}. From now on use", shown(&zero)))?;
     say(format!("--gauge '{url}'"))
-}
-
-/// Waits for Enter; gives what was typed. `None` where the input has ended.
-pub fn typed() -> Result<Option<String>> {
-    let mut line = String::new();
-    match std::io::stdin().lock().read_line(&mut line) {
-        Ok(0) => Ok(None),
-        Ok(_) => Ok(Some(line.trim().to_owned())),
-        Err(e) => Err(CliError::Failed(format!("standard input: {e}"))),
-    }
 }

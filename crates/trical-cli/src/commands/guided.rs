@@ -1,29 +1,41 @@
-//! `trical measure --guided`: mastering, tool point, world frame, plan and measurement, in plain words.
+//! `trical measure --guided`: mastering, tool point, world frame, plan and measurement, in plain words. What is done is kept beside the
+//! recording (`kept.rs`), so that `--resume` goes on with the step that was next.
 
+mod ask;
+mod kept;
+
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use trical_device::controller::wait_settled;
-use trical_device::gauge::trial::master;
+use trical_device::gauge::trial::{bare_url, check_on_calibrator, master};
+use trical_device::gauge::with_zero;
 use trical_device::procedure::{MoveGuard, stride};
 use trical_device::session::{SetUpError, Settings, base, now_ns, tool_point};
 use trical_device::{PlanEntry, Progress, Session, open_controller, visits};
 use trical_ident::write_whole;
-use trical_model::{Cell, JointKind, Joints, Robot, Row};
+use trical_model::{Cell, Joints, Robot, Row};
 use trical_plan::{MotionGuard, PlanOptions, plan_touches, write_plan};
 use trical_recording::RecordingWriter;
-use trical_report::table;
 
-use crate::commands::gauge::{shown, typed};
+use crate::commands::gauge::shown;
 use crate::commands::plan;
 use crate::error::{CliError, Result};
+use crate::input::{RobotAndCell, quoted};
 use crate::interrupt::Interrupt;
 use crate::measure_view::View;
 use crate::measure_view::{done, perform};
 use crate::say;
+use ask::{Answer, Person, tell};
+use kept::{Kept, beside};
 
 /// Orientations in which the first ball is touched for the tool point.
 const ORIENTATIONS: usize = 4;
+
+/// Balls that say where the arm stands.
+const BALLS: usize = 3;
 
 /// For touches where the arm stands: a person brought it there.
 const FREE: MoveGuard<'static> = &|_, _, _| Ok(());
@@ -32,8 +44,10 @@ const FREE: MoveGuard<'static> = &|_, _, _| Ok(());
 pub struct Guided<'a> {
     /// The arm.
     pub robot: &'a Robot,
-    /// The cell as it is known.
+    /// The cell as its file says.
     pub cell: Cell,
+    /// Where both come from.
+    pub files: &'a RobotAndCell,
     /// Gauge URL.
     pub gauge: String,
     /// Controller URL.
@@ -48,144 +62,259 @@ pub struct Guided<'a> {
     pub settings: &'a Settings,
     /// Set by Ctrl-C.
     pub interrupt: &'a Interrupt,
+    /// Whether to go on with a session that was broken off.
+    pub resume: bool,
 }
 
-enum Answer {
-    Go,
-    Skip,
-    Joints(Joints),
+/// A step of a session; the order is that of [`Step::at`].
+#[derive(Clone, Copy)]
+enum Step {
+    Master,
+    Orientation(usize),
+    ToolPoint,
+    Ball(usize),
+    World,
+    Plan,
+    Measure,
 }
 
-fn tell(text: &str) -> Result<()> {
-    table::wrapped(text, 100, "").iter().try_for_each(say)
+impl Step {
+    /// Number of the first touch of a ball for the world frame, and of the plan.
+    const FIRST_BALL: usize = 2 + ORIENTATIONS;
+    const PLAN: usize = Self::FIRST_BALL + BALLS + 1;
+
+    /// The step after so many.
+    fn at(done: usize) -> Self {
+        match done {
+            0 => Self::Master,
+            n if n <= ORIENTATIONS => Self::Orientation(n - 1),
+            n if n < Self::FIRST_BALL => Self::ToolPoint,
+            n if n < Self::FIRST_BALL + BALLS => Self::Ball(n - Self::FIRST_BALL),
+            n if n < Self::PLAN => Self::World,
+            Self::PLAN => Self::Plan,
+            _ => Self::Measure,
+        }
+    }
+}
+
+/// Where a step leads to.
+enum Next {
+    On,
+    Back,
+    To(usize),
+    End,
+}
+
+/// A session under way.
+struct Led<'a> {
+    about: Guided<'a>,
+    /// The cell as it was found so far.
+    cell: Cell,
+    kept: Kept,
+    person: Person,
+    /// Touches for tool point and world frame by their number.
+    rows: BTreeMap<u64, Row>,
+    log: Option<RecordingWriter>,
+    /// The plan with its numbers of one round.
+    plan: Option<(Vec<PlanEntry>, u64)>,
 }
 
 fn failed(e: impl std::fmt::Display) -> CliError {
     CliError::Failed(e.to_string())
 }
 
-impl Guided<'_> {
-    /// Leads a person through a whole session.
-    pub fn lead(mut self) -> Result<()> {
-        let set_up = self.beside("setup.mcap");
-        for path in [&set_up, &self.beside("cell.toml"), &self.beside("plan.csv"), &self.out.to_owned()] {
-            if path.exists() {
-                return Err(CliError::Input(format!("{}: exists already; choose another --out", path.display())));
-            }
+impl<'a> Guided<'a> {
+    /// Leads a person through a whole session, or through what is left of it.
+    pub fn lead(self) -> Result<()> {
+        let mut led = self.begin()?;
+        tell(
+            "You will be led through a measurement. At each step: do what is said, then press Enter. Instead of Enter you \
+             may type b to go back a step, s to skip the step, q to end, or the arm's joint angles in degrees (as in \
+             0,10,20,0,45,0) to have the arm driven there slowly and straight: look that the way is free. Keep a hand on \
+             the emergency stop. All that is done is kept: --resume goes on where you ended.",
+        )?;
+        let ended = led.steps();
+        let finished = led.close();
+        ended.map_err(|e| match e {
+            CliError::Failed(said) => CliError::Failed(format!("{said}; --guided --resume goes on with this step")),
+            e => e,
+        })?;
+        finished
+    }
+
+    /// Reads what is there of a session.
+    fn begin(self) -> Result<Led<'a>> {
+        let files = ["setup.mcap", "cell.toml", "plan.csv", "guided.json"].map(|what| beside(self.out, what));
+        if let Some(path) = files.iter().map(PathBuf::as_path).chain([self.out]).find(|path| path.exists())
+            && !self.resume
+        {
+            let path = path.display();
+            return Err(CliError::Input(format!(
+                "{path}: exists already; --resume goes on with it, or choose another --out"
+            )));
         }
-        if self.cell.balls.len() < 3 {
+        if self.cell.balls.len() < BALLS {
             return Err(CliError::Input(format!(
                 "the cell has {} balls, expected three or more for the world frame",
                 self.cell.balls.len()
             )));
         }
-        tell(
-            "You will be led through a measurement. At each step: do what is said, then press Enter. Instead of Enter you \
-             may type s to skip the step, q to end, or the arm's joint angles in degrees (as in 0,10,20,0,45,0) to have \
-             the arm driven there slowly and straight: look that the way is free. Keep a hand on the emergency stop.",
-        )?;
-        self.master()?;
-        let log =
-            RecordingWriter::create(&set_up, &self.session(&[], &set_up, false, FREE).header()).map_err(failed)?;
-        let log = self.touches(log)?;
-        log.finish().map_err(failed)?;
-        write_whole(&self.beside("cell.toml"), self.cell.to_toml().as_bytes())?;
-        tell(&format!("The cell as it was found is in {}.", self.beside("cell.toml").display()))?;
-        let entries = self.planned()?;
-        self.measure(&visits(&entries, self.settings.visits as usize), stride(&entries))
+        let kept = Kept::load(self.out)?;
+        let person = Person::listen(self.interrupt)?;
+        let cell = self.cell.clone();
+        let mut led = Led { about: self, cell, kept, person, rows: BTreeMap::new(), log: None, plan: None };
+        led.read_cell()?;
+        if led.kept.step > Step::PLAN {
+            let path = led.about.plan.map_or_else(|| beside(led.about.out, "plan.csv"), Path::to_owned);
+            led.set_plan(plan::load(&path, led.about.robot, led.cell.balls.len())?);
+        }
+        Ok(led)
     }
 
-    fn beside(&self, what: &str) -> PathBuf {
-        let stem = self.out.file_stem().unwrap_or_default().to_string_lossy();
-        self.out.with_file_name(format!("{stem}.{what}"))
+    /// Tells the whole run; nothing moves, and no file is written.
+    pub fn tell_whole(self) -> Result<()> {
+        let led = self.begin()?;
+        let about = &led.about;
+        tell("With --go, you are led through these steps, each when you press Enter:")?;
+        for at in led.kept.step..=Step::PLAN + 1 {
+            let text = match Step::at(at) {
+                Step::Master => {
+                    "1. Mastering: the stems are read in the air and on the calibrator. Nothing moves.".to_owned()
+                }
+                Step::Orientation(k) => format!(
+                    "2. Tool point: ball 1, orientation {} of {ORIENTATIONS}. You bring the device over the ball; the arm then \
+                     corrects by {:.1} mm at most each time, {:.1} mm in all, until the reading is below {:.3} mm.",
+                    k + 1,
+                    about.settings.max_correction * 1e3,
+                    about.settings.max_sum * 1e3,
+                    about.settings.epsilon * 1e3
+                ),
+                Step::ToolPoint => {
+                    "   The tool point is computed; you accept it or keep that of the cell file.".to_owned()
+                }
+                Step::Ball(k) => format!("3. World frame: ball {}, touched in the same way.", k + 1),
+                Step::World => {
+                    "   The base of the arm is computed and checked by the distances of the balls.".to_owned()
+                }
+                Step::Plan => "4. Plan. From where the arm stands then; from joints at zero it is this one:".to_owned(),
+                Step::Measure => "5. Measurement: the arm moves by itself.".to_owned(),
+            };
+            tell(&text)?;
+            if matches!(Step::at(at), Step::Plan) {
+                let (entries, _) = led.plan_from(None)?;
+                tell(&format!("   {} touches.", entries.len()))?;
+            }
+        }
+        let (entries, stride) = match &led.plan {
+            Some(plan) => plan.clone(),
+            None => led.plan_from(None)?,
+        };
+        let guard = MotionGuard::new(about.robot, &led.cell)?;
+        let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
+        let session =
+            Session { stride: Some(stride), go: false, ..led.session(&led.cell, &entries, about.out, &guard) };
+        let report = perform(&session, &mut |_| ())?;
+        for w in &report.warnings {
+            tell(&format!("Note: {w}."))?;
+        }
+        report.steps.iter().try_for_each(|step| say(format!("   {step}")))?;
+        say("Nothing has moved. Add --go to measure.")
+    }
+}
+
+impl Led<'_> {
+    /// The cell that was found before, if one was.
+    fn read_cell(&mut self) -> Result<()> {
+        let found = beside(self.about.out, "cell.toml");
+        if found.exists() {
+            (_, self.cell) = RobotAndCell { robot: self.about.files.robot.clone(), cell: found }.load()?;
+        }
+        Ok(())
+    }
+
+    /// Writes the cell as it was found, and goes on with what stands there: a resumed session has the same to the last digit.
+    fn write_cell(&mut self) -> Result<()> {
+        write_whole(&beside(self.about.out, "cell.toml"), self.cell.to_toml().as_bytes())?;
+        self.read_cell()
+    }
+
+    /// One step after the other; where it stands is on disk before each.
+    fn steps(&mut self) -> Result<()> {
+        loop {
+            let at = self.kept.step;
+            let next = match Step::at(at) {
+                Step::Master => self.master()?,
+                Step::Orientation(k) => self.orientation(k)?,
+                Step::ToolPoint => self.tool_point()?,
+                Step::Ball(k) => self.ball(k)?,
+                Step::World => self.world()?,
+                Step::Plan => self.make_plan()?,
+                Step::Measure => self.measure()?,
+            };
+            self.kept.step = match next {
+                Next::On => at + 1,
+                Next::Back => at.saturating_sub(1),
+                Next::To(step) => step,
+                Next::End => return Ok(()),
+            };
+            self.kept.save(self.about.out)?;
+        }
+    }
+
+    /// The gauge with its mastering.
+    fn gauge(&self) -> String {
+        self.kept.zero.map_or_else(|| self.about.gauge.clone(), |zero| with_zero(&bare_url(&self.about.gauge), zero))
     }
 
     fn session<'s>(
         &'s self,
+        cell: &'s Cell,
         entries: &'s [PlanEntry],
         out: &'s Path,
-        resume: bool,
         guard: MoveGuard<'s>,
     ) -> Session<'s> {
+        let about = &self.about;
         Session {
-            robot: self.robot,
-            cell: &self.cell,
+            robot: about.robot,
+            cell,
             plan: entries,
             stride: None,
-            gauge: &self.gauge,
-            controller: self.controller,
+            gauge: &about.gauge,
+            controller: about.controller,
             out,
-            resume,
+            resume: out.exists(),
             go: true,
-            settings: self.settings,
+            settings: about.settings,
             start_ns: now_ns(),
             guard,
-            cancel: &self.interrupt.asked,
-            stops: Some(Arc::clone(&self.interrupt.stops)),
+            cancel: &about.interrupt.asked,
+            stops: Some(Arc::clone(&about.interrupt.stops)),
         }
     }
 
+    /// Asks with the live readings beside it; typed joint angles are driven to, and then it is asked again.
     fn ask(&self, text: &str) -> Result<Answer> {
-        tell(&format!("> {text}"))?;
+        let about = &self.about;
         loop {
-            let line = typed()?;
-            if self.interrupt.asked.load(std::sync::atomic::Ordering::Relaxed) {
-                return Err(CliError::Failed("stopped by the user; nothing moves".into()));
-            }
-            let Some(line) = line else {
-                return Err(CliError::Failed("standard input has ended before the session did".into()));
-            };
-            match line.as_str() {
-                "" => return Ok(Answer::Go),
-                "s" | "S" => return Ok(Answer::Skip),
-                "q" | "Q" => return Err(CliError::Failed("ended by the user; nothing moves".into())),
-                other => match self.joints(other) {
-                    Ok(q) => return Ok(Answer::Joints(q)),
-                    Err(e) => tell(&e)?,
-                },
-            }
-        }
-    }
-
-    /// Joint angles as they are typed.
-    fn joints(&self, text: &str) -> std::result::Result<Joints, String> {
-        let words: Vec<&str> = text.split([',', ' ']).filter(|w| !w.is_empty()).collect();
-        let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok()).collect();
-        let dof = self.robot.dof();
-        if numbers.len() != words.len() || numbers.len() != dof {
-            return Err(format!("'{text}' is not understood: expected Enter, s, q, or {dof} joint angles"));
-        }
-        let mut q = [0.0; trical_model::MAX_JOINTS];
-        for (k, (joint, v)) in self.robot.joints.iter().zip(&numbers).enumerate() {
-            q[k] = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
-            if !(joint.limits[0]..=joint.limits[1]).contains(&q[k]) {
-                return Err(format!("joint {} at {v} is outside its limits", k + 1));
-            }
-        }
-        Ok(q)
-    }
-
-    /// Asks until Enter or s; typed joint angles are driven to.
-    fn ask_in_place(&self, text: &str) -> Result<bool> {
-        loop {
-            match self.ask(text)? {
-                Answer::Go => return Ok(true),
-                Answer::Skip => return Ok(false),
+            let gauge = self.gauge();
+            match self.person.ask(text, about.robot, Some((&gauge, about.controller)), about.settings.stroke)? {
                 Answer::Joints(q) => {
                     if let Err(e) = self.drive(&q) {
                         tell(&format!("That did not work: {e}."))?;
                     }
                 }
+                answer => return Ok(answer),
             }
         }
     }
 
     /// A straight way that the collision model allows from where the arm is; at a ball the stems may meet it.
     fn drive(&self, q: &Joints) -> std::result::Result<(), String> {
-        let mut controller = open_controller(self.controller).map_err(|e| e.to_string())?;
+        let about = &self.about;
+        let mut controller = open_controller(about.controller).map_err(|e| e.to_string())?;
         let settle = controller.joint_settle();
-        let at = wait_settled(controller.as_mut(), &settle, &self.interrupt.asked).map_err(|e| e.to_string())?;
-        let guard = MotionGuard::new(self.robot, &self.cell).map_err(|e| e.to_string())?;
+        let at = wait_settled(controller.as_mut(), &settle, &about.interrupt.asked).map_err(|e| e.to_string())?;
+        let guard = MotionGuard::new(about.robot, &self.cell).map_err(|e| e.to_string())?;
         let free = |ball| guard.check(&at, q, Some(ball)).is_ok();
         if let Err(why) = guard.check(&at, q, None)
             && !(0..self.cell.balls.len()).any(free)
@@ -194,91 +323,124 @@ impl Guided<'_> {
                 "the straight way there is refused ({why}) and was not driven; go there in smaller steps, or jog the arm by hand"
             ));
         }
-        controller.set_speed(self.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
-        controller.stop_when(Arc::clone(&self.interrupt.stops));
+        controller.set_speed(about.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
+        controller.stop_when(Arc::clone(&about.interrupt.stops));
         controller.move_joints(q).map_err(|e| e.to_string())
     }
 
-    fn master(&mut self) -> Result<()> {
+    fn master(&mut self) -> Result<Next> {
         tell("1. Mastering. The indicators have to know where the tool point is.")?;
+        let cancel = Arc::clone(&self.about.interrupt.asked);
+        // shown and read without an earlier mastering
+        self.kept.zero = None;
+        let bare = bare_url(&self.about.gauge);
         loop {
-            let on = self.ask(
-                "Put the device on its calibrator so that all three stems touch it. (s: they read zero already.)",
-            )?;
-            if !matches!(on, Answer::Go) {
-                return tell("The readings are taken as they come.");
-            }
-            match master(&self.gauge, &self.interrupt.asked) {
-                Ok(mastered) => {
-                    self.gauge = mastered.url;
-                    return tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&mastered.zero)));
+            match self.ask("Hold the device so that no stem touches anything. (s: the indicators read zero on the calibrator already.)")? {
+                Answer::Go => {}
+                Answer::Back => continue,
+                _ => {
+                    tell("The readings are taken as they come.")?;
+                    return Ok(Next::On);
                 }
-                Err(e) => tell(&format!("That did not work: {e}."))?,
             }
-        }
-    }
-
-    /// The touch where the arm stands: nulled and recorded; then the arm goes back to where it stood.
-    fn touch_here(&self, log: &mut RecordingWriter, ball: usize, index: u64) -> std::result::Result<Row, String> {
-        let mut note = |p| {
-            if let Progress::Warning(w) = p {
-                crate::note!("trical: note: {w}");
+            let free = match master(&bare, &cancel) {
+                Ok(read) => read.zero,
+                Err(e) => {
+                    tell(&format!("That did not work: {e}. Try again."))?;
+                    continue;
+                }
+            };
+            tell(&format!("In the air the stems read {}.", shown(&free)))?;
+            if !matches!(self.ask("Put the device on its calibrator so that all three stems touch it.")?, Answer::Go) {
+                continue;
             }
-        };
-        let session = self.session(&[], self.out, false, FREE);
-        session.touch_here(log, ball, index, &mut note).map_err(|e| e.to_string())
-    }
-
-    /// Asks for a touch until it is there; `None` where it is skipped.
-    fn touch(&self, log: &mut RecordingWriter, ball: usize, index: u64, text: &str) -> Result<Option<Row>> {
-        loop {
-            if !self.ask_in_place(text)? {
-                return Ok(None);
-            }
-            match self.touch_here(log, ball, index) {
-                Ok(row) => return Ok(Some(row)),
+            match master(&bare, &cancel)
+                .map_err(Into::into)
+                .and_then(|m| check_on_calibrator(&free, &m.zero).map(|()| m.zero))
+            {
+                Ok(zero) => {
+                    self.kept.zero = Some(zero);
+                    tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&zero)))?;
+                    return Ok(Next::On);
+                }
                 Err(e) => tell(&format!("That did not work: {e}. Try again."))?,
             }
         }
     }
 
-    fn touches(&mut self, mut log: RecordingWriter) -> Result<RecordingWriter> {
-        tell(
-            "2. Tool point. Ball 1 is touched in four orientations that differ by 20 degrees or more, about two axes at \
-             least: bring the device over the ball by hand until all three stems touch, near the middle of their stroke.",
-        )?;
-        let mut rows = Vec::new();
-        for k in 0..ORIENTATIONS {
-            let text =
-                format!("Ball 1, orientation {} of {ORIENTATIONS}. (s: keep the tool point of the cell file.)", k + 1);
-            let Some(row) = self.touch(&mut log, 0, k as u64, &text)? else { break };
-            rows.push(row);
+    /// The recording of the touches for tool point and world frame, with what it has already.
+    fn open(&mut self) -> Result<RecordingWriter> {
+        if let Some(log) = self.log.take() {
+            return Ok(log);
         }
-        if rows.len() == ORIENTATIONS {
-            self.tool_point(&rows)?;
-        } else {
-            tell("The tool point stays as it was.")?;
-        }
-        tell("3. World frame. Balls 1, 2 and 3 are touched once, in one orientation.")?;
-        let mut rows = Vec::new();
-        for ball in 0..3 {
-            let text = format!("Ball {}. (s: keep the base of the cell file.)", ball + 1);
-            let Some(row) = self.touch(&mut log, ball, (ORIENTATIONS + ball) as u64, &text)? else { break };
-            rows.push(row);
-        }
-        if let [a, b, c] = rows.as_slice() {
-            self.world([a, b, c])?;
-        } else {
-            tell("The base stays as it was.")?;
+        let path = beside(self.about.out, "setup.mcap");
+        let header = self.session(&self.about.cell, &[], &path, FREE).header();
+        let (log, before) = RecordingWriter::resume(&path, &header)?;
+        for row in before.into_iter().flat_map(|before| before.recording.rows) {
+            // a touch that was repeated: the last one counts
+            row.seq.map(|seq| self.rows.insert(seq, row));
         }
         Ok(log)
     }
 
-    fn tool_point(&mut self, rows: &[Row]) -> Result<()> {
-        let fit = match tool_point(self.robot, &self.cell, rows) {
+    fn close(&mut self) -> Result<()> {
+        self.log.take().map_or(Ok(()), |log| log.finish().map_err(failed))
+    }
+
+    /// Asks for a touch until it is there. Skipping keeps one that is there, or goes to `skipped`.
+    fn touch(&mut self, ball: usize, index: u64, what: &str, skipped: (&str, usize)) -> Result<Next> {
+        self.log = Some(self.open()?);
+        let there = self.rows.contains_key(&index);
+        let skip = if there { "it is touched already; s: keep that touch" } else { skipped.0 };
+        loop {
+            match self.ask(&format!("{what}. ({skip}.)"))? {
+                Answer::Back => return Ok(Next::Back),
+                Answer::Skip if there => return Ok(Next::On),
+                Answer::Skip => return Ok(Next::To(skipped.1)),
+                _ => {}
+            }
+            let mut log = self.open()?;
+            let gauge = self.gauge();
+            let mut note = |p| {
+                if let Progress::Warning(w) = p {
+                    crate::note!("trical: note: {w}");
+                }
+            };
+            let session = Session { gauge: &gauge, ..self.session(&self.cell, &[], self.about.out, FREE) };
+            let touched = session.touch_here(&mut log, ball, index, &mut note);
+            self.log = Some(log);
+            match touched {
+                Ok(row) => {
+                    self.rows.insert(index, row);
+                    return Ok(Next::On);
+                }
+                Err(e) => tell(&format!("That did not work: {e}. Try again."))?,
+            }
+        }
+    }
+
+    fn orientation(&mut self, k: usize) -> Result<Next> {
+        if k == 0 {
+            tell(
+                "2. Tool point. Ball 1 is touched in four orientations that differ by 20 degrees or more, about two axes at \
+                 least: bring the device over the ball by hand until all three stems touch, near the middle of their stroke.",
+            )?;
+        }
+        let what = format!("Ball 1, orientation {} of {ORIENTATIONS}", k + 1);
+        self.touch(0, k as u64, &what, ("s: keep the tool point of the cell file", Step::FIRST_BALL))
+    }
+
+    fn tool_point(&mut self) -> Result<Next> {
+        self.log = Some(self.open()?);
+        let rows: Vec<Row> = (0..ORIENTATIONS as u64).filter_map(|k| self.rows.get(&k).copied()).collect();
+        self.cell.tool.tcp = self.about.cell.tool.tcp;
+        let fit = match tool_point(self.about.robot, &self.cell, &rows) {
             Ok(fit) => fit,
             Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
-            Err(e) => return tell(&format!("No tool point: {e}. It stays as it was.")),
+            Err(e) => {
+                tell(&format!("No tool point: {e}. Repeat the touches that are wrong."))?;
+                return Ok(Next::To(1));
+            }
         };
         let mm = |v: [f64; 3]| v.map(|v| format!("{:.3}", v * 1e3)).join(", ");
         tell(&format!(
@@ -288,17 +450,35 @@ impl Guided<'_> {
             mm(self.cell.tool.tcp.into()),
             fit.rms * 1e3
         ))?;
-        if matches!(self.ask("Take it? (s: keep the one of the cell file.)")?, Answer::Go) {
-            self.cell.tool.tcp = fit.tcp_in_flange.into();
+        match self.ask("Take it? (s: keep the one of the cell file; b: repeat the last touch.)")? {
+            Answer::Back => return Ok(Next::Back),
+            Answer::Skip => {}
+            _ => self.cell.tool.tcp = fit.tcp_in_flange.into(),
         }
-        Ok(())
+        self.write_cell()?;
+        Ok(Next::On)
     }
 
-    fn world(&mut self, rows: [&Row; 3]) -> Result<()> {
-        let fit = match base(self.robot, &self.cell, rows) {
+    fn ball(&mut self, k: usize) -> Result<Next> {
+        if k == 0 {
+            tell("3. World frame. Balls 1, 2 and 3 are touched once, in one orientation.")?;
+        }
+        let index = (ORIENTATIONS + k) as u64;
+        self.touch(k, index, &format!("Ball {}", k + 1), ("s: keep the base of the cell file", Step::PLAN))
+    }
+
+    fn world(&mut self) -> Result<Next> {
+        self.log = Some(self.open()?);
+        let rows: Vec<Row> = (0..BALLS).filter_map(|k| self.rows.get(&((ORIENTATIONS + k) as u64)).copied()).collect();
+        let [a, b, c] = rows.as_slice() else { return Ok(Next::To(Step::FIRST_BALL)) };
+        self.cell.world_from_base = self.about.cell.world_from_base;
+        let fit = match base(self.about.robot, &self.cell, [a, b, c]) {
             Ok(fit) => fit,
             Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
-            Err(e) => return tell(&format!("No world frame: {e}. The base stays as it was.")),
+            Err(e) => {
+                tell(&format!("No world frame: {e}. Repeat the touches that are wrong."))?;
+                return Ok(Next::To(Step::FIRST_BALL));
+            }
         };
         for (a, b, found, expected) in fit.distances {
             tell(&format!(
@@ -308,88 +488,127 @@ impl Guided<'_> {
             ))?;
         }
         if fit.check().is_err() {
-            return tell(
-                "That is more than an arm can be off: was each touch at the ball that was asked for? The base stays as it was.",
-            );
+            tell(
+                "That is more than an arm can be off: was each touch at the ball that was asked for? Repeat those that were not.",
+            )?;
+            return Ok(Next::To(Step::FIRST_BALL));
         }
         self.cell.world_from_base = fit.world_from_base;
-        tell("The base of the arm has been found from the balls.")
+        tell("The base of the arm has been found from the balls.")?;
+        Ok(Next::On)
     }
 
-    fn planned(&self) -> Result<Vec<PlanEntry>> {
-        if let Some(path) = self.plan {
-            return plan::load(path, self.robot, self.cell.balls.len());
+    /// A plan and its numbers of one round, with all visits; `start` = joints where the arm stands.
+    fn plan_from(&self, start: Option<Joints>) -> Result<(Vec<PlanEntry>, u64)> {
+        let about = &self.about;
+        let found = if let Some(path) = about.plan {
+            plan::load(path, about.robot, self.cell.balls.len())?
+        } else {
+            let nominal = plan::model_to_identify(about.robot, &self.cell)?;
+            let options = PlanOptions {
+                per_ball: about.per_ball,
+                pool_per_ball: about.per_ball.max(100),
+                parameters: Some(nominal.terms.clone()),
+                start: start.or(Some(Joints::default())),
+                ..PlanOptions::default()
+            };
+            let found = plan_touches(about.robot, &self.cell, &options, &trical_model::Task::silent())?;
+            if start.is_some() {
+                let text = write_plan(about.robot, &found.entries);
+                write_whole(&beside(about.out, "plan.csv"), text.as_bytes())?;
+            }
+            plan::entries(&found.entries)
+        };
+        let stride = stride(&found);
+        Ok((visits(&found, about.settings.visits as usize), stride))
+    }
+
+    fn set_plan(&mut self, found: Vec<PlanEntry>) {
+        let stride = stride(&found);
+        self.plan = Some((visits(&found, self.about.settings.visits as usize), stride));
+    }
+
+    fn make_plan(&mut self) -> Result<Next> {
+        self.write_cell()?;
+        self.close()?;
+        let found = beside(self.about.out, "cell.toml");
+        tell(&format!("The cell as it was found is in {}.", found.display()))?;
+        if self.about.plan.is_some() {
+            self.plan = Some(self.plan_from(None)?);
+            return Ok(Next::On);
         }
         tell("4. Plan. Touches are chosen that collide with nothing and say most about the arm.")?;
         loop {
-            if !self.ask_in_place("Bring the arm to a free place, from where the measurement is to begin.")? {
-                return Err(CliError::Failed("without a plan there is no measurement".into()));
-            }
-            let start = open_controller(self.controller).and_then(|mut controller| {
-                let settle = controller.joint_settle();
-                wait_settled(controller.as_mut(), &settle, &self.interrupt.asked)
-            });
-            let start = match start {
-                Ok(start) => start,
-                Err(e) => {
-                    tell(&format!("That did not work: {e}."))?;
+            match self.ask("Bring the arm to a free place, from where the measurement is to begin.")? {
+                Answer::Back => return Ok(Next::Back),
+                Answer::Go => {}
+                _ => {
+                    tell("Without a plan there is no measurement.")?;
                     continue;
                 }
-            };
-            let nominal = plan::model_to_identify(self.robot, &self.cell)?;
-            let options = PlanOptions {
-                per_ball: self.per_ball,
-                pool_per_ball: self.per_ball.max(100),
-                parameters: Some(nominal.terms.clone()),
-                start: Some(start),
-                ..PlanOptions::default()
-            };
-            match plan_touches(self.robot, &self.cell, &options, &trical_model::Task::silent()) {
-                Ok(found) => {
-                    let path = self.beside("plan.csv");
-                    write_whole(&path, write_plan(self.robot, &found.entries).as_bytes())?;
-                    tell(&format!("{} touches are planned ({}).", found.entries.len(), path.display()))?;
-                    return Ok(plan::entries(&found.entries));
+            }
+            let start = open_controller(self.about.controller).and_then(|mut controller| {
+                let settle = controller.joint_settle();
+                wait_settled(controller.as_mut(), &settle, &self.about.interrupt.asked)
+            });
+            match start.map_err(failed).and_then(|start| self.plan_from(Some(start))) {
+                Ok(plan) => {
+                    let path = beside(self.about.out, "plan.csv");
+                    tell(&format!("{} touches are planned ({}).", plan.0.len(), path.display()))?;
+                    self.plan = Some(plan);
+                    return Ok(Next::On);
                 }
                 Err(e) => tell(&format!("That did not work: {e}."))?,
             }
         }
     }
 
-    fn measure(&self, entries: &[PlanEntry], stride: u64) -> Result<()> {
+    fn measure(&mut self) -> Result<Next> {
+        let Some((entries, stride)) = self.plan.clone() else { return Ok(Next::To(Step::PLAN)) };
         tell("5. Measurement. Now the arm moves by itself; Ctrl-C stops it.")?;
         // the cell as it was found
-        let guard = MotionGuard::new(self.robot, &self.cell)?;
+        let guard = MotionGuard::new(self.about.robot, &self.cell)?;
         let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
-        let mut resume = false;
         let mut text = format!("{} touches. Is everybody out of the cell?", entries.len());
         loop {
-            if !matches!(self.ask(&text)?, Answer::Go) {
-                return Err(CliError::Failed("ended by the user; nothing moves".into()));
+            match self.ask(&text)? {
+                Answer::Go => {}
+                Answer::Back if !self.about.out.exists() => return Ok(Next::Back),
+                Answer::Back => {
+                    tell("The recording has begun: another cell or plan needs another --out.")?;
+                    continue;
+                }
+                _ => return Err(CliError::Failed("ended by the user; nothing moves".into())),
             }
-            let session = Session { stride: Some(stride), ..self.session(entries, self.out, resume, &guard) };
+            let gauge = self.gauge();
+            let session = self.session(&self.cell, &entries, self.about.out, &guard);
+            let session = Session { stride: Some(stride), gauge: &gauge, ..session };
             let mut view = View::new();
             let result = perform(&session, &mut |p| view.show(&p));
             view.end();
             match result {
-                Ok(report) => {
-                    for w in &report.warnings {
-                        tell(&format!("Note: {w}."))?;
-                    }
-                    tell(&format!("{}.", done(&report, self.out)))?;
-                    return tell(&format!(
-                        "Next: trical identify {} --robot ROBOT --cell {} --out calibrated.toml",
-                        self.out.display(),
-                        self.beside("cell.toml").display()
-                    ));
-                }
-                Err(e) if self.interrupt.asked.load(std::sync::atomic::Ordering::Relaxed) => return Err(e),
+                Ok(report) => return self.measured(&report),
+                Err(e) if self.about.interrupt.asked.load(Ordering::Relaxed) => return Err(e),
                 Err(e) => {
                     tell(&format!("The measurement has stopped: {e}."))?;
-                    resume = self.out.exists();
-                    text = "Look what it was; when it is well again, press Enter to go on where it stopped.".to_owned();
+                    text = "Find the cause and remove it; then press Enter to go on where it stopped.".to_owned();
                 }
             }
         }
+    }
+
+    fn measured(&self, report: &trical_device::RunReport) -> Result<Next> {
+        for w in &report.warnings {
+            tell(&format!("Note: {w}."))?;
+        }
+        tell(&format!("{}.", done(report, self.about.out)))?;
+        let shown = |path: &Path| quoted(path.as_os_str().to_owned());
+        say(format!(
+            "Next: trical identify {} --robot {} --cell {} --out calibrated.toml",
+            shown(self.about.out),
+            shown(&self.about.files.robot),
+            shown(&beside(self.about.out, "cell.toml"))
+        ))?;
+        Ok(Next::End)
     }
 }

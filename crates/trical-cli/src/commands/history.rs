@@ -22,7 +22,7 @@ pub struct Args {
     /// The mean error that the work bears, mm: says when the next calibration is due
     #[arg(long, value_name = "MM")]
     need_mm: Option<f64>,
-    /// Which joint angles to believe (default: those that the model was fitted to)
+    /// Which joint angles to use (default: those that the model was fitted to)
     #[arg(long, value_enum)]
     joints: Option<Joints>,
     /// Where to write one row for each arm, session and parameter: a CSV that DuckDB, Polars or Grafana read

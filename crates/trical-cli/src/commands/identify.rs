@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use trical_ident::{
-    Calibration, Choice, ErrorSummary, Identified, KnownParameters, ModelFile, Options, ParameterSet, Rejected,
-    calibrate, calibrate_stream, shown, write_whole,
+    Calibration, Choice, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, Options, ParameterSet,
+    Rejected, calibrate, calibrate_stream, shown, write_whole,
 };
 use trical_report::{certificate, identify_report, table};
 
@@ -49,7 +49,7 @@ pub struct Args {
     /// Where to write the model
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Which joint angles to believe
+    /// Which joint angles to use
     #[arg(long, value_enum, default_value = "read")]
     joints: Joints,
     /// Which parameters to identify
@@ -150,7 +150,8 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
         Some(passes) => format!("{} measurements, read in {passes} passes,", found.observations),
         None => format!("{} measurements at {} poses", found.observations, found.poses),
     };
-    say(format!("{places} from {}; {} rows rejected", data.names.join(", "), found.rejected))?;
+    let none = if found.rejected == 0 { "; no row rejected" } else { "" };
+    say(format!("{places} from {}{none}", data.names.join(", ")))?;
     for line in rejected_lines(&found.named, found.rejected, 12) {
         say(line)?;
     }
@@ -161,17 +162,21 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
             session.recording, session.differs_mm
         ))?;
     }
-    say(format!("\n{} parameters, joints as {:?}:", fitted.free.len(), data.joints).to_lowercase())?;
+    let angles = match data.joints {
+        JointSource::Read => "the joint angles that the controller reported",
+        JointSource::Commanded => "the commanded joint angles",
+    };
+    say(format!("\n{} parameters, from {angles}:", fitted.free.len()))?;
     for line in table::lines(&parameter_rows(fitted)) {
         say(line)?;
     }
     let stopped = fitted.stopped();
     if !stopped.is_empty() {
-        say(format!("\nStopped by a limit of --known, which the data would pass: {}", stopped.join(", ")))?;
+        say(format!("\nHeld at a limit of --known, beyond which the data would go: {}", stopped.join(", ")))?;
     }
     let dropped = fitted.left_out();
     if !dropped.is_empty() {
-        say(format!("\nNot identified, since others do the same: {}", dropped.join("; ")))?;
+        say(format!("\nNot identified, because other parameters have the same effect: {}", dropped.join("; ")))?;
     }
     let mut rows = vec![vec!["position error, mm".into(), "mean".into(), "rms".into(), "max".into()]];
     let mut add = |name: &str, e: &ErrorSummary| {
@@ -237,7 +242,10 @@ fn by_place_lines(found: &Calibration) -> Vec<String> {
         });
     }
     if !found.distances.is_empty() {
-        out.push("\nDistance between balls, by the arm as the other places have it (cell file):".into());
+        out.push(
+            "\nDistance between balls in mm, measured by the arm as identified at the other places (in the cell file):"
+                .into(),
+        );
     }
     out.extend(found.distances.iter().map(|d| {
         let [a, b] = d.balls;
@@ -248,10 +256,14 @@ fn by_place_lines(found: &Calibration) -> Vec<String> {
 
 /// What was rejected, reason by reason, at most a dozen lines; `named` may be the first of `all`.
 pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String> {
-    let mut lines: Vec<String> =
-        named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)).collect();
+    if all == 0 {
+        return Vec::new();
+    }
+    let rows = if all == 1 { "row" } else { "rows" };
+    let mut lines = vec![format!("{all} {rows} rejected as outliers:")];
+    lines.extend(named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)));
     if all > most {
-        lines.push(format!("  and {} more (see --json)", all - most));
+        lines.push(format!("  and {} more (--json and --report list them)", all - most));
     }
     lines
 }

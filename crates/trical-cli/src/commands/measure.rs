@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long)]
     go: bool,
     /// Be led through it in plain words: mastering, tool point, world frame, plan, measurement
-    #[arg(long, requires = "go", conflicts_with_all = ["json", "resume"])]
+    #[arg(long, conflicts_with = "json")]
     guided: bool,
     /// Touches a ball of the plan that --guided makes
     #[arg(long, value_name = "N", default_value_t = 15, requires = "guided")]
@@ -132,6 +132,7 @@ pub fn run(args: &Args) -> Result<()> {
         let about = guided::Guided {
             robot: &robot,
             cell,
+            files: &args.cell,
             gauge: args.gauge.clone(),
             controller: &args.controller,
             out: &args.out,
@@ -139,8 +140,9 @@ pub fn run(args: &Args) -> Result<()> {
             per_ball: args.per_ball,
             settings: &settings,
             interrupt: &interrupt,
+            resume: args.resume,
         };
-        return about.lead();
+        return if args.go { about.lead() } else { about.tell_whole() };
     }
     let Some(path) = &args.plan else {
         return Err(CliError::Input("--plan: expected a file, as trical plan writes it".into()));

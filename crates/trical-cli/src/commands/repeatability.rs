@@ -96,7 +96,7 @@ fn lines(told: &Repeatability) -> Vec<String> {
     out.extend(table::lines(&rows));
     if told.by_joint_sense.is_empty() {
         out.push(
-            "No place was approached with both senses of a joint: nothing to say of the sense of approach.".into(),
+            "No place was approached with both senses of a joint, so the effect of the sense is not known.".into(),
         );
     } else {
         out.push("By the sense of each joint's last motion (places that have both):".into());
@@ -109,7 +109,7 @@ fn lines(told: &Repeatability) -> Vec<String> {
         out.extend(table::lines(&rows));
     }
     out.push(told.drift.as_ref().map_or_else(
-        || "Drift over the session: nothing to say (no times, or too few visits)".to_owned(),
+        || "Drift over the session: not known (no times, or too few visits)".to_owned(),
         |d| {
             format!(
                 "Drift over the session ({:.2} h): {:.4} mm/h (sd {:.4} on each axis), {}",
@@ -119,7 +119,7 @@ fn lines(told: &Repeatability) -> Vec<String> {
                 if d.seen {
                     format!("{:.4} mm from first to last visit", d.over_the_session_mm)
                 } else {
-                    "not to be told from none".to_owned()
+                    "not significant".to_owned()
                 }
             )
         },

@@ -21,7 +21,7 @@ pub struct Args {
     /// The model: calibrated.toml or improved.toml
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
-    /// Which joint angles to believe (default: those that the model was fitted to)
+    /// Which joint angles to use (default: those that the model was fitted to)
     #[arg(long, value_enum)]
     joints: Option<Joints>,
     /// Identify again what a newly set up instrument changes: frame, or frame,targets; from every fourth pose, the others
@@ -62,7 +62,12 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         return say(serde_json::to_string_pretty(&v)?);
     }
-    say(format!("{} measurements scored, {} rows rejected", v.n, v.rejected.len()))?;
+    let rejected = match v.rejected.len() {
+        0 => "no row rejected".to_owned(),
+        1 => "1 row rejected".to_owned(),
+        n => format!("{n} rows rejected"),
+    };
+    say(format!("{} measurements scored, {rejected}", v.n))?;
     for session in &v.sessions {
         say(format!("  {}", session.in_words()))?;
     }

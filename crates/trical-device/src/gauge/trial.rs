@@ -52,7 +52,7 @@ pub struct Trial {
     pub axes: [AxisTrial; 3],
 }
 
-/// Why a stem did not answer.
+/// Why a stem did not answer, or does not touch.
 #[derive(Debug, Error)]
 pub enum StemError {
     /// The gauge failed.
@@ -69,6 +69,16 @@ pub enum StemError {
         moved_mm: f64,
         /// The axis that was asked for.
         expected: char,
+    },
+    /// Mastering without a calibrator.
+    #[error(
+        "the stem along {axis} reads {reading_mm:+.3} mm on the calibrator and the same in the air: it touches nothing there"
+    )]
+    InTheAir {
+        /// The axis.
+        axis: char,
+        /// What it reads both times, mm.
+        reading_mm: f64,
     },
     /// None moved.
     #[error("axis {axis} did not move by {} mm within {seconds:.0} s: is its transmitter alive?", ENOUGH * 1e3)]
@@ -149,6 +159,19 @@ pub fn master(url: &str, cancel: &AtomicBool) -> Result<Mastering, GaugeError> {
     Ok(Mastering { zero, url: with_zero(url, zero), warnings: gauge.take_warnings() })
 }
 
+/// Whether all three stems touch the calibrator: each reads another value there than in the air. Both m.
+///
+/// # Errors
+/// [`StemError::InTheAir`] names the first that does not.
+pub fn check_on_calibrator(in_the_air: &[f64; 3], on_calibrator: &[f64; 3]) -> Result<(), StemError> {
+    for ((axis, air), reading) in AXES.iter().zip(in_the_air).zip(on_calibrator) {
+        if (air - reading).abs() < ENOUGH {
+            return Err(StemError::InTheAir { axis: *axis, reading_mm: reading * 1e3 });
+        }
+    }
+    Ok(())
+}
+
 /// The URL without a mastering.
 #[must_use]
 pub fn bare_url(url: &str) -> String {
@@ -170,6 +193,14 @@ mod tests {
         // 0.25, 0.25, 1.25, 1.75 um off: sqrt(4.75 / 3)
         assert!((axis.sd - (4.75_f64 / 3.0).sqrt() * 1e-6).abs() < 1e-12, "{axis:?}");
         assert_eq!(AxisTrial::of(&[2e-3, 2e-3]).step, None);
+    }
+
+    #[test]
+    fn stems_in_the_air_are_no_mastering() {
+        let air = [6e-3; 3];
+        assert!(check_on_calibrator(&air, &[1e-3, -2e-3, 0.0]).is_ok());
+        let said = check_on_calibrator(&air, &[1e-3, 5.9e-3, 0.0]).unwrap_err().to_string();
+        assert!(said.contains("the stem along y reads +5.900 mm on the calibrator"), "{said}");
     }
 
     #[test]

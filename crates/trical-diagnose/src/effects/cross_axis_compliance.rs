@@ -9,7 +9,7 @@ use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
     id: EffectId::CrossAxisCompliance,
-    title: "bearing or link that gives way across the axis",
+    title: "bearing or link that tilts under load",
     family: Family::Elasticity,
     scope: Scope::Arm,
     site: "joint",

@@ -34,7 +34,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
         };
         EFFECT.candidate(
             Place::Axis(*axis),
-            format!("indicator {} sees what the others read", axis.name()),
+            format!("indicator {} responds when the others move", axis.name()),
             Size { typical: deg(1.0), large: deg(1.5) },
             Axis::ALL.iter().filter(|a| *a != axis).map(part).collect(),
         )

@@ -52,7 +52,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
             let at_load = shape.at(load).0.abs();
             out.push(EFFECT.candidate(
                 Place::Joint(joint),
-                format!("joint {joint} does not give way in proportion to its torque"),
+                format!("joint {joint}'s deflection is not proportional to its torque"),
                 Size { typical: 0.25 * usual / at_load, large: 0.5 * usual / at_load },
                 vec![(format!("stiffness_{name}_{joint}"), Site::Joint { joint }, Basis::torque(joint, shape), 0)],
             ));

@@ -60,8 +60,7 @@ impl<'a> Tree<'a> {
         let mut index = BTreeMap::new();
         for (k, link) in urdf.links.iter().enumerate() {
             if let Some(first) = index.insert(link.name.as_str(), k) {
-                let problem =
-                    format!("link '{}' stands there twice, first on line {}", link.name, urdf.links[first].line);
+                let problem = format!("link '{}' is given twice, first on line {}", link.name, urdf.links[first].line);
                 return Err(error(file, link.line, problem));
             }
         }
@@ -76,7 +75,7 @@ impl<'a> Tree<'a> {
         for (k, joint) in urdf.joints.iter().enumerate() {
             let Joint { name, line, .. } = joint;
             if let Some(first) = names.insert(name.as_str(), *line) {
-                return Err(error(file, *line, format!("joint '{name}' stands there twice, first on line {first}")));
+                return Err(error(file, *line, format!("joint '{name}' is given twice, first on line {first}")));
             }
             let link = |which: &str, of: &str| match (of, index.get(of)) {
                 (_, Some(k)) => Ok(*k),

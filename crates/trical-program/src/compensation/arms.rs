@@ -192,7 +192,7 @@ impl<'a> Compensator<'a> {
             )),
             External::First(at) => {
                 let known = self.on_rail.get(&(place.arm, at.to_bits())).copied();
-                known.ok_or_else(|| "stands on a rail that is nowhere".into())
+                known.ok_or_else(|| "stands on a rail for which no arm was computed".into())
             }
         }
     }

@@ -1,0 +1,195 @@
+//! What a person is asked and answers in a guided session, and the live readings beside the question.
+
+use std::io::{BufRead, IsTerminal};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+use trical_device::gauge::AXES;
+use trical_device::{Controller, Gauge, open_controller, open_gauge};
+use trical_model::{JointKind, Joints, Robot};
+use trical_report::table;
+
+use crate::error::{CliError, Result};
+use crate::interrupt::Interrupt;
+use crate::say;
+
+/// Live readings are shown anew this often, and Ctrl-C is looked for.
+const EVERY: Duration = Duration::from_millis(200);
+
+/// What a person answers.
+pub enum Answer {
+    /// Enter.
+    Go,
+    /// s
+    Skip,
+    /// b
+    Back,
+    /// Joint angles to go to, SI.
+    Joints(Joints),
+}
+
+/// A paragraph on standard output.
+pub fn tell(text: &str) -> Result<()> {
+    table::wrapped(text, 100, "").iter().try_for_each(say)
+}
+
+/// Lines that are typed. They are read in a thread of their own, so that readings are shown and Ctrl-C is heard meanwhile.
+pub struct Person {
+    lines: Receiver<std::io::Result<String>>,
+    interrupt: Interrupt,
+}
+
+impl Person {
+    /// The person at standard input.
+    pub fn listen(interrupt: &Interrupt) -> Result<Self> {
+        let (tell, lines) = channel();
+        let read = move || {
+            for line in std::io::stdin().lock().lines() {
+                if tell.send(line).is_err() {
+                    return;
+                }
+            }
+        };
+        let failed = |e: std::io::Error| CliError::Failed(format!("standard input cannot be read: {e}"));
+        std::thread::Builder::new().name("typed".to_owned()).spawn(read).map_err(failed)?;
+        Ok(Self { lines, interrupt: interrupt.clone() })
+    }
+
+    /// Asks until the answer is understood. `live` = gauge and controller whose readings are shown meanwhile.
+    pub fn ask(&self, text: &str, robot: &Robot, live: Option<(&str, &str)>, stroke: [f64; 2]) -> Result<Answer> {
+        tell(&format!("> {text}"))?;
+        let mut live = live.filter(|_| std::io::stderr().is_terminal()).map(|(g, c)| Live::open(g, c, stroke));
+        loop {
+            let line = self.typed(robot, live.as_mut())?;
+            match line.trim() {
+                "" => return Ok(Answer::Go),
+                "s" | "S" => return Ok(Answer::Skip),
+                "b" | "B" => return Ok(Answer::Back),
+                "q" | "Q" => return Err(CliError::Failed("ended by the user; nothing moves".into())),
+                other => match joints(other, robot) {
+                    Ok(q) => return Ok(Answer::Joints(q)),
+                    Err(e) => tell(&e)?,
+                },
+            }
+        }
+    }
+
+    /// The next line.
+    fn typed(&self, robot: &Robot, mut live: Option<&mut Live>) -> Result<String> {
+        loop {
+            if self.interrupt.asked.load(Ordering::Relaxed) {
+                return Err(CliError::Failed("stopped by the user; nothing moves".into()));
+            }
+            match self.lines.recv_timeout(EVERY) {
+                Ok(Ok(line)) => return Ok(line),
+                Ok(Err(e)) => return Err(CliError::Failed(format!("standard input: {e}"))),
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(CliError::Failed("standard input has ended before the session did".into()));
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    if let Some(live) = live.as_mut() {
+                        live.show(robot);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Readings and joints as they are now, in one line of the terminal while a question waits.
+struct Live {
+    gauge: Option<Box<dyn Gauge>>,
+    controller: Option<Box<dyn Controller>>,
+    stroke: [f64; 2],
+    bar: ProgressBar,
+}
+
+impl Live {
+    /// A device that cannot be read is left out: the step that needs it says why.
+    fn open(gauge: &str, controller: &str, stroke: [f64; 2]) -> Self {
+        let bar = ProgressBar::new_spinner();
+        Self { gauge: open_gauge(gauge).ok(), controller: open_controller(controller).ok(), stroke, bar }
+    }
+
+    fn show(&mut self, robot: &Robot) {
+        let reading = self.gauge.as_mut().and_then(|gauge| gauge.read().ok());
+        let q = self.controller.as_mut().and_then(|controller| controller.joints().ok());
+        self.bar.set_message(now(reading, q, robot, self.stroke));
+        self.bar.tick();
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Indicators in mm, each with where its stem is in its stroke (m), and joints.
+fn now(reading: Option<[f64; 3]>, q: Option<Joints>, robot: &Robot, [low, high]: [f64; 2]) -> String {
+    let indicators = reading.map_or_else(
+        || "no reading".to_owned(),
+        |reading| {
+            let axis = |(name, v): (&char, f64)| {
+                let state = if (low..=high).contains(&v) { "touches" } else { "free" };
+                format!("{name} {:+.3} mm {state}", v * 1e3)
+            };
+            AXES.iter().zip(reading).map(axis).collect::<Vec<_>>().join("   ")
+        },
+    );
+    let joints = q.map_or_else(
+        || "joints not known".to_owned(),
+        |q| {
+            let shown = robot.joints.iter().zip(q).map(|(joint, v)| match joint.kind {
+                JointKind::Prismatic => format!("{:.2} mm", v * 1e3),
+                _ => format!("{:.2}", v.to_degrees()),
+            });
+            format!("joints {} deg", shown.collect::<Vec<_>>().join(", "))
+        },
+    );
+    format!("{indicators}   |   {joints}")
+}
+
+/// Joint angles as they are typed.
+fn joints(text: &str, robot: &Robot) -> std::result::Result<Joints, String> {
+    let words: Vec<&str> = text.split([',', ' ']).filter(|w| !w.is_empty()).collect();
+    let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok()).collect();
+    let dof = robot.dof();
+    if numbers.len() != words.len() || numbers.len() != dof {
+        return Err(format!("'{text}' is not understood: expected Enter, s, b, q, or {dof} joint angles in degrees"));
+    }
+    let mut q = [0.0; trical_model::MAX_JOINTS];
+    for (k, (joint, v)) in robot.joints.iter().zip(&numbers).enumerate() {
+        let (scale, unit) = if joint.kind == JointKind::Prismatic { (1e-3, "mm") } else { (1_f64.to_radians(), "deg") };
+        q[k] = v * scale;
+        let [low, high] = joint.limits;
+        if !(low..=high).contains(&q[k]) {
+            let [low, high] = [low, high].map(|limit| limit / scale);
+            return Err(format!("joint {} at {v} {unit} is outside its limits, {low:.1} to {high:.1} {unit}", k + 1));
+        }
+    }
+    Ok(q)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn live_readings_say_which_stem_touches_and_where_the_joints_are() {
+        let robot = Robot::parse(include_str!("../../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let q = joints("0,10 -20,0,45,0", &robot).unwrap();
+        let line = now(Some([6e-3, -1.2345e-3, 0.0]), Some(q), &robot, [-5.9e-3, 5.9e-3]);
+        assert_eq!(
+            line,
+            "x +6.000 mm free   y -1.234 mm touches   z +0.000 mm touches   |   \
+             joints 0.00, 10.00, -20.00, 0.00, 45.00, 0.00 deg"
+        );
+        assert_eq!(now(None, None, &robot, [0.0, 0.0]), "no reading   |   joints not known");
+        let refused = joints("0,1000,0,0,0,0", &robot).unwrap_err();
+        assert!(refused.contains("joint 2 at 1000 deg is outside its limits, -110.0 to 110.0 deg"), "{refused}");
+    }
+}

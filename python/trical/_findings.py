@@ -47,8 +47,10 @@ class Record:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place(Record):
-    """Where on the machine: one of these is given, the others are None. Joints, links, balls count from 1.
+    """Where on the machine: one of these is given, the others are None. Numbers count from 1.
 
+    `joint` (with `from_` where it moves with that other joint), `link`, `ball`, `target`, `anchor`, `number`;
+    `axis` of the device ("x"); True for a whole part: `frame`, `base`, `tool`, `fixture`, `links`, `joints`, `all`.
     Equal to the dict of the command's JSON: `Place(joint=3) == {"joint": 3}`.
     """
 
@@ -91,7 +93,7 @@ class Place(Record):
 
 @dataclass(frozen=True, slots=True)
 class Coefficient(Record):
-    """A number of a finding's model: `value` with standard deviation `sd` (None where not known), in `unit`."""
+    """A number of a finding's model, by `name`: `value` with standard deviation `sd` (None if not known), in `unit`."""
 
     name: str
     value: float
@@ -103,8 +105,8 @@ class Coefficient(Record):
 class Evidence(Record):
     """Errors at poses that the fit did not see, mm rms, before and after a finding was modelled, and test statistics.
 
-    `holdout_...` by blocks of neighbouring poses, `forward_...` forward in time; `delta_bic` above 10 and a small
-    `p_value` speak for the finding.
+    `holdout_rms_before_mm`, `holdout_rms_after_mm` by blocks of neighbouring poses, `forward_rms_before_mm`,
+    `forward_rms_after_mm` forward in time; `delta_bic` above 10 and a small `p_value` speak for the finding.
     """
 
     holdout_rms_before_mm: float
@@ -117,7 +119,7 @@ class Evidence(Record):
 
 @dataclass(frozen=True, slots=True)
 class Rival(Record):
-    """Another explanation that the recordings cannot exclude; `delta_bic` by how much it is worse."""
+    """Another explanation that recordings cannot exclude: `effect` at `site`; `delta_bic` by how much it is worse."""
 
     effect: str
     site: Place
@@ -133,13 +135,15 @@ class Rival(Record):
 class Finding(Record):
     """One effect that the model lacked.
 
-    `effect` is its name in the catalogue (`trical.effects()`), `site` where it acts, `summary` a sentence, `action`
-    what the owner can do. Probabilities, 0 to 1: `confidence` that place and effect are right, `family_confidence`
-    place and kind of effect, `place_confidence` the place. `share` is the part of the explainable squared error that it
-    takes, `lambda_` the size of its traces in standard deviations of the noise (3 is just visible). `scope` says if it
-    belongs to the "arm", the "setup", the "course" of a session or the "reading" of the joints; `session` counts
-    from 1, None where it holds in all. `replicated` says in how many `parts` of the data it was fitted alone, and in
-    how many these `agree`.
+    `effect` is its name in the catalogue (`trical.effects()`), `family` the kind that it is of, `site` where it
+    acts, `located` what the error follows, `summary` a sentence, `action` what the owner can do,
+    `next_measurements` what would make it surer. `coefficients` are the numbers of its model, `evidence` errors and
+    tests, `rivals` what else it may be. Probabilities, 0 to 1: `confidence` that place and effect are right,
+    `family_confidence` place and kind of effect, `place_confidence` the place. `share` is the part of the
+    explainable squared error that it takes, `lambda_` the size of its traces in standard deviations of the noise (3
+    is just visible). `scope` says if it belongs to the "arm", the "setup", the "course" of a session or the
+    "reading" of the joints; `session` counts from 1, None where it holds in all. `replicated` says in how many
+    `parts` of the data it was fitted alone, and in how many these `agree`.
     """
 
     effect: str
@@ -181,7 +185,9 @@ class Finding(Record):
 class Unexplained(Record):
     """A mismatch without a known cause: `rms_mm` at `site` that changes with `variable` ("q2": joint 2) in `region`.
 
-    `curve` has points of the fitted curve in the units `curve_units`; `modelled` says whether the model has it.
+    `curve` has points of the fitted curve in the units `curve_units`; `modelled` says whether the model has it;
+    `holdout_rms_before_mm` and `holdout_rms_after_mm` are errors at poses that the fit did not see, without and
+    with it.
     """
 
     site: Place
@@ -205,10 +211,10 @@ class Unexplained(Record):
 
 @dataclass(frozen=True, slots=True)
 class Unseen(Record):
-    """An effect that recordings could not show (or a plan would not), at a typical size.
+    """An `effect` at a `site` that recordings could not show (or a plan would not), at a typical size.
 
-    `lambda_` is the size of its traces in standard deviations of the noise, below 3; `lacks` what such a recording has
-    not, `advice` what would help.
+    `lambda_` is the size of its traces in standard deviations of the noise, below 3; `lacks` what such a recording
+    has not, `advice` what would help.
     """
 
     effect: str

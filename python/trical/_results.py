@@ -132,10 +132,12 @@ class Identified(Reported):
 class Validation(Reported):
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
-    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
-    with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that the model was
-    not fitted at (None where it does not know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2)
-    one by one, before and after. Also by key, as in the command's JSON: v["after"]["mean_mm"].
+    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by
+    recording, with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that
+    the model was not fitted at (None where it does not know); `predicted` how far off the model says that it may be
+    beside what was found (sd_mm, parameters_sd_mm, covered, covered_visited, covered_beyond; None where it does not
+    know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2) one by one, before and after.
+    Also by key, as in the command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
@@ -147,10 +149,11 @@ class Validation(Reported):
     left_out: list[dict[str, Any]]
     rejected: list[dict[str, Any]]
     errors_mm: Floats
+    predicted: dict[str, float | None] | None = None
 
     def __getitem__(self, key: str) -> Any:
-        """Return before, after, n, beyond, sessions, regions, left_out or rejected."""
-        if key not in ("before", "after", "n", "beyond", "sessions", "regions", "left_out", "rejected"):
+        """Return before, after, n, beyond, predicted, sessions, regions, left_out or rejected."""
+        if key not in ("before", "after", "n", "beyond", "predicted", "sessions", "regions", "left_out", "rejected"):
             raise KeyError(key)
         return getattr(self, key)
 

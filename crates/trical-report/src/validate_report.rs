@@ -59,7 +59,8 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
             .to_owned(),
     ];
     text.extend(v.sessions.iter().map(|s| format!("{}.", s.in_words())));
-    text.extend(v.left_out_in_words().into_iter().chain(v.beyond_in_words()));
+    let predicted = v.predicted.as_ref().map(trical_ident::Predicted::in_words);
+    text.extend(v.left_out_in_words().into_iter().chain(v.beyond_in_words()).chain(predicted));
     let parts = |what: &str, of: &mut dyn Iterator<Item = (&str, usize, &ErrorSummary, &ErrorSummary)>| {
         let mut rows =
             vec![row([what, "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];

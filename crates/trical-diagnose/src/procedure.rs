@@ -67,6 +67,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             &findings,
             &unexplained,
             [(arm_parameters(&baseline), none.blocks), (arm_parameters(&fitted.model), usual.rms_mm)],
+            baseline.robot.require_masses().is_ok(),
         ),
         baseline: Baseline {
             parameters: arm_parameters(&baseline),

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, RowKind, verdict};
+use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, verdict};
 use trical_ident::{ErrorSummary, JointSource};
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
@@ -13,7 +13,7 @@ use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::table::{number, two_digits};
+use crate::table::{self, number, two_digits};
 use crate::verdict_told;
 
 /// Findings with a figure of their own.
@@ -25,8 +25,14 @@ const FEW: usize = 8;
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
 
+/// Rivals of a finding that are told: the others are worse.
+const RIVALS: usize = 3;
+
 fn rivals(f: &Finding) -> String {
-    f.rivals.iter().map(|r| verdict::named(r.effect, r.site).to_lowercase()).collect::<Vec<_>>().join(", ")
+    let named = |r: &Rival| verdict::named(r.effect, r.site).to_lowercase();
+    let more = f.rivals.len().saturating_sub(RIVALS);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -160,8 +166,9 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         .coefficients
         .iter()
         .map(|c| {
-            let n = number(&c.name, c.value, &c.unit);
-            c.sd.map_or_else(|| n.clone(), |sd| format!("{n} (standard deviation {})", two_digits(sd)))
+            let (value, sd, unit) = table::in_percent(c.value, c.sd, &c.unit);
+            let n = number(&c.name, value, unit);
+            sd.map_or_else(|| n.clone(), |sd| format!("{n} (standard deviation {})", two_digits(sd)))
         })
         .collect();
     let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
@@ -304,7 +311,7 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
             verdict_told::claim(r, ""),
-            verdict_told::probability(r).unwrap_or_default(),
+            r.probability().unwrap_or_default(),
             number(r.before_mm, !of_model && r.kind != RowKind::Unexplained),
             number(r.after_mm, r.kind != RowKind::Unexplained),
             verdict_told::advice(r),
@@ -402,7 +409,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
             Ok(Section {
                 heading: format!("No known cause: {site}"),
                 text: vec![format!(
-                    "{site} is off {}, and no effect of the catalogue says why. {how} takes the held-out error from {:.4} to \
+                    "{site} is off, {}, and no effect of the catalogue says why. {how} takes the held-out error from {:.4} to \
                      {:.4} mm.",
                     verdict::region(&u.region), u.holdout_rms_before_mm, u.holdout_rms_after_mm
                 )],

@@ -123,6 +123,12 @@ fn failed(e: impl std::fmt::Display) -> CliError {
     CliError::Failed(e.to_string())
 }
 
+/// Without mastering.
+fn not_mastered() -> Result<Next> {
+    tell("No mastering: the indicators' readings are used as they are.")?;
+    Ok(Next::On)
+}
+
 impl<'a> Guided<'a> {
     /// Leads a person through a whole session, or through what is left of it.
     pub fn lead(self) -> Result<()> {
@@ -325,6 +331,7 @@ impl Led<'_> {
         }
         controller.set_speed(about.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
         controller.stop_when(Arc::clone(&about.interrupt.stops));
+        tell("The arm moves there.").map_err(|e| e.to_string())?;
         controller.move_joints(q).map_err(|e| e.to_string())
     }
 
@@ -337,11 +344,11 @@ impl Led<'_> {
         loop {
             match self.ask("Hold the device so that no stem touches anything. (s: the indicators read zero on the calibrator already.)")? {
                 Answer::Go => {}
-                Answer::Back => continue,
-                _ => {
-                    tell("The readings are taken as they come.")?;
-                    return Ok(Next::On);
+                Answer::Back => {
+                    tell("This is the first step.")?;
+                    continue;
                 }
+                _ => return not_mastered(),
             }
             let free = match master(&bare, &cancel) {
                 Ok(read) => read.zero,
@@ -351,8 +358,10 @@ impl Led<'_> {
                 }
             };
             tell(&format!("In the air the stems read {}.", shown(&free)))?;
-            if !matches!(self.ask("Put the device on its calibrator so that all three stems touch it.")?, Answer::Go) {
-                continue;
+            match self.ask("Put the device on its calibrator so that all three stems touch it.")? {
+                Answer::Go => {}
+                Answer::Back => continue,
+                _ => return not_mastered(),
             }
             match master(&bare, &cancel)
                 .map_err(Into::into)
@@ -400,6 +409,7 @@ impl Led<'_> {
                 _ => {}
             }
             let mut log = self.open()?;
+            tell("The arm closes in on the ball.")?;
             let gauge = self.gauge();
             let mut note = |p| {
                 if let Progress::Warning(w) = p {

@@ -8,7 +8,7 @@ use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
     id: EffectId::JointCoupling,
-    title: "one joint moves another",
+    title: "coupling between joints",
     family: Family::Transmission,
     scope: Scope::Arm,
     site: "joint, from",

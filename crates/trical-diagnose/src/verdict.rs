@@ -3,10 +3,10 @@
 use trical_model::{Place, Scope};
 
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
-use crate::effect_id::EffectId;
+use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
-pub use crate::words::{capital, region};
-use crate::words::{numbered, percent, small, variable, variables};
+pub use crate::words::{capital, region, variable};
+use crate::words::{numbered, percent, small, variables};
 
 /// From here on a claim is said as a fact.
 const LIKELY: f64 = 0.5;
@@ -114,6 +114,16 @@ fn claim(f: &Finding, places: &[Place]) -> (String, Option<String>) {
 pub fn named(effect: EffectId, place: Place) -> String {
     let title = effect.effect().title;
     capital(&format!("{title}{}", at(&[place], title)))
+}
+
+/// The title of an effect by its identifier: "backlash or friction wind-up"; what has none is said as it is.
+#[must_use]
+pub fn title_of(identifier: &str) -> String {
+    match EffectId::named(identifier) {
+        Some(effect) => effect.effect().title.to_owned(),
+        None if identifier == UNEXPLAINED => "curves of no known cause".to_owned(),
+        None => identifier.to_owned(),
+    }
 }
 
 /// Effect, place and session of a finding in words, whatever its probability.
@@ -548,6 +558,12 @@ mod tests {
         let after: Vec<String> = verdict.rows.iter().map(|r| format!("{:.2}", r.after_mm)).collect();
         // 0.24 and 0.21 mm^2 share the 0.16 mm^2 that both take together
         assert_eq!(after, ["0.50", "0.41", "0.30", "0.30", "0.30"]);
+    }
+
+    #[test]
+    fn effects_are_told_by_their_titles() {
+        let titles = ["tool_shift", "unexplained", "new_effect"].map(title_of);
+        assert_eq!(titles, ["tool that slipped", "curves of no known cause", "new_effect"]);
     }
 
     #[test]

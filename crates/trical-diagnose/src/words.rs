@@ -34,7 +34,8 @@ pub(crate) fn small(text: &str) -> String {
 }
 
 /// A variable in words: "q4" is "the angle of joint 4".
-pub(crate) fn variable(name: &str) -> String {
+#[must_use]
+pub fn variable(name: &str) -> String {
     let joint = |prefix| name.strip_prefix(prefix).filter(|n| n.parse::<usize>().is_ok());
     match (name, joint("q"), joint("dir")) {
         ("seq", ..) => "the number of the pose".into(),
@@ -55,7 +56,11 @@ pub fn region(region: &str) -> String {
         None => {
             let (name, rest) = region.split_once(' ').unwrap_or((region, ""));
             let rest = rest.replacen('<', "below", 1).replacen('>', "above", 1);
-            format!("where {} is {rest}", variable(name))
+            let mut what = variable(name);
+            if rest.contains(" mm") {
+                what = what.replace("the angle", "the position");
+            }
+            format!("where {what} is {rest}")
         }
     }
 }
@@ -80,6 +85,7 @@ mod tests {
             ("q2 < -32 deg", "where the angle of joint 2 is below -32 deg"),
             ("time from 20.0 to 30.0 s", "where the time is from 20.0 to 30.0 s"),
             ("all of q4, with q1", "depending on the angles of joints 1 and 4"),
+            ("q1 from 200.0 to 900.0 mm", "where the position of joint 1 is from 200.0 to 900.0 mm"),
             ("all of seq", "depending on the number of the pose"),
             ("all moves, in proportion to the last one", "in all moves, in proportion to the last one"),
         ] {

@@ -32,16 +32,29 @@ const MOST_NAMED_IN_REST: usize = 3;
 /// What to do about curves without a name: where the robot has no masses, ...
 const GIVE_MASSES: &str =
     "Give the masses of the links in the robot file: without them nothing that gravity does has a name.";
-/// ... where a joint's error goes with its own angle, ...
-const OWN_ANGLE: &str =
-    "Have the joint's gear and encoder looked at; only what a second session shows again belongs to the arm.";
+/// ... where a joint's error goes with its own angle, of one session and of several, ...
+const OWN_ANGLE: [&str; 2] = [
+    "Have the joint's gear and encoder checked; only what a second session shows again belongs to the arm.",
+    "Have the joint's gear and encoder checked.",
+];
 /// ... with other angles, ...
-const OTHER_ANGLES: &str =
-    "Look for a cable or hose that pulls; only what a second session shows again belongs to the arm.";
-/// ... with something else, ...
+const OTHER_ANGLES: [&str; 2] = [
+    "Look for a cable or hose that pulls; only what a second session shows again belongs to the arm.",
+    "Look for a cable or hose that pulls.",
+];
+/// ... with something else, of one session, ...
 const OTHER: &str = "Measure a second session: only what it shows again belongs to the arm.";
 /// ... or with time.
 const IN_THE_COURSE: &str = "Find what changed while you measured (a screw, a temperature), and measure again.";
+
+/// What was diagnosed.
+#[derive(Clone, Copy)]
+pub struct Given {
+    /// The robot has the masses of its links.
+    pub masses: bool,
+    /// There are several sessions.
+    pub several: bool,
+}
 
 /// At which level a finding is said.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -176,18 +189,19 @@ fn in_the_course(u: &Unexplained) -> bool {
 }
 
 /// What the owner of the arm can do about the largest of some curves without a name.
-fn what_to_do(u: &Unexplained, masses: bool) -> &'static str {
+fn what_to_do(u: &Unexplained, given: Given) -> Option<&'static str> {
     let depends = depends_on(u);
+    let several = usize::from(given.several);
     if in_the_course(u) {
-        IN_THE_COURSE
+        Some(IN_THE_COURSE)
     } else if !depends.starts_with("the angle") {
-        OTHER
-    } else if !masses {
-        GIVE_MASSES
+        (!given.several).then_some(OTHER)
+    } else if !given.masses {
+        Some(GIVE_MASSES)
     } else if matches!(u.site, Place::Joint(joint) if depends == format!("the angle of joint {joint}")) {
-        OWN_ANGLE
+        Some(OWN_ANGLE[several])
     } else {
-        OTHER_ANGLES
+        Some(OTHER_ANGLES[several])
     }
 }
 
@@ -268,8 +282,8 @@ fn plain_row(kind: RowKind, text: String, [before_mm, after_mm]: [f64; 2]) -> Ve
     }
 }
 
-/// The row of curves without a name; `masses`: whether the robot has the masses of its links.
-fn curves_row(step: &Step, unexplained: &[Unexplained], masses: bool, errors: [f64; 2]) -> VerdictRow {
+/// The row of curves without a name.
+fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given, errors: [f64; 2]) -> VerdictRow {
     let where_ = at(&step.places, "");
     let Some(largest) = step.curves.first().and_then(|k| unexplained.get(*k)) else {
         return plain_row(RowKind::Curves, format!("No known cause: smooth curves{where_}"), errors);
@@ -283,7 +297,7 @@ fn curves_row(step: &Step, unexplained: &[Unexplained], masses: bool, errors: [f
         format!("No known cause: smooth curves{where_}, the largest{most} over {}", depends_on(largest))
     };
     VerdictRow {
-        action: Some(what_to_do(largest, masses)),
+        action: what_to_do(largest, given),
         corrected: !in_the_course(largest),
         ..plain_row(RowKind::Curves, text, errors)
     }
@@ -333,7 +347,7 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
 }
 
 /// The table. `models` has the number of parameters and the error at unseen poses (mm rms) of the plain and of the whole model.
-fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], masses: bool) -> Vec<VerdictRow> {
+fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given) -> Vec<VerdictRow> {
     let [(plain, before), (whole, after)] = models;
     let mut rows = vec![plain_row(RowKind::Plain, format!("Plain model, {plain} parameters"), [before; 2])];
     let mut here = before;
@@ -347,7 +361,7 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
         let guessed = step.confidence.is_some_and(|[_, high]| high < LEAST_TOLD);
         let row = match step.first.and_then(|k| findings.get(k)) {
             Some(f) => row_of(f, &step, [here, next]),
-            None => curves_row(&step, unexplained, masses, [here, next]),
+            None => curves_row(&step, unexplained, given, [here, next]),
         };
         if next > here * (1.0 - LEAST_STEP) || guessed {
             rest.push(row);
@@ -407,9 +421,9 @@ impl Verdict {
 }
 
 /// The verdict: likely findings of some size one by one, the others by number. `models` as for the table: number of parameters and error
-/// at unseen poses (mm rms) of the plain and of the whole model; `masses`: whether the robot has the masses of its links.
+/// at unseen poses (mm rms) of the plain and of the whole model.
 #[must_use]
-pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], masses: bool) -> Verdict {
+pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given) -> Verdict {
     let named = |f: &&Finding| f.confidence >= LIKELY;
     let share: f64 = findings.iter().filter(named).map(|f| f.share).sum();
     let told: Vec<&Finding> = findings.iter().filter(named).filter(|f| f.share >= SMALL_SHARE).collect();
@@ -440,7 +454,7 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         named_share: (share * 1e4).round() / 1e4,
         unnamed_share: if explained { ((1.0 - share).max(0.0) * 1e4).round() / 1e4 } else { 0.0 },
         actions,
-        rows: rows(findings, unexplained, models, masses),
+        rows: rows(findings, unexplained, models, given),
     }
 }
 
@@ -483,7 +497,7 @@ mod tests {
     const SURE: [f64; 3] = [0.99; 3];
 
     fn told(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2]) -> Verdict {
-        of(findings, unexplained, models, true)
+        of(findings, unexplained, models, Given { masses: true, several: false })
     }
 
     #[test]
@@ -613,8 +627,9 @@ mod tests {
             curve(5, "q4", "all of q4", false, [0.2, 0.19]),
             curve(1, "seq", "all of seq", true, [0.25, 0.2]),
         ];
-        let rows = |masses| of(&[], &unexplained, [(31, 0.5), (60, 0.2)], masses).rows;
-        let said: Vec<(String, bool)> = rows(true).into_iter().map(|r| (r.text, r.corrected)).collect();
+        let with = |masses, several| Given { masses, several };
+        let rows = |given| of(&[], &unexplained, [(31, 0.5), (60, 0.2)], given).rows;
+        let said: Vec<(String, bool)> = rows(with(true, false)).into_iter().map(|r| (r.text, r.corrected)).collect();
         let row = |text: &str, corrected| (text.to_owned(), corrected);
         assert_eq!(
             said,
@@ -629,12 +644,13 @@ mod tests {
                 row("Whole model, 60 parameters", true),
             ]
         );
-        let actions = |masses| rows(masses).into_iter().filter_map(|r| r.action).collect::<Vec<_>>();
-        assert_eq!(actions(true), [OTHER_ANGLES, IN_THE_COURSE]);
-        assert_eq!(actions(false), [GIVE_MASSES, IN_THE_COURSE]);
+        let actions = |given| rows(given).into_iter().filter_map(|r| r.action).collect::<Vec<_>>();
+        assert_eq!(actions(with(true, false)), [OTHER_ANGLES[0], IN_THE_COURSE]);
+        assert_eq!(actions(with(true, true)), [OTHER_ANGLES[1], IN_THE_COURSE]);
+        assert_eq!(actions(with(false, false)), [GIVE_MASSES, IN_THE_COURSE]);
         let own = [curve(4, "q4", "q4 from -20.0 to 20.0 deg", true, [0.5, 0.3])];
-        let row = of(&[], &own, [(31, 0.5), (60, 0.3)], true).rows[1].clone();
+        let row = of(&[], &own, [(31, 0.5), (60, 0.3)], with(true, false)).rows[1].clone();
         assert_eq!(row.text, "No known cause: smooth curve at joint 4 over the angle of joint 4");
-        assert_eq!(row.action, Some(OWN_ANGLE));
+        assert_eq!(row.action, Some(OWN_ANGLE[0]));
     }
 }

@@ -521,7 +521,7 @@ mod tests {
                 row("Plain model, 31 parameters", "0.90", "0.90"),
                 row("Joints read before the arm had settled at joint 1", "0.90", "0.50"),
                 row("Encoder error at joints 1 and 2", "0.50", "0.10"),
-                row("1 smaller or less sure finding", "0.10", "0.10"),
+                row("Smaller: gear ripple at joint 4 (99 %)", "0.10", "0.10"),
                 row("Whole model, 90 parameters", "0.10", "0.10"),
             ]
         );

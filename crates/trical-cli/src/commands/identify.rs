@@ -260,7 +260,7 @@ pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String
         return Vec::new();
     }
     let rows = if all == 1 { "row" } else { "rows" };
-    let mut lines = vec![format!("{all} {rows} rejected as outliers:")];
+    let mut lines = vec![format!("{all} {rows} rejected:")];
     lines.extend(named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)));
     if all > most {
         lines.push(format!("  and {} more (--json and --report list them)", all - most));

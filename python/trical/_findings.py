@@ -143,7 +143,8 @@ class Finding(Record):
     size in the measurements in standard deviations of the noise (3 is just visible). `scope` says if it belongs to the
     "arm", the "setup", the "course" of a session or the "reading" of the joints; `session` counts from 1, None where it
     holds in all. `replicated` says how many halves (`parts`) of the data were searched separately, and how many
-    `agree`: those that found the same effect; `family` and `place` count those that found its family, or anything, there.
+    `agree`: those that found the same effect; `family` and `place` count those that found its family, or
+    anything, there.
     """
 
     effect: str

@@ -10,6 +10,7 @@ use trical_model::robot::tidy;
 use trical_model::{Forward, JointKind, Model, Pose, Rigid, Robot, State, urdf};
 
 use crate::error::{Error, Result};
+use crate::table::csv;
 
 /// What an exported arm cannot say, in numbers.
 struct LeftOut {
@@ -203,16 +204,12 @@ fn table(out: &Path, model: &Model, rigid: &Rigid, left_out: &LeftOut) -> Result
             }))?)
         }
         Some("csv") => {
-            let mut text = COLUMNS.join(",") + "\n";
-            for m in lines() {
-                let cell = |name: &&str| match m.get(*name) {
-                    None | Some(serde_json::Value::Null) => String::new(),
-                    Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
-                };
-                text.push_str(&COLUMNS.iter().map(cell).collect::<Vec<_>>().join(","));
-                text.push('\n');
-            }
-            Ok(text)
+            let cell = |m: &serde_json::Map<_, _>, name: &str| match m.get(name) {
+                None | Some(serde_json::Value::Null) => String::new(),
+                Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
+            };
+            let head = COLUMNS.map(str::to_owned);
+            Ok(csv([head].into_iter().chain(lines().map(|m| COLUMNS.map(|name| cell(&m, name))))))
         }
         _ => Err(Error::Input(format!("{}: the name must end in .toml, .json or .csv", out.display()))),
     }

@@ -303,3 +303,6 @@ fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Datas
         units: ("deg".to_owned(), "deg".to_owned()),
     }
 }
+
+#[cfg(test)]
+mod tests;

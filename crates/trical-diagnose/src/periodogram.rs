@@ -200,6 +200,7 @@ impl Apparent {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     /// Angles of `n` poses between -2 and 2 rad, and an apparent error of these waves (cycles, amplitude, phase) there.
@@ -227,6 +228,31 @@ mod tests {
         assert_eq!(peaks, [120.0, 80.0, 50.0]);
         let many = of(900, &[(50.0, 1e-4, 0.3)]).peaks(10, 300, 5);
         assert!(many.iter().enumerate().all(|(k, a)| many[..k].iter().all(|b| (a - b).abs() > 1.5)), "{many:?}");
+    }
+
+    /// A wave in one joint's angle is suggested for that joint, first of all its waves.
+    #[test]
+    fn the_joint_that_has_a_wave_is_the_one_for_which_it_is_suggested() {
+        let mut truth = crate::test_data::arm();
+        let wave = Basis::new(Variable::Joint { joint: 3 }, Shape::Sine { cycles: 37.0 });
+        truth.terms.push(Term { value: 1e-3, ..Term::new("w", UNEXPLAINED, Site::Joint { joint: 3 }, wave) });
+        let data = crate::test_data::touched(&truth, 240);
+        let fitted =
+            trical_ident::identify(&truth.robot, &truth.cell, &data, trical_ident::ParameterSet::Geometry).unwrap();
+        let of = |joint| {
+            ripples(&fitted, &data).unwrap().into_iter().filter(|c| c.site == Place::Joint(joint)).collect::<Vec<_>>()
+        };
+        assert_eq!(of(3)[0].cycles(), Some(37.0));
+        assert!((1..=6).all(|joint| of(joint).len() == PEAKS_PER_JOINT));
+        // its push is the largest by far: a score for every joint, at its own angle
+        let strongest = apparent(&fitted, &data).unwrap().iter().map(|a| power(a, 37.0)).collect::<Vec<_>>();
+        assert!((0..6).all(|k| k == 2 || strongest[k] < 0.5 * strongest[2]), "{strongest:?}");
+    }
+
+    /// The score of one number of cycles, directly.
+    fn power(a: &Apparent, cycles: f64) -> f64 {
+        let sum = |wave: fn(f64) -> f64| a.q.iter().zip(&a.push).map(|(q, p)| p * wave(cycles * q)).sum::<f64>();
+        (sum(f64::sin).powi(2) + sum(f64::cos).powi(2)) / a.weight.iter().sum::<f64>()
     }
 
     #[test]

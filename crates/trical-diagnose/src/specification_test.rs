@@ -363,4 +363,34 @@ mod tests {
             }
         }
     }
+
+    /// The most telling probe of a place pays for all that were asked there.
+    #[test]
+    fn of_each_place_the_most_telling_probe_is_told_at_the_price_of_all_that_were_asked() {
+        let mut truth = arm();
+        let lost = Basis::new(Variable::Joint { joint: 4 }, Shape::Cube);
+        truth.terms.push(Term { value: 4e-4, ..Term::new("lost", UNEXPLAINED, Site::Joint { joint: 2 }, lost) });
+        let data = crate::test_data::touched(&truth, 60);
+        let mut model = arm();
+        let zero = |joint| Term::new(format!("zero_{joint}"), "geometry", Site::Joint { joint }, Basis::CONSTANT);
+        model.terms.extend((1..=6).map(zero));
+        let (probes, noise) = (probes(&model, &data), trical_ident::Noise::usual(1));
+        let n = model.terms.len();
+        let white = crate::correlated_noise::CorrelatedNoise::WHITE;
+        let design =
+            Design::weighted(&model, [n; 2], &probes.candidates, &probes.weights, &data, &noise, white).unwrap();
+        let state = design.start();
+        let test = SpecificationTest { design: &design, probes: &probes, first: 0, temper: 1.0 };
+        assert!((test.freedom(&state) - (180.0 - state.parameters)).abs() < 1e-9);
+        for found in test.places(&state) {
+            let here = (0..probes.candidates.len()).filter(|k| probes.candidates[*k].site == found.site);
+            let p: Vec<(f64, usize)> = here.map(|k| (test.p_value(&state, test.gain(&state, k)), k)).collect();
+            let least = p.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+            assert_eq!(found.probe, least.1, "{}", found.site);
+            let asked = p.iter().map(|_| 1.0).sum::<f64>();
+            assert!((found.p_value - (least.0 * asked).min(1.0)).abs() <= 1e-12 * found.p_value, "{}", found.site);
+        }
+        let (best, nats) = test.best_probe(&state, Place::Joint(2)).unwrap();
+        assert!(best.variable == "q4" && nats > 10.0, "{} {nats}", best.variable);
+    }
 }

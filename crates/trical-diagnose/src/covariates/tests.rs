@@ -21,15 +21,16 @@ fn unordered() -> Dataset {
 
 #[test]
 fn time_tells_earlier_from_later_and_numbers_where_there_is_no_time() {
-    let numbered = |k: f64| State { seq: Some(7.0 + k), ..swing(k) };
     assert_eq!(order_of(&states(9, timed)), Some(Variable::Time));
-    assert_eq!(order_of(&states(9, numbered)), Some(Variable::Seq));
+    assert_eq!(order_of(&states(9, swing)), Some(Variable::Seq));
     assert_eq!(order_of(&states(9, |k| if k < 5.0 { timed(k) } else { swing(k) })), Some(Variable::Seq));
     assert_eq!(order_of(&unordered()), None);
     // times count from the beginning of the recording, numbers from the first one
     let late = states(9, |k| State { t: Some(50.0 + 100.0 * k), ..swing(k) });
     assert_eq!(span(&late, Variable::Time), 850.0);
-    assert_eq!(span(&states(9, numbered), Variable::Seq), 8.0);
+    let mut numbered = states(9, swing);
+    numbered.observations.iter_mut().zip(7_u8..).for_each(|(o, k)| o.state.seq = Some(f64::from(k)));
+    assert_eq!(span(&numbered, Variable::Seq), 8.0);
 }
 
 #[test]
@@ -110,12 +111,17 @@ fn a_joints_load_is_the_root_mean_square_of_its_torque_and_an_upright_axis_has_n
     assert!(recorded.unloaded(1) && !recorded.unloaded(2));
     // as strong as its largest load, and no weaker than a small arm
     assert_eq!(recorded.strength(), (recorded.load(2) / SMALL_ARM_LOAD_NM).max(1.0));
+    // built for many times the load: that much stiffer
+    let mut heavy = model.clone();
+    heavy.robot.joints.iter_mut().for_each(|j| j.mass = j.mass.map(|m| 100.0 * m));
+    let heavy = Covariates::new(&heavy, &data, 1e-5);
+    assert!(heavy.strength() > 3.0 && (heavy.compliance(2) - 3e-5 / heavy.strength()).abs() < 1e-18);
     let mut soft = model.clone();
     let term = Term::new("c_3", "compliance", Site::Joint { joint: 3 }, Basis::torque(3, Shape::Linear));
     soft.terms.push(Term { value: -4e-5, ..term });
     let soft = Covariates::new(&soft, &data, 1e-5);
     assert_eq!(soft.compliance(3), 4e-5);
-    assert!((soft.compliance(2) - 3e-5 / soft.strength()).abs() < 1e-18);
+    assert_eq!((soft.strength(), soft.compliance(2)), (1.0, 3e-5));
 }
 
 #[test]

@@ -53,6 +53,9 @@ fn growth_is_nothing_before_its_threshold_and_one_at_the_end() {
             // half way it is a half, or a quarter
             let half = value(0.5 * (at + end));
             assert!((half - if n < 2 { 0.5 } else { 0.25 }).abs() < 1e-12, "{k} {n}: {half}");
+            // beyond what was visited it returns to nothing, straight
+            let beyond = [1.5 * end - 0.5 * at, 2.0 * end - at].map(value);
+            assert!((beyond[0] - 0.5).abs() < 1e-12 && beyond[1].abs() < 1e-12, "{k} {n}: {beyond:?}");
         }
     }
 }
@@ -141,5 +144,7 @@ fn what_two_angles_tell_is_drawn_over_the_other_one_with_the_joint_in_its_middle
         // q2 is 0 in the middle
         assert!((y - (-1e-3 * u.to_radians().sin()).to_degrees()).abs() < 1e-9, "{u} {y}");
     }
-    assert!(l.curve[0].0 < -50.0 && l.curve[40].0 > 50.0, "the other joint's range, in degrees");
+    let q3 = || data.observations.iter().map(|o| o.state.q[2].to_degrees());
+    let ends = [q3().fold(f64::MAX, f64::min), q3().fold(f64::MIN, f64::max)];
+    assert!((l.curve[0].0 - ends[0]).abs() < 1e-9 && (l.curve[40].0 - ends[1]).abs() < 1e-9, "{ends:?}");
 }

@@ -369,3 +369,6 @@ pub fn parameters<'a>(
     }
     rows
 }
+
+#[cfg(test)]
+mod tests;

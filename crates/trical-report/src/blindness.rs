@@ -183,7 +183,29 @@ mod tests {
             assert!(quiet[..k].iter().all(|b| (a.effect, a.site) != (b.effect, b.site)));
         }
         let words = serde_json::to_string(&blind_json(&loud, &lacking)).unwrap();
-        assert!(words.contains("\"lacks\"") && !words.contains("null"), "{words}");
+        assert!(words.contains("\"lacks\"") && !words.contains(":null"), "{words}");
+    }
+
+    /// The most visible of the ripples that are looked at, for each joint by itself.
+    #[test]
+    fn of_the_forms_of_an_effect_at_a_place_the_most_visible_counts() {
+        let (model, plan, noise) = (model(), plan(), 1e-5);
+        let touch = |e: &PlanEntry| (State::at(&e.joints), Measured::Touch { ball: e.ball, reading: [0.0; 3] });
+        let data = crate::test_data::data(&[plan.iter().map(touch).collect()]);
+        let all = seen(&model, &plan, noise).unwrap().0;
+        for joint in 1..=6 {
+            let forms = RIPPLES.map(|cycles| ripple(joint, cycles, 6));
+            let design = Design::new(&model, &forms, &data, &Noise::usual(1)).unwrap();
+            let state = design.start();
+            // the usual noise of an indicator is that of this plan
+            let most = (0..3).map(|k| design.lambda_of_size(&state, k, forms[k].typical)).fold(0.0, f64::max);
+            let own: Vec<f64> = all
+                .iter()
+                .filter(|s| s.effect == EffectId::GearRipple && s.site == Place::Joint(joint))
+                .map(|s| s.lambda)
+                .collect();
+            assert!(own.len() == 1 && (own[0] - most).abs() <= 1e-9 * most, "joint {joint}: {own:?} {most}");
+        }
     }
 
     #[test]

@@ -277,4 +277,13 @@ mod tests {
             assert_eq!(rows[k + 1][9..], ["", ""]);
         }
     }
+
+    #[test]
+    fn a_joint_that_slides_has_its_limits_in_millimetres() {
+        let mut robot = arm().robot;
+        (robot.joints[0].kind, robot.joints[0].limits) = (JointKind::Prismatic, [-0.1, 0.25]);
+        let row = line(&robot, 0).unwrap();
+        let of = |name: &str| row[name].as_f64();
+        assert_eq!(["lower_mm", "upper_mm", "lower_deg", "upper_deg"].map(of), [Some(-100.0), Some(250.0), None, None]);
+    }
 }

@@ -4,7 +4,7 @@ use minijinja::{Environment, context};
 use sha2::{Digest, Sha256};
 use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
 use trical_ident::{Calibration, Dataset, ModelFile, Validation};
-use trical_model::{Measured, Model};
+use trical_model::Model;
 
 use crate::error::{Error, Result};
 use crate::evidence::{row, where_measured};
@@ -71,16 +71,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
 }
 
 fn instrument(data: &Dataset) -> String {
-    let mut kinds: Vec<&str> = data
-        .observations
-        .iter()
-        .map(|o| match o.measured {
-            Measured::Touch { .. } => "indicators touching precision balls",
-            Measured::Point { .. } | Measured::Reference { .. } => "points of a tracker",
-            Measured::Distance { .. } => "lengths from fixed anchors",
-            Measured::Pose { .. } => "poses of a tracker",
-        })
-        .collect();
+    let mut kinds: Vec<&str> = data.observations.iter().map(|o| o.measured.instrument()).collect();
     kinds.sort_unstable();
     kinds.dedup();
     format!("{}, no. {BY_HAND}", kinds.join(", "))
@@ -197,7 +188,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::test_data::{arm, data, pose};
-    use trical_model::State;
+    use trical_model::{Measured, State};
 
     #[test]
     fn shares_within_a_limit_and_the_worst_measurement_are_those_of_each_column() {

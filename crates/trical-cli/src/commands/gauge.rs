@@ -80,7 +80,7 @@ fn urls() -> String {
   uwave:///dev/ttyUSB0?x=00&y=01&z=02   Mitutoyo U-WAVE-R; &group=03, or x=03.00 (group, channel){}
 One port will do where it answers three values, as in line://PORT?request=%3F%0D&pattern={{v}};{{v}};{{v}}
 {OPTIONS}",
-        LINE_GAUGES.each_ref().map(kind).concat()
+        LINE_GAUGES.iter().map(kind).collect::<String>()
     )
 }
 

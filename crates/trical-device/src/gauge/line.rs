@@ -31,7 +31,7 @@ const fn of(
 
 /// One line each: scheme, port, request, reply, device. Messages, the help of `trical gauge` and the table of docs/cell.md follow.
 /// Baud rates of TESA and Millimar are not known \[I\]: 9600 here, and a setting.
-pub const LINE_GAUGES: [LineKind; 6] = [
+pub const LINE_GAUGES: &[LineKind] = &[
     of("itn", SerialSettings::new(9600), "1\r", "01A{v}", "Mitutoyo USB-ITN"),
     of("opto", SerialSettings { baud: 4800, data_bits: 7, parity: 'E', stop_bits: 2 }, "?\r", "{v}", "Sylvac Opto-RS"),
     of("tesa", SerialSettings::new(9600), "?\r", "{v}", "TESA TT80"),

@@ -63,7 +63,7 @@ fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
         return Ok(Box::new(UWave::new(port, format!("uwave {}", url.place), settings)));
     }
     let Some(preset) = LineSettings::preset(&url.scheme) else {
-        let known = LINE_GAUGES.map(|kind| kind.scheme).join(", ");
+        let known = LINE_GAUGES.iter().map(|kind| kind.scheme).collect::<Vec<_>>().join(", ");
         return Err(url.error(format!("unknown gauge {:?}; known are uwave, {known}", url.scheme)).into());
     };
     let settings = line_settings(&mut url, preset)?;

@@ -496,7 +496,8 @@ def compensate(
 
     The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target
     with its error before and after. Keys: targets, largest_move_mm, problems (what is not rewritten: line and reason),
-    before, after, meant_with; where there are any, cautions, read_with and written (files of the program beside the one
+    before, after, meant_with, relative (motions relative to rewritten targets, and how far they are off); where there
+    are any, cautions, read_with and written (files of the program beside the one
     that was named).
     """
     text = _native._compensate(

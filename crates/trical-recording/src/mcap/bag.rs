@@ -167,7 +167,14 @@ fn description(raw: &RawFile) -> Option<urdf::Imported> {
     urdf::parse(&string_from_cdr(&message.data)?, "robot_description", None, None).ok()
 }
 
-/// Which positions of a joint state are the arm's joints, joint 1 first, and what was assumed of it.
+/// Which positions of a joint state with these names are the arm's joints, joint 1 first, and what was assumed of it.
+///
+/// # Errors
+/// One sentence: neither their number nor their names say it.
+pub fn joint_order(names: &[String], joints: Option<usize>) -> Result<(Vec<usize>, Vec<String>), String> {
+    order_of(names, None, joints)
+}
+
 fn order_of(
     names: &[String],
     described: Option<&urdf::Imported>,

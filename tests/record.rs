@@ -139,3 +139,19 @@ fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
     let text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
     assert_eq!(text.lines().last(), Some("8,1,2,3,4,5,6,front,1,0,0,0"), "{text}");
 }
+
+#[test]
+fn a_plan_for_two_sockets_says_what_it_takes_as_known() {
+    let place = Place::new();
+    let cell = include_str!("../cells/irb120/cell.toml");
+    let line = cell.lines().find(|l| l.trim_start().starts_with("distances_mm")).unwrap();
+    std::fs::write(place.path("cell.toml"), cell.replace(line, "distances_mm = { d12 = 300.0 }")).unwrap();
+    let o = Command::new(env!("CARGO_BIN_EXE_trical"))
+        .args(["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "12", "--out", "p.csv"])
+        .current_dir(place.0.path())
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&o.stdout);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    assert!(told.contains("Caution: with fewer than three balls") && told.contains("too good"), "{told}");
+}

@@ -308,7 +308,8 @@ def plan(
             point 0.1 m above the balls.
         max_tilt: largest angle between the device's z axis and straight down, rad.
         noise: standard deviation of each of a touch's three numbers, m, for what is expected.
-        start: (joints,) where the arm stands before the first touch, rad (m); all zero where not given.
+        start: (joints,) where the arm stands before the first touch, rad (m); where not given zero, or
+            the middle between limits that leave zero out.
         seed: the same seed gives the same plan.
         progress: as for `identify`.
 

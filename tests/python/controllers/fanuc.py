@@ -163,7 +163,7 @@ class Controller:
             self.kept[number] = Position("X=0", frozenset({line, *(["here"] if what[0] in "LJ" else [])}))
             last = self.motions[-1] if self.motions else None
             if last is not None and what[0] == "L" and not last.joints:
-                self.kept[number].at = last.target
+                self.kept[number].at = last.target.copy()
 
     def move(self, line: int, kind: str, table: str, which: str, rest: str) -> None:
         number = int(self.number(which.partition(":")[0]))

@@ -107,6 +107,8 @@ pub struct Scan {
     pub nearest: Vec<Joints>,
     /// Motions, and changes of a target's coordinates, that are relative to a target by what only the running program knows.
     pub relative: Vec<u32>,
+    /// Of joint values in columns: which joints are given in mm; empty where the program's language says no unit.
+    pub in_mm: Vec<bool>,
     /// Tools and frames that the program declares.
     pub frames: Frames,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.

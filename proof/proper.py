@@ -170,8 +170,13 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
         evidence = {k: v for k, v in f.get("evidence", {}).items() if isinstance(v, (int, float))}
         # what another part of the recording says too may well be so
         known = any(same(b, f) for b in arms)
+        known_here = [b for b in arms if place(b["site"]) == place(f["site"])]
+        known_kin = any(family(b) == family(f) for b in known_here)
         role = "target" if exact or here else "background" if known else "false"
-        judged = exact is not None or not known
+
+        def judged(right: bool, known: bool) -> int | None:
+            return 1 if right else None if known else 0
+
         replicated = f.get("replicated")
         out.append(
             {
@@ -199,9 +204,9 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
                 "true_lambda": (exact or (kin or here or [{}])[0]).get("lambda"),
                 "size_3sd": size[0] if size and exact else None,
                 "size_20": size[1] if size and exact else None,
-                "right": int(exact is not None) if judged else None,
-                "place_right": int(bool(exact or here)) if judged else None,
-                "family_right": int(bool(exact or kin)) if judged else None,
+                "right": judged(exact is not None, known),
+                "place_right": judged(bool(exact or here), bool(known_here)),
+                "family_right": judged(bool(exact or kin), known_kin),
             }
         )
     return out
@@ -236,8 +241,8 @@ def number(x: float, digits: int = 3) -> str:
 def score_probabilities(lines: list[dict], title: str, t: Tables, limit: float | None = None):
     """Stated probabilities of findings whose truth is known, against the truth; `limit`: on their calibration error."""
     rows, risks = [], []
-    judged = [x for x in lines if x["right"] is not None]
     for stated, true in zip(SHARES, ("right", "place_right", "family_right"), strict=True):
+        judged = [x for x in lines if x[true] is not None]
         p, y = (np.array([x[k] for x in judged], float) for k in (stated, true))
         if not len(p):
             return

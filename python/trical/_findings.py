@@ -142,8 +142,9 @@ class Finding(Record):
     `family_confidence` place and kind of effect, `place_confidence` the place. `share` is the part of the
     explainable squared error that it takes, `lambda_` the size of its traces in standard deviations of the noise (3
     is just visible). `scope` says if it belongs to the "arm", the "setup", the "course" of a session or the
-    "reading" of the joints; `session` counts from 1, None where it holds in all. `replicated` says in how many
-    `parts` of the data it was fitted alone, and in how many these `agree`.
+    "reading" of the joints; `session` counts from 1, None where it holds in all. `replicated` says how many
+    halves (`parts`) of the data were searched by themselves, and how many `agree`: those that found the same effect;
+    `family` and `place` count those that found its family, or anything, there.
     """
 
     effect: str

@@ -11,6 +11,7 @@ use trical_model::{Model, Place, Scope};
 use crate::candidate::Candidate;
 use crate::effect_id::EffectId;
 use crate::effects::Family;
+use crate::probability::Replicated;
 
 /// A coefficient in its unit.
 #[derive(Clone, Debug, Serialize)]
@@ -115,15 +116,6 @@ impl Finding {
         let session = self.session.map_or_else(String::new, |s| format!(" in session {s}"));
         in_words(self.effect, self.site) + &session
     }
-}
-
-/// Coefficients from disjoint parts of the poses, compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Replicated {
-    /// Parts that determine the coefficients.
-    pub parts: usize,
-    /// Those of them that say what the others say, in sign and size.
-    pub agree: usize,
 }
 
 /// What a diagnosis comes to. Nothing that is less than half sure is said as a fact.

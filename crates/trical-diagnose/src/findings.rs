@@ -7,10 +7,11 @@ use trical_ident::units::unit;
 use trical_model::{Forward, Model, Place, Scope, Term};
 
 use crate::candidate::Candidate;
-use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Replicated, Rival, Unexplained};
+use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
 use crate::effect_id::{Cause, EffectId};
 use crate::linear::RegressionState;
 use crate::locators;
+use crate::probability::Replicated;
 use crate::selection::Search;
 use crate::settings::{CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA};
 use crate::specification_test::{LackOfFit, SpecificationTest};

@@ -20,6 +20,7 @@
 //! | [`specification_test`] | whether a name says all that happens at its place |
 //! | [`rejection`] | stale rows and outliers |
 //! | [`probability`], `parts` | how probable a name is: shares of what could be said, replication, recalibration; scores of unseen blocks |
+//! | [`halves`] | what halves of the data say, searched by themselves |
 //! | [`diagnosis`], `findings` | the result; from what was chosen to it |
 //! | [`verdict`] | what it comes to, in plain sentences |
 //! | [`alternatives`] | between what the data cannot decide |
@@ -36,6 +37,7 @@ pub mod diagnosis;
 pub mod effect_id;
 pub mod effects;
 mod findings;
+pub mod halves;
 pub mod joint_choice;
 pub mod linear;
 pub mod locators;
@@ -56,10 +58,10 @@ pub mod verdict;
 
 pub use alternatives::Undecided;
 pub use diagnosis::{
-    Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Replicated, Rival, RowKind, Unexplained,
-    Verdict, VerdictRow,
+    Baseline, Blind, Coefficient, Diagnosis, Evidence, Final, Finding, Rival, RowKind, Unexplained, Verdict, VerdictRow,
 };
 pub use effect_id::{Cause, EffectId};
 pub use joint_choice::diagnose_recordings;
 pub use options::Options;
+pub use probability::Replicated;
 pub use procedure::diagnose;

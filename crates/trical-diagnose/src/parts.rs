@@ -1,7 +1,5 @@
 //! The joint fit of everything that was chosen, in parts: what the fit to the others says of each, in errors and in log scores of blocks of
-//! neighbouring poses, and what disjoint parts say of the same coefficients.
-
-use std::sync::OnceLock;
+//! neighbouring poses.
 
 use trical_ident::folds::{FOLDS, Folds};
 use trical_ident::identify::ErrorSummary;
@@ -9,9 +7,8 @@ use trical_ident::identify::ErrorSummary;
 use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::findings::Group;
-use crate::linear::{Alone, Design, Partition};
-use crate::probability::{Replication, replication};
-use crate::settings::{LAST_PERCENT, PARTS_BY_ROWS, PAYS_ERRORS, UNNAMED_PRICE_NATS};
+use crate::linear::{Design, Partition};
+use crate::settings::{LAST_PERCENT, PAYS_ERRORS, UNNAMED_PRICE_NATS};
 
 /// The joint fit of a set of candidates in parts.
 pub(crate) struct Parts<'a> {
@@ -23,8 +20,6 @@ pub(crate) struct Parts<'a> {
     /// Of a row that the fit did not see.
     variance: f64,
     temper: f64,
-    /// The joint fit to parts alone, from when it is first asked for.
-    alone: OnceLock<Vec<Alone>>,
 }
 
 impl<'a> Parts<'a> {
@@ -60,8 +55,7 @@ impl<'a> Parts<'a> {
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let variance = seen.iter().map(|r| r * r).sum::<f64>() / seen.len().max(1) as f64;
         let blocks = folds.blocks();
-        let alone = OnceLock::new();
-        (variance > 0.0).then_some(Self { partition, scored, block_of_row, blocks, variance, temper, alone })
+        (variance > 0.0).then_some(Self { partition, scored, block_of_row, blocks, variance, temper })
     }
 
     /// Log score of each block without the candidates `out` and with `add` in their place.
@@ -78,21 +72,6 @@ impl<'a> Parts<'a> {
     /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
     pub(crate) fn errors(&self, out: &[usize], add: Option<usize>) -> ErrorSummary {
         ErrorSummary::of(&self.partition.position_errors(&self.partition.instead(out, add), self.scored))
-    }
-
-    /// Coefficients of some members from disjoint parts, compared: from each of four parts, or from halves where a part has few rows
-    /// beside its parameters.
-    pub(crate) fn replication(&self, members: &[usize], parameters: usize) -> Replication {
-        let alone = self.alone.get_or_init(|| {
-            let least = self.partition.sizes().into_iter().min().unwrap_or(0);
-            let groups: Vec<Vec<usize>> = if least >= PARTS_BY_ROWS * parameters {
-                (0..FOLDS).map(|k| vec![k]).collect()
-            } else {
-                vec![(0..FOLDS / 2).collect(), (FOLDS / 2..FOLDS).collect()]
-            };
-            self.partition.alone(&groups)
-        });
-        replication(&self.partition.apart(members, alone), self.variance / self.temper)
     }
 
     /// Members of the groups that do not better the log score of unseen blocks beside those that stay, by more than chance: what each block

@@ -6,19 +6,17 @@
 //! Bayesian bootstrap (Rubin 1981), makes weights: pseudo-BMA+ (Yao, Vehtari, Simpson & Gelman 2018). What only the noise model or a
 //! misspecified background prefers varies from block to block, and is not preferred after the draw.
 //!
-//! *Replication.* Coefficients estimated on disjoint parts of the poses are compared: each part with what the others say together, in the
-//! metric of its covariance. With nothing there the statistic is standard normal.
+//! *Replication.* Halves of the poses are searched by themselves (`halves`): a name that was chosen because of how the whole recording
+//! happened to be searched is not found in them.
 //!
-//! *Recalibration.* Both go into one logistic curve whose coefficients were learnt on drawn cases and on real recordings with known
+//! *Recalibration.* Both, with how much of the error the finding takes, go into one logistic curve whose coefficients were learnt on drawn cases and on real recordings with known
 //! additions (`proof/`), never on the case at hand.
 
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use serde::Serialize;
 
-use crate::linear::Apart;
-use crate::settings::{AGREES_SIGMAS, BOOTSTRAP_DRAWS, LARGEST_CONFIDENCE, RECALIBRATION};
+use crate::settings::{BOOTSTRAP_DRAWS, LARGEST_CONFIDENCE, RECALIBRATION};
 
 /// What could stand in the place of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,84 +88,49 @@ pub fn shares(alternatives: &[Alternative]) -> Shares {
     }
 }
 
-/// How well parts agree.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Replication {
-    /// Parts that determine the coefficients.
+/// What halves of the data say, each searched by itself: none where there are few rows beside the parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Replicated {
+    /// Halves that were searched.
     pub parts: usize,
-    /// Those of them that say the same as the others together: sign, and size to within what the part can tell.
+    /// Those that name the same effect at the same place, with the same sign.
     pub agree: usize,
-    /// Sum over the parts of their standard normal statistics, over the root of their number.
-    pub z: f64,
+    /// Those that name its family at the place.
+    pub family: usize,
+    /// Those that find something at the place, with a name or without.
+    pub place: usize,
 }
 
-/// Compares coefficients from disjoint parts; `variance` is that of a row.
-#[must_use]
-pub fn replication(parts: &[Apart], variance: f64) -> Replication {
-    let k = parts.first().map_or(0, |p| p.value.len());
-    let mut out = Replication { parts: parts.len(), ..Replication::default() };
-    if parts.len() < 2 || k == 0 {
-        return Replication::default();
-    }
-    // precision of each part, and precision times coefficients
-    let mut weights: Vec<(Mat<f64>, Mat<f64>)> = Vec::with_capacity(parts.len());
-    for p in parts {
-        let Ok(factor) = p.covariance.llt(Side::Lower) else { return Replication::default() };
-        let precision = factor.solve(&Mat::<f64>::identity(k, k));
-        let value = Mat::from_fn(k, 1, |i, _| p.value[i]);
-        let push = &precision * &value;
-        weights.push((precision, push));
-    }
-    for (own, (precision, push)) in weights.iter().enumerate() {
-        let (mut all, mut pushes) = (Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, 1));
-        for (_, (p, b)) in weights.iter().enumerate().filter(|(i, _)| *i != own) {
-            all += p;
-            pushes += b;
-        }
-        let Ok(factor) = all.llt(Side::Lower) else { return Replication::default() };
-        let others = factor.solve(&pushes);
-        let along = |m: &Mat<f64>| (0..k).map(|i| others[(i, 0)] * m[(i, 0)]).sum::<f64>();
-        // length of what the others say in this part's metric, and of this part along it
-        let square = along(&(precision * &others));
-        let length = square.sqrt().max(1e-300);
-        let t = along(push) / (length * variance.sqrt());
-        // size of this part beside the others', and how well the two know it
-        let ratio = along(push) / square.max(1e-300);
-        let of_others = along(&(&all * &others)).max(1e-300);
-        let sd = (variance * (1.0 / square.max(1e-300) + 1.0 / of_others)).sqrt();
-        out.z += t;
-        if t > AGREES_SIGMAS && ((ratio - 1.0).abs() < 3.0 * sd || (ratio - 1.0).abs() < 0.5) {
-            out.agree += 1;
-        }
-    }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
-    {
-        out.z /= (parts.len() as f64).sqrt();
-    }
-    out
-}
+/// Smaller shares are all the same.
+const LEAST_SHARE: f64 = 1e-4;
 
 fn logit(p: f64) -> f64 {
-    let p = p.clamp(1e-4, 1.0 - 1e-4);
+    let p = p.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
     (p / (1.0 - p)).ln()
 }
 
-/// A probability from a share and how well parts agree.
+/// A probability from the share `evidence` of the alternatives, from how many of the halves found the same, and from what the finding takes of
+/// the error that can be explained. What halves do not find is the less probable the smaller it is beside the other findings: what the models
+/// of these leave looks like something small.
 #[must_use]
-pub fn recalibrated(share: f64, replication: &Replication, curve: &[f64; 3]) -> f64 {
-    let [constant, by_share, by_replication] = curve;
+pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), error: f64, curve: &[f64; 4]) -> f64 {
+    let [constant, by_evidence, by_found, by_error] = curve;
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let agree = if replication.parts == 0 { 0.5 } else { replication.agree as f64 / replication.parts as f64 };
-    let x = constant + by_share * logit(share) + by_replication * agree;
+    let (found, halves) = (found as f64, halves as f64);
+    let share = if halves > 0.0 { found / halves } else { 0.5 };
+    let of_found = ((found + 0.5) / (halves - found + 0.5)).ln();
+    let small = error.max(LEAST_SHARE).log10() * (1.0 - share);
+    let x = constant + by_evidence * logit(evidence) + by_found * of_found + by_error * small;
     (1.0 / (1.0 + (-x).exp())).min(LARGEST_CONFIDENCE)
 }
 
-/// All three, none larger than the one before it.
+/// All three, none larger than the one before it; `error` is the share of the error that the finding takes.
 #[must_use]
-pub fn probabilities(shares: &Shares, replication: &Replication) -> Shares {
-    let place = recalibrated(shares.place, replication, &RECALIBRATION[0]);
-    let family = recalibrated(shares.family, replication, &RECALIBRATION[1]).min(place);
-    let effect = recalibrated(shares.effect, replication, &RECALIBRATION[2]).min(family);
+pub fn probabilities(shares: &Shares, found: &Replicated, error: f64) -> Shares {
+    let of = |evidence, some, curve| recalibrated(evidence, (some, found.parts), error, curve);
+    let place = of(shares.place, found.place, &RECALIBRATION[0]);
+    let family = of(shares.family, found.family, &RECALIBRATION[1]).min(place);
+    let effect = of(shares.effect, found.agree, &RECALIBRATION[2]).min(family);
     Shares { place, family, effect }
 }
 
@@ -199,26 +162,25 @@ mod tests {
         assert!((s.place - 1.0).abs() < 1e-9);
     }
 
-    fn part(value: f64, sd: f64) -> Apart {
-        Apart { value: vec![value], covariance: Mat::from_fn(1, 1, |_, _| sd * sd) }
-    }
-
-    #[test]
-    fn parts_that_say_the_same_agree_and_those_that_do_not_do_not() {
-        let same = replication(&[part(1.0, 0.1), part(1.1, 0.1), part(0.9, 0.1)], 1.0);
-        assert_eq!((same.parts, same.agree), (3, 3));
-        assert!(same.z > 10.0);
-        let other = replication(&[part(1.0, 0.1), part(-1.0, 0.1), part(0.05, 0.1)], 1.0);
-        assert_eq!(other.agree, 0);
-        // noise alone: the statistic is small
-        let noise = replication(&[part(0.1, 0.1), part(-0.05, 0.1), part(0.02, 0.1)], 1.0);
-        assert!(noise.z.abs() < 2.0 && noise.agree == 0, "{noise:?}");
-    }
-
     #[test]
     fn probabilities_fall_from_place_to_effect() {
-        let r = Replication { parts: 4, agree: 4, z: 9.0 };
-        let p = probabilities(&Shares { place: 0.9, family: 0.95, effect: 0.99 }, &r);
+        let r = Replicated { parts: 8, agree: 8, family: 8, place: 8 };
+        let p = probabilities(&Shares { place: 0.9, family: 0.95, effect: 0.99 }, &r, 0.1);
         assert!(p.place >= p.family && p.family >= p.effect);
+    }
+
+    #[test]
+    fn what_halves_do_not_find_is_less_probable_and_the_less_the_smaller_it_is() {
+        let shares = Shares { place: 0.95, family: 0.95, effect: 0.95 };
+        let of =
+            |agree, error| probabilities(&shares, &Replicated { parts: 8, agree, family: 8, place: 8 }, error).effect;
+        assert!(of(8, 0.01) > of(4, 0.01) && of(4, 0.01) > of(0, 0.01));
+        assert!(of(0, 1.0) > of(0, 0.001));
+        // what every half finds is believed however small it is
+        assert_eq!(of(8, 0.001), of(8, 1.0));
+        assert!(of(8, 0.001) > 0.9 && of(0, 0.001) < 0.1, "{} {}", of(8, 0.001), of(0, 0.001));
+        // halves that were not searched say nothing either way
+        let none = probabilities(&shares, &Replicated::default(), 0.01).effect;
+        assert!(none > of(0, 0.01) && none < of(8, 0.01), "{none}");
     }
 }

@@ -12,16 +12,17 @@ use trical_model::{Cell, Forward, Model, Place, Robot, Site, Task};
 
 use crate::candidate::Candidate;
 use crate::catalogue::Untestable;
-use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Replicated, Unexplained};
+use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Unexplained};
 use crate::effect_id::{Cause, EffectId};
 use crate::findings::{
     Group, Proof, add_probe_results, blind, finding, grouped, lack_of_fit, noise_of, ordered, remaining_lack_of_fit,
     unexplained_from,
 };
+use crate::halves::Halves;
 use crate::linear::{Design, Downdate, RegressionState};
 use crate::options::Options;
 use crate::parts::Parts;
-use crate::probability::{Alternative, Replication, Says, Shares, probabilities, shares};
+use crate::probability::{Alternative, Says, Shares, probabilities, shares};
 use crate::rounds::Rounds;
 use crate::selection::Search;
 use crate::settings::{ALTERNATIVES, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
@@ -42,7 +43,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let Rounds { kept, fitted, chosen, .. } = &rounds;
     let (design, probes) = rounds.design_with_probes()?;
     let start = design.start();
-    let proving = Proving::new(&rounds, &design, &probes, &start);
+    let proving = Proving::new(&rounds, &design, &probes, &start)?;
     let folds = &proving.folds;
     let whole = |parts: &Option<Parts<'_>>| parts.as_ref().map(|p| p.errors(&[], None));
     let held_out = HeldOut {
@@ -118,20 +119,20 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
 fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
     task.step(0.05, "curves of the joints")?;
     rounds.hold_curves()?;
-    rounds.settle(&task.part(0.1, 0.35))?;
+    rounds.settle(true, &task.part(0.1, 0.35))?;
     if rounds.let_go_of_curves()? {
-        rounds.settle(&task.part(0.3, 0.35))?;
+        rounds.settle(true, &task.part(0.3, 0.35))?;
     }
     // with the large effects out of the way
     if rounds.hold_curves()? {
-        rounds.settle(&task.part(0.35, 0.45))?;
+        rounds.settle(true, &task.part(0.35, 0.45))?;
     }
     if rounds.restore_rows()? {
-        rounds.settle(&task.part(0.45, 0.5))?;
+        rounds.settle(false, &task.part(0.45, 0.5))?;
     }
     task.step(0.5, "looking again without names")?;
     if !names_only && rounds.widen()? {
-        rounds.settle(&task.part(0.55, 0.7))?;
+        rounds.settle(false, &task.part(0.55, 0.7))?;
     }
     task.step(0.7, "what pays at unseen poses")?;
     rounds.release_curves()?;
@@ -163,12 +164,14 @@ struct Proving<'a> {
     /// The joint fit in parts by blocks, and the last quarter by what was before; `None` where the data do not allow it.
     blocks: Option<Parts<'a>>,
     later: Option<Parts<'a>>,
+    /// What halves of the data say by themselves.
+    halves: Halves,
 }
 
 impl<'a> Proving<'a> {
-    fn new(rounds: &'a Rounds, design: &'a Design, probes: &'a Probes, start: &'a RegressionState) -> Self {
+    fn new(rounds: &'a Rounds, design: &'a Design, probes: &'a Probes, start: &'a RegressionState) -> Result<Self> {
         let folds = Folds::of(&rounds.kept);
-        Self {
+        Ok(Self {
             rounds,
             design,
             search: rounds.searcher(design),
@@ -178,7 +181,8 @@ impl<'a> Proving<'a> {
             blocks: Parts::by_block(design, &rounds.chosen, &folds, rounds.temper()),
             later: Parts::forward(design, &rounds.chosen, &folds, rounds.temper()),
             folds,
-        }
+            halves: rounds.halves()?,
+        })
     }
 
     /// Findings in the order of importance, each with its evidence, its rivals and how probable it is; `none` is the proof of the baseline.
@@ -203,19 +207,21 @@ impl<'a> Proving<'a> {
             let state = search.without(downdate, start, &group.members).state;
             if let Some(effect) = candidates[group.members[0]].cause.effect() {
                 let (mut f, rivals) = finding(effect, search, &state, group, &others, &fitted.model, [before, after]);
-                let (probability, replicated) = self.probability(group, effect, &others, &state);
+                let members: Vec<&Candidate> = group.members.iter().map(|m| &candidates[*m]).collect();
+                f.replicated = self.halves.found(&members, &fitted.model.terms);
+                let shares = self.shares(group, effect, &others, &state);
+                let probability = probabilities(&shares, &f.replicated, share);
                 let round = |p: f64| (p * 1e4).round() / 1e4;
                 f.place_confidence = round(probability.place);
                 f.family_confidence = round(probability.family);
                 f.confidence = round(probability.effect);
-                f.replicated = Replicated { parts: replicated.parts, agree: replicated.agree };
                 f.share = round(share.max(0.0));
                 f.session = candidates[group.members[0]].session().filter(|_| kept.names.len() > 1);
                 f.summary = verdict::summary(&f);
                 if f.confidence <= DOUBTED_BELOW {
                     found.doubted.extend(f.site.part().filter(|place| !found.doubted.contains(place)));
                 }
-                let members = group.members.iter().map(|m| candidates[*m].clone()).collect();
+                let members = members.into_iter().cloned().collect();
                 found.findings.push(f);
                 found.grounds.push((members, rivals));
             } else {
@@ -229,15 +235,9 @@ impl<'a> Proving<'a> {
         Ok(found)
     }
 
-    /// How probable it is that a group says the right thing at the right place; `state` has everything else.
-    fn probability(
-        &self,
-        group: &Group,
-        effect: EffectId,
-        others: &[usize],
-        state: &RegressionState,
-    ) -> (Shares, Replication) {
-        let Some(parts) = &self.blocks else { return (Shares::default(), Replication::default()) };
+    /// Shares of the evidence for what a group says, at its place; `state` has everything else.
+    fn shares(&self, group: &Group, effect: EffectId, others: &[usize], state: &RegressionState) -> Shares {
+        let Some(parts) = &self.blocks else { return Shares::default() };
         let candidates = &self.rounds.candidates;
         let first = &candidates[group.members[0]];
         let says = |c: &Candidate| {
@@ -285,8 +285,7 @@ impl<'a> Proving<'a> {
         let doubt = self.test.doubt(full, state, own, &|place| place.is_same_part(first.site));
         shares.effect *= 1.0 - doubt;
         shares.family *= 1.0 - doubt;
-        let replicated = parts.replication(&group.members, self.design.parameters);
-        (probabilities(&shares, &replicated), replicated)
+        shares
     }
 
     /// What was chosen but for what is at a place: only its curves without a name, or all of it.

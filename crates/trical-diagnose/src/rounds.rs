@@ -1,9 +1,10 @@
 //! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
+mod pays;
+
 use trical_ident::calibration::{own_setup, score_sessions};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
-use trical_ident::folds::Folds;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
@@ -19,16 +20,15 @@ use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise}
 use crate::correlated_noise::CorrelatedNoise;
 use crate::covariates::{Covariates, gives_way};
 use crate::effect_id::{Cause, EffectId};
-use crate::findings::{Group, grouped};
+use crate::halves::Halves;
 use crate::linear::Design;
 use crate::locators::locators;
 use crate::options::Options;
-use crate::parts::Parts;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
     CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE,
-    SETTLED_SHARE, TRIED_WITH_CURVES,
+    SETTLED_AMONG_FEW, SETTLED_SHARE,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -54,6 +54,10 @@ pub(crate) struct Rounds {
     curves: Vec<Candidate>,
     /// Such curves that were held and did not pay: they are asked about no more.
     let_go: Vec<usize>,
+    /// Candidates that are not searched in this round: far from being of use when all were.
+    idle: Vec<usize>,
+    /// Those of the last round among all.
+    last_idle: Vec<usize>,
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
@@ -119,6 +123,8 @@ impl Rounds {
             held: Vec::new(),
             curves: Vec::new(),
             let_go: Vec::new(),
+            idle: Vec::new(),
+            last_idle: Vec::new(),
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
             fitted_nuisances: vec![false; nuisances.len()],
@@ -160,19 +166,25 @@ impl Rounds {
     }
 
     /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
-    /// two choices may each lead to the other: then the likelier one is taken.
-    pub(crate) fn settle(&mut self, task: &Task<'_>) -> Result<()> {
-        let mut rounds: Vec<Round> = Vec::new();
+    /// two choices may each lead to the other: then the likelier one is taken. Between a first and a last round among all candidates
+    /// only those are searched that were of use, or nearly, in the round among all before (as a working set's). `anew`: effects are also
+    /// chosen from nothing on, or else what was chosen so far is the first of the rounds.
+    pub(crate) fn settle(&mut self, anew: bool, task: &Task<'_>) -> Result<()> {
+        let mut rounds: Vec<Round> = if anew { Vec::new() } else { vec![self.round()] };
         for round in 0..MOST_ROUNDS {
             checkpoint()?;
-            #[expect(clippy::cast_precision_loss, reason = "counts")]
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
             task.step(round as f64 / MOST_ROUNDS as f64, "searching")?;
             self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
             let before = (self.chosen.clone(), self.correlation, self.touch_sigma());
-            self.choose(rounds.is_empty())?;
+            let among_all = self.idle.is_empty();
+            let idle = self.choose(rounds.is_empty())?;
+            if among_all {
+                self.last_idle.clone_from(&idle);
+            }
             let chosen: Vec<&Candidate> = self.chosen.iter().map(|c| &self.candidates[*c]).collect();
             self.add(finer(&chosen, &self.candidates, &self.kept));
             if self.refit().is_err() {
@@ -185,16 +197,22 @@ impl Rounds {
             // with the effects out of the way the readings' noise may show
             if self.fit_reading_noise()? {
                 rounds.clear();
+                self.idle.clear();
                 continue;
             }
             let new = self.round();
             let been_there = rounds.iter().any(|r| r.is_as(&new, &self.candidates));
-            let same_noise = round > 0 && self.touch_sigma() > before.2 * (1.0 - SETTLED_SHARE);
+            let least = if among_all { SETTLED_SHARE } else { SETTLED_AMONG_FEW };
+            let same_noise = !rounds.is_empty() && self.touch_sigma() > before.2 * (1.0 - least);
             rounds.push(new);
-            if been_there || same_noise {
-                break;
+            match (been_there || same_noise, among_all) {
+                (true, true) => break,
+                (true, false) => self.idle.clear(),
+                (false, true) => self.idle = idle,
+                (false, false) => {}
             }
         }
+        self.idle.clear();
         self.take_likeliest(rounds)
     }
 
@@ -321,7 +339,8 @@ impl Rounds {
 
     /// Chooses what explains the residuals: effects beside white noise, or fewer beside correlated noise. A slow effect that is not
     /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are.
-    fn choose(&mut self, first: bool) -> Result<()> {
+    /// Returns candidates that are far from being of use beside what was chosen.
+    fn choose(&mut self, first: bool) -> Result<Vec<usize>> {
         let mut design = self.design(&self.searched(), &[], self.correlation)?;
         let mut best = self.explanation(&mut design, self.correlation, &self.chosen)?;
         if first {
@@ -337,8 +356,10 @@ impl Rounds {
                 }
             }
         }
+        design.set_noise(best.correlation, &self.kept);
+        let idle = self.searcher(&design).idle(&design.start(), &best.chosen);
         (self.chosen, self.correlation) = (best.chosen, best.correlation);
-        Ok(())
+        Ok(idle)
     }
 
     /// Effects and correlation of the noise, each chosen beside the other in turn from `correlation` on; `design` has all candidates.
@@ -475,146 +496,21 @@ impl Rounds {
         Ok(())
     }
 
-    /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
-    /// worth most where they are, and stay in the fit while leaner candidates are searched, which then costs what these cost.
-    pub(crate) fn hold_curves(&mut self) -> Result<bool> {
-        if self.curves.is_empty() {
-            return Ok(false);
-        }
-        let first = self.candidates.len();
-        let all = [self.searched(), self.curves.clone()].concat();
-        let chosen = {
-            let design = self.design(&all, &[], CorrelatedNoise::WHITE)?;
-            let search = Search::new(&design, &all, self.temper()).without_candidates(&self.held);
-            search.first(&design.start(), &self.chosen, TRIED_WITH_CURVES)
-        };
-        let new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();
-        if new.is_empty() {
-            return Ok(false);
-        }
-        let mut at = 0..;
-        let (held, left): (Vec<Candidate>, Vec<Candidate>) =
-            std::mem::take(&mut self.curves).into_iter().partition(|_| at.next().is_some_and(|k| new.contains(&k)));
-        self.curves = left;
-        let before = self.held.len();
-        self.held.extend(first..first + held.len());
-        self.candidates.extend(held);
-        if self.refit_with(true).is_err() {
-            // the exact fit does not follow the linear picture: they stay out
-            self.held.truncate(before);
-            self.refit()?;
-            return Ok(false);
-        }
-        Ok(true)
-    }
-
-    /// Held curves, and what says the same in other words: waves of theirs, and free curves of the same angle at the same joint.
-    fn said_by_curves(&self) -> Vec<usize> {
-        let said = |c: &Candidate| {
-            self.held.iter().map(|h| &self.candidates[*h]).any(|h| {
-                let own_angle =
-                    |t: &Term| t.basis.of == h.terms[0].basis.of && t.basis.sense.is_none() && t.basis.beside.is_none();
-                let free = c.cause == Cause::Unexplained && c.site == h.site && c.terms.iter().all(own_angle);
-                free || c.is_part_of(h)
-            })
-        };
-        (0..self.candidates.len()).filter(|k| said(&self.candidates[*k])).collect()
-    }
-
     /// The candidates that are searched: held curves without their columns.
     fn searched(&self) -> Vec<Candidate> {
         let mut all = self.candidates.clone();
-        for c in self.held.iter().chain(&self.let_go) {
+        for c in self.held.iter().chain(&self.let_go).chain(&self.idle) {
             all[*c] = Candidate { terms: Vec::new(), signs: Vec::new(), scales: Vec::new(), ..all[*c].clone() };
         }
         all
     }
 
-    /// Lets go of held curves that do not pay at unseen blocks beside what was chosen since, or no more than one of their own waves does: what
-    /// looked like an encoder's error before the large effects were found need not be one. Whether there were any.
-    pub(crate) fn let_go_of_curves(&mut self) -> Result<bool> {
-        if self.held.is_empty() {
-            return Ok(false);
-        }
-        let held = std::mem::take(&mut self.held);
-        let waves: Vec<usize> = (0..self.candidates.len())
-            .filter(|c| !held.contains(c) && held.iter().any(|h| self.candidates[*c].is_part_of(&self.candidates[*h])))
-            .collect();
-        let members = self.members(&[&held[..], &self.chosen[..], &waves[..]].concat());
-        let dropped = {
-            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
-            let all: Vec<usize> = (0..held.len() + self.chosen.len()).collect();
-            let parts = Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper());
-            parts.map_or_else(Vec::new, |p| {
-                let groups = grouped(&members[..held.len()], &all[..held.len()]);
-                let leaner = |curve: usize, wave: &usize| members[*wave].is_part_of(&members[curve]);
-                let instead = |g: &Group| (all.len()..members.len()).filter(|w| leaner(g.members[0], w)).collect();
-                p.what_does_not_pay(&members, groups, &instead)
-            })
-        };
-        let (let_go, held): (Vec<_>, Vec<_>) = held.into_iter().enumerate().partition(|(k, _)| dropped.contains(k));
-        self.held = held.into_iter().map(|(_, c)| c).collect();
-        if let_go.is_empty() {
-            return Ok(false);
-        }
-        self.let_go.extend(let_go.into_iter().map(|(_, c)| c));
-        // what was chosen beside them need not be what is chosen without
-        (self.chosen, self.correlation) = (Vec::new(), CorrelatedNoise::WHITE);
-        self.refit()?;
-        Ok(true)
-    }
-
-    /// Held curves become as every other effect.
-    pub(crate) fn release_curves(&mut self) -> Result<()> {
-        let mut held = std::mem::take(&mut self.held);
-        held.append(&mut self.chosen);
-        self.chosen = held;
-        Ok(())
-    }
-
-    /// Drops what does not pay at blocks of poses that the fit did not see, one finding after the other, the worst first; and takes the
-    /// simpler of two nested effects where what tells them apart is nothing.
-    pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
-        let before = self.chosen.clone();
-        self.simplify();
-        let members = self.members(&self.chosen);
-        let dropped: Vec<usize> = {
-            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
-            let all: Vec<usize> = (0..members.len()).collect();
-            match Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper()) {
-                Some(parts) => parts.what_does_not_pay(&members, grouped(&members, &all), &|_| Vec::new()),
-                None => Vec::new(),
-            }
-        };
-        let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();
-        self.chosen.retain(|c| !dropped.contains(c));
-        // curves that were held are fitted with everything else now
-        let curves = self.chosen.iter().any(|c| self.candidates[*c].is_long_curve());
-        if curves || self.chosen != before { self.refit() } else { Ok(()) }
-    }
-
-    /// Nested effects (a gap within friction that grows with the load): where all that the larger one adds is within two standard
-    /// deviations of nothing, the smaller one takes its place.
-    fn simplify(&mut self) {
-        for k in 0..self.chosen.len() {
-            let own = &self.candidates[self.chosen[k]];
-            if own.is_long_curve() {
-                continue; // over part of a turn each wave is uncertain where the curve is not
-            }
-            let is_part =
-                |o: &Candidate| o.terms.len() < own.terms.len() && o.cause.effect().is_some() && o.is_part_of(own);
-            let nothing = |t: &Term| {
-                let fitted = self.fitted.model.terms.iter().find(|m| m.does_as(t));
-                fitted.is_some_and(|m| m.sd.is_some_and(|sd| m.value.abs() < 2.0 * sd))
-            };
-            let simpler = self.candidates.iter().position(|o| {
-                let beside = |t: &&Term| !o.terms.iter().any(|u| u.site == t.site && u.basis == t.basis);
-                is_part(o) && own.terms.iter().filter(beside).all(nothing)
-            });
-            if let Some(simpler) = simpler.filter(|s| !self.chosen.contains(s)) {
-                self.chosen[k] = simpler;
-            }
-        }
+    /// What halves of the data say, each searched by itself among what was chosen and what was of use or nearly.
+    pub(crate) fn halves(&self) -> Result<Halves> {
+        let asked = |c: &usize| self.chosen.contains(c) || !(self.last_idle.contains(c) || self.let_go.contains(c));
+        let some: Vec<usize> = (0..self.candidates.len()).filter(asked).collect();
+        let fitted = (&self.fitted.model, self.baseline_terms);
+        Halves::search(fitted, &self.members(&some), &self.kept, &self.fitted.noise, self.temper())
     }
 
     /// Share of the rows that is independent.

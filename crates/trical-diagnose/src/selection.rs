@@ -3,7 +3,9 @@
 
 use crate::candidate::Candidate;
 use crate::linear::{Design, Downdate, Downdated, RegressionState};
-use crate::settings::{EVIDENCE_NATS, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST, SAME_EVIDENCE_NATS};
+use crate::settings::{
+    EVIDENCE_NATS, IDLE_NATS, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST, SAME_EVIDENCE_NATS,
+};
 use rayon::prelude::*;
 use trical_model::Place;
 use trical_model::interrupt::stop_wanted;
@@ -298,6 +300,18 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// For every member of a set, its coefficients (SI) beside all the others.
+    pub(crate) fn each_beside_others(
+        &self,
+        start: &RegressionState,
+        set: &[usize],
+        visit: &mut dyn FnMut(usize, Vec<f64>),
+    ) {
+        self.among(start, set, |few, start| {
+            few.without_each(start, set, &mut |own, state| visit(own, few.design.coefficients(state, own)));
+        });
+    }
+
     /// Replaces chosen candidates by better ones: one by one, or a rich one by two leaner ones that together say more (a
     /// twist hides in a wobble, but is one number instead of four).
     fn swap(&self, start: &RegressionState, chosen: &mut Vec<usize>) {
@@ -336,6 +350,28 @@ impl<'a> Search<'a> {
                 break;
             }
         }
+    }
+
+    /// Candidates that are far from being of use: beside a set, or in the place of one of it, others have at least [`IDLE_NATS`] more.
+    #[must_use]
+    pub fn idle(&self, start: &RegressionState, set: &[usize]) -> Vec<usize> {
+        let downdate = Downdate::new(self.design, start, set);
+        let mut used = vec![false; self.candidates.len()];
+        set.iter().for_each(|c| used[*c] = true);
+        let mut take = |state: &RegressionState, least: f64| {
+            for r in self.rank(state).iter().take_while(|r| r.evidence > least) {
+                used[r.candidate] = true;
+            }
+        };
+        take(downdate.full(), EVIDENCE_NATS - IDLE_NATS);
+        self.among(start, set, |few, start| {
+            few.without_each(start, set, &mut |own, like| {
+                let state = downdate.without(&[own], like).state;
+                let now = self.evidence(&state, own).map_or(EVIDENCE_NATS, |r| r.evidence);
+                take(&state, now.max(EVIDENCE_NATS) - IDLE_NATS);
+            });
+        });
+        (0..used.len()).filter(|c| !used[*c]).collect()
     }
 
     /// What could be in the place of a member of a set, at a state without it.

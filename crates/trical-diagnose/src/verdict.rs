@@ -383,7 +383,8 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::{Evidence, Replicated, Rival};
+    use crate::diagnosis::{Evidence, Rival};
+    use crate::probability::Replicated;
 
     fn finding(effect: EffectId, joint: usize, [place, family, name]: [f64; 3], [before, after]: [f64; 2]) -> Finding {
         let described = effect.effect();

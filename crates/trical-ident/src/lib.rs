@@ -71,7 +71,7 @@ pub use joint_choice::clean;
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
-pub use predicted::Predicted;
+pub use predicted::{Expected, Predicted};
 pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{Streamed, identify_stream};

@@ -8,12 +8,12 @@
 
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Mat, Side};
-use trical_model::{Forward, Measured, Model};
+use trical_model::{Forward, Measured, Model, Scope, Site, State};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
-use crate::model_file::Uncertainty;
+use crate::model_file::{ModelFile, Uncertainty};
 
 /// Standard deviations to each side within which 95 of 100 normal numbers lie.
 const HOLDS_95: f64 = 1.959_964;
@@ -99,6 +99,55 @@ pub(crate) fn predicted(
     }))
 }
 
+/// How uncertain a model is of where the tool is.
+pub struct Expected {
+    forward: Forward,
+    /// Of the terms that are free in `forward`.
+    covariance: Mat<f64>,
+}
+
+impl Expected {
+    /// Of the terms of arm and tool of a model file; `None` where the file does not say how uncertain they are together.
+    ///
+    /// # Errors
+    /// A model that its own arm cannot have.
+    pub fn of(file: &ModelFile) -> Result<Option<Self>> {
+        let Some(uncertainty) = &file.uncertainty else { return Ok(None) };
+        let model = &file.model;
+        let of_session = |k: &usize| matches!(model.terms[*k].site, Site::Frame { .. } | Site::Target { .. });
+        let known = known(model, uncertainty, &|k| !of_session(&k) && model.terms[k].scope() != Scope::Course);
+        let forward = Forward::new(model.clone(), known.iter().map(|k| k.0).collect())?;
+        Ok(Some(Self { covariance: covariance(model, uncertainty, &known), forward }))
+    }
+
+    /// Standard deviation of a coordinate of the tool's position in the arm's base by the parameters alone, m: root mean square of the three.
+    #[must_use]
+    pub fn deviation(&self, state: &State) -> f64 {
+        let (p, mut ws) = (self.forward.free().len(), self.forward.workspace());
+        let mut block = vec![0.0; 6 * p];
+        let anywhere = Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] };
+        self.forward.linearize(state, &anywhere, 0, &mut ws, &mut block);
+        let h = Mat::from_fn(3, p, |i, j| block[i * p + j]);
+        let through = &h * &self.covariance;
+        let square: f64 = (0..3).flat_map(|i| (0..p).map(move |j| (i, j))).map(|at| through[at] * h[at]).sum();
+        (square.max(0.0) / 3.0).sqrt()
+    }
+}
+
+/// Terms of a model of which a file says how uncertain they are, and where it does; those that `pick` takes.
+fn known(model: &Model, uncertainty: &Uncertainty, pick: &dyn Fn(usize) -> bool) -> Vec<(usize, usize)> {
+    let place = |k: usize| uncertainty.names.iter().position(|n| *n == model.terms[k].name);
+    let asked = (0..model.terms.len()).filter(|k| pick(*k) && model.terms[*k].sd.is_some());
+    asked.filter_map(|k| Some((k, place(k)?))).collect()
+}
+
+/// Of such terms.
+fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat<f64> {
+    let (m, count) = (known.len(), uncertainty.names.len());
+    let sd = |k: usize| model.terms[known[k].0].sd.unwrap_or(0.0);
+    Mat::from_fn(m, m, |i, j| uncertainty.correlation[known[i].1 * count + known[j].1] * sd(i) * sd(j))
+}
+
 /// Derivatives of rows to the known and to the own parameters, and the residual.
 struct Rows {
     known: Mat<f64>,
@@ -144,19 +193,12 @@ fn coordinates(
     data: &Dataset,
     learnt: &[bool],
 ) -> Result<Vec<Coordinate>> {
-    let place = |k: usize| uncertainty.names.iter().position(|n| *n == model.terms[k].name);
-    let known: Vec<(usize, usize)> = (0..model.terms.len())
-        .filter(|k| !own.contains(k) && model.terms[*k].sd.is_some())
-        .filter_map(|k| Some((k, place(k)?)))
-        .collect();
+    let known = known(model, uncertainty, &|k| !own.contains(&k));
     let m = known.len();
     let forward = Forward::new(model.clone(), known.iter().map(|k| k.0).chain(own.iter().copied()).collect())?;
     let every = data.observations.len().div_ceil(MEASUREMENTS).max(1);
     let asked = Rows::of(&forward, m, data, every, false)?;
-    let count = uncertainty.names.len();
-    let sd = |k: usize| model.terms[known[k].0].sd.unwrap_or(0.0);
-    let covariance =
-        Mat::from_fn(m, m, |i, j| uncertainty.correlation[known[i].1 * count + known[j].1] * sd(i) * sd(j));
+    let covariance = covariance(model, uncertainty, &known);
     let (mut h, mut of_own) = (asked.known, vec![0.0; asked.residual.len()]);
     if !own.is_empty() {
         let every = train.observations.len().div_ceil(MEASUREMENTS).max(1);

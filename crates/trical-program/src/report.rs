@@ -91,6 +91,8 @@ pub struct TargetRow {
     pub wanted: Pose,
     /// Joints to which the controller goes with the numbers as written.
     pub joints: Joints,
+    /// How far off a coordinate of the tool's position may still be there, m (standard deviation), if whoever has the model says so.
+    pub deviation: Option<f64>,
 }
 
 /// A motion to a place that is relative to a rewritten target: it takes that target's correction along.
@@ -210,6 +212,9 @@ impl Report {
                         "line": r.line, "name": r.name, "move_mm": mm(r.moved),
                         "before_mm": mm(r.before), "after_mm": mm(r.after),
                     });
+                    if let Some(deviation) = r.deviation {
+                        row["sd_mm"] = json!(mm(deviation));
+                    }
                     if !r.file.is_empty() {
                         row["file"] = json!(r.file);
                     }
@@ -295,6 +300,7 @@ impl<'a> Tally<'a> {
                 after: done.after.0,
                 wanted: done.wanted,
                 joints: done.joints,
+                deviation: None,
             });
         }
         let r = &mut self.report;

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use trical_ident::ModelFile;
-use trical_model::Model;
+use trical_ident::{Expected, ModelFile};
+use trical_model::{Joints, Model, State};
 use trical_program::{Job, Options, ProgramError, Report, declared_frames, left};
 use trical_report::table;
 
@@ -127,7 +127,11 @@ pub fn run(args: &Args) -> Result<()> {
         visited: file.visited(),
     };
     let nominal = Model::nominal(robot, cell);
-    let report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
+    let mut report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
+    if let Some(expected) = Expected::of(&file)? {
+        let state = |q: &Joints| State { temp_c: args.temp_c, payload_kg: args.payload_kg, ..State::at(q) };
+        report.rows.iter_mut().for_each(|r| r.deviation = Some(expected.deviation(&state(&r.joints))));
+    }
     tell(args, &job, &report)?;
     if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }
 }
@@ -139,17 +143,21 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         return say(serde_json::to_string_pretty(&report.json(dialect))?);
     }
     if args.check {
-        let mut rows = vec![["line", "target", "moves, mm", "error before", "after"].map(String::from).to_vec()];
+        let heads = ["line", "target", "moves, mm", "error before", "after", "standard deviation"];
+        let told = if report.rows.iter().any(|r| r.deviation.is_some()) { 6 } else { 5 };
+        let mut rows = vec![heads[..told].iter().map(ToString::to_string).collect::<Vec<_>>()];
         rows.extend(report.rows.iter().map(|r| {
             let name = if r.name.is_empty() { "(inline)" } else { &r.name };
             let file = if r.file.is_empty() { String::new() } else { format!("{}, ", r.file) };
-            vec![
+            let mut row = vec![
                 format!("{file}{}", r.line),
                 name.to_owned(),
                 format!("{:.3}", mm(r.moved)),
                 format!("{:.3}", mm(r.before)),
                 format!("{:.4}", mm(r.after)),
-            ]
+            ];
+            row.extend(r.deviation.map(|sd| format!("{:.3}", mm(sd))));
+            row
         }));
         for line in table::lines(&rows) {
             say(line)?;

@@ -21,5 +21,5 @@ pub mod state;
 pub(crate) use columns::Linear;
 pub use design::Design;
 pub use downdate::{Downdate, Downdated};
-pub use partition::{Alone, Apart, Partition};
+pub use partition::Partition;
 pub use state::{Gain, RegressionState};

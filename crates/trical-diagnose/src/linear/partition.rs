@@ -1,5 +1,5 @@
-//! A set of candidates fitted without each part of the poses in turn, and on each part alone: what its coefficients say apart, and what
-//! the poses of a part say of it when it was learnt on the others.
+//! A set of candidates fitted without each part of the poses in turn: what the poses of a part say of it when it was learnt on the
+//! others.
 //!
 //! With `H` the normal matrix of the fitted rows (priors included), `x` the solution and `E = X_t H^-1` for the rows `X_t` that are
 //! predicted, columns `o` are taken out by `x' = x - H^-1[:, o] y`, `y = H^-1[o, o]^-1 x[o]`, which changes the predicted residual by
@@ -60,20 +60,6 @@ struct Seen {
     with_set: Mat<f64>,
     with_itself: Mat<f64>,
     push: Mat<f64>,
-}
-
-/// The joint fit to a group of parts alone: inverse of its normal matrix, and the solution.
-pub struct Alone {
-    inverse: Mat<f64>,
-    x: Mat<f64>,
-}
-
-/// Coefficients of some candidates from one part of the data alone, SI, and their covariance for unit noise.
-pub struct Apart {
-    /// Coefficients.
-    pub value: Vec<f64>,
-    /// `k x k`.
-    pub covariance: Mat<f64>,
 }
 
 impl<'a> Partition<'a> {
@@ -273,49 +259,6 @@ impl<'a> Partition<'a> {
         Some(left)
     }
 
-    /// The joint fit to each group of parts alone; groups that do not determine it are left out.
-    #[must_use]
-    pub fn alone(&self, groups: &[Vec<usize>]) -> Vec<Alone> {
-        let all: Vec<usize> = (0..self.scale.len()).collect();
-        let of = |parts: &Vec<usize>| {
-            let (h, g) = self.normal(parts.iter().copied(), &all);
-            let factor = h.llt(Side::Lower).ok()?;
-            Some(Alone { inverse: factor.inverse(), x: factor.solve(&g) })
-        };
-        groups.par_iter().filter_map(of).collect()
-    }
-
-    /// Coefficients of some members of the set from each of these fits, beside all others fitted to the same rows. Their own priors are
-    /// left out, so that parts are independent; what a part does not determine is not there.
-    #[must_use]
-    pub fn apart(&self, members: &[usize], alone: &[Alone]) -> Vec<Apart> {
-        let own = self.columns_of(members);
-        let k = own.len();
-        let of = |fit: &Alone| {
-            // what the rows and the priors say of them when all others are fitted too
-            let covariance = Mat::from_fn(k, k, |i, j| fit.inverse[(own[i], own[j])]);
-            let mut precision = covariance.llt(Side::Lower).ok()?.inverse();
-            let push = &precision * Mat::from_fn(k, 1, |i, _| fit.x[(own[i], 0)]);
-            for (i, j) in own.iter().enumerate() {
-                // a trace of the prior keeps what the part does not determine finite
-                precision[(i, i)] -= (1.0 - OWN_PRIOR) * (self.precision[*j] - DAMPING);
-            }
-            let covariance = precision.llt(Side::Lower).ok()?.inverse();
-            let value = &covariance * push;
-            Some(Apart {
-                value: own.iter().enumerate().map(|(i, j)| value[(i, 0)] * self.scale[*j]).collect(),
-                covariance: Mat::from_fn(k, k, |i, j| covariance[(i, j)] * self.scale[own[i]] * self.scale[own[j]]),
-            })
-        };
-        alone.iter().filter_map(of).collect()
-    }
-
-    /// Number of rows of each part.
-    #[must_use]
-    pub fn sizes(&self) -> Vec<usize> {
-        self.rows.iter().map(Vec::len).collect()
-    }
-
     /// Pose of each row.
     #[must_use]
     pub fn pose_of_row(&self) -> &[usize] {
@@ -342,6 +285,3 @@ impl<'a> Partition<'a> {
         squares.into_iter().map(|(_, s)| s.sqrt()).filter(|e| e.is_finite()).collect()
     }
 }
-
-/// Share of its own prior's precision that a coefficient keeps where it is estimated on a part alone.
-const OWN_PRIOR: f64 = 0.01;

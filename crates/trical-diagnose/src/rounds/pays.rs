@@ -1,0 +1,150 @@
+//! What pays: curves with many coefficients, which are chosen first and held, and everything that was chosen, at poses that the fit did
+//! not see.
+
+use trical_ident::error::Result;
+use trical_ident::folds::Folds;
+use trical_model::Term;
+
+use super::Rounds;
+use crate::candidate::Candidate;
+use crate::correlated_noise::CorrelatedNoise;
+use crate::effect_id::Cause;
+use crate::findings::{Group, grouped};
+use crate::parts::Parts;
+use crate::selection::Search;
+use crate::settings::TRIED_WITH_CURVES;
+
+impl Rounds {
+    /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
+    /// worth most where they are, and stay in the fit while leaner candidates are searched, which then costs what these cost.
+    pub(crate) fn hold_curves(&mut self) -> Result<bool> {
+        if self.curves.is_empty() {
+            return Ok(false);
+        }
+        let first = self.candidates.len();
+        let all = [self.searched(), self.curves.clone()].concat();
+        let chosen = {
+            let design = self.design(&all, &[], CorrelatedNoise::WHITE)?;
+            let search = Search::new(&design, &all, self.temper()).without_candidates(&self.held);
+            search.first(&design.start(), &self.chosen, TRIED_WITH_CURVES)
+        };
+        let new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();
+        if new.is_empty() {
+            return Ok(false);
+        }
+        let mut at = 0..;
+        let (held, left): (Vec<Candidate>, Vec<Candidate>) =
+            std::mem::take(&mut self.curves).into_iter().partition(|_| at.next().is_some_and(|k| new.contains(&k)));
+        self.curves = left;
+        let before = self.held.len();
+        self.held.extend(first..first + held.len());
+        self.candidates.extend(held);
+        if self.refit_with(true).is_err() {
+            // the exact fit does not follow the linear picture: they stay out
+            self.held.truncate(before);
+            self.refit()?;
+            return Ok(false);
+        }
+        Ok(true)
+    }
+
+    /// Held curves, and what says the same in other words: waves of theirs, and free curves of the same angle at the same joint.
+    pub(super) fn said_by_curves(&self) -> Vec<usize> {
+        let said = |c: &Candidate| {
+            self.held.iter().map(|h| &self.candidates[*h]).any(|h| {
+                let own_angle =
+                    |t: &Term| t.basis.of == h.terms[0].basis.of && t.basis.sense.is_none() && t.basis.beside.is_none();
+                let free = c.cause == Cause::Unexplained && c.site == h.site && c.terms.iter().all(own_angle);
+                free || c.is_part_of(h)
+            })
+        };
+        (0..self.candidates.len()).filter(|k| said(&self.candidates[*k])).collect()
+    }
+
+    /// Lets go of held curves that do not pay at unseen blocks beside what was chosen since, or no more than one of their own waves does: what
+    /// looked like an encoder's error before the large effects were found need not be one. Whether there were any.
+    pub(crate) fn let_go_of_curves(&mut self) -> Result<bool> {
+        if self.held.is_empty() {
+            return Ok(false);
+        }
+        let held = std::mem::take(&mut self.held);
+        let waves: Vec<usize> = (0..self.candidates.len())
+            .filter(|c| !held.contains(c) && held.iter().any(|h| self.candidates[*c].is_part_of(&self.candidates[*h])))
+            .collect();
+        let members = self.members(&[&held[..], &self.chosen[..], &waves[..]].concat());
+        let dropped = {
+            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+            let all: Vec<usize> = (0..held.len() + self.chosen.len()).collect();
+            let parts = Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper());
+            parts.map_or_else(Vec::new, |p| {
+                let groups = grouped(&members[..held.len()], &all[..held.len()]);
+                let leaner = |curve: usize, wave: &usize| members[*wave].is_part_of(&members[curve]);
+                let instead = |g: &Group| (all.len()..members.len()).filter(|w| leaner(g.members[0], w)).collect();
+                p.what_does_not_pay(&members, groups, &instead)
+            })
+        };
+        let (let_go, held): (Vec<_>, Vec<_>) = held.into_iter().enumerate().partition(|(k, _)| dropped.contains(k));
+        self.held = held.into_iter().map(|(_, c)| c).collect();
+        if let_go.is_empty() {
+            return Ok(false);
+        }
+        self.let_go.extend(let_go.into_iter().map(|(_, c)| c));
+        // what was chosen beside them need not be what is chosen without
+        (self.chosen, self.correlation) = (Vec::new(), CorrelatedNoise::WHITE);
+        self.refit()?;
+        Ok(true)
+    }
+
+    /// Held curves become as every other effect.
+    pub(crate) fn release_curves(&mut self) -> Result<()> {
+        let mut held = std::mem::take(&mut self.held);
+        held.append(&mut self.chosen);
+        self.chosen = held;
+        Ok(())
+    }
+
+    /// Drops what does not pay at blocks of poses that the fit did not see, one finding after the other, the worst first; and takes the
+    /// simpler of two nested effects where what tells them apart is nothing.
+    pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
+        let before = self.chosen.clone();
+        self.simplify();
+        let members = self.members(&self.chosen);
+        let dropped: Vec<usize> = {
+            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+            let all: Vec<usize> = (0..members.len()).collect();
+            match Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper()) {
+                Some(parts) => parts.what_does_not_pay(&members, grouped(&members, &all), &|_| Vec::new()),
+                None => Vec::new(),
+            }
+        };
+        let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();
+        self.chosen.retain(|c| !dropped.contains(c));
+        // curves that were held are fitted with everything else now
+        let curves = self.chosen.iter().any(|c| self.candidates[*c].is_long_curve());
+        if curves || self.chosen != before { self.refit() } else { Ok(()) }
+    }
+
+    /// Nested effects (a gap within friction that grows with the load): where all that the larger one adds is within two standard
+    /// deviations of nothing, the smaller one takes its place.
+    fn simplify(&mut self) {
+        for k in 0..self.chosen.len() {
+            let own = &self.candidates[self.chosen[k]];
+            if own.is_long_curve() {
+                continue; // over part of a turn each wave is uncertain where the curve is not
+            }
+            let is_part =
+                |o: &Candidate| o.terms.len() < own.terms.len() && o.cause.effect().is_some() && o.is_part_of(own);
+            let nothing = |t: &Term| {
+                let fitted = self.fitted.model.terms.iter().find(|m| m.does_as(t));
+                fitted.is_some_and(|m| m.sd.is_some_and(|sd| m.value.abs() < 2.0 * sd))
+            };
+            let simpler = self.candidates.iter().position(|o| {
+                let beside = |t: &&Term| !o.terms.iter().any(|u| u.site == t.site && u.basis == t.basis);
+                is_part(o) && own.terms.iter().filter(beside).all(nothing)
+            });
+            if let Some(simpler) = simpler.filter(|s| !self.chosen.contains(s)) {
+                self.chosen[k] = simpler;
+            }
+        }
+    }
+}

@@ -152,7 +152,7 @@ impl Report {
             if list.len() > PLACES {
                 all.push(format!("{} more", list.len() - PLACES));
             }
-            all.join(", ")
+            format!("line{} {}", if list.len() == 1 { "" } else { "s" }, all.join(", "))
         };
         let (known, unknown): (Vec<&Relative>, Vec<&Relative>) = self.relative.iter().partition(|r| r.off.is_some());
         let worst =
@@ -160,7 +160,7 @@ impl Report {
         let mut said = Vec::new();
         if let Some((worst, (before, after))) = worst.and_then(|r| r.off.map(|o| (r, o))) {
             said.push(format!(
-                "lines {}: by the model at most {:.3} mm of {:.3} mm are left there (line {})",
+                "{}: by the model at most {:.3} mm of {:.3} mm are left there (line {})",
                 places(&known),
                 after * 1e3,
                 before * 1e3,
@@ -168,7 +168,7 @@ impl Report {
             ));
         }
         if !unknown.is_empty() {
-            said.push(format!("lines {}: how far from it only the running program knows", places(&unknown)));
+            said.push(format!("{}: how far from it only the running program knows", places(&unknown)));
         }
         (!said.is_empty())
             .then(|| format!("places relative to a target take its correction along: {}", said.join("; ")))

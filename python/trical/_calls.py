@@ -66,17 +66,17 @@ def identify(
         model: "nominal" (measuring frame or base, and tool points only), "geometry" (rigid), "compliance" (the
             paper's 31) or "complete": as rich as robot and recordings allow; `cautions` says what was left out and why.
         compliant: joints (from 1) whose compliance is identified; all that carry gravity where empty.
-        folds: also score every pose by a fit without it, in so many folds that cut no block of neighbouring poses.
-        hold_out_last: also score the last so many percent of each recording's poses by a fit to those before.
+        folds: also score every pose by a fit without it, in this many folds that divide no block of neighbouring poses.
+        hold_out_last: also score this last percentage of each recording's poses by a fit to those before.
         keep_outliers: keep gross errors instead of rejecting them.
         tool: which recordings share a tool on the flange: "auto", those whose measurements do not say otherwise;
             "same", all; "own", none.
-        stream: read files in passes, in memory that does not grow with their rows; by itself above 32 MB of CSV or
+        stream: read files in passes, in memory that does not grow with their rows; the default above 32 MB of CSV or
             512 MB of MCAP.
-        known: a TOML file of what is known beforehand: tables `[[parameter]]` with name, value and sd (a prior), min
-            and max, in the units of `parameters`.
-        progress: True for a line on standard error, or a function of a fraction and what is being done. What it
-            raises, and Ctrl-C, ends the call.
+        known: a TOML file of prior knowledge: tables `[[parameter]]` with name, value and sd (a prior), min and max, in
+            the units of `parameters`.
+        progress: True for a line on standard error, or a function that gets a fraction and a description. An exception
+            from it, or Ctrl-C, ends the call.
 
     Raises:
         RecordingError, NotEnoughDataError, TricalError: bad input, in one sentence.
@@ -153,9 +153,9 @@ def diagnose(
 ) -> Diagnosis:
     """Say which physics the model of an arm lacks, by recordings of it.
 
-    Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, so many touches are
-    planned that would decide between the least sure finding and its rivals (`Diagnosis.next`). With `names_only` what
-    has no name is told but not modelled. The other arguments and errors are those of `identify`.
+    Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, this many touches are
+    planned that decide between the least sure finding and its rivals (`Diagnosis.next`). With `names_only` curves of no
+    known cause are reported but not modelled. The other arguments and errors are those of `identify`.
     """
     model, text, errors, planned, told = _native._diagnose(
         _sources(recordings),
@@ -209,13 +209,12 @@ def validate(
 ) -> Validation:
     """Score a model on recordings of its arm.
 
-    A recording that the model was fitted to is predicted with all that was identified of it; to any other goes only
-    what belongs to the arm. Where the model cannot know a recording's measuring frame, frame and tool points are
-    identified from every fourth of its poses.
-    `robot` and `cell` are by default those inside the model; `joints` those that it was fitted to. With `refit`
-    "frame" or "frame,targets" these are identified again from every fourth pose, for an instrument that was set up
-    anew, and the other poses are scored. The other arguments and errors are those of `identify`; WrongModelError
-    where model and recordings do not belong together.
+    A recording that the model was fitted to is predicted with all that was identified of it, any other by what belongs
+    to the arm. Where the model cannot know a recording's measuring frame, frame and tool points are identified from
+    every fourth of its poses. `robot` and `cell` are by default those inside the model; `joints` those that it was
+    fitted to. With `refit` "frame" or "frame,targets" these are identified again from every fourth pose, for an
+    instrument that was set up anew, and the other poses are scored. The other arguments and errors are those of
+    `identify`; WrongModelError where model and recordings do not belong together.
     """
     what = refit.split(",") if isinstance(refit, str) else list(refit)
     text, errors, told = _native._validate(
@@ -235,7 +234,7 @@ def validate(
 
 
 def compare(model: Model, recording: PathLike | Recording, *, joints: str | None = None) -> dict[str, Any]:
-    """Say whether an arm is still what it was, from 8 to 12 new touches (or any recording).
+    """Say whether an arm has changed since its calibration, from 8 to 12 new touches (or any recording).
 
     `model` is an earlier calibration by `identify`, which knows how uncertain it is. Keys: verdict ("unchanged",
     "setup changed", "arm changed", "wrong touches"), summary, changes (what, by how much, probability, rivals), visible
@@ -302,12 +301,12 @@ def plan(
         cell: path of a cell.toml, or a Cell.
         per_ball: touches a ball.
         pool: candidates a ball, from which the informative ones are chosen.
-        criterion: what the touches are to be best for: "d" all parameters together, "a" the sum of their variances,
-            "e" the worst known direction, "sphere" or "workspace" the position error there.
+        criterion: what the touches are optimized for: "d" all parameters together, "a" the sum of their variances, "e"
+            the least certain direction, "sphere" or "workspace" the position error there.
         sphere: where the arm is to be accurate, (4,): centre in the world and radius, m; by default 0.2 m about a
             point 0.1 m above the balls.
         max_tilt: largest angle between the device's z axis and straight down, rad.
-        noise: standard deviation of each of a touch's three numbers, m, for what is expected.
+        noise: standard deviation of each of a touch's three readings, m, for the expected errors.
         start: (joints,) where the arm stands before the first touch, rad (m); where not given zero, or
             the middle between limits that leave zero out.
         seed: the same seed gives the same plan.
@@ -391,7 +390,7 @@ def simulate(
     time: npt.ArrayLike | None = None,
     payload: npt.ArrayLike | None = None,
 ) -> Recording:
-    """Return what would be recorded of an arm that is `model`.
+    """Simulate a recording of an arm that behaves as `model`.
 
     Args:
         model: the true arm, with all of its terms.
@@ -407,8 +406,7 @@ def simulate(
         angle_noise: standard deviation of a measured orientation about each axis, rad.
         seed: the same seed gives the same recording.
         stop_within: m; see `ball`.
-        directions: as for `Model.forward`; so are the rest. A term that looks at something that is not given is an
-            error here.
+        directions: as for `Model.forward`; so are the rest. A term whose input is not given is an error here.
 
     Exactly one of `ball`, `target`, `anchor` and `full_pose` says what is measured.
     """
@@ -444,11 +442,11 @@ def observability(
     model: str = "complete",
     noise: float | None = None,
 ) -> Observability:
-    """Say what measurements tell about the parameters of a set, whatever their values.
+    """Say how well measurements determine a set of parameters, whatever their values.
 
-    `recordings` as for `identify`; only where the arm stood and what was measured counts, so a Recording of planned
-    touches does with `indicators=[0, 0, 0]`. `noise` (m) scales the standard deviations of the parameters; 0.01 mm
-    where not given.
+    `recordings` as for `identify`; only the poses and the kind of measurement count, so a Recording of planned touches
+    with `indicators=[0, 0, 0]` is enough. `noise` (m) scales the standard deviations of the parameters; 0.01 mm where
+    not given.
     """
     text = _native._observability(_sources(recordings), _file(robot), _file(cell), joints, model, noise)
     s = json.loads(text)
@@ -495,11 +493,10 @@ def compensate(
 ) -> dict[str, Any]:
     """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
 
-    The file `out` appears whole or not at all. Without it nothing is written, and the answer has `rows`: each target
-    with its error before and after. Keys: targets, largest_move_mm, problems (what is not rewritten: line and reason),
-    before, after, meant_with, relative (motions relative to rewritten targets, and how far they are off); where there
-    are any, cautions, read_with and written (files of the program beside the one
-    that was named).
+    The file `out` is written completely or not at all. Without it nothing is written, and the answer has `rows`: each
+    target with its error before and after. Keys: targets, largest_move_mm, problems (what is not rewritten: line and
+    reason), before, after, meant_with, relative (motions relative to rewritten targets, and how far they are off);
+    where there are any, cautions, read_with and written (files of the program beside the one that was named).
     """
     text = _native._compensate(
         os.fspath(program),

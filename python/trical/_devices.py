@@ -27,7 +27,7 @@ AXES = ("x", "y", "z")
 def gauges() -> list[dict[str, str | None]]:
     """List the serial ports of this computer: dicts with port, device and url, None where it looks like no gauge.
 
-    A url is one to try, as `Gauge` and `measure` take it; which channel is which axis only a person can say.
+    The url is a suggestion for `Gauge` and `measure`; check which channel is which axis.
     """
     return [{"port": port, "device": device, "url": url} for port, device, url in _native._ports()]
 
@@ -58,7 +58,7 @@ class GaugeTest:
         return f"{self.name}: {len(self.readings)} readings of all three axes, {1e3 * self.seconds_each:.0f} ms each"
 
     def __repr__(self) -> str:
-        """What it says of itself, and how still it stood."""
+        """What the device says of itself, and how steady it was."""
         lines = [f"<trical.GaugeTest of {self._head()}>", *(f"  {line}" for line in self.says)]
         lines.append("axis   mean mm     sd mm  spread mm  smallest step mm")
         for axis, *numbers in self._rows():
@@ -72,7 +72,7 @@ class GaugeTest:
 
 
 class _Device:
-    """What hangs on a link by its URL, open until `close` or the end of a `with` block."""
+    """A device at a URL, open until `close` or the end of a `with` block."""
 
     url: str
     _link: GaugeLink | ControllerLink
@@ -88,7 +88,7 @@ class _Device:
         return self._link.closed
 
     def close(self) -> None:
-        """End the connection; nothing happens where that was done."""
+        """Close the connection; calling it again does nothing."""
         self._link.close()
 
     def __enter__(self) -> Self:
@@ -144,7 +144,7 @@ class Gauge(_Device):
             n += 1
 
     def warnings(self) -> list[str]:
-        """Return what the device warned of since the last call, a low battery, say: one sentence each."""
+        """Return the warnings of the device since the last call, such as a low battery: one sentence each."""
         return self._link.warnings()
 
     def test(self, count: int = 20) -> GaugeTest:
@@ -175,8 +175,8 @@ class Gauge(_Device):
 def master(url: str) -> str:
     """Master a gauge whose three stems are on the calibrator; return its URL to use from now on.
 
-    What it shows there once it stands still is taken off every reading (`zero_mm` in the URL). An earlier mastering in
-    `url` does not count. Errors as for `Gauge`.
+    The steady reading there is subtracted from every later reading (`zero_mm` in the URL). An earlier mastering in
+    `url` is ignored. Errors as for `Gauge`.
     """
     _, mastered, _ = _native._master(url)
     return mastered
@@ -208,7 +208,7 @@ class Controller(_Device):
         return self._link.dof
 
     def ping(self) -> dict[str, float | None]:
-        """Ask for signs of life: answers_in (s, median of five), clock (s), temperature (degC, or None).
+        """Ask whether the controller answers: answers_in (s, median of five), clock (s), temperature (degC, or None).
 
         Nothing moves.
         """
@@ -292,8 +292,8 @@ def virtual_cell(
     Args:
         robot: path of a robot.toml or URDF, or a Robot: the arm with which the controller computes.
         cell: path of a cell.toml, or a Cell.
-        truth: the true arm; drawn by chance where not given: errors of 0.3 mm and 0.1 deg in the chain, more in base
-            and tool, compliances of 0.002 to 0.02 deg/Nm. `VirtualCell.truth` has it.
+        truth: the true arm; random if not given: errors of 0.3 mm and 0.1 deg in the chain, more in base and tool,
+            compliances of 0.002 to 0.02 deg/Nm. `VirtualCell.truth` has it.
         seed: of the true arm and of all noise.
         hide: effects (see `effects`) to hide in the arm, with site and size in typical ones:
             "lost_motion_direction@3*2", "gear_ripple@4/100" (cycles), "joint_zero_shift@2/600" (s).
@@ -301,7 +301,7 @@ def virtual_cell(
         faults: a TOML file of what goes wrong, and when.
         pace: real seconds for each second of motion; 0 is at once.
         radio_delay: how long the receiver repeats the last value after a motion, s.
-        unsettled: (3,) joints that are read too early, short by so many rad, indicators off by so many m, dying away
+        unsettled: (3,) joints that are read too early, short by so many rad, indicators off by so many m, both decaying
             with a time constant in s.
         noise: standard deviation of each indicator, m.
         placement: standard deviation, on each axis, of where the arm comes to rest, m.

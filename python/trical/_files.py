@@ -27,7 +27,7 @@ class Sample:
 def sample(folder: PathLike | None = None) -> Sample:
     """Write a robot, a cell and a recording of 90 touches to try the library on: what `trical sample` writes.
 
-    The arm differs from its description as arms do, and has one flaw more, which `diagnose` finds.
+    The arm differs from its description as real arms do, and has one more flaw, which `diagnose` finds.
 
     Args:
         folder: where to, made if it is not there; by default a new temporary folder, which stays until you remove it.
@@ -46,8 +46,8 @@ def sample(folder: PathLike | None = None) -> Sample:
 def convert(source: PathLike, out: PathLike, *, joints: int | None = None) -> dict[str, Any]:
     """Write a recording as .csv or .mcap, or the arm of a URDF as .toml, by the ending of `out`.
 
-    A damaged MCAP gives what is whole in it. The file appears whole or not at all. `joints` is the number of the arm's
-    joints, by default as many as the file has.
+    Of a damaged MCAP the complete measurements are saved. The file is written completely or not at all. `joints` is the
+    number of the arm's joints, by default as many as the file has.
 
     Returns:
         Of a recording rows, joints, out, and lost: None, or one sentence on what was damaged. Of an arm
@@ -75,8 +75,8 @@ def export(
     Args:
         model: a Model, or the path of a model file.
         robot: refuse a model that is not of this arm (WrongModelError): path of a robot.toml or URDF, or a Robot.
-        urdf: where to write the arm as a URDF: where `robot` is the path of a URDF, that very file with the origins of
-            its joints corrected; else base, links and tool anew.
+        urdf: where to write the arm as a URDF: if `robot` is the path of a URDF, the same file with corrected joint
+            origins; else a new one of base, links and tool.
         mdh: where to write the table of modified Denavit-Hartenberg parameters: .toml (a robot file), .json or .csv.
         error_map: where to write how far the arm misses all over its workspace, a CSV.
         ur_kinematics: where to write the kinematics of an arm of Universal Robots for its ROS driver

@@ -135,16 +135,15 @@ class Rival(Record):
 class Finding(Record):
     """One effect that the model lacked.
 
-    `effect` is its name in the catalogue (`trical.effects()`), `family` the kind that it is of, `site` where it
-    acts, `located` what the error follows, `summary` a sentence, `action` what the owner can do,
-    `next_measurements` what would make it surer. `coefficients` are the numbers of its model, `evidence` errors and
-    tests, `rivals` what else it may be. Probabilities, 0 to 1: `confidence` that place and effect are right,
-    `family_confidence` place and kind of effect, `place_confidence` the place. `share` is the part of the
-    explainable squared error that it takes, `lambda_` the size of its traces in standard deviations of the noise (3
-    is just visible). `scope` says if it belongs to the "arm", the "setup", the "course" of a session or the
-    "reading" of the joints; `session` counts from 1, None where it holds in all. `replicated` says how many
-    halves (`parts`) of the data were searched by themselves, and how many `agree`: those that found the same effect;
-    `family` and `place` count those that found its family, or anything, there.
+    `effect` is its name in the catalogue (`trical.effects()`), `family` its kind, `site` where it acts, `located` what
+    the error follows, `summary` a sentence, `action` what the owner can do, `next_measurements` what to measure to be
+    surer. `coefficients` are the numbers of its model, `evidence` errors and tests, `rivals` what else it may be.
+    Probabilities, 0 to 1: `confidence` that place and effect are right, `family_confidence` place and kind of effect,
+    `place_confidence` the place. `share` is the part of the explainable squared error that it explains, `lambda_` its
+    size in the measurements in standard deviations of the noise (3 is just visible). `scope` says if it belongs to the
+    "arm", the "setup", the "course" of a session or the "reading" of the joints; `session` counts from 1, None where it
+    holds in all. `replicated` says how many halves (`parts`) of the data were searched separately, and how many `agree`:
+    those that found the same effect; `family` and `place` count those that found its family, or anything, there.
     """
 
     effect: str
@@ -184,7 +183,7 @@ class Finding(Record):
 
 @dataclass(frozen=True, slots=True)
 class Unexplained(Record):
-    """A mismatch without a known cause: `rms_mm` at `site` that changes with `variable` ("q2": joint 2) in `region`.
+    """An error of no known cause: `rms_mm` at `site` that changes with `variable` ("q2": joint 2) in `region`.
 
     `curve` has points of the fitted curve in the units `curve_units`; `modelled` says whether the model has it;
     `holdout_rms_before_mm` and `holdout_rms_after_mm` are errors at poses that the fit did not see, without and
@@ -214,8 +213,8 @@ class Unexplained(Record):
 class Unseen(Record):
     """An `effect` at a `site` that recordings could not show (or a plan would not), at a typical size.
 
-    `lambda_` is the size of its traces in standard deviations of the noise, below 3; `lacks` what such a recording
-    has not, `advice` what would help.
+    `lambda_` is its size in the measurements in standard deviations of the noise, below 3; `lacks` what such a
+    recording does not have, `advice` what would help.
     """
 
     effect: str

@@ -109,10 +109,10 @@ def measure(
 ) -> Measured:
     """Drive robot and gauge through a plan, and record: the automated procedure. Nothing moves without `go=True`.
 
-    Every accepted touch is on disk before the arm moves on. Ctrl-C, and whatever `progress` raises, end the run: Ctrl-C
-    stops the motion under way through the controller, and the arm stays there; between motions it goes back the way it
-    came. The recording is finished, and only then the exception is raised; its cause says where the arm is.
-    `resume=True` goes on with a recording, however it was broken off.
+    Every accepted touch is on disk before the arm moves on. Ctrl-C, and an exception from `progress`, end the run:
+    Ctrl-C stops the motion under way through the controller, and the arm stays there; between motions it goes back the
+    way it came. The recording is finished, and only then the exception is raised; its cause says where the arm is.
+    `resume=True` continues a recording that was interrupted.
 
     Args:
         plan: a Plan or other Touches, or the path of a plan.csv.
@@ -122,9 +122,9 @@ def measure(
         gauge: URL of the gauge, see `Gauge`; of a virtual cell, `VirtualCell.gauge`.
         controller: URL of the controller, see `Controller`; of a virtual cell, `VirtualCell.controller`.
         go: move the arm; without it the steps are listed.
-        resume: go on with `out`.
-        visits: of every touch, every other round backward and from beyond; for `repeatability`.
-        epsilon: a touch is accepted when its reading is shorter than this, m; what is left is recorded.
+        resume: continue `out`.
+        visits: of every touch, every other round in reverse order and from beyond; for `repeatability`.
+        epsilon: a touch is accepted when its reading is shorter than this, m; the reading that is left is recorded.
         repeatability: of the arm, m; an `epsilon` below it is warned about.
         travel_speed: of the tool between the balls, m/s.
         touch_speed: of the tool at a ball, m/s.
@@ -134,7 +134,7 @@ def measure(
         stroke: (2,) readings between which a stem touches its ball, m.
         temperature: degC, recorded with each touch where the controller has no sensor.
         payload: mass added on the flange, kg, recorded with each touch.
-        progress: as for `identify`: how much of the plan is done, and which touch, with |r| of each iteration.
+        progress: as for `identify`: how much of the plan is done, and which touch, with the reading of each iteration.
 
     Raises:
         TricalError, RecordingError: bad input, before anything moves.
@@ -228,10 +228,10 @@ def touch_here(
 
 @dataclass(frozen=True)
 class ToolPoint:
-    """The tool point that touches of one ball say.
+    """The tool point by touches of one ball.
 
-    `cell` has it; `tcp` (3,) m is where it lies in the flange's frame, `before` (3,) m where the cell had it; `rms`
-    m is how well the touches agree, which is what the arm is off before calibration.
+    `cell` has it; `tcp` (3,) m is where it lies in the flange's frame, `before` (3,) m where the cell had it; `rms` m
+    is how well the touches agree: the error of the arm before calibration.
     """
 
     cell: Cell
@@ -243,7 +243,7 @@ class ToolPoint:
 def find_tool_point(touches: PathLike | Recording, *, robot: PathLike | Robot, cell: PathLike | Cell) -> ToolPoint:
     """Find the tool point by four or more touches of one ball, in orientations that differ by 20 degrees or more.
 
-    By the nominal arm. `touches` as `touch_here` records them. Raises TricalError where they do not say it.
+    By the nominal arm. `touches` as `touch_here` records them. Raises TricalError if they do not determine it.
     """
     known = cell if isinstance(cell, Cell) else Cell.load(cell)
     found, rms = _native._tool_point(_touches(touches)._rows, _file(robot), known)
@@ -265,8 +265,8 @@ class BaseFound:
 def find_base(touches: PathLike | Recording, *, robot: PathLike | Robot, cell: PathLike | Cell) -> BaseFound:
     """Find where the arm stands in the world by a touch of each of balls 1, 2 and 3; the last of each counts.
 
-    By the nominal arm. `touches` as `touch_here` records them. Raises TricalError where a ball was not touched, or
-    where balls seem to be farther apart than an arm can be off.
+    By the nominal arm. `touches` as `touch_here` records them. Raises TricalError where a ball was not touched, or if
+    the distances of the balls differ by more than an arm can be wrong.
     """
     found, apart = _native._base(_touches(touches)._rows, _file(robot), _file(cell))
     return BaseFound(found, [{"balls": (a, b), "touched": x, "cell": y} for a, b, x, y in apart])

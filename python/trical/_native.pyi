@@ -338,7 +338,7 @@ class VirtualCell:
         """URL of its controller, for `measure` and `Controller`."""
     @property
     def truth(self) -> Model:
-        """The true arm: what identification is to find, and must not be given."""
+        """The true arm: what identification should find and must not know."""
     @property
     def running(self) -> bool:
         """Whether it answers."""

@@ -37,7 +37,7 @@ class Frame(Protocol):
 
 
 class Recording:
-    """What one arm was measured to do in one session: n rows, in the order of time.
+    """Measurements of one arm in one session: n rows, in the order of time.
 
     Arrays have one row for each measurement; a number (or a single row) stands for all of them. SI throughout: rad (m
     for prismatic joints), m, s, kg; temperature in degC. Balls, targets, references and anchors count from 1, as in
@@ -128,7 +128,7 @@ class Recording:
         """Read a DataFrame (pandas, polars, or whatever has `columns` and columns by name) with the columns of the CSV.
 
         Names, units and meaning are those of docs/formats.md: mm and degrees; what is missing in a row is NaN or None.
-        `identify`, `diagnose` and `validate` take such a frame as it is. Raises RecordingError.
+        `identify`, `diagnose` and `validate` accept such a frame directly. Raises RecordingError.
         """
         import csv
         import tempfile
@@ -353,8 +353,8 @@ def concat(recordings: Iterable[Recording], *, name: str | None = None) -> Recor
     """Join recordings of one arm into one: rows of one session that are in several files.
 
     They share measuring frame, tool and cell; recordings of different days are given to `identify` one by one instead,
-    as sessions. What a recording does not have is missing in its rows. Where times (or numbers of poses) would not go
-    on, those of the later recording are moved to begin where the earlier ends. `name` is by default that of the first.
+    as sessions. What a recording does not have is missing in its rows. If times (or numbers of poses) do not continue,
+    those of the later recording are moved to begin where the earlier ends. `name` is by default that of the first.
     Raises RecordingError, TricalError.
     """
     import numpy as np

@@ -1,4 +1,4 @@
-"""What the long calls return: plain data with a readable face."""
+"""Results of the long calls: plain data that prints as tables."""
 
 from __future__ import annotations
 
@@ -43,19 +43,18 @@ def _parameter_rows(parameters: Sequence[dict[str, Any]]) -> list[list[object]]:
 
 @dataclass(frozen=True, repr=False)
 class Identified(Reported):
-    """A fitted model and what the fit knows about itself.
+    """A fitted model with its errors and uncertainties.
 
     `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
     (mean_mm, max_mm, sd_mm, median_mm, rms_mm), `before` those of the nominal arm with only measuring frame (or base)
-    and tool identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the
-    last poses by a fit to the ones before, where they were asked for. `held_out` has the errors at poses that the fit
-    did not see: by_pose, by_block (of neighbouring poses), forward (in time), by_session; `sessions` what each of
-    several recordings has of its own. `errors_mm` (observations, 2) has them one by one, before and after (None
-    for files that were read in passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm.
-    `held` names what was held at nominal since joints hardly move, `near_nominal` what weak priors decided rather than
-    the measurements, `elasticity` says from what compliance is known ("torques", "masses", "inclination", "not_asked"),
-    and `orientation` has the errors of orientation before and after (mean_deg, rms_deg, max_deg) where full poses were
-    measured.
+    and tool identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the last
+    poses by a fit to the ones before, where they were asked for. `held_out` has the errors at poses that the fit did
+    not see: by_pose, by_block (of neighbouring poses), forward (in time), by_session; `sessions` what each of several
+    recordings has of its own. `errors_mm` (observations, 2) has them one by one, before and after (None for files that
+    were read in passes). `covariance` (parameters, parameters) is in SI units: m, rad, rad/Nm. `held` names what was
+    held at nominal because joints hardly move, `near_nominal` what weak priors determine rather than the measurements,
+    `elasticity` says from what compliance is known ("torques", "masses", "inclination", "not_asked"), and `orientation`
+    has the errors of orientation before and after (mean_deg, rms_deg, max_deg) where full poses were measured.
     """
 
     model: Model
@@ -132,12 +131,12 @@ class Identified(Reported):
 class Validation(Reported):
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
-    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by
-    recording, with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that
-    the model was not fitted at (None where it does not know); `predicted` how far off the model says that it may be
-    beside what was found (sd_mm, parameters_sd_mm, covered, covered_visited, covered_beyond; None where it does not
-    know); `left_out` terms of the model that say nothing here; `errors_mm` (n, 2) one by one, before and after.
-    Also by key, as in the command's JSON: v["after"]["mean_mm"].
+    `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
+    with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that the model was
+    not fitted at (None where it does not know); `predicted` the errors that the model expects, compared with those
+    found (sd_mm, parameters_sd_mm, covered, covered_visited, covered_beyond; None where it does not know); `left_out`
+    terms of the model that do not apply here; `errors_mm` (n, 2) one by one, before and after. Also by key, as in the
+    command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
@@ -215,7 +214,7 @@ class Touches:
 
 @dataclass(frozen=True, repr=False)
 class NextTouches(Touches):
-    """Touches that would decide between a finding and its rivals.
+    """Touches that decide between a finding and its rivals.
 
     The finding is `effect` at `site`; `explanations` are its and its rivals' names. `separation` says how many standard
     deviations the touches set any two of them apart at least, `random_separation` what as many random touches would:
@@ -229,7 +228,7 @@ class NextTouches(Touches):
     random_separation: float
 
     def __repr__(self) -> str:
-        """Say what would be decided, and how well."""
+        """What they decide, and how well."""
         return (
             f"<trical.NextTouches: {len(self)} touches set {' and '.join(self.explanations)} "
             f"{self.separation:.1f} standard deviations apart (random ones: {self.random_separation:.1f})>"
@@ -238,12 +237,12 @@ class NextTouches(Touches):
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Reported):
-    """What a model lacks, by the recordings, and the model that has it.
+    """What a model lacks according to the recordings, and the extended model.
 
-    `findings` (`Finding`) are in order of importance; `unexplained` (`Unexplained`) says where a mismatch has no known
-    cause, `blind_to` (`Unseen`) what the recordings could not show; `answer` has all of the command's JSON;
-    `errors_mm` (observations, 2) position errors one by one, without and with what was found; `next` touches that
-    would decide between the least sure finding and its rivals, where they were asked for and anything is undecided.
+    `findings` (`Finding`) are in order of importance; `unexplained` (`Unexplained`) says where an error has no known
+    cause, `blind_to` (`Unseen`) what the recordings could not show; `answer` has all of the command's JSON; `errors_mm`
+    (observations, 2) position errors one by one, without and with what was found; `next` touches that would decide
+    between the least sure finding and its rivals, where they were asked for and anything is undecided.
     """
 
     model: Model
@@ -306,10 +305,10 @@ class Diagnosis(Reported):
 
 @dataclass(frozen=True, repr=False)
 class Plan(Touches, Reported):
-    """Touches in the order of measurement, and what they are expected to tell.
+    """Touches in the order of measurement, and the results to expect.
 
     Arrays as in `Touches`: ball, q, approach, via, directions, text. `parameters` are dicts with name, site, unit, sd,
-    nominal; `expected` what noise leaves of the position error (sphere, workspace: mean_mm, rms_mm, worst_rms_mm);
+    nominal; `expected` the position error that noise alone causes (sphere, workspace: mean_mm, rms_mm, worst_rms_mm);
     `answer` all that the planner says. `blind_to` (`Unseen`) lists the effects that these touches would not show at a
     typical size, each at its site, with the advice that would help; or with what no such recording has.
     """
@@ -399,12 +398,12 @@ class Observability:
 class Study(Reported):
     """Whole calibrations of simulated arms.
 
-    `settings` are dicts of what was tried and how it ended: for touches arm ("described" by the parameters, or "any"
-    arm), noise, design ("chosen" or "random"), per_ball, sphere_mean_mm, workspace_mean_mm (position errors at poses
-    that were not touched) and gave_up (fits that did); for platforms balls, side_mm, height_mm, raise_mm,
-    sphere_mean_mm, workspace_mean_mm and problem. `verdict` says it in a sentence, `notes` what else is to be said;
-    `table` is for people, the first row its head; `csv` has every trial (or platform), `svg` the curves; `answer` all
-    of the command's JSON.
+    `settings` are dicts of settings and results: for touches arm ("described" by the parameters, or "any" arm), noise,
+    design ("chosen" or "random"), per_ball, sphere_mean_mm, workspace_mean_mm (position errors at poses that were not
+    touched) and gave_up (fits that did); for platforms balls, side_mm, height_mm, raise_mm, sphere_mean_mm,
+    workspace_mean_mm and problem. `verdict` is the result in a sentence, `notes` are further remarks; `table` is for
+    people, the first row its head; `csv` has every trial (or platform), `svg` the curves; `answer` all of the command's
+    JSON.
     """
 
     settings: list[dict[str, Any]]

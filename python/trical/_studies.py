@@ -52,17 +52,17 @@ def study_touches(
 ) -> Study:
     """Simulate the paper's study: position error against the number of touches, chosen against random ones.
 
-    For each number of touches true arms are drawn by chance, touched with noise, identified, and compared with what
-    was identified at poses that were not touched.
+    For each number of touches random true arms are touched with noise and identified; the error of the identified arm
+    is computed at poses that were not touched.
 
     Args:
         robot: path of a robot.toml or URDF, or a Robot.
         cell: path of a cell.toml, or a Cell.
         per_ball: touches a ball, several settings, each at most `pool`.
         trials: true arms drawn for each setting.
-        seed: of all chance; the same seed gives the same study.
+        seed: the same seed gives the same study.
         pool: candidates a ball.
-        criterion: what chosen touches are best for, as for `plan`.
+        criterion: what chosen touches are optimized for, as for `plan`.
         model: parameters to identify: "geometry", "compliance" or "complete".
         length_mm: standard deviation of every length of a true arm, mm.
         angle_deg: standard deviation of every angle of a true arm, deg.

@@ -33,7 +33,7 @@ def _paths(value: object) -> list[str]:
 
 @dataclass(frozen=True)
 class Made:
-    """What a report needs: what was worked out, the call that did, the files that it read."""
+    """What a report needs: the results, the call, the files that it read."""
 
     told: Told
     call: str
@@ -55,15 +55,15 @@ class Made:
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Reported:
-    """A result that can be told as a report."""
+    """A result with a report."""
 
     _made: Made | None = field(default=None, compare=False)
 
     def report(self, path: _Path) -> None:
         """Write the report to read, print and sign: one HTML file, as `--report` of the command writes it.
 
-        It ends with the call and the SHA-256 of the files that it read. A result that was pickled has none any more:
-        write the report where the result was made. Raises TricalError.
+        It ends with the call and the SHA-256 of the files that it read. A pickled result has no report: write it where
+        the result was computed. Raises TricalError.
         """
         if self._made is None:
             raise TricalError("this result was pickled or built by hand: its report is to be written where it was made")

@@ -55,7 +55,7 @@ def test_a_plan_is_driven_and_the_hidden_arm_found(plan: trical.Plan, cell: tric
     assert touches.kind.tolist() == ["touch"] * len(plan) and touches.ball.tolist() == plan.ball.tolist()
     assert np.linalg.norm(touches.indicators, axis=1).max() < 2e-5
     assert set(touches.payload.tolist()) == {0.0} and touches.temperature.min() > 21.5, "the controller's own sensor"
-    assert said[-1][0] == 1.0 and any("|r|" in what and "ball 2" in what for _, what in said)
+    assert said[-1][0] == 1.0 and any("reading" in what and "ball 2" in what for _, what in said)
 
     fit = trical.identify(touches, **FILES)
     q = trical.poses(50, **FILES, sphere=[0.15, 0.1, 0.1, 0.2], seed=5)
@@ -137,7 +137,7 @@ def test_ctrl_c_brings_the_arm_back_and_leaves_the_recording_whole(plan: trical.
         while True:
             line = child.stdout.readline()
             assert line, child.stderr.read()
-            if "touch 4 of" in line and "|r|" in line:
+            if "touch 4 of" in line and "reading" in line:
                 break
         os.kill(child.pid, signal.SIGINT)
         said, problems = child.communicate(timeout=60)

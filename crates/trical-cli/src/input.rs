@@ -15,7 +15,8 @@ use crate::error::{CliError, Result};
 /// The two files that most commands need.
 #[derive(clap::Args)]
 pub struct RobotAndCell {
-    /// The arm: robot.toml, or a URDF with its two links where they are not clear, as in arm.urdf#base_link:tool0
+    /// The arm: robot.toml or a URDF; name its first and last link where they are not clear, as in
+    /// arm.urdf#base_link:tool0
     #[arg(long, value_name = "FILE")]
     pub robot: PathBuf,
     /// Where it stands and what it carries: cell.toml

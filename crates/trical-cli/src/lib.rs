@@ -41,31 +41,31 @@ enum Command {
     Identify(commands::identify::Args),
     /// Score a model on recordings: position errors before and after, by region
     Validate(commands::validate::Args),
-    /// Is this arm still what it was: a few new touches against an earlier calibration
+    /// Check with a few new touches whether an arm is still as it was calibrated
     Compare(commands::compare::Args),
-    /// An arm over the months: a folder of sessions against its calibration, and when the next one is due
+    /// Compare a folder of sessions with a calibration, and say when the next one is due
     History(commands::history::Args),
-    /// Say which physics the model lacks: locate the mismatch, name it, model it, prove it on held-out data
+    /// Find which physics the model lacks: where, what, how sure; model it, and test it on unseen poses
     Diagnose(commands::diagnose::Args),
-    /// The catalogue of effects that a diagnosis can name
+    /// List the effects that a diagnosis can name
     Effects(commands::effects::Args),
-    /// The whole story on a virtual cell: conceal a flaw, plan, measure, diagnose, validate, compensate, report
+    /// Show everything on a virtual cell: conceal a flaw, plan, measure, diagnose, validate, compensate, report
     Demo(commands::demo::Args),
-    /// Files to start from: a commented robot.toml and cell.toml, a recording with the columns
+    /// Write files to start from: a commented robot.toml and cell.toml, a recording with the columns
     Init(commands::init::Args),
-    /// A robot, a cell and 90 touches to try the program on: the arm has a flaw
+    /// Write a robot, a cell and 90 touches by an arm with a flaw, to try the program on
     Sample(commands::init::Args),
     /// Plan collision-free, informative touches
     Plan(commands::plan::Args),
-    /// Simulate whole calibrations: touches against error, chosen against random, platforms of balls compared
+    /// Simulate whole calibrations: error against number of touches, chosen and random touches, platforms of balls
     Study(commands::study::Args),
     /// Drive robot and indicators through a plan, and record
     Measure(commands::measure::Args),
     /// Take down the joints of an arm that is guided by hand into sockets, a row for every key press
     Record(commands::record::Args),
-    /// How far repeat visits scatter: by ball, by sense of approach, over the session
+    /// Show how far repeat visits scatter: by ball, by sense of approach, over the session
     Repeatability(commands::repeatability::Args),
-    /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port
+    /// Simulate a robot, balls and indicators that answer on a pseudo-terminal and a TCP port
     VirtualCell(commands::virtual_cell::Args),
     /// Try the gauge: list ports, watch, test, master
     Gauge(commands::gauge::Args),
@@ -73,11 +73,11 @@ enum Command {
     Robot(commands::robot::Args),
     /// Rewrite a robot program so that the real arm goes where it says
     Compensate(commands::compensate::Args),
-    /// The calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
+    /// Write the calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
     Export(commands::export::Args),
-    /// Recordings from CSV to MCAP and back, an arm's URDF to robot.toml
+    /// Convert recordings from CSV to MCAP and back, an arm's URDF to robot.toml
     Convert(commands::convert::Args),
-    /// A script that lets a shell complete commands and options
+    /// Print a script with which a shell completes commands and options
     Completions(commands::completions::Args),
 }
 

@@ -22,7 +22,7 @@
 //! | [`probability`], `parts` | how probable a name is: shares of what could be said, replication, recalibration; scores of unseen blocks |
 //! | [`halves`] | what halves of the data say, searched by themselves |
 //! | [`diagnosis`], `findings` | the result; from what was chosen to it |
-//! | [`verdict`] | what it comes to, in plain sentences |
+//! | [`verdict`], `words` | what it comes to, in plain sentences |
 //! | [`alternatives`] | between what the data cannot decide |
 //! | `rounds`, [`procedure`] | rounds of selection and refit; the whole of it |
 //! | [`joint_choice`] | the same, with joints as read and as commanded |
@@ -57,6 +57,7 @@ pub mod statistics;
 mod test_data;
 pub mod truth;
 pub mod verdict;
+mod words;
 
 pub use alternatives::Undecided;
 pub use diagnosis::{

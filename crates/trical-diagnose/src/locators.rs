@@ -3,7 +3,7 @@
 //! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`UNNAMED_PRICE_NATS`] nats.
 
 use trical_ident::dataset::Dataset;
-use trical_model::{Basis, Beside, Model, Place, Shape, Site, Term, Variable};
+use trical_model::{Basis, Beside, JointKind, Model, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
 use crate::covariates::{is_order, name, order_of, value};
@@ -216,11 +216,10 @@ pub fn describe<'a>(
         return of_two(joint, beside.joint, first, model, data);
     }
     let variable = basis.of;
-    let factor = if matches!(variable, Variable::Joint { .. }) { 1.0_f64.to_degrees() } else { 1.0 };
-    let units = match variable {
-        Variable::Joint { .. } => "deg",
-        Variable::Seq => "pose",
-        _ => "s",
+    let (factor, units) = match variable {
+        Variable::Joint { joint } => in_units(model, joint),
+        Variable::Seq => (1.0, "pose"),
+        _ => (1.0, "s"),
     };
     // "-32.0 deg"; a number of a pose needs no unit
     let counted = variable == Variable::Seq;
@@ -282,6 +281,14 @@ pub fn describe<'a>(
     Located { variable, region, curve, units: (units.to_owned(), "deg".to_owned()) }
 }
 
+/// From SI to what people read of a joint, and its unit.
+fn in_units(model: &Model, joint: usize) -> (f64, &'static str) {
+    match model.robot.joints.get(joint.wrapping_sub(1)).map(|j| j.kind) {
+        Some(JointKind::Prismatic) => (1e3, "mm"),
+        _ => (1.0_f64.to_degrees(), "deg"),
+    }
+}
+
 /// What two angles tell together: the curve over the other one, with the joint itself in the middle of where it was.
 fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Dataset) -> Located {
     let angles = |joint: usize| sorted(&data.observations.iter().map(|o| o.state.q[joint - 1]).collect::<Vec<f64>>());
@@ -294,13 +301,13 @@ fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Datas
         let term = |t: &&Term| t.value * t.basis.shape.at(*middle).0 * t.basis.beside.map_or(1.0, |b| b.shape.at(u).0);
         fitted.iter().map(term).sum::<f64>()
     };
-    let curve =
-        (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u.to_degrees(), at(u).to_degrees()));
+    let (factor, unit) = in_units(model, other);
+    let curve = (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u * factor, at(u).to_degrees()));
     Located {
         variable: name(Variable::Joint { joint: other }),
         region: format!("all of q{other}, with q{joint}"),
         curve: curve.collect(),
-        units: ("deg".to_owned(), "deg".to_owned()),
+        units: (unit.to_owned(), "deg".to_owned()),
     }
 }
 

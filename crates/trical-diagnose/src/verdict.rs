@@ -3,8 +3,10 @@
 use trical_model::{Place, Scope};
 
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
-use crate::effect_id::EffectId;
+use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
+pub use crate::words::{capital, region, variable};
+use crate::words::{numbered, percent, small, variables};
 
 /// From here on a claim is said as a fact.
 const LIKELY: f64 = 0.5;
@@ -21,8 +23,37 @@ const LEAST_TOLD: f64 = 0.1;
 /// A claim that lowers the error at unseen poses by a smaller part of it has no row of its own.
 const LEAST_STEP: f64 = 0.01;
 
-fn percent(p: f64) -> String {
-    format!("{:.0} %", 100.0 * p)
+/// Claims without a row of their own are still named from this probability on...
+const NAMED_IN_REST: f64 = 0.9;
+
+/// ... but so many of them at most.
+const MOST_NAMED_IN_REST: usize = 3;
+
+/// What to do about curves without a name: where the robot has no masses, ...
+const GIVE_MASSES: &str =
+    "Give the masses of the links in the robot file: without them nothing that gravity does has a name.";
+/// ... where a joint's error goes with its own angle, of one session and of several, ...
+const OWN_ANGLE: [&str; 2] = [
+    "Have the joint's gear and encoder checked; only what a second session shows again belongs to the arm.",
+    "Have the joint's gear and encoder checked.",
+];
+/// ... with other angles, ...
+const OTHER_ANGLES: [&str; 2] = [
+    "Look for a cable or hose that pulls; only what a second session shows again belongs to the arm.",
+    "Look for a cable or hose that pulls.",
+];
+/// ... with something else, of one session, ...
+const OTHER: &str = "Measure a second session: only what it shows again belongs to the arm.";
+/// ... or with time.
+const IN_THE_COURSE: &str = "Find what changed while you measured (a screw, a temperature), and measure again.";
+
+/// What was diagnosed.
+#[derive(Clone, Copy)]
+pub struct Given {
+    /// The robot has the masses of its links.
+    pub masses: bool,
+    /// There are several sessions.
+    pub several: bool,
 }
 
 /// At which level a finding is said.
@@ -75,26 +106,11 @@ fn at(places: &[Place], claim: &str) -> String {
     if all.is_empty() { String::new() } else { format!(" at {}", all.join(", ")) }
 }
 
-/// "joint 3", "joints 1 to 4", "joints 1, 3 and 4".
-fn numbered(what: &str, mut numbers: Vec<usize>) -> Option<String> {
-    numbers.sort_unstable();
-    numbers.dedup();
-    let (first, last) = (*numbers.first()?, *numbers.last()?);
-    if first == last {
-        return Some(format!("{what} {first}"));
-    }
-    if numbers.len() > 2 && last - first + 1 == numbers.len() {
-        return Some(format!("{what}s {first} to {last}"));
-    }
-    let but_last: Vec<String> = numbers[..numbers.len() - 1].iter().map(ToString::to_string).collect();
-    Some(format!("{what}s {} and {last}", but_last.join(", ")))
-}
-
 /// The claim without its probability, and what is less sure: "lost motion at joint 3", "perhaps backlash (40 %)".
 fn claim(f: &Finding, places: &[Place]) -> (String, Option<String>) {
     let title = f.effect.effect().title;
     let when = f.session.map_or_else(String::new, |s| format!(" in session {s}"));
-    let name = || Some(format!("perhaps {title} ({})", percent(f.confidence)));
+    let name = || (f.confidence >= LEAST_TOLD).then(|| format!("perhaps {title} ({})", percent(f.confidence)));
     match level(f).0 {
         Level::Effect => (format!("{title}{}{when}", at(places, title)), None),
         Level::Family => {
@@ -111,6 +127,16 @@ fn claim(f: &Finding, places: &[Place]) -> (String, Option<String>) {
 pub fn named(effect: EffectId, place: Place) -> String {
     let title = effect.effect().title;
     capital(&format!("{title}{}", at(&[place], title)))
+}
+
+/// The title of an effect by its identifier: "backlash or friction wind-up"; what has none is said as it is.
+#[must_use]
+pub fn title_of(identifier: &str) -> String {
+    match EffectId::named(identifier) {
+        Some(effect) => effect.effect().title.to_owned(),
+        None if identifier == UNEXPLAINED => "curves of no known cause".to_owned(),
+        None => identifier.to_owned(),
+    }
 }
 
 /// Effect, place and session of a finding in words, whatever its probability.
@@ -149,37 +175,34 @@ pub fn family(family: Family) -> &'static str {
     }
 }
 
-/// A text that begins with a capital letter.
-#[must_use]
-pub fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + chars.as_str())
-}
-
-/// A variable in words: "q4" is "the angle of joint 4".
-fn variable(name: &str) -> String {
-    let joint = |prefix| name.strip_prefix(prefix).filter(|n| n.parse::<usize>().is_ok());
-    match (name, joint("q"), joint("dir")) {
-        ("seq", ..) => "the number of the pose".into(),
-        ("time", ..) => "the time".into(),
-        (_, Some(n), _) => format!("the angle of joint {n}"),
-        (_, _, Some(n)) => format!("the sense of joint {n}'s last motion"),
-        _ => name.to_owned(),
+/// On what a mismatch without a known cause depends, in words.
+fn depends_on(u: &Unexplained) -> String {
+    match u.region.strip_prefix("all of ") {
+        Some(of) => variables(&of.split(", with ").collect::<Vec<_>>()),
+        None => variable(&u.variable),
     }
 }
 
-/// Where a mismatch without a known cause is, in words: "where the angle of joint 2 is below -32 deg".
-#[must_use]
-pub fn region(region: &str) -> String {
-    if let Some(all) = region.strip_prefix("all of ") {
-        return match all.split_once(", with ") {
-            Some((a, b)) => format!("as a function of {} and {} together", variable(a), variable(b)),
-            None => format!("as a function of {}", variable(all)),
-        };
+/// Whether a mismatch goes with time, so that it belongs to the session and not to the arm.
+fn in_the_course(u: &Unexplained) -> bool {
+    matches!(u.variable.as_str(), "seq" | "time")
+}
+
+/// What the owner of the arm can do about the largest of some curves without a name.
+fn what_to_do(u: &Unexplained, given: Given) -> Option<&'static str> {
+    let depends = depends_on(u);
+    let several = usize::from(given.several);
+    if in_the_course(u) {
+        Some(IN_THE_COURSE)
+    } else if !depends.starts_with("the angle") {
+        (!given.several).then_some(OTHER)
+    } else if !given.masses {
+        Some(GIVE_MASSES)
+    } else if matches!(u.site, Place::Joint(joint) if depends == format!("the angle of joint {joint}")) {
+        Some(OWN_ANGLE[several])
+    } else {
+        Some(OTHER_ANGLES[several])
     }
-    let (name, rest) = region.split_once(' ').unwrap_or((region, ""));
-    let rest = rest.replacen('<', "below", 1).replacen('>', "above", 1);
-    format!("where {} is {rest}", variable(name))
 }
 
 /// What a row of the table sums up, before it has its place in it.
@@ -188,14 +211,20 @@ struct Step {
     first: Option<usize>,
     places: Vec<Place>,
     findings: Vec<usize>,
+    /// The curves without a name, as indices, the one that takes most first.
+    curves: Vec<usize>,
     confidence: Option<[f64; 2]>,
     /// By how much it lowers the squared error at unseen poses, mm^2.
     gain: f64,
 }
 
-/// Findings that say the same of several joints are one step, and so are all curves without a name.
+fn gain(before: f64, after: f64) -> f64 {
+    before * before - after * after
+}
+
+/// Findings that say the same of several joints are one step, and so are all curves without a name: those that go with what the arm
+/// does, and those that go with time.
 fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
-    let gain = |before: f64, after: f64| before * before - after * after;
     let mut steps: Vec<Step> = Vec::new();
     for (k, f) in findings.iter().enumerate() {
         let (said_at, p) = level(f);
@@ -213,19 +242,25 @@ fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
             s.confidence = s.confidence.map(|[low, high]| [low.min(p), high.max(p)]);
             s.gain += gain;
         } else {
-            let confidence = Some([p, p]);
-            steps.push(Step { first: Some(k), places: vec![f.site], findings: vec![k + 1], confidence, gain });
+            let (places, findings) = (vec![f.site], vec![k + 1]);
+            steps.push(Step { first: Some(k), places, findings, curves: Vec::new(), confidence: Some([p, p]), gain });
         }
     }
-    let curves: Vec<&Unexplained> = unexplained.iter().filter(|u| u.modelled).collect();
-    if !curves.is_empty() {
-        steps.push(Step {
-            first: None,
-            places: curves.iter().map(|u| u.site).collect(),
-            findings: Vec::new(),
-            confidence: None,
-            gain: curves.iter().map(|u| gain(u.holdout_rms_before_mm, u.holdout_rms_after_mm)).sum(),
-        });
+    let of = |u: &Unexplained| gain(u.holdout_rms_before_mm, u.holdout_rms_after_mm);
+    for course in [false, true] {
+        let alike = |(_, u): &(usize, &Unexplained)| u.modelled && in_the_course(u) == course;
+        let mut curves: Vec<(usize, &Unexplained)> = unexplained.iter().enumerate().filter(alike).collect();
+        curves.sort_by(|(_, a), (_, b)| of(b).total_cmp(&of(a)));
+        if !curves.is_empty() {
+            steps.push(Step {
+                first: None,
+                places: curves.iter().map(|(_, u)| u.site).collect(),
+                findings: Vec::new(),
+                curves: curves.iter().map(|(k, _)| *k).collect(),
+                confidence: None,
+                gain: curves.iter().map(|(_, u)| of(u)).sum(),
+            });
+        }
     }
     steps.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     steps
@@ -247,11 +282,28 @@ fn plain_row(kind: RowKind, text: String, [before_mm, after_mm]: [f64; 2]) -> Ve
     }
 }
 
-fn row_of(step: &Step, findings: &[Finding], [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
-    let Some(f) = step.first.and_then(|k| findings.get(k)) else {
-        let text = format!("No known cause: smooth curves{}", at(&step.places, ""));
-        return plain_row(RowKind::Curves, text, [before_mm, after_mm]);
+/// The row of curves without a name.
+fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given, errors: [f64; 2]) -> VerdictRow {
+    let where_ = at(&step.places, "");
+    let Some(largest) = step.curves.first().and_then(|k| unexplained.get(*k)) else {
+        return plain_row(RowKind::Curves, format!("No known cause: smooth curves{where_}"), errors);
     };
+    let text = if in_the_course(largest) {
+        format!("No known cause: change in the course of a session{where_}")
+    } else if let [_] = step.curves.as_slice() {
+        format!("No known cause: smooth curve{where_} over {}", depends_on(largest))
+    } else {
+        let most = at(&[largest.site], "");
+        format!("No known cause: smooth curves{where_}, the largest{most} over {}", depends_on(largest))
+    };
+    VerdictRow {
+        action: what_to_do(largest, given),
+        corrected: !in_the_course(largest),
+        ..plain_row(RowKind::Curves, text, errors)
+    }
+}
+
+fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
     let said_at = level(f).0;
     let (text, less_sure) = claim(f, &step.places);
     let rival = f.rivals.iter().find(|r| r.effect != f.effect);
@@ -269,22 +321,37 @@ fn row_of(step: &Step, findings: &[Finding], [before_mm, after_mm]: [f64; 2]) ->
     }
 }
 
-/// What is too small or not sure enough for a row of its own: so many findings, or only curves.
-fn rest_row(findings: Vec<usize>, errors: [f64; 2]) -> VerdictRow {
-    let text = match findings.len() {
-        0 => "Smaller curves of no known cause".to_owned(),
-        1 => "1 smaller or less sure finding".to_owned(),
-        n => format!("{n} smaller or less sure findings"),
+/// What is too small or not sure enough for a row of its own: the surest by name, the others by their number.
+fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
+    let mut findings: Vec<usize> = rows.iter().flat_map(|r| r.findings.iter().copied()).collect();
+    findings.sort_unstable();
+    let sure =
+        |r: &&&VerdictRow| r.kind == RowKind::Finding && r.confidence.is_some_and(|[low, _]| low >= NAMED_IN_REST);
+    let named: Vec<&&VerdictRow> = rows.iter().filter(sure).take(MOST_NAMED_IN_REST).collect();
+    let mut said: Vec<String> = named
+        .iter()
+        .map(|r| r.probability().map_or_else(|| small(&r.text), |p| format!("{} ({p})", small(&r.text))))
+        .collect();
+    if rows.iter().any(|r| r.kind == RowKind::Curves) {
+        said.push("curves of no known cause".into());
+    }
+    let others = findings.len() - named.iter().map(|r| r.findings.len()).sum::<usize>();
+    let text = match (said.is_empty(), others) {
+        (true, 1) => "1 smaller or less sure finding".to_owned(),
+        (true, n) => format!("{n} smaller or less sure findings"),
+        (false, 0) => format!("Smaller: {}", said.join(", ")),
+        (false, 1) => format!("Smaller: {}; 1 more finding", said.join(", ")),
+        (false, n) => format!("Smaller: {}; {n} more findings", said.join(", ")),
     };
     VerdictRow { findings, ..plain_row(RowKind::Rest, text, errors) }
 }
 
 /// The table. `models` has the number of parameters and the error at unseen poses (mm rms) of the plain and of the whole model.
-fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2]) -> Vec<VerdictRow> {
+fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given) -> Vec<VerdictRow> {
     let [(plain, before), (whole, after)] = models;
     let mut rows = vec![plain_row(RowKind::Plain, format!("Plain model, {plain} parameters"), [before; 2])];
     let mut here = before;
-    let mut rest: Vec<Step> = Vec::new();
+    let mut rest: Vec<VerdictRow> = Vec::new();
     let steps = steps(findings, unexplained);
     // findings that stand in for each other gain more one by one than together
     let (sum, together) = (steps.iter().map(|s| s.gain.max(0.0)).sum::<f64>(), before * before - after * after);
@@ -292,17 +359,19 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
     for step in steps {
         let next = (here * here - part * step.gain).max(0.0).sqrt();
         let guessed = step.confidence.is_some_and(|[_, high]| high < LEAST_TOLD);
+        let row = match step.first.and_then(|k| findings.get(k)) {
+            Some(f) => row_of(f, &step, [here, next]),
+            None => curves_row(&step, unexplained, given, [here, next]),
+        };
         if next > here * (1.0 - LEAST_STEP) || guessed {
-            rest.push(step);
+            rest.push(row);
         } else {
-            rows.push(row_of(&step, findings, [here, next]));
+            rows.push(row);
             here = next;
         }
     }
     if !rest.is_empty() {
-        let mut findings: Vec<usize> = rest.into_iter().flat_map(|s| s.findings).collect();
-        findings.sort_unstable();
-        rows.push(rest_row(findings, [here, after.min(here)]));
+        rows.push(rest_row(&rest.iter().collect::<Vec<_>>(), [here, after.min(here)]));
     }
     let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
     rows.extend(left.map(|u| {
@@ -319,6 +388,15 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
     rows
 }
 
+impl VerdictRow {
+    /// How probable the row is: "99 %", "75 to 99 %"; `None` where it claims nothing.
+    #[must_use]
+    pub fn probability(&self) -> Option<String> {
+        let [low, high] = self.confidence?.map(|p| format!("{:.0}", 100.0 * p));
+        Some(if low == high { format!("{high} %") } else { format!("{low} to {high} %") })
+    }
+}
+
 impl Verdict {
     /// The table with so many claims at most: the smaller ones are one row.
     #[must_use]
@@ -332,10 +410,10 @@ impl Verdict {
                 RowKind::Unexplained | RowKind::Whole => end.push(row.clone()),
             }
         }
-        if let (Some(first), Some(last)) = (rest.first(), rest.last()) {
-            let mut findings: Vec<usize> = rest.iter().flat_map(|r| r.findings.iter().copied()).collect();
-            findings.sort_unstable();
-            rows.push(rest_row(findings, [first.before_mm, last.after_mm]));
+        if let [only] = rest.as_slice() {
+            rows.push((*only).clone());
+        } else if let (Some(first), Some(last)) = (rest.first(), rest.last()) {
+            rows.push(rest_row(&rest, [first.before_mm, last.after_mm]));
         }
         rows.extend(end);
         rows
@@ -345,7 +423,7 @@ impl Verdict {
 /// The verdict: likely findings of some size one by one, the others by number. `models` as for the table: number of parameters and error
 /// at unseen poses (mm rms) of the plain and of the whole model.
 #[must_use]
-pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2]) -> Verdict {
+pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given) -> Verdict {
     let named = |f: &&Finding| f.confidence >= LIKELY;
     let share: f64 = findings.iter().filter(named).map(|f| f.share).sum();
     let told: Vec<&Finding> = findings.iter().filter(named).filter(|f| f.share >= SMALL_SHARE).collect();
@@ -359,7 +437,7 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         unexplained
             .iter()
             .take(1)
-            .map(|u| format!("No known cause: {} is off {} ({:.3} mm).", u.site, region(&u.region), u.rms_mm)),
+            .map(|u| format!("No known cause: {} is off, {} ({:.3} mm).", u.site, region(&u.region), u.rms_mm)),
     );
     if findings.is_empty() && unexplained.is_empty() {
         sentences.push("The model explains the data: nothing found.".into());
@@ -376,7 +454,7 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         named_share: (share * 1e4).round() / 1e4,
         unnamed_share: if explained { ((1.0 - share).max(0.0) * 1e4).round() / 1e4 } else { 0.0 },
         actions,
-        rows: rows(findings, unexplained, models),
+        rows: rows(findings, unexplained, models, given),
     }
 }
 
@@ -420,7 +498,7 @@ mod tests {
     const SURE: [f64; 3] = [0.99; 3];
 
     fn told(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2]) -> Verdict {
-        of(findings, unexplained, models)
+        of(findings, unexplained, models, Given { masses: true, several: false })
     }
 
     #[test]
@@ -444,7 +522,7 @@ mod tests {
                 row("Plain model, 31 parameters", "0.90", "0.90"),
                 row("Joints read before the arm had settled at joint 1", "0.90", "0.50"),
                 row("Encoder error at joints 1 and 2", "0.50", "0.10"),
-                row("1 smaller or less sure finding", "0.10", "0.10"),
+                row("Smaller: gear ripple at joint 4 (99 %)", "0.10", "0.10"),
                 row("Whole model, 90 parameters", "0.10", "0.10"),
             ]
         );
@@ -498,41 +576,82 @@ mod tests {
     }
 
     #[test]
-    fn regions_are_said_in_words() {
-        for (name, said) in [
-            ("q2 < -32 deg", "where the angle of joint 2 is below -32 deg"),
-            ("time from 20.0 to 30.0 s", "where the time is from 20.0 to 30.0 s"),
-            ("all of q4, with q1", "as a function of the angle of joint 4 and the angle of joint 1 together"),
-            ("all of seq", "as a function of the number of the pose"),
-        ] {
-            assert_eq!(region(name), said);
-        }
+    fn effects_are_told_by_their_titles() {
+        let titles = ["tool_shift", "unexplained", "new_effect"].map(title_of);
+        assert_eq!(titles, ["tool that slipped", "curves of no known cause", "new_effect"]);
     }
 
     #[test]
-    fn what_has_no_name_stands_in_the_table_at_its_size() {
-        let curve = |joint, modelled, [before, after]: [f64; 2]| Unexplained {
+    fn a_name_that_is_next_to_impossible_is_not_told() {
+        let unsure = finding(EffectId::CrossAxisCompliance, 4, [0.8, 0.7, 0.01], [0.5, 0.1]);
+        let row = told(&[unsure], &[], [(31, 0.5), (32, 0.1)]).rows[1].clone();
+        assert_eq!((row.text.as_str(), row.perhaps), ("Elasticity at joint 4", None));
+    }
+
+    #[test]
+    fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together() {
+        // as on an IRB 120: each ripple is small, and sure
+        let ripple = |joint, p, before| finding(EffectId::GearRipple, joint, [p; 3], [before, before - 0.001]);
+        let mut findings = vec![
+            finding(EffectId::LateJointReading, 1, SURE, [0.5, 0.1]),
+            finding(EffectId::NonlinearStiffness, 2, [0.6; 3], [0.1, 0.09]),
+        ];
+        findings.extend((1..=6).map(|joint| ripple(joint, 0.97 + 0.004 * joint as f64, 0.09 - 0.002 * joint as f64)));
+        let verdict = told(&findings, &[curve(1, "q4", "all of q4", true, [0.09, 0.088])], [(31, 0.5), (90, 0.07)]);
+        let rest = verdict.shortened(1).into_iter().find(|r| r.kind == RowKind::Rest).unwrap_or_else(|| unreachable!());
+        assert_eq!(
+            rest.text,
+            "Smaller: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
+        );
+        assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
+    }
+
+    fn curve(joint: usize, variable: &str, region: &str, modelled: bool, [before, after]: [f64; 2]) -> Unexplained {
+        Unexplained {
             site: Place::Joint(joint),
-            variable: "q4".into(),
-            region: "all of q4".into(),
+            variable: variable.into(),
+            region: region.into(),
             rms_mm: 0.02,
             holdout_rms_before_mm: before,
             holdout_rms_after_mm: after,
             curve: Vec::new(),
             curve_units: (String::new(), String::new()),
             modelled,
-        };
-        let unexplained = [curve(1, true, [0.5, 0.3]), curve(2, true, [0.3, 0.2]), curve(5, false, [0.2, 0.19])];
-        let verdict = told(&[], &unexplained, [(31, 0.5), (60, 0.2)]);
-        let said: Vec<&str> = verdict.rows.iter().map(|r| r.text.as_str()).collect();
+        }
+    }
+
+    #[test]
+    fn what_has_no_name_stands_in_the_table_at_its_size_with_what_to_do() {
+        let unexplained = [
+            curve(2, "q4", "q4 < 10 deg", true, [0.3, 0.25]),
+            curve(3, "q4", "all of q4, with q3", true, [0.5, 0.3]),
+            curve(5, "q4", "all of q4", false, [0.2, 0.19]),
+            curve(1, "seq", "all of seq", true, [0.25, 0.2]),
+        ];
+        let with = |masses, several| Given { masses, several };
+        let rows = |given| of(&[], &unexplained, [(31, 0.5), (60, 0.2)], given).rows;
+        let said: Vec<(String, bool)> = rows(with(true, false)).into_iter().map(|r| (r.text, r.corrected)).collect();
+        let row = |text: &str, corrected| (text.to_owned(), corrected);
         assert_eq!(
             said,
             [
-                "Plain model, 31 parameters",
-                "No known cause: smooth curves at joints 1 and 2",
-                "Still unexplained at joint 5: 0.020 mm that change with the angle of joint 4",
-                "Whole model, 60 parameters"
+                row("Plain model, 31 parameters", true),
+                row(
+                    "No known cause: smooth curves at joints 2 and 3, the largest at joint 3 over the angles of joints 3 and 4",
+                    true
+                ),
+                row("No known cause: change in the course of a session at joint 1", false),
+                row("Still unexplained at joint 5: 0.020 mm that change with the angle of joint 4", false),
+                row("Whole model, 60 parameters", true),
             ]
         );
+        let actions = |given| rows(given).into_iter().filter_map(|r| r.action).collect::<Vec<_>>();
+        assert_eq!(actions(with(true, false)), [OTHER_ANGLES[0], IN_THE_COURSE]);
+        assert_eq!(actions(with(true, true)), [OTHER_ANGLES[1], IN_THE_COURSE]);
+        assert_eq!(actions(with(false, false)), [GIVE_MASSES, IN_THE_COURSE]);
+        let own = [curve(4, "q4", "q4 from -20.0 to 20.0 deg", true, [0.5, 0.3])];
+        let row = of(&[], &own, [(31, 0.5), (60, 0.3)], with(true, false)).rows[1].clone();
+        assert_eq!(row.text, "No known cause: smooth curve at joint 4 over the angle of joint 4");
+        assert_eq!(row.action, Some(OWN_ANGLE[0]));
     }
 }

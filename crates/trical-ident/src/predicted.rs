@@ -45,8 +45,8 @@ impl Predicted {
         let beyond =
             self.covered_beyond.map(|b| format!(" ({} at joint angles that it was not fitted at)", percent(b)));
         format!(
-            "The model expects a standard deviation of {:.3} mm in each coordinate, {:.3} mm of it from its parameters; its intervals of \
-             95 % hold {} of the coordinates{}.",
+            "The model expects a standard deviation of {:.3} mm in each coordinate, {:.3} mm of it from its parameters; {} of the \
+             coordinates lie within its 95 % intervals{}.",
             self.sd_mm,
             self.parameters_sd_mm,
             percent(self.covered),

@@ -149,9 +149,9 @@ impl Validation {
         })
     }
 
-    /// One sentence for each reason for which terms say nothing here.
+    /// One sentence for each reason for which terms say nothing here; `title` gives the words of an effect's identifier.
     #[must_use]
-    pub fn left_out_in_words(&self) -> Vec<String> {
+    pub fn left_out_in_words(&self, title: impl Fn(&str) -> String) -> Vec<String> {
         let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
         for l in &self.left_out {
             let i = reasons.iter().position(|r| r.0 == l.reason).unwrap_or_else(|| {
@@ -162,7 +162,8 @@ impl Validation {
                 reasons[i].1.push(&l.effect);
             }
         }
-        reasons.into_iter().map(|(reason, effects)| format!("Left out: {} ({reason}).", effects.join(", "))).collect()
+        let named = |effects: &[&str]| effects.iter().map(|e| title(e)).collect::<Vec<_>>().join(", ");
+        reasons.into_iter().map(|(reason, effects)| format!("Left out: {} ({reason}).", named(&effects))).collect()
     }
 }
 

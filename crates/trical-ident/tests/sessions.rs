@@ -146,7 +146,10 @@ fn what_happened_in_the_course_of_a_session_stays_there() {
     assert_eq!(a.errors, b.errors, "the third session does not know of it");
     assert!(a.left_out.is_empty(), "{:?}", a.left_out);
     assert_eq!(b.left_out.len(), 1);
-    assert_eq!(b.left_out_in_words(), ["Left out: joint_zero_shift (happened in the course of another session)."]);
+    assert_eq!(
+        b.left_out_in_words(str::to_owned),
+        ["Left out: joint_zero_shift (happened in the course of another session)."]
+    );
     // it acts in its own session, and only there
     let [first, second] = &sessions;
     assert!(score(&with, std::slice::from_ref(first)).after.mean_mm > 0.2);

@@ -79,7 +79,7 @@ fn blocks_or_one(py: Python<'_>, blocks: Array3<f64>, single: bool) -> Bound<'_,
 #[pymethods]
 impl PyModel {
     /// The nominal arm of a robot in a cell (files or objects; a URDF as in "arm.urdf#base_link:tool0"). Without a cell, the
-    /// arm's foot is the world and its flange is the tool.
+    /// world is the foot of the arm and the tool is its flange.
     #[staticmethod]
     #[pyo3(signature = (robot, cell=None))]
     fn nominal(robot: RobotArgument, cell: Option<CellArgument>) -> Result<Self> {
@@ -209,10 +209,10 @@ impl PyModel {
 
     /// Where the tool is, in the world.
     ///
-    /// q: (n, joints) or (joints,), rad (m for prismatic joints). What terms of the model look at, each for all poses or one a
+    /// q: (n, joints) or (joints,), rad (m for prismatic joints). Inputs of the model's terms, each for all poses or one per
     /// pose: directions (n, joints) or (joints,), -1, 0 or 1, sense of each joint's last motion; temperature (n,) degC; time
     /// (n,) s since the recording began; seq (n,) number of the pose, for models of recordings without times; payload (n,)
-    /// kg on the flange beyond the cell's tool. Not given means no sense of motion, the reference temperature, time and
+    /// kg on the flange beyond the cell's tool. Defaults: no sense of motion, the reference temperature, time and
     /// number 0, no payload.
     ///
     /// Returns positions (n, 3) m and rotations (n, 3, 3); (3,) and (3, 3) for q of shape (joints,).
@@ -232,7 +232,7 @@ impl PyModel {
         self.poses(py, &known, Forward::world_from_tool)
     }
 
-    /// How far the arm misses all over its workspace, as `trical export --error-map` says it: n poses at random within the
+    /// How far the arm misses all over its workspace, as in `trical export --error-map`: n poses at random within the
     /// limits, the same ones each time. Returns their joints (n, joints) rad (m), where the nominal arm's TCP is there (n, 3) m,
     /// and from there to where this model's is (n, 3) m, in the axes of the arm's base.
     #[pyo3(signature = (n=2000))]

@@ -52,7 +52,7 @@ impl PyVirtualCell {
         &self.controller
     }
 
-    /// The true arm: what identification is to find, and must not be given.
+    /// The true arm: what identification should find and must not know.
     #[getter]
     fn truth(&self) -> Result<PyModel> {
         PyModel::new(self.truth.clone())
@@ -78,7 +78,7 @@ impl PyVirtualCell {
         Ok(q[..n].to_vec().into_pyarray(py))
     }
 
-    /// Where the tool truly is in the world: position (3,) m and rotation (3, 3); what a perfect tracker would see.
+    /// True pose of the tool in the world: position (3,) m and rotation (3, 3), as a perfect tracker would measure it.
     #[getter]
     #[expect(clippy::type_complexity, reason = "two arrays")]
     fn tool<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
@@ -87,7 +87,7 @@ impl PyVirtualCell {
         Ok((position.to_vec().into_pyarray(py), rotation.into_pyarray(py)))
     }
 
-    /// Ends it; its addresses answer no more. Nothing happens where it was stopped already.
+    /// Stops it; its addresses answer no more. Calling it again does nothing.
     fn stop(&self, py: Python<'_>) {
         py.detach(|| drop(self.lock().take()));
     }

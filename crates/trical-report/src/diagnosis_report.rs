@@ -4,16 +4,16 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, RowKind, verdict};
+use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, verdict};
 use trical_ident::{ErrorSummary, JointSource};
-use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Shape, Site, State, Variable};
+use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
 use crate::error::Result;
 use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::table::{number, two_digits};
+use crate::table::{self, number, two_digits};
 use crate::verdict_told;
 
 /// Findings with a figure of their own.
@@ -25,8 +25,14 @@ const FEW: usize = 8;
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
 
+/// Rivals of a finding that are told: the others are worse.
+const RIVALS: usize = 3;
+
 fn rivals(f: &Finding) -> String {
-    f.rivals.iter().map(|r| verdict::named(r.effect, r.site).to_lowercase()).collect::<Vec<_>>().join(", ")
+    let named = |r: &Rival| verdict::named(r.effect, r.site).to_lowercase();
+    let more = f.rivals.len().saturating_sub(RIVALS);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -96,7 +102,10 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
             ))
         }
         (Variable::Joint { joint }, _) => {
-            Some((format!("angle of joint {joint}, deg"), of(&|s| s.q[joint - 1].to_degrees())))
+            let prismatic = d.model.robot.joints.get(joint - 1).is_some_and(|j| j.kind == JointKind::Prismatic);
+            let (what, unit, scale) =
+                if prismatic { ("position", "mm", 1e3) } else { ("angle", "deg", 1.0_f64.to_degrees()) };
+            Some((format!("{what} of joint {joint}, {unit}"), of(&|s| s.q[joint - 1] * scale)))
         }
         (Variable::Moment { joint, .. }, _) if !matches!(term.site, Site::Across { .. }) => {
             let forward = Forward::new(d.model.clone(), Vec::new()).ok()?;
@@ -160,8 +169,9 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         .coefficients
         .iter()
         .map(|c| {
-            let n = number(&c.name, c.value, &c.unit);
-            c.sd.map_or_else(|| n.clone(), |sd| format!("{n} (standard deviation {})", two_digits(sd)))
+            let (value, sd, unit) = table::in_percent(c.value, c.sd, &c.unit);
+            let n = number(&c.name, value, unit);
+            sd.map_or_else(|| n.clone(), |sd| format!("{n} (standard deviation {})", two_digits(sd)))
         })
         .collect();
     let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
@@ -217,10 +227,10 @@ fn from_the_side(points: &[Vector3<f64>]) -> Vec<(f64, f64)> {
 
 /// The arm from the side, with the guilty places marked by the numbers of the findings.
 fn map(d: &Diagnosis) -> Result<String> {
-    const WIDE: f64 = 620.0;
+    const WIDE: f64 = 700.0;
     const HIGH: f64 = 420.0;
     // of the list beside the arm
-    const LIST: f64 = 260.0;
+    const LIST: f64 = 340.0;
     let mut flat = from_the_side(&places(d)?);
     let last = flat.len().saturating_sub(1);
     let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
@@ -304,7 +314,7 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
             verdict_told::claim(r, ""),
-            verdict_told::probability(r).unwrap_or_default(),
+            r.probability().unwrap_or_default(),
             number(r.before_mm, !of_model && r.kind != RowKind::Unexplained),
             number(r.after_mm, r.kind != RowKind::Unexplained),
             verdict_told::advice(r),
@@ -372,25 +382,30 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     stairs.extend(steps.into_iter().map(|(name, _, after)| (name, after)));
     section.figures.push(Figure {
         caption:
-            "Error at held-out poses as the findings are modelled one after the other (?: a curve of no known cause)."
+            "Error at poses that the fit did not see, as the findings are modelled one after the other (?: a curve of no known cause)."
                 .into(),
-        svg: plots::staircase("held-out error, mm rms", "the finding that is added", &stairs)?,
+        svg: plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
     });
     Ok(section)
 }
 
+/// The curves without a name that take most of the error, each with its picture.
 fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
-    let all = d.unexplained.iter().chain(&d.more_unexplained);
-    all.take(4)
+    let taken = |u: &Unexplained| u.holdout_rms_after_mm.powi(2) - u.holdout_rms_before_mm.powi(2);
+    let mut all: Vec<&Unexplained> = d.unexplained.iter().chain(&d.more_unexplained).collect();
+    all.sort_by(|a, b| taken(a).total_cmp(&taken(b)));
+    all.into_iter()
+        .take(4)
         .map(|u| {
             let site = verdict::capital(&u.site.to_string());
             let figures = if u.curve.is_empty() {
                 Vec::new()
             } else {
+                let beside = if u.region.contains(", with ") { format!(", {} in the middle of its range", u.site) } else { String::new() };
                 vec![Figure {
-                    caption: "The curve that was fitted.".into(),
+                    caption: format!("The curve that was fitted{beside}."),
                     svg: plots::scatter(
-                        &format!("{}, {}", u.variable, u.curve_units.0),
+                        &format!("{}, {}", verdict::variable(&u.variable), u.curve_units.0),
                         &format!("correction, {}", u.curve_units.1),
                         false,
                         true,
@@ -400,10 +415,10 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
             };
             let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
             Ok(Section {
-                heading: format!("No known cause: {site}"),
+                heading: format!("No known cause: {}", u.site),
                 text: vec![format!(
-                    "{site} is off {}, and no effect of the catalogue says why. {how} takes the held-out error from {:.4} to \
-                     {:.4} mm.",
+                    "{site} is off, {}, and no effect of the catalogue explains it. {how} lowers the error at unseen poses from \
+                     {:.4} to {:.4} mm rms.",
                     verdict::region(&u.region), u.holdout_rms_before_mm, u.holdout_rms_after_mm
                 )],
                 figures,
@@ -419,7 +434,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         .verdict
         .rows
         .iter()
-        .filter(|r| r.kind == RowKind::Finding)
+        .filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves))
         .take(2)
         .map(|r| format!("{}.", verdict_told::sentence(r)));
     let said = if d.findings.is_empty() && d.unexplained.is_none() {
@@ -470,8 +485,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     sections.push(Section {
         heading: "Parameters".into(),
         text: vec![
-            "Each lies between the two ends with 95 % (1.96 standard deviations to each side), if nothing further is lacking."
-                .into(),
+            "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete.".into(),
         ],
         tables: vec![parameters(&d.model, known, half_width(None), |_| String::new())],
         folded: true,
@@ -490,8 +504,8 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     sections.push(Section {
         heading: "What this data could not show".into(),
         text: vec![
-            "An effect of typical size at these sites would leave less than three standard deviations in this data \
-             (lambda below 3): that it was not found says nothing."
+            "At these sites an effect of typical size would not be visible in this data (lambda below 3): it may be there although \
+             it was not found."
                 .into(),
             "On one arm a scale error of the measuring frame (all lengths together) cannot be told from the arm's own size."
                 .into(),

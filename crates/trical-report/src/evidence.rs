@@ -295,11 +295,11 @@ const UNUSUAL: f64 = 3.0;
 /// The section of concerns, and what else was looked at.
 pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
     Section {
-        heading: "To be looked at before signing".into(),
+        heading: "To check before signing".into(),
         text: vec![format!(
-            "Checked: rejected rows, errors at poses that the fit did not use, the largest error against the rms, what is left \
-             against usual noise, {also}.{}",
-            if concerns.is_empty() { " None of it gives cause for concern." } else { "" }
+            "Checked: rejected rows, errors at poses that the fit did not use, the largest error compared with the rms, the \
+             residuals compared with the usual noise, {also}.{}",
+            if concerns.is_empty() { " All is in order." } else { "" }
         )],
         list: concerns,
         ..Section::default()
@@ -321,8 +321,9 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
     Ok(far
         .map(|(name, f)| {
             format!(
-                "What is left in {name} is {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
-                 0.05 mm for poses): either it was measured that much worse, or the model lacks something; trical diagnose looks for it."
+                "The residuals of {name} are {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
+                 0.05 mm for poses): either the measurement is that much worse, or the model lacks something; trical diagnose looks \
+                 for it."
             )
         })
         .collect())

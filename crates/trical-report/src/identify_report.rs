@@ -82,7 +82,7 @@ fn sentence(text: &str) -> String {
 
 fn verdict(t: &Calibration, concerns: usize) -> String {
     let mut out = format!(
-        "{} parameters take the mean position error at {} measurements from {:.3} mm (largest {:.3}) to {:.3} mm (largest {:.3}).",
+        "{} parameters lower the mean position error at {} measurements from {:.3} mm (largest {:.3}) to {:.3} mm (largest {:.3}).",
         t.fitted.free.len(),
         t.observations,
         t.before.mean_mm,
@@ -94,9 +94,9 @@ fn verdict(t: &Calibration, concerns: usize) -> String {
         out += &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
     out += &match concerns {
-        0 => " Nothing that was checked speaks against the model where it was measured.".to_owned(),
-        1 => " One thing is to be looked at before signing.".to_owned(),
-        n => format!(" {n} things are to be looked at before signing."),
+        0 => " All checks passed for the region that was measured.".to_owned(),
+        1 => " Check one point before signing.".to_owned(),
+        n => format!(" Check {n} points before signing."),
     };
     out
 }
@@ -110,7 +110,7 @@ fn parameters(t: &Calibration) -> Section {
     let remark = |name: &str| if stopped.contains(&name) { "at its limit".to_owned() } else { String::new() };
     let mut tables = vec![evidence::parameters(&f.model, f.free.iter().map(|k| &f.model.terms[*k]), sds, remark)];
     let mut text = vec![format!(
-        "Each lies between the two ends with 95 % ({sds:.2} standard deviations to each side), if the model is complete. The \
+        "The 95 % interval of each ({sds:.2} standard deviations to each side) holds if the model is complete. The \
          condition number of the scaled Jacobian is {:.0}.",
         f.observability.condition
     )];
@@ -120,8 +120,8 @@ fn parameters(t: &Calibration) -> Section {
     }
     if !pairs.is_empty() {
         text.push(
-            "The pairs in the second table can hardly be told apart by this data: one alone is uncertain, though what they do \
-             together is known where it was measured."
+            "The data hardly separates the pairs in the second table: each alone is uncertain, but their joint effect is known \
+             where it was measured."
                 .into(),
         );
         let mut rows = vec![row(["parameter", "and", "correlation"])];

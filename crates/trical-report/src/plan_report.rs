@@ -1,5 +1,6 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
+use trical_diagnose::verdict::capital;
 use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
@@ -53,7 +54,7 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
         })
         .flatten();
     let mut rows =
-        vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "touches reached moving down", "up"])];
+        vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "reached moving down", "reached moving up"])];
     for (k, joint) in robot.joints.iter().enumerate() {
         let span = |values: &mut dyn Iterator<Item = f64>| {
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
@@ -87,8 +88,8 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
 fn verdict(cell: &Cell, told: &Told) -> String {
     let e = &told.plan.expected;
     format!(
-        "{} touches of {} balls. With noise of {} mm they leave {} on average in the sphere and {} in the whole workspace, as \
-         far as the model is complete; {} of the effects that it may lack would not be seen, at one place or more.",
+        "{} touches of {} balls. With a noise of {} mm the expected position error is {} on average in the sphere and {} in the \
+         whole workspace, if the model is complete. {} of the known effects would not be seen at one place or more.",
         told.plan.entries.len(),
         cell.balls.len(),
         told.options.noise_m * 1e3,
@@ -132,11 +133,16 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
     let mut seen = vec![row(["effect", "site", "lambda"])];
     let mut sorted: Vec<_> = told.seen.iter().collect();
     sorted.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
-    seen.extend(sorted.iter().map(|s| vec![s.effect.to_string(), s.site.to_string(), format!("{:.1}", s.lambda)]));
+    seen.extend(
+        sorted.iter().map(|s| vec![s.effect.effect().title.to_owned(), s.site.to_string(), format!("{:.1}", s.lambda)]),
+    );
     let mut advice = vec![row(["what would help", "to see"])];
     advice.extend(blindness::advice(&told.seen).into_iter().map(|(remedy, what)| vec![remedy, what]));
-    let lacking: Vec<String> =
-        told.lacking.iter().map(|(effect, lacks)| format!("{effect}: such a recording lacks {lacks}.")).collect();
+    let lacking: Vec<String> = told
+        .lacking
+        .iter()
+        .map(|(effect, lacks)| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title)))
+        .collect();
     let expected = vec![
         row(["position error to be expected, mm", "mean", "rms", "rms at the worst pose"]),
         error_row("in the sphere", e.in_sphere),
@@ -148,8 +154,8 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
         Section {
             heading: "What to expect".into(),
             text: vec![format!(
-                "From noise alone, {} mm in each of a touch's three numbers. What the model lacks comes on top, and grows \
-                 where joints leave the ranges below. The choice is {} times better for its purpose than a random one.",
+                "From the noise of the gauge alone, {} mm in each of its three readings. Errors of the model come on top, and grow \
+                 where joints leave the ranges below. The choice is {} times better than a random one.",
                 told.options.noise_m * 1e3,
                 two_digits(e.gain_over_random)
             )],
@@ -159,8 +165,8 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
         Section {
             heading: "What would not be seen".into(),
             text: std::iter::once(
-                "Lambda is the length of an effect's signature at a typical size, after the parameters have taken up what \
-                 they can, in standard deviations of the noise. Below 3 it is not seen, however well the fit looks."
+                "Lambda is how large an effect of typical size would be in these measurements, in standard deviations of the \
+                 noise, after the fit of the parameters has absorbed what it can. An effect with lambda below 3 is not seen."
                     .to_owned(),
             )
             .chain(lacking)
@@ -179,7 +185,7 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
             tables: vec![parameters],
             ..Section::default()
         },
-        Section { heading: "All effects".into(), tables: vec![seen], ..Section::default() },
+        Section { heading: "All effects".into(), tables: vec![seen], folded: true, ..Section::default() },
     ];
     page::render("TriCal: plan", &verdict, &sections, made)
 }

@@ -137,7 +137,7 @@ impl Told {
             .map(|s| format!("{} {} {}", s.name, two_digits(s.sd.unwrap_or(f64::NAN)), s.unit))
             .collect();
         out.extend(names.chunks(5).map(|c| format!("  {}", c.join(", "))));
-        out.push("Position error that this noise would leave, mm (what the model lacks comes on top):".into());
+        out.push("Position error expected from this noise alone, mm (errors of the model come on top):".into());
         for (name, p) in [("in the sphere", e.in_sphere), ("in the whole workspace", e.in_workspace)] {
             out.push(p.map_or_else(
                 || format!("  {name}: not known, the arm reaches too few poses there"),

@@ -48,6 +48,11 @@ pub fn wrapped(text: &str, width: usize, indent: &str) -> Vec<String> {
     lines
 }
 
+/// A ratio in percent, as people read it; any other number as it is.
+pub fn in_percent(value: f64, sd: Option<f64>, unit: &str) -> (f64, Option<f64>, &str) {
+    if unit == "1" { (100.0 * value, sd.map(|sd| 100.0 * sd), "%") } else { (value, sd, unit) }
+}
+
 /// "beta_2 = 0.0255 deg"; numbers of no dimension have no unit.
 pub fn number(name: &str, value: f64, unit: &str) -> String {
     let size = value.abs();

@@ -1,5 +1,6 @@
 //! The report of a validation: a model on recordings, for the person who signs it off.
 
+use trical_diagnose::verdict;
 use trical_ident::{ErrorSummary, ModelFile, Validation};
 
 use crate::error::Result;
@@ -45,13 +46,13 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     let errors = Errors { model: &v.model, data: &v.data, was: "the nominal arm", before: &before, after: &after };
     let list = concerns(v)?;
     let mut verdict = format!(
-        "At {} measurements the model errs by {:.3} mm on average and {:.3} mm at most; the nominal arm by {:.3} and {:.3} mm.",
+        "The position error at {} measurements is {:.3} mm on average and {:.3} mm at most; with the nominal arm it is {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
     );
     verdict += &match list.len() {
-        0 => " Nothing that was checked speaks against the model where it was measured.".to_owned(),
-        1 => " One thing is to be looked at before signing.".to_owned(),
-        n => format!(" {n} things are to be looked at before signing."),
+        0 => " All checks passed for the region that was measured.".to_owned(),
+        1 => " Check one point before signing.".to_owned(),
+        n => format!(" Check {n} points before signing."),
     };
     let mut text = vec![
         "Before is the arm as its maker describes it, with only the measuring frame or base and the tool points identified on \
@@ -60,7 +61,7 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     ];
     text.extend(v.sessions.iter().map(|s| format!("{}.", s.in_words())));
     let predicted = v.predicted.as_ref().map(trical_ident::Predicted::in_words);
-    text.extend(v.left_out_in_words().into_iter().chain(v.beyond_in_words()).chain(predicted));
+    text.extend(v.left_out_in_words(verdict::title_of).into_iter().chain(v.beyond_in_words()).chain(predicted));
     let parts = |what: &str, of: &mut dyn Iterator<Item = (&str, usize, &ErrorSummary, &ErrorSummary)>| {
         let mut rows =
             vec![row([what, "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];
@@ -98,11 +99,12 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         Section {
             heading: "Parameters of the model".into(),
             text: vec![
-                "Each lies between the two ends with 95 % (1.96 standard deviations to each side), if the model is complete; \
-                 from its file, not from these recordings."
+                "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete; it comes \
+                 from the model's file, not from these recordings."
                     .into(),
             ],
             tables: vec![evidence::parameters(&v.model, terms, half_width(None), |_| String::new())],
+            folded: true,
             ..Section::default()
         },
         evidence::rejected(&v.rejected, v.rejected.len()),

@@ -21,13 +21,6 @@ const USES: &str = "`trical compensate` corrects what is modelled";
 /// What an action says that asks nothing of the owner but to use the model.
 const BY_THE_MODEL: &str = "Let the calibrated model correct it";
 
-/// "99 %", "75 to 99 %".
-#[must_use]
-pub fn probability(row: &VerdictRow) -> Option<String> {
-    let [low, high] = row.confidence?.map(|p| format!("{:.0}", 100.0 * p));
-    Some(if low == high { format!("{high} %") } else { format!("{low} to {high} %") })
-}
-
 /// What to do about a row: "Modelled.", "Do: have the indicator calibrated."
 #[must_use]
 pub fn advice(row: &VerdictRow) -> String {
@@ -78,7 +71,7 @@ pub fn claim(row: &VerdictRow, sure: &str) -> String {
 /// The claim with its probability.
 #[must_use]
 pub fn sentence(row: &VerdictRow) -> String {
-    claim(row, &probability(row).map_or_else(String::new, |p| format!(" ({p})")))
+    claim(row, &row.probability().map_or_else(String::new, |p| format!(" ({p})")))
 }
 
 fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {

@@ -47,8 +47,8 @@ pub struct Args {
     /// Temperature at which the program runs, degC, for a model with thermal effects
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     temp_c: Option<f64>,
-    /// When the program runs, s since the recording began, for a model that drifts; one that warmed up, or changed at once, is
-    /// otherwise taken as it is long after
+    /// When the program runs, s since the recording began, for a model that drifts; without it, steps and warming up
+    /// count as complete, and what happened in one of several sessions is left out
     #[arg(long, value_name = "T")]
     time_s: Option<f64>,
     /// The same for a model of a recording without times: after how many of its poses (seq)

@@ -347,8 +347,9 @@ fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
 /// An effect, where, and how large.
 fn in_words(effect: EffectId, place: Place, coefficients: &[Coefficient]) -> String {
     let values = coefficients.iter().take(COEFFICIENTS).map(|c| {
-        let sd = c.sd.map_or_else(String::new, |sd| format!(" (sd {})", table::two_digits(sd)));
-        format!("{}{sd}", table::number(&c.name, c.value, &c.unit))
+        let (value, sd, unit) = table::in_percent(c.value, c.sd, &c.unit);
+        let sd = sd.map_or_else(String::new, |sd| format!(" (sd {})", table::two_digits(sd)));
+        format!("{}{sd}", table::number(&c.name, value, unit))
     });
     let more = if coefficients.len() > COEFFICIENTS { ", ..." } else { "" };
     format!("{}: {}{more}", verdict::named(effect, place), values.collect::<Vec<_>>().join(", "))

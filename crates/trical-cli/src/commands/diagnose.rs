@@ -27,7 +27,7 @@ pub struct Args {
     /// Which joint angles to use
     #[arg(long, value_enum, default_value = "read")]
     joints: Joints,
-    /// Model what has a name alone: what has none is told, but not corrected
+    /// Model named effects only: curves of no known cause are reported, but not corrected
     #[arg(long)]
     names_only: bool,
     #[command(flatten)]

@@ -19,7 +19,8 @@ pub struct Args {
     /// The model: calibrated.toml or improved.toml
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
-    /// Refuse the model if it is not of this arm: robot.toml or a URDF. Of a URDF, --urdf is this very file with the origins of its joints corrected
+    /// Refuse the model if it is not of this arm: robot.toml or a URDF. With a URDF here, --urdf writes the same file
+    /// with corrected joint origins
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// Where to write the arm as a URDF: the one of --robot, corrected, or else base, links and tool anew

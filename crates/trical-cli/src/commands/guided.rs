@@ -123,6 +123,12 @@ fn failed(e: impl std::fmt::Display) -> CliError {
     CliError::Failed(e.to_string())
 }
 
+/// Without mastering.
+fn not_mastered() -> Result<Next> {
+    tell("No mastering: the indicators' readings are used as they are.")?;
+    Ok(Next::On)
+}
+
 impl<'a> Guided<'a> {
     /// Leads a person through a whole session, or through what is left of it.
     pub fn lead(self) -> Result<()> {
@@ -130,8 +136,8 @@ impl<'a> Guided<'a> {
         tell(
             "You will be led through a measurement. At each step: do what is said, then press Enter. Instead of Enter you \
              may type b to go back a step, s to skip the step, q to end, or the arm's joint angles in degrees (as in \
-             0,10,20,0,45,0) to have the arm driven there slowly and straight: look that the way is free. Keep a hand on \
-             the emergency stop. All that is done is kept: --resume goes on where you ended.",
+             0,10,20,0,45,0) to have the arm driven there slowly and straight: check that the way is free. Keep a hand \
+             on the emergency stop. Every step is saved: --resume continues where you stopped.",
         )?;
         let ended = led.steps();
         let finished = led.close();
@@ -325,23 +331,24 @@ impl Led<'_> {
         }
         controller.set_speed(about.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
         controller.stop_when(Arc::clone(&about.interrupt.stops));
+        tell("The arm moves there.").map_err(|e| e.to_string())?;
         controller.move_joints(q).map_err(|e| e.to_string())
     }
 
     fn master(&mut self) -> Result<Next> {
-        tell("1. Mastering. The indicators have to know where the tool point is.")?;
+        tell("1. Mastering. The calibrator defines the tool point, where the indicators read zero.")?;
         let cancel = Arc::clone(&self.about.interrupt.asked);
         // shown and read without an earlier mastering
         self.kept.zero = None;
         let bare = bare_url(&self.about.gauge);
         loop {
-            match self.ask("Hold the device so that no stem touches anything. (s: the indicators read zero on the calibrator already.)")? {
+            match self.ask("Hold the device so that no stem touches anything. (s: no mastering, the indicators are set to zero already.)")? {
                 Answer::Go => {}
-                Answer::Back => continue,
-                _ => {
-                    tell("The readings are taken as they come.")?;
-                    return Ok(Next::On);
+                Answer::Back => {
+                    tell("This is the first step.")?;
+                    continue;
                 }
+                _ => return not_mastered(),
             }
             let free = match master(&bare, &cancel) {
                 Ok(read) => read.zero,
@@ -351,8 +358,10 @@ impl Led<'_> {
                 }
             };
             tell(&format!("In the air the stems read {}.", shown(&free)))?;
-            if !matches!(self.ask("Put the device on its calibrator so that all three stems touch it.")?, Answer::Go) {
-                continue;
+            match self.ask("Put the device on its calibrator so that all three stems touch it.")? {
+                Answer::Go => {}
+                Answer::Back => continue,
+                _ => return not_mastered(),
             }
             match master(&bare, &cancel)
                 .map_err(Into::into)
@@ -391,7 +400,7 @@ impl Led<'_> {
     fn touch(&mut self, ball: usize, index: u64, what: &str, skipped: (&str, usize)) -> Result<Next> {
         self.log = Some(self.open()?);
         let there = self.rows.contains_key(&index);
-        let skip = if there { "it is touched already; s: keep that touch" } else { skipped.0 };
+        let skip = if there { "touched already; s: keep that touch" } else { skipped.0 };
         loop {
             match self.ask(&format!("{what}. ({skip}.)"))? {
                 Answer::Back => return Ok(Next::Back),
@@ -400,6 +409,7 @@ impl Led<'_> {
                 _ => {}
             }
             let mut log = self.open()?;
+            tell("The arm closes in on the ball.")?;
             let gauge = self.gauge();
             let mut note = |p| {
                 if let Progress::Warning(w) = p {
@@ -444,13 +454,13 @@ impl Led<'_> {
         };
         let mm = |v: [f64; 3]| v.map(|v| format!("{:.3}", v * 1e3)).join(", ");
         tell(&format!(
-            "The tool point lies at {} mm from the flange (the cell file says {}); the four touches agree to {:.3} mm, which is \
-             what the arm is off before calibration.",
+            "The tool point lies at {} mm from the flange (the cell file says {}); the four touches agree to {:.3} mm, the \
+             error of the arm before calibration.",
             mm(fit.tcp_in_flange),
             mm(self.cell.tool.tcp.into()),
             fit.rms * 1e3
         ))?;
-        match self.ask("Take it? (s: keep the one of the cell file; b: repeat the last touch.)")? {
+        match self.ask("Use it? (s: keep the tool point of the cell file; b: repeat the last touch.)")? {
             Answer::Back => return Ok(Next::Back),
             Answer::Skip => {}
             _ => self.cell.tool.tcp = fit.tcp_in_flange.into(),
@@ -488,9 +498,7 @@ impl Led<'_> {
             ))?;
         }
         if fit.check().is_err() {
-            tell(
-                "That is more than an arm can be off: was each touch at the ball that was asked for? Repeat those that were not.",
-            )?;
+            tell("An arm is never off by so much: was each touch at the right ball? Repeat the wrong ones.")?;
             return Ok(Next::To(Step::FIRST_BALL));
         }
         self.cell.world_from_base = fit.world_from_base;
@@ -537,9 +545,9 @@ impl Led<'_> {
             self.plan = Some(self.plan_from(None)?);
             return Ok(Next::On);
         }
-        tell("4. Plan. Touches are chosen that collide with nothing and say most about the arm.")?;
+        tell("4. Plan. Touches are chosen that are free of collisions and tell most about the arm.")?;
         loop {
-            match self.ask("Bring the arm to a free place, from where the measurement is to begin.")? {
+            match self.ask("Bring the arm to a free place. The measurement begins there.")? {
                 Answer::Back => return Ok(Next::Back),
                 Answer::Go => {}
                 _ => {

@@ -18,7 +18,7 @@ pub struct Args {
     /// The calibration that they are compared with: calibrated.toml
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
-    /// The mean error that the work bears, mm: says when the next calibration is due
+    /// Largest mean error that the work allows, mm: with it, says when the next calibration is due
     #[arg(long, value_name = "MM")]
     need_mm: Option<f64>,
     #[command(flatten)]

@@ -19,7 +19,7 @@ use crate::say;
 pub enum Set {
     /// The nominal arm: measuring frame (or base) and tool points only
     Nominal,
-    /// And the whole geometry of a rigid arm, the twist of near-parallel axes included
+    /// Also the whole geometry of a rigid arm, with the twist of near-parallel axes
     Geometry,
     /// The paper's 31 parameters: the geometry without that twist, and the compliance of the joints that carry a torque
     Compliance,
@@ -72,7 +72,7 @@ pub struct Args {
     keep_outliers: bool,
     #[command(flatten)]
     tool: Tool,
-    /// Read recordings in passes, in memory that does not grow with their rows; by itself for a CSV above 32 MB
+    /// Read recordings in passes, in memory that does not grow with their rows; the default for a CSV above 32 MB
     #[arg(long, conflicts_with_all = ["cross_validate", "hold_out_last"])]
     stream: bool,
     /// A report to read, print and sign, one HTML file
@@ -260,7 +260,7 @@ pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String
         return Vec::new();
     }
     let rows = if all == 1 { "row" } else { "rows" };
-    let mut lines = vec![format!("{all} {rows} rejected as outliers:")];
+    let mut lines = vec![format!("{all} {rows} rejected:")];
     lines.extend(named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)));
     if all > most {
         lines.push(format!("  and {} more (--json and --report list them)", all - most));

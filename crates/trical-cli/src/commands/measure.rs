@@ -37,13 +37,13 @@ pub struct Args {
     /// Where to record
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Go on with a recording that was broken off, however it was
+    /// Continue a recording that was interrupted
     #[arg(long)]
     resume: bool,
     /// Move the robot; without it the steps are printed and nothing moves
     #[arg(long)]
     go: bool,
-    /// Be led through it in plain words: mastering, tool point, world frame, plan, measurement
+    /// Be led through it step by step: mastering, tool point, world frame, plan, measurement
     #[arg(long, conflicts_with = "json")]
     guided: bool,
     /// Touches a ball of the plan that --guided makes
@@ -59,7 +59,7 @@ pub struct Args {
 /// How to measure.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Settings {
-    /// A touch is accepted when its reading is shorter than this; what is left is recorded
+    /// A touch is accepted when its reading is shorter than this; the reading that is left is recorded
     #[arg(long, value_name = "MM", default_value_t = 0.02)]
     pub epsilon_mm: f64,
     /// Repeatability of the arm: an --epsilon-mm below it is warned about

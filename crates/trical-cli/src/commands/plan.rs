@@ -63,11 +63,11 @@ pub struct Args {
     /// Candidates a ball, from which the informative ones are chosen
     #[arg(long, value_name = "N", default_value_t = 100)]
     pool: usize,
-    /// Instead of touches, this many poses at which another instrument can prove the arm: in --sphere-mm, or without it in the
+    /// Instead of touches, this many poses at which another instrument can check the arm: in --sphere-mm, else in the
     /// whole workspace
     #[arg(long, value_name = "N")]
     points: Option<usize>,
-    /// With --points: where a tracker stands in {w}; the tool's --facing-axis looks there
+    /// With --points: where a tracker stands in {w}; the tool's --facing-axis points at it
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, requires = "points")]
     facing_mm: Vec<f64>,
     /// With --facing-mm: which direction of the tool, in its own axes, carries the reflector
@@ -80,13 +80,13 @@ pub struct Args {
         requires = "facing_mm"
     )]
     facing_axis: Vec<f64>,
-    /// With --facing-mm: how far that may be turned away from the tracker
+    /// With --facing-mm: largest angle between that axis and the direction to the tracker
     #[arg(long, value_name = "DEG", default_value_t = 30.0, requires = "facing_mm")]
     facing_within_deg: f64,
     /// Seed: the same seed gives the same plan
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// What the touches are to be best for
+    /// What the touches are optimized for
     #[arg(long, value_enum, ignore_case = true, default_value_t = Best::D)]
     criterion: Best,
     /// Where the arm is to be accurate: a sphere in {w}; without it, 200 mm about a point 100 mm above the balls
@@ -95,7 +95,7 @@ pub struct Args {
     /// Largest angle between the device's z axis and straight down
     #[arg(long, value_name = "DEG", default_value_t = 90.0)]
     max_tilt_deg: f64,
-    /// Standard deviation of each of a touch's three numbers, for what is expected
+    /// Standard deviation of each of a touch's three readings, for the expected errors
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     noise_mm: f64,
     /// Where the arm stands before the first touch: its joints; without it zero, or the middle between limits that leave zero out

@@ -43,7 +43,7 @@ struct Common {
     /// Candidates a ball
     #[arg(long, value_name = "N", default_value_t = 100)]
     pool: usize,
-    /// What chosen touches are best for
+    /// What chosen touches are optimized for
     #[arg(long, value_enum, ignore_case = true, default_value_t = Best::D)]
     criterion: Best,
     /// Parameters to identify: with 'complete', also the twists of near-parallel axes

@@ -24,8 +24,8 @@ pub struct Args {
     /// Which joint angles to use (default: those that the model was fitted to)
     #[arg(long, value_enum)]
     joints: Option<Joints>,
-    /// Identify again what a newly set up instrument changes: frame, or frame,targets; from every fourth pose, the others
-    /// are scored
+    /// Identify again what changes when the instrument is set up anew: frame, or frame,targets; from every fourth
+    /// pose, the others are scored
     #[arg(long, value_delimiter = ',', value_name = "WHAT")]
     refit: Vec<String>,
     /// A report to read, print and sign, one HTML file
@@ -72,7 +72,9 @@ pub fn run(args: &Args) -> Result<()> {
         say(format!("  {}", session.in_words()))?;
     }
     let predicted = v.predicted.as_ref().map(Predicted::in_words);
-    for line in v.left_out_in_words().into_iter().chain(v.beyond_in_words()).chain(predicted) {
+    for line in
+        v.left_out_in_words(trical_diagnose::verdict::title_of).into_iter().chain(v.beyond_in_words()).chain(predicted)
+    {
         for part in table::wrapped(&line, 108, "  ") {
             say(part)?;
         }

@@ -47,7 +47,8 @@ pub struct Args {
     /// How long the receiver repeats the last value after a motion
     #[arg(long, value_name = "MS", default_value_t = 0.0)]
     radio_ms: f64,
-    /// Read too early: joints short by so many deg, indicators off by so many mm, dying away with a time constant in s
+    /// Read before the arm has settled: joints short by DEG, indicators off by MM, both decaying with the time
+    /// constant S
     #[arg(long, value_name = "DEG,MM,S", value_delimiter = ',')]
     unsettled: Vec<f64>,
     /// Standard deviation of each indicator

@@ -1,4 +1,4 @@
-//! What a person sees while the arm measures: which ball, which touch of how many, |r| by iteration, time left, warnings.
+//! What a person sees while the arm measures: which ball, which touch of how many, reading by iteration, time left, warnings.
 
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,7 @@ impl Told {
                 self.begin.get_or_insert(now);
                 self.before.get_or_insert(*done);
                 (self.done, self.total) = (*done, *total);
-                self.touch = format!("touch {} of {total} (number {index}), ball {}", done + 1, ball + 1);
+                self.touch = format!("touch {} of {total} (seq {index}), ball {}", done + 1, ball + 1);
                 self.lengths.clear();
             }
             Progress::Reading { reading, .. } => {
@@ -42,14 +42,14 @@ impl Told {
         (self.done, self.total)
     }
 
-    /// Which touch, and |r| of each iteration.
+    /// Which touch, and reading of each iteration.
     #[must_use]
     pub fn touch(&self) -> String {
         let r: Vec<String> = self.lengths.iter().map(|r| format!("{:.4}", r * 1e3)).collect();
-        if r.is_empty() { self.touch.clone() } else { format!("{}: |r| {} mm", self.touch, r.join(" > ")) }
+        if r.is_empty() { self.touch.clone() } else { format!("{}: reading {} mm", self.touch, r.join(" > ")) }
     }
 
-    /// Three lines: touch and |r| of each iteration; time left; the last warnings.
+    /// Three lines: touch and reading of each iteration; time left; the last warnings.
     #[must_use]
     pub fn lines(&self, now: Instant) -> Vec<String> {
         let mut lines = vec![self.touch()];
@@ -85,11 +85,11 @@ mod tests {
         state.take(&Progress::Begin { index: 20, ball: 1, done: 20, total: 45 }, begin);
         state.take(&Progress::Reading { index: 20, corrections: 0, reading: [3e-4, 0.0, 4e-4] }, begin);
         state.take(&Progress::Reading { index: 20, corrections: 1, reading: [0.0, 3e-6, 0.0] }, begin);
-        assert_eq!(state.lines(begin), ["touch 21 of 45 (number 20), ball 2: |r| 0.5000 > 0.0030 mm"]);
+        assert_eq!(state.lines(begin), ["touch 21 of 45 (seq 20), ball 2: reading 0.5000 > 0.0030 mm"]);
         state.take(&Progress::Warning("low battery".into()), begin);
         state.take(&Progress::Begin { index: 21, ball: 2, done: 21, total: 45 }, later(10));
         let lines = state.lines(later(10));
-        assert_eq!(lines, ["touch 22 of 45 (number 21), ball 3", "21 done, about 4 min left", "note: low battery"]);
+        assert_eq!(lines, ["touch 22 of 45 (seq 21), ball 3", "21 done, about 4 min left", "note: low battery"]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub const EFFECT: Effect = Effect {
     needs: "-",
     typical: "0.003 to 0.03 deg",
     rivals: "joint_harmonic, axis_twist, geometry",
-    action: "Let the calibrated model correct it; where it grows, have the bearing looked at.",
+    action: "Let the calibrated model correct it; where it grows, have the bearing checked.",
     remedy: Remedy::WiderRange,
     periodic: true,
     follows_torque: false,

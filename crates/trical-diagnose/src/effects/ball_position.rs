@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Gauge,
     scope: Scope::Setup,
     site: "ball",
-    form: "a wrong distance of the ballbar: the ball is elsewhere, three coordinates",
+    form: "a wrong measured distance: the ball is elsewhere, three coordinates",
     needs: "touches",
     typical: "0.01 to 0.2 mm",
     rivals: "the base (mostly absorbed); the other balls, where there are three",

@@ -20,7 +20,7 @@ pub const EFFECT: Effect = Effect {
     needs: "joints to 0.01 deg",
     typical: "5 to 30 arcsec",
     rivals: "its own aliases",
-    action: "Let the calibrated model correct it; where it grows, have the gear looked at for wear.",
+    action: "Let the calibrated model correct it; where it grows, have the gear checked for wear.",
     remedy: Remedy::WiderRange,
     periodic: true,
     follows_torque: false,

@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Gauge,
     scope: Scope::Course,
     site: "axis",
-    form: "y gets k t",
+    form: "k t is added to y",
     needs: "time or order",
     typical: "0.02 mm/h",
     rivals: "tool_drift",

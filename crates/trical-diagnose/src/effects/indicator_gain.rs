@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Gauge,
     scope: Scope::Setup,
     site: "axis",
-    form: "y counts as (1 + g) y",
+    form: "the reading is (1 + g) y",
     needs: "readings with a spread",
     typical: "0.5 to 8 %",
     rivals: "invisible if every reading is nulled",

@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Gauge,
     scope: Scope::Setup,
     site: "axis",
-    form: "y_a gets e y_b of the other two",
+    form: "e y_b of the other two is added to y_a",
     needs: "readings with a spread",
     typical: "0.5 to 1.5 deg",
     rivals: "invisible if every reading is nulled",

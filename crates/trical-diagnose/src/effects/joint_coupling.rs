@@ -8,11 +8,11 @@ use crate::effect_id::EffectId;
 
 pub const EFFECT: Effect = Effect {
     id: EffectId::JointCoupling,
-    title: "one joint moves another",
+    title: "coupling between joints",
     family: Family::Transmission,
     scope: Scope::Arm,
     site: "joint, from",
-    form: "wrist gears, parallelogram: D = k q_i for joints 5 by 4, 6 by 5, 6 by 4, 3 by 2",
+    form: "wrist gears, parallelogram: D = k q_i for joint 5 with 4, 6 with 5, 6 with 4, 3 with 2",
     needs: "-",
     typical: "2e-4 to 2e-3",
     rivals: "gear_ratio",

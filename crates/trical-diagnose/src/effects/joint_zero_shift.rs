@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.01 to 0.06 deg",
     rivals: "fixture_shift, tool_shift",
-    action: "Have the encoder, its battery and the belt looked at, and measure again.",
+    action: "Have encoder, battery and belt checked, and measure again.",
     remedy: Remedy::Repeats,
     periodic: false,
     follows_torque: false,

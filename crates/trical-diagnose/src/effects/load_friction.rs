@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "sense of motion, masses",
     typical: "2 to 120 arcsec",
     rivals: "lost_motion_direction",
-    action: "Have the lubrication and the preload of the drive looked at, or let programs approach with one sense of motion.",
+    action: "Have lubrication and preload checked, or let programs approach from one side.",
     remedy: Remedy::BothSenses,
     periodic: false,
     follows_torque: false,

@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "sense of motion",
     typical: "b 2 to 120 arcsec",
     rivals: "load_friction; invisible if every approach has one sense",
-    action: "Have the gear and its preload looked at, or let programs approach with one sense of motion.",
+    action: "Have the gear's preload checked, or let programs approach from one side.",
     remedy: Remedy::BothSenses,
     periodic: false,
     follows_torque: false,

@@ -19,7 +19,7 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "0.01 to 0.04 deg",
     rivals: "nonlinear_stiffness; the zero offset where tau_j never changes sign",
-    action: "Have the gear and its preload looked at, or keep the joint loaded in one direction.",
+    action: "Have the gear's preload checked, or keep the joint loaded in one direction.",
     remedy: Remedy::SignOfTorque,
     periodic: false,
     follows_torque: true,

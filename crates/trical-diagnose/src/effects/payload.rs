@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "0.2 to 1 kg, 10 to 50 mm",
     rivals: "compliance, cross_axis_compliance",
-    action: "Weigh the tool and correct mass and centre of gravity in cell.toml and in the controller.",
+    action: "Weigh the tool; correct cell.toml and the controller.",
     remedy: Remedy::KnownPayload,
     periodic: false,
     follows_torque: false,

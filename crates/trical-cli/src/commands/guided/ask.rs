@@ -1,11 +1,10 @@
 //! What a person is asked and answers in a guided session, and the live readings beside the question.
 
-use std::io::{BufRead, IsTerminal};
+use std::io::{BufRead, IsTerminal, Write};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-use indicatif::ProgressBar;
 use trical_device::gauge::AXES;
 use trical_device::{Controller, Gauge, open_controller, open_gauge};
 use trical_model::{JointKind, Joints, Robot};
@@ -17,6 +16,9 @@ use crate::say;
 
 /// Live readings are shown anew this often, and Ctrl-C is looked for.
 const EVERY: Duration = Duration::from_millis(200);
+
+/// So wide are lines: as most terminals are.
+const WIDE: usize = 78;
 
 /// What a person answers.
 pub enum Answer {
@@ -32,7 +34,7 @@ pub enum Answer {
 
 /// A paragraph on standard output.
 pub fn tell(text: &str) -> Result<()> {
-    table::wrapped(text, 100, "").iter().try_for_each(say)
+    table::wrapped(text, WIDE, "").iter().try_for_each(say)
 }
 
 /// Lines that are typed. They are read in a thread of their own, so that readings are shown and Ctrl-C is heard meanwhile.
@@ -60,8 +62,13 @@ impl Person {
     /// Asks until the answer is understood. `live` = gauge and controller whose readings are shown meanwhile.
     pub fn ask(&self, text: &str, robot: &Robot, live: Option<(&str, &str)>, stroke: [f64; 2]) -> Result<Answer> {
         tell(&format!("> {text}"))?;
-        let mut live = live.filter(|_| std::io::stderr().is_terminal()).map(|(g, c)| Live::open(g, c, stroke));
+        let terminal = std::io::stderr().is_terminal() && std::io::stdin().is_terminal();
+        let mut live = live.filter(|_| terminal).map(|(g, c)| Live::open(g, c, stroke));
         loop {
+            if live.is_some() {
+                // the two lines of the readings; what is typed stands below them
+                crate::note!("\n");
+            }
             let line = self.typed(robot, live.as_mut())?;
             match line.trim() {
                 "" => return Ok(Answer::Go),
@@ -78,78 +85,79 @@ impl Person {
 
     /// The next line.
     fn typed(&self, robot: &Robot, mut live: Option<&mut Live>) -> Result<String> {
+        let mut readings = None;
         loop {
             if self.interrupt.asked.load(Ordering::Relaxed) {
                 return Err(CliError::Failed("stopped by the user; nothing moves".into()));
             }
-            match self.lines.recv_timeout(EVERY) {
+            match self.lines.recv_timeout(if readings.is_some() { Duration::ZERO } else { EVERY }) {
                 Ok(Ok(line)) => return Ok(line),
                 Ok(Err(e)) => return Err(CliError::Failed(format!("standard input: {e}"))),
                 Err(RecvTimeoutError::Disconnected) => {
                     return Err(CliError::Failed("standard input has ended before the session did".into()));
                 }
-                Err(RecvTimeoutError::Timeout) => {
-                    if let Some(live) = live.as_mut() {
-                        live.show(robot);
+                // to read takes a while: what is typed meanwhile has moved the cursor, and is taken first
+                Err(RecvTimeoutError::Timeout) => match readings.take() {
+                    Some(lines) => {
+                        let _ = std::io::stderr().write_all(above(&lines).as_bytes());
                     }
-                }
+                    None => readings = live.as_mut().map(|live| live.read(robot)),
+                },
             }
         }
     }
 }
 
-/// Readings and joints as they are now, in one line of the terminal while a question waits.
+/// Readings and joints as they are now, in the two lines of the terminal above the one in which the answer is typed.
 struct Live {
     gauge: Option<Box<dyn Gauge>>,
     controller: Option<Box<dyn Controller>>,
     stroke: [f64; 2],
-    bar: ProgressBar,
 }
 
 impl Live {
     /// A device that cannot be read is left out: the step that needs it says why.
     fn open(gauge: &str, controller: &str, stroke: [f64; 2]) -> Self {
-        let bar = ProgressBar::new_spinner();
-        Self { gauge: open_gauge(gauge).ok(), controller: open_controller(controller).ok(), stroke, bar }
+        Self { gauge: open_gauge(gauge).ok(), controller: open_controller(controller).ok(), stroke }
     }
 
-    fn show(&mut self, robot: &Robot) {
+    fn read(&mut self, robot: &Robot) -> [String; 2] {
         let reading = self.gauge.as_mut().and_then(|gauge| gauge.read().ok());
         let q = self.controller.as_mut().and_then(|controller| controller.joints().ok());
-        self.bar.set_message(now(reading, q, robot, self.stroke));
-        self.bar.tick();
+        now(reading, q, robot, self.stroke)
     }
 }
 
-impl Drop for Live {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
+/// Writes two lines anew that stand above the cursor, and leaves the cursor and what is typed where they are. Lines that are longer
+/// than the terminal is wide are cut.
+fn above([first, second]: &[String; 2]) -> String {
+    // save the cursor, no wrapping; two lines up; each line cleared and written; the cursor and wrapping as before
+    format!("\x1b7\x1b[?7l\x1b[2A\r\x1b[2K{first}\x1b[1B\r\x1b[2K{second}\x1b8\x1b[?7h")
 }
 
-/// Indicators in mm, each with where its stem is in its stroke (m), and joints.
-fn now(reading: Option<[f64; 3]>, q: Option<Joints>, robot: &Robot, [low, high]: [f64; 2]) -> String {
+/// Indicators in mm, each with where its stem is in its stroke (m), and joints: a line each.
+fn now(reading: Option<[f64; 3]>, q: Option<Joints>, robot: &Robot, [low, high]: [f64; 2]) -> [String; 2] {
     let indicators = reading.map_or_else(
-        || "no reading".to_owned(),
+        || "  the indicators give no reading".to_owned(),
         |reading| {
             let axis = |(name, v): (&char, f64)| {
                 let state = if (low..=high).contains(&v) { "touches" } else { "free" };
                 format!("{name} {:+.3} mm {state}", v * 1e3)
             };
-            AXES.iter().zip(reading).map(axis).collect::<Vec<_>>().join("   ")
+            format!("  {}", AXES.iter().zip(reading).map(axis).collect::<Vec<_>>().join("   "))
         },
     );
     let joints = q.map_or_else(
-        || "joints not known".to_owned(),
+        || "  the controller does not say where the joints are".to_owned(),
         |q| {
             let shown = robot.joints.iter().zip(q).map(|(joint, v)| match joint.kind {
                 JointKind::Prismatic => format!("{:.2} mm", v * 1e3),
                 _ => format!("{:.2}", v.to_degrees()),
             });
-            format!("joints {} deg", shown.collect::<Vec<_>>().join(", "))
+            format!("  joints {} deg", shown.collect::<Vec<_>>().join(", "))
         },
     );
-    format!("{indicators}   |   {joints}")
+    [indicators, joints]
 }
 
 /// Joint angles as they are typed.
@@ -182,13 +190,17 @@ mod tests {
     fn live_readings_say_which_stem_touches_and_where_the_joints_are() {
         let robot = Robot::parse(include_str!("../../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let q = joints("0,10 -20,0,45,0", &robot).unwrap();
-        let line = now(Some([6e-3, -1.2345e-3, 0.0]), Some(q), &robot, [-5.9e-3, 5.9e-3]);
+        let lines = now(Some([6e-3, -1.2345e-3, 0.0]), Some(q), &robot, [-5.9e-3, 5.9e-3]);
         assert_eq!(
-            line,
-            "x +6.000 mm free   y -1.234 mm touches   z +0.000 mm touches   |   \
-             joints 0.00, 10.00, -20.00, 0.00, 45.00, 0.00 deg"
+            lines,
+            [
+                "  x +6.000 mm free   y -1.234 mm touches   z +0.000 mm touches",
+                "  joints 0.00, 10.00, -20.00, 0.00, 45.00, 0.00 deg"
+            ]
         );
-        assert_eq!(now(None, None, &robot, [0.0, 0.0]), "no reading   |   joints not known");
+        assert!(lines.iter().all(|line| line.len() < 80), "two lines of a terminal");
+        let none = now(None, None, &robot, [0.0, 0.0]);
+        assert_eq!(none, ["  the indicators give no reading", "  the controller does not say where the joints are"]);
         let refused = joints("0,1000,0,0,0,0", &robot).unwrap_err();
         assert!(refused.contains("joint 2 at 1000 deg is outside its limits, -110.0 to 110.0 deg"), "{refused}");
     }

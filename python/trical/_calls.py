@@ -307,7 +307,8 @@ def plan(
             point 0.1 m above the balls.
         max_tilt: largest angle between the device's z axis and straight down, rad.
         noise: standard deviation of each of a touch's three readings, m, for the expected errors.
-        start: (joints,) where the arm stands before the first touch, rad (m); all zero where not given.
+        start: (joints,) where the arm stands before the first touch, rad (m); where not given zero, or
+            the middle between limits that leave zero out.
         seed: the same seed gives the same plan.
         progress: as for `identify`.
 
@@ -494,8 +495,8 @@ def compensate(
 
     The file `out` is written completely or not at all. Without it nothing is written, and the answer has `rows`: each
     target with its error before and after. Keys: targets, largest_move_mm, problems (what is not rewritten: line and
-    reason), before, after, meant_with; where there are any, cautions, read_with and written (files of the program
-    beside the one that was named).
+    reason), before, after, meant_with, relative (motions relative to rewritten targets, and how far they are off);
+    where there are any, cautions, read_with and written (files of the program beside the one that was named).
     """
     text = _native._compensate(
         os.fspath(program),

@@ -109,8 +109,9 @@ class Gauge(_Device):
     before `measure` opens it.
 
     Args:
-        url: as for `trical measure --gauge`: "uwave:///dev/ttyUSB0?x=00&y=01&z=02" (Mitutoyo U-WAVE-R), "itn://",
-            "opto://", "tesa://", "millimar://", "pico://" or "line://" with a port, or with three, commas between.
+        url: as for `trical measure --gauge`: "uwave:///dev/ttyUSB0?x=00&y=01&z=02" (Mitutoyo U-WAVE-R), "itn://"
+            (Mitutoyo USB-ITN) or one of the others that `trical gauge test --help` lists, with a port, or with three,
+            commas between.
 
     Raises:
         TricalError: a URL that cannot be used.

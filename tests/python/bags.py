@@ -34,6 +34,11 @@ TEXTS = {
     + VECTOR
     + QUATERNION,
 }
+TEXTS["tf2_msgs/msg/TFMessage"] = (
+    "geometry_msgs/TransformStamped[] transforms\n"
+    + f"{LINE}\nMSG: geometry_msgs/TransformStamped\n"
+    + TEXTS["geometry_msgs/msg/TransformStamped"]
+)
 
 
 def _header(t: float) -> dict[str, Any]:
@@ -43,6 +48,10 @@ def _header(t: float) -> dict[str, Any]:
 def _said(kind: str, t: float, p: np.ndarray, q: np.ndarray) -> dict[str, Any]:
     place = dict(zip("xyz", map(float, p), strict=True))
     turn = dict(zip("wxyz", map(float, q), strict=True))
+    if kind == "TFMessage":  # beside another frame, which is somewhere else
+        one = _said("TransformStamped", t, p, q)
+        other = _said("TransformStamped", t, p + 1.0, q) | {"child_frame_id": "link_1"}
+        return {"transforms": [other, one]}
     if kind == "PointStamped":
         return {"header": _header(t), "point": place}
     if kind == "PoseStamped":
@@ -67,7 +76,10 @@ def write_bag(
     with path.open("wb") as f:
         writer = Writer(f, compression=compression)
         schemas = {name: writer.register_msgdef(name, text) for name, text in TEXTS.items()}
-        state, seen = schemas["sensor_msgs/msg/JointState"], schemas[f"geometry_msgs/msg/{kind}"]
+        state, seen = (
+            schemas["sensor_msgs/msg/JointState"],
+            schemas[f"tf2_msgs/msg/{kind}" if kind == "TFMessage" else f"geometry_msgs/msg/{kind}"],
+        )
 
         def send(topic: str, schema: Any, message: dict[str, Any], at: float) -> None:
             # the recorder gets everything 20 ms later
@@ -83,6 +95,11 @@ def write_bag(
                 send("/joint_states", state, message, t)
                 if step % 5 == 0:
                     # on the way the tracker sees it somewhere between
-                    send("/tracker/tool", seen, _said(kind, t, positions[k] + 0.1 * moved, quaternions[k]), t)
+                    send(
+                        "/tf" if kind == "TFMessage" else "/tracker/tool",
+                        seen,
+                        _said(kind, t, positions[k] + 0.1 * moved, quaternions[k]),
+                        t,
+                    )
                 t += 0.02
         writer.finish()

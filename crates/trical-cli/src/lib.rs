@@ -61,6 +61,8 @@ enum Command {
     Study(commands::study::Args),
     /// Drive robot and indicators through a plan, and record
     Measure(commands::measure::Args),
+    /// Take down the joints of an arm that is guided by hand into sockets, a row for every key press
+    Record(commands::record::Args),
     /// Show how far repeat visits scatter: by ball, by sense of approach, over the session
     Repeatability(commands::repeatability::Args),
     /// Simulate a robot, balls and indicators that answer on a pseudo-terminal and a TCP port
@@ -108,6 +110,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Plan(args) => commands::plan::run(&args),
         Command::Study(args) => commands::study::run(&args),
         Command::Measure(args) => commands::measure::run(&args),
+        Command::Record(args) => commands::record::run(&args),
         Command::Repeatability(args) => commands::repeatability::run(&args),
         Command::VirtualCell(args) => commands::virtual_cell::run(&args),
         Command::Gauge(args) => commands::gauge::run(&args),

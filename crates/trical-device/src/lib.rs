@@ -26,6 +26,7 @@
 //! |---|---|
 //! | [`gauge`] | the [`Gauge`] trait, U-WAVE-R and line gauges, [`open_gauge`] |
 //! | [`controller`] | the [`Controller`] trait, the RAPID dialect, Robot Web Services, [`open_controller`] |
+//! | [`joint_feed`] | joints from a file that grows: a topic that is echoed, a CSV |
 //! | [`procedure`] | the touches: plan entries, limits, the loop, repeat visits, tool centre point from one ball |
 //! | [`session`] | a plan driven over URLs into a recording that can be taken up; touches where the arm stands |
 //! | [`virtual_cell`] | the arm, balls and indicators that answer on a pseudo-terminal and a TCP port, and fail by a script |
@@ -33,6 +34,7 @@
 
 pub mod controller;
 pub mod gauge;
+pub mod joint_feed;
 pub mod procedure;
 pub mod session;
 pub mod url;

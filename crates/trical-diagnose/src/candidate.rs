@@ -181,3 +181,70 @@ impl Candidate {
 pub fn anything(_: &[f64]) -> bool {
     true
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::effect_id::UNEXPLAINED;
+    use trical_model::Site;
+
+    fn of(bases: &[Basis]) -> Candidate {
+        let term = |b: &Basis| Term::new("t", UNEXPLAINED, Site::Joint { joint: 2 }, *b);
+        Candidate {
+            cause: Cause::Unexplained,
+            site: Place::Joint(2),
+            behaviour: "joint 2 is off".into(),
+            terms: bases.iter().map(term).collect(),
+            signs: vec![0; bases.len()],
+            physical: anything,
+            typical: 0.0,
+            scales: vec![1.0; bases.len()],
+            log_prior: 0.0,
+        }
+    }
+
+    const Q2: Variable = Variable::Joint { joint: 2 };
+
+    #[test]
+    fn what_a_candidate_may_be_asked_is_what_its_shape_has_and_can_be_put_elsewhere() {
+        let step = of(&[Basis::new(Variable::Time, Shape::Step { at: 90.0 })]);
+        assert_eq!(step.step(), Some((Variable::Time, 90.0)));
+        assert_eq!(
+            (step.with_step(40.0).step(), step.is_course(), step.scanned()),
+            (Some((Variable::Time, 40.0)), true, true)
+        );
+        assert_eq!(step.with_step(40.0).located(), "joint 2 is off at 40 s");
+        // a step in the course of time says when, one over an angle does not
+        assert_eq!(of(&[Basis::new(Q2, Shape::Step { at: 0.4 })]).located(), "joint 2 is off");
+        let soft = of(&[Basis::new(Q2, Shape::SoftSign { scale: 0.1 }), Basis::new(Q2, Shape::Clip { at: 0.1 })]);
+        assert_eq!((soft.scale(), soft.with_scale(0.3).scale(), soft.scanned()), (Some(0.1), Some(0.3), false));
+        assert_eq!(soft.with_scale(0.3).terms[1].basis.shape, Shape::Clip { at: 0.3 });
+        assert_eq!(of(&[Basis::new(Q2, Shape::Cosine { cycles: 30.0 })]).cycles(), Some(30.0));
+        let part = |share| {
+            of(&[Basis::new(Variable::PartMoment { joint: 2, axis: trical_model::Axis::X, share }, Shape::Linear)])
+        };
+        assert_eq!((part(0.25).share(), part(0.25).with_share(0.5).share()), (Some(0.25), Some(0.5)));
+        assert_eq!(part(0.25).located(), "joint 2 is off about a point 25 % of the way from its origin to its foot");
+    }
+
+    #[test]
+    fn a_curve_is_several_tents_of_one_angle_and_no_sense_of_motion() {
+        let tent = |centre: f64| Basis::new(Q2, Shape::Tent { left: centre - 1.0, centre, right: centre + 1.0 });
+        assert_eq!(of(&[tent(0.0), tent(1.0)]).curve(), Some(Q2));
+        assert_eq!(of(&[tent(0.0)]).curve(), None);
+        assert_eq!(of(&[tent(0.0), Basis { sense: Some(2), ..tent(1.0) }]).curve(), None);
+        // one without a name is never held, however long
+        assert!(!of(&[tent(0.0); 40]).is_long_curve());
+    }
+
+    #[test]
+    fn candidates_of_different_sessions_are_not_alike_and_a_part_has_nothing_else() {
+        let (one, two) = (Basis::CONSTANT, Basis::new(Q2, Shape::Linear));
+        assert!(of(&[one]).is_alike(&of(&[two])));
+        assert!(!of(&[one]).is_alike(&of(&[one]).in_session(2)));
+        assert_eq!((of(&[one]).session(), of(&[one, two]).in_session(2).session()), (None, Some(2)));
+        assert!(of(&[two]).is_part_of(&of(&[one, two])) && !of(&[one, two]).is_part_of(&of(&[two])));
+        assert!(!of(&[two]).in_session(2).is_part_of(&of(&[one, two])));
+    }
+}

@@ -23,6 +23,7 @@ macro_rules! for_each_effect {
             cross_axis_compliance CrossAxisCompliance,
             axis_twist AxisTwist,
             axis_wobble AxisWobble,
+            rail_error RailError,
             gravity_direction GravityDirection,
             payload Payload,
             thermal_growth ThermalGrowth,

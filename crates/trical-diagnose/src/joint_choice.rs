@@ -52,3 +52,26 @@ fn of_few_balls(e: IdentError, cell: &Cell, data: &Dataset) -> IdentError {
         e => e,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_data::{arm, states};
+    use trical_model::State;
+
+    #[test]
+    fn of_few_balls_a_diagnosis_says_why_it_cannot_and_of_three_what_failed() {
+        let data = states(9, |k| State::at(&[0.1 * k]));
+        let mut cell = arm().cell;
+        let said = |cell: &Cell| of_few_balls(IdentError::NotEnough("too few".into()), cell, &data).to_string();
+        assert!(said(&cell).contains("too few") && !said(&cell).contains("base open"), "{}", said(&cell));
+        cell.balls.truncate(1);
+        assert!(
+            said(&cell).contains("touches of 1 ball leave")
+                && said(&cell).contains("(")
+                && said(&cell).contains("too few")
+        );
+        let other = || IdentError::File { file: "f".into(), problem: "is not there".into() };
+        assert_eq!(of_few_balls(other(), &cell, &data).to_string(), other().to_string());
+    }
+}

@@ -53,6 +53,8 @@ pub mod selection;
 pub mod settings;
 pub mod specification_test;
 pub mod statistics;
+#[cfg(test)]
+mod test_data;
 pub mod truth;
 pub mod verdict;
 mod words;

@@ -310,3 +310,6 @@ fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Datas
         units: (unit.to_owned(), "deg".to_owned()),
     }
 }
+
+#[cfg(test)]
+mod tests;

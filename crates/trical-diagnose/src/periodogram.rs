@@ -197,3 +197,67 @@ impl Apparent {
         peaks.into_iter().map(|k| f64::from(from) + k as f64).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// Angles of `n` poses between -2 and 2 rad, and an apparent error of these waves (cycles, amplitude, phase) there.
+    fn of(n: u32, waves: &[(f64, f64, f64)]) -> Apparent {
+        let q: Vec<f64> =
+            (0..n).map(|k| 2.0 * (f64::from(k) * 2.399_963).sin() * (f64::from(k) * 0.37).cos()).collect();
+        let error = |q: &f64| waves.iter().map(|(cycles, size, phase)| size * (cycles * q + phase).cos()).sum::<f64>();
+        Apparent { push: q.iter().map(error).collect(), weight: vec![1.0; q.len()], q }
+    }
+
+    #[test]
+    fn the_cycles_of_a_wave_are_found_whatever_its_phase_and_the_number_of_poses() {
+        for n in [96, 97, 103] {
+            for phase in [0.0, 0.8, 1.6, 3.1] {
+                for cycles in [10.0, 37.0, 150.0, 300.0] {
+                    assert_eq!(of(n, &[(cycles, 1e-4, phase)]).peaks(10, 300, 1), [cycles], "{n} {phase}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn of_several_waves_the_strongest_comes_first_and_a_peak_counts_once() {
+        let peaks = of(900, &[(50.0, 1e-4, 0.3), (120.0, 3e-4, 1.0), (80.0, 2e-4, 2.0)]).peaks(10, 300, 3);
+        assert_eq!(peaks, [120.0, 80.0, 50.0]);
+        let many = of(900, &[(50.0, 1e-4, 0.3)]).peaks(10, 300, 5);
+        assert!(many.iter().enumerate().all(|(k, a)| many[..k].iter().all(|b| (a - b).abs() > 1.5)), "{many:?}");
+    }
+
+    /// A wave in one joint's angle is suggested for that joint, first of all its waves.
+    #[test]
+    fn the_joint_that_has_a_wave_is_the_one_for_which_it_is_suggested() {
+        let mut truth = crate::test_data::arm();
+        let wave = Basis::new(Variable::Joint { joint: 3 }, Shape::Sine { cycles: 37.0 });
+        truth.terms.push(Term { value: 1e-3, ..Term::new("w", UNEXPLAINED, Site::Joint { joint: 3 }, wave) });
+        let data = crate::test_data::touched(&truth, 240);
+        let fitted =
+            trical_ident::identify(&truth.robot, &truth.cell, &data, trical_ident::ParameterSet::Geometry).unwrap();
+        let of = |joint| {
+            ripples(&fitted, &data).unwrap().into_iter().filter(|c| c.site == Place::Joint(joint)).collect::<Vec<_>>()
+        };
+        assert_eq!(of(3)[0].cycles(), Some(37.0));
+        assert!((1..=6).all(|joint| of(joint).len() == PEAKS_PER_JOINT));
+        // its push is the largest by far: a score for every joint, at its own angle
+        let strongest = apparent(&fitted, &data).unwrap().iter().map(|a| power(a, 37.0)).collect::<Vec<_>>();
+        assert!((0..6).all(|k| k == 2 || strongest[k] < 0.5 * strongest[2]), "{strongest:?}");
+    }
+
+    /// The score of one number of cycles, directly.
+    fn power(a: &Apparent, cycles: f64) -> f64 {
+        let sum = |wave: fn(f64) -> f64| a.q.iter().zip(&a.push).map(|(q, p)| p * wave(cycles * q)).sum::<f64>();
+        (sum(f64::sin).powi(2) + sum(f64::cos).powi(2)) / a.weight.iter().sum::<f64>()
+    }
+
+    #[test]
+    fn a_joint_that_moves_nothing_has_no_waves() {
+        let still = Apparent { weight: vec![0.0; 40], ..of(40, &[(20.0, 1e-4, 0.0)]) };
+        assert!(still.peaks(10, 300, 5).is_empty());
+    }
+}

@@ -111,3 +111,40 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
     out.rejected.sort_by_key(|r| r.row);
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_data::touches;
+    use trical_model::State;
+
+    fn of(readings: &[[f64; 3]]) -> Dataset {
+        let at = |(k, r): (usize, &[f64; 3])| (State::at(&[0.01 * f64::from(u8::try_from(k).unwrap_or(0)), 0.2]), *r);
+        touches(&[readings.iter().enumerate().map(at).collect()])
+    }
+
+    /// Of four readings two agree in x: one pair of six. All three at once agree by the product, at each of the four touches.
+    #[test]
+    fn repeats_by_chance_are_counted_from_the_readings_themselves() {
+        let x_twice = of(&[[1e-4, 1e-4, 0.0], [1e-4, 2e-4, 0.0], [2e-4, 2e-4, 0.0], [3e-4, 3e-4, 0.0]]);
+        assert!((expected_repeats(&x_twice) - 4.0 / 6.0 * 1.0 / 6.0).abs() < 1e-12);
+        let all_differ = of(&[[1e-4; 3], [2e-4; 3], [3e-4; 3]]);
+        assert_eq!(expected_repeats(&all_differ), 0.0);
+    }
+
+    #[test]
+    fn a_reading_is_stale_where_it_repeats_although_the_arm_moved() {
+        let spread = |k: u8| [1e-6 * f64::from(k), 3e-6 * f64::from(k), 7e-6 * f64::from(k)];
+        let mut readings: Vec<[f64; 3]> = (0..40).map(spread).collect();
+        readings[17] = readings[16];
+        let kept = without_stale(&of(&readings));
+        assert_eq!(kept.rejected.iter().map(|r| r.line).collect::<Vec<_>>(), [19], "line 2 has the first reading");
+        assert!(
+            kept.observations.iter().map(|o| o.line).eq((2..42).filter(|l| *l != 19)),
+            "the first of the two stays"
+        );
+        // a gauge of few values repeats by chance
+        let coarse: Vec<[f64; 3]> = (0..40).map(|k: u8| [1e-6 * f64::from(k / 2), 0.0, 0.0]).collect();
+        assert!(without_stale(&of(&coarse)).rejected.is_empty());
+    }
+}

@@ -298,3 +298,99 @@ fn before(data: &Dataset, joint: usize, history: &MoveHistory) -> Vec<f64> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::{arm, states, touches};
+    use trical_model::State;
+
+    /// Joint 2 goes to these angles; two touches at each pose, in two recordings.
+    fn moved() -> Dataset {
+        let at = |angles: &[f64]| {
+            let twice = angles.iter().enumerate().flat_map(|(k, q)| [(k, *q); 2]).enumerate();
+            let touch = |(n, (_, q)): (usize, (usize, f64))| {
+                (State::at(&[0.0, q, 0.3]), [1e-5 * f64::from(u8::try_from(n).unwrap()), 0.0, 0.0])
+            };
+            twice.map(touch).collect::<Vec<_>>()
+        };
+        touches(&[at(&[0.1, 0.3, -0.5]), at(&[1.0, 0.9])])
+    }
+
+    fn near(found: &[f64], expected: &[f64]) {
+        assert!(
+            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{found:?}"
+        );
+    }
+
+    /// Nothing is known of the move to a recording's first pose; a second touch of a pose came by the same move as the first.
+    #[test]
+    fn what_a_joint_did_before_is_told_by_the_moves_within_a_recording() {
+        let data = moved();
+        let [last, travel, second, fading] = [0, 1, 2, 3].map(|k| before(&data, 2, &MOVE_HISTORIES[k]));
+        near(&last, &[0.0, 0.0, 0.2, 0.2, -0.5, -0.5, 0.0, 0.0, -0.1, -0.1]);
+        near(&travel, &[0.0, 0.0, 0.2, 0.2, 0.8, 0.8, 0.0, 0.0, 0.1, 0.1]);
+        near(&second, &[0.0, 0.0, 0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.0, 0.0]);
+        let (first, then) = (0.2 * 0.2, 0.8 * 0.2 * 0.2 - 0.2 * 0.5);
+        near(&fading, &[0.0, 0.0, first, first, then, then, 0.0, 0.0, -0.2 * 0.1, -0.2 * 0.1]);
+        // and nothing of joints that stood still
+        near(&before(&data, 3, &MOVE_HISTORIES[0]), &[0.0; 10]);
+    }
+
+    #[test]
+    fn every_joint_is_asked_for_all_angles_and_a_probe_of_two_has_their_products() {
+        let data =
+            states(40, |k| State::at(&[(2.0 * k).sin(), (3.0 * k).cos(), 0.04 * k, k.sin(), k.cos(), (1.5 * k).sin()]));
+        let asked = probes(&arm(), &data);
+        assert!(asked.candidates.len() == asked.weights.len() && asked.weights.len() == asked.regions.len());
+        for joint in 1..=6 {
+            let here: Vec<usize> =
+                (0..asked.candidates.len()).filter(|k| asked.candidates[*k].site == Place::Joint(joint)).collect();
+            // curves over six angles and the order of the rows, one of its torque, four of its moves, five of two angles
+            assert_eq!(here.len(), 7 + 1 + 4 + 5, "joint {joint}");
+            for k in here.into_iter().filter(|k| asked.weights[*k].len() == 4) {
+                let other: usize = asked.candidates[k].behaviour[1..].parse().unwrap();
+                assert_eq!(asked.regions[k], format!("all of q{other}, with q{joint}"));
+                for (n, o) in data.observations.iter().enumerate() {
+                    let (a, b) = (o.state.q[joint - 1], o.state.q[other - 1]);
+                    let [ss, sc, cs, cc] = [0, 1, 2, 3].map(|w| asked.weights[k][w][n]);
+                    // together they are any product of waves: of the difference and of the sum of the angles
+                    assert!((cc + ss - (a - b).cos()).abs() < 1e-12 && (sc - cs - (a - b).sin()).abs() < 1e-12);
+                    assert!((cc - ss - (a + b).cos()).abs() < 1e-12 && (sc + cs - (a + b).sin()).abs() < 1e-12);
+                }
+            }
+        }
+    }
+
+    /// The most telling probe of a place pays for all that were asked there.
+    #[test]
+    fn of_each_place_the_most_telling_probe_is_told_at_the_price_of_all_that_were_asked() {
+        let mut truth = arm();
+        let lost = Basis::new(Variable::Joint { joint: 4 }, Shape::Cube);
+        truth.terms.push(Term { value: 4e-4, ..Term::new("lost", UNEXPLAINED, Site::Joint { joint: 2 }, lost) });
+        let data = crate::test_data::touched(&truth, 60);
+        let mut model = arm();
+        let zero = |joint| Term::new(format!("zero_{joint}"), "geometry", Site::Joint { joint }, Basis::CONSTANT);
+        model.terms.extend((1..=6).map(zero));
+        let (probes, noise) = (probes(&model, &data), trical_ident::Noise::usual(1));
+        let n = model.terms.len();
+        let white = crate::correlated_noise::CorrelatedNoise::WHITE;
+        let design =
+            Design::weighted(&model, [n; 2], &probes.candidates, &probes.weights, &data, &noise, white).unwrap();
+        let state = design.start();
+        let test = SpecificationTest { design: &design, probes: &probes, first: 0, temper: 1.0 };
+        assert!((test.freedom(&state) - (180.0 - state.parameters)).abs() < 1e-9);
+        for found in test.places(&state) {
+            let here = (0..probes.candidates.len()).filter(|k| probes.candidates[*k].site == found.site);
+            let p: Vec<(f64, usize)> = here.map(|k| (test.p_value(&state, test.gain(&state, k)), k)).collect();
+            let least = p.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+            assert_eq!(found.probe, least.1, "{}", found.site);
+            let asked = p.iter().map(|_| 1.0).sum::<f64>();
+            assert!((found.p_value - (least.0 * asked).min(1.0)).abs() <= 1e-12 * found.p_value, "{}", found.site);
+        }
+        let (best, nats) = test.best_probe(&state, Place::Joint(2)).unwrap();
+        assert!(best.variable == "q4" && nats > 10.0, "{} {nats}", best.variable);
+    }
+}

@@ -81,3 +81,55 @@ fn the_noise_of_nulled_readings_is_no_gain_error() {
     assert_eq!(d.baseline.reading_noise.len(), 1);
     assert!(d.blind_to.iter().any(|b| b.effect == EffectId::IndicatorGain && b.lacks.is_some()));
 }
+
+/// Three targets on the hand of an arm that stands on a rail of 6 m, seen by a tracker at 200 places.
+fn on_rail(bend: f64, turn: f64) -> (Model, trical_ident::Dataset) {
+    use rand::RngExt;
+    use trical_ident::simulate::{Aim, Scatter, simulate};
+    use trical_model::{Axis, JointKind, Parameter, Shape, State, Variable};
+    let mut model = truth(ParameterSet::Geometry, 70);
+    model.terms.clear();
+    let mut rail = model.robot.joints[0].clone();
+    rail.kind = JointKind::Prismatic;
+    (rail.alpha, rail.a, rail.d, rail.theta_offset) = (-std::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0);
+    rail.limits = [0.0, 6.0];
+    model.robot.joints[0].alpha += std::f64::consts::FRAC_PI_2;
+    model.robot.joints.insert(0, rail);
+    let tip = model.cell.tool.tcp;
+    model.cell.tool.targets =
+        [[0.0, 0.0, 0.0], [0.15, 0.0, -0.03], [0.0, 0.15, -0.03]].map(|d| tip + nalgebra::Vector3::from(d)).to_vec();
+    let mut real = model.clone();
+    // a bow that no straight pieces follow wholly, and a yaw
+    let along = |shape| Basis::new(Variable::Joint { joint: 1 }, shape);
+    let bow = along(Shape::Sine { cycles: std::f64::consts::PI / 6.0 });
+    let site = Site::Link { link: 1, parameter: Parameter::A };
+    real.terms.push(Term { value: bend, ..Term::new("bow", "hidden", site, bow) });
+    let yaw = Site::Tilt { joint: 1, axis: Axis::X };
+    real.terms.push(Term { value: turn / 6.0, ..Term::new("yaw", "hidden", yaw, along(Shape::Linear)) });
+    let mut rng = Pcg64Mcg::seed_from_u64(71);
+    let rows: Vec<(State, Aim)> = (0..200)
+        .flat_map(|_| {
+            let q: [f64; 7] =
+                std::array::from_fn(|k| if k == 0 { rng.random_range(0.2..5.8) } else { rng.random_range(-1.5..1.5) });
+            [0, 1, 2].map(|target| (State::at(&q), Aim::Target(target)))
+        })
+        .collect();
+    let seen = simulate(&real, &rows, &Scatter { length: 3e-5, angle: 0.0, seed: 72 }, None).unwrap();
+    (model, build(seen))
+}
+
+#[test]
+fn a_bent_rail_and_a_carriage_that_turns_are_named_and_a_straight_rail_is_not() {
+    let asked = |bend, turn| {
+        let (model, data) = on_rail(bend, turn);
+        let d = diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap();
+        let found: Vec<_> = d.findings.iter().map(|f| (f.effect, f.site)).collect();
+        (d, found)
+    };
+    let (bent, found) = asked(4e-4, 0.0);
+    assert_eq!(found, [(EffectId::RailError, Place::Joint(1))]);
+    let evidence = &bent.findings[0].evidence;
+    assert!(evidence.holdout_rms_after_mm < 0.5 * evidence.holdout_rms_before_mm);
+    assert_eq!(asked(0.0, 5e-4).1, [(EffectId::RailError, Place::Joint(1))]);
+    assert_eq!(asked(0.0, 0.0).1, []);
+}

@@ -6,6 +6,7 @@ use trical_diagnose::effects::EFFECTS;
 
 const DOC: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/effects.md");
 
+/// To write the rows anew: `UPDATE_DOCS=1 cargo test -p trical-diagnose --test effects`.
 #[test]
 fn the_documentation_lists_every_effect_as_its_file_has_it() {
     let text = std::fs::read_to_string(DOC).unwrap();
@@ -17,7 +18,13 @@ fn the_documentation_lists_every_effect_as_its_file_has_it() {
             format!("| `{}` | {cells} |", e.id)
         })
         .collect();
-    assert_eq!(rows, expected, "docs/effects.md should have\n{}", expected.join("\n"));
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        let (first, last) = (rows.first().unwrap(), rows.last().unwrap());
+        let (begin, end) = (text.find(first).unwrap(), text.rfind(last).unwrap() + last.len());
+        std::fs::write(DOC, format!("{}{}{}", &text[..begin], expected.join("\n"), &text[end..])).unwrap();
+        return;
+    }
+    assert_eq!(rows, expected, "docs/effects.md is stale: see this test");
 }
 
 #[test]

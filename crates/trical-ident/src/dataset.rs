@@ -88,14 +88,7 @@ pub fn fingerprint(recording: &Recording) -> String {
     use sha2::{Digest, Sha256};
     let mut hash = Sha256::new();
     for row in &recording.rows {
-        let measured: &[f64] = match &row.measured {
-            Measured::Touch { reading, .. } => reading,
-            Measured::Point { position, .. }
-            | Measured::Reference { position, .. }
-            | Measured::Pose { position, .. } => position,
-            Measured::Distance { length, .. } => std::slice::from_ref(length),
-        };
-        for value in row.state.q[..recording.joints].iter().chain(measured) {
+        for value in row.state.q[..recording.joints].iter().chain(row.measured.lengths().1) {
             hash.update(value.to_le_bytes());
         }
     }

@@ -37,13 +37,7 @@ pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
                 return Err(error(data, o, problem));
             }
         }
-        let (numbers, what): (&[f64], _) = match &o.measured {
-            Measured::Touch { reading, .. } => (reading, "indicators"),
-            Measured::Point { position, .. }
-            | Measured::Reference { position, .. }
-            | Measured::Pose { position, .. } => (position, "measured point"),
-            Measured::Distance { length, .. } => (std::slice::from_ref(length), "measured length"),
-        };
+        let (what, numbers) = o.measured.lengths();
         if let Some(x) = numbers.iter().find(|x| !(x.is_finite() && x.abs() <= FAR_M)) {
             let problem = format!("{what}: found {} mm, expected less than a kilometre", x * 1e3);
             return Err(error(data, o, problem));
@@ -80,7 +74,7 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
             let place = match &o.measured {
                 Measured::Touch { ball, .. } => cell.balls.get(*ball).copied(),
                 Measured::Point { position, .. } | Measured::Pose { position, .. } => Some(Vector3::from(*position)),
-                Measured::Reference { .. } | Measured::Distance { .. } => None,
+                _ => None,
             };
             let Some(place) = place else { continue };
             pairs.push((place, forward.world_from_tool(&o.state, &mut ws).translation));
@@ -182,13 +176,8 @@ pub fn different_poses(robot: &Robot, data: &Dataset) -> usize {
 #[must_use]
 pub fn different_numbers(robot: &Robot, data: &Dataset) -> usize {
     let seen = |o: &Observation| {
-        let what = match o.measured {
-            Measured::Touch { ball, .. } => ball,
-            Measured::Point { target, .. } => target,
-            Measured::Distance { anchor, .. } => anchor,
-            Measured::Pose { .. } | Measured::Reference { .. } => 0,
-        };
-        (bin(robot, o), what, trical_model::residual_rows(&o.measured))
+        let which = o.measured.of_which().map_or(0, |(_, k)| k);
+        (bin(robot, o), which, trical_model::residual_rows(&o.measured))
     };
     data.observations.iter().map(seen).collect::<BTreeSet<_>>().into_iter().map(|(.., rows)| rows).sum()
 }

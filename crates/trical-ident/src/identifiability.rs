@@ -494,10 +494,8 @@ fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
     for o in &data.observations {
         let blank = match o.measured {
             Measured::Touch { ball, .. } => Measured::Touch { ball: if turned { ball } else { 0 }, reading: [0.0; 3] },
-            Measured::Point { target, .. } => Measured::Point { target, position: [0.0; 3] },
-            Measured::Distance { anchor, .. } => Measured::Distance { anchor, length: 1.0 },
-            Measured::Pose { .. } => Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] },
             Measured::Reference { .. } => continue,
+            other => other.blank(),
         };
         let sort = (blank, o.frame, o.state.session, o.state.place.filter(|_| turned));
         if !seen.contains(&sort) {

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use trical_recording::stream::{FIRST, SAMPLE, scatter, sort_of};
+use trical_recording::stream::{FIRST, SAMPLE, scatter};
 
 use crate::dataset::{Dataset, Observation};
 
@@ -19,10 +19,10 @@ pub(crate) fn sample(data: &Dataset) -> Option<Dataset> {
         return None;
     }
     let every = n.div_ceil(SAMPLE) as u64;
-    let mut seen: BTreeMap<(usize, (u8, usize)), usize> = BTreeMap::new();
+    let mut seen: BTreeMap<_, usize> = BTreeMap::new();
     let mut chosen: Vec<Observation> = Vec::with_capacity(SAMPLE + SAMPLE / 8);
     for o in &data.observations {
-        let before = seen.entry((o.recording, sort_of(&o.measured))).or_insert(0);
+        let before = seen.entry((o.recording, o.measured.of_which())).or_insert(0);
         *before += 1;
         if *before <= FIRST || scatter(o.row, o.recording).is_multiple_of(every) {
             chosen.push(*o);

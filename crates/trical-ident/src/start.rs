@@ -95,7 +95,7 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
                 Measured::Pose { position, quaternion } => {
                     (Vector3::from(position), 0, zero, Some(rotation_from_quaternion(quaternion)), Some(o.frame))
                 }
-                Measured::Distance { .. } | Measured::Reference { .. } => return None,
+                _ => return None,
             };
             let tool = tool_of(o.state.session);
             Some(Sight { base_from_flange, point, tool, tool_point, offset, orientation, frame })

@@ -107,6 +107,54 @@ pub enum Measured {
 }
 
 impl Measured {
+    /// What it is read with: a few words.
+    #[must_use]
+    pub const fn instrument(&self) -> &'static str {
+        match self {
+            Self::Touch { .. } => "indicators touching precision balls",
+            Self::Point { .. } | Self::Reference { .. } => "points of a tracker",
+            Self::Distance { .. } => "lengths from fixed anchors",
+            Self::Pose { .. } => "poses of a tracker",
+        }
+    }
+
+    /// The lengths that were read, m, and what they are called: three indicators, a position (of a pose, too), one length.
+    #[must_use]
+    pub const fn lengths(&self) -> (&'static str, &[f64]) {
+        match self {
+            Self::Touch { reading, .. } => ("indicators", reading),
+            Self::Point { position, .. } | Self::Reference { position, .. } | Self::Pose { position, .. } => {
+                ("measured point", position)
+            }
+            Self::Distance { length, .. } => ("measured length", std::slice::from_ref(length)),
+        }
+    }
+
+    /// Of which ball, target, reference or anchor it is, from 0, and which of these words it is; `None` for a pose, of which there is one.
+    #[must_use]
+    pub const fn of_which(&self) -> Option<(&'static str, usize)> {
+        match self {
+            Self::Touch { ball, .. } => Some(("ball", *ball)),
+            Self::Point { target, .. } => Some(("target", *target)),
+            Self::Reference { reference, .. } => Some(("reference", *reference)),
+            Self::Distance { anchor, .. } => Some(("anchor", *anchor)),
+            Self::Pose { .. } => None,
+        }
+    }
+
+    /// One of the same kind, of the same ball, target, reference or anchor, whatever was read.
+    #[must_use]
+    pub const fn blank(self) -> Self {
+        let position = [0.0; 3];
+        match self {
+            Self::Touch { ball, .. } => Self::Touch { ball, reading: [0.0; 3] },
+            Self::Point { target, .. } => Self::Point { target, position },
+            Self::Reference { reference, .. } => Self::Reference { reference, position },
+            Self::Distance { anchor, .. } => Self::Distance { anchor, length: 1.0 },
+            Self::Pose { .. } => Self::Pose { position, quaternion: [1.0, 0.0, 0.0, 0.0] },
+        }
+    }
+
     /// Whether it was seen in a measuring frame.
     #[must_use]
     pub fn is_framed(&self) -> bool {
@@ -142,4 +190,31 @@ pub struct Recording {
     pub rows: Vec<Row>,
     /// What was understood of a file that is not quite as it should be, one sentence each.
     pub notes: Vec<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blank_is_of_the_same_kind_and_of_the_same_thing_with_as_many_lengths() {
+        let position = [1.0, 2.0, 3.0];
+        let all = [
+            (Measured::Touch { ball: 2, reading: position }, Some(("ball", 2)), 3),
+            (Measured::Point { target: 3, position }, Some(("target", 3)), 3),
+            (Measured::Reference { reference: 4, position }, Some(("reference", 4)), 3),
+            (Measured::Distance { anchor: 5, length: 7.0 }, Some(("anchor", 5)), 1),
+            (Measured::Pose { position, quaternion: [0.0, 1.0, 0.0, 0.0] }, None, 3),
+        ];
+        for (measured, which, lengths) in all {
+            let blank = measured.blank();
+            assert!(blank != measured && std::mem::discriminant(&blank) == std::mem::discriminant(&measured));
+            assert_eq!([measured.of_which(), blank.of_which()], [which; 2]);
+            assert_eq!(
+                (blank.lengths().1.len(), measured.lengths().1[0]),
+                (lengths, if lengths == 1 { 7.0 } else { 1.0 })
+            );
+            assert_eq!((blank.instrument(), blank.lengths().0), (measured.instrument(), measured.lengths().0));
+        }
+    }
 }

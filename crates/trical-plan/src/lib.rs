@@ -60,6 +60,7 @@ pub use criterion::{Criterion, Goal};
 pub use discriminate::{Discrimination, choose_to_discriminate};
 pub use error::PlanError;
 pub use generate::{Candidate, Rejected};
+pub use joints::usual_start;
 pub use next::{Next, Question, plan_to_discriminate};
 pub use options::PlanOptions;
 pub use plan::{Chosen, Expected, Plan, PlanEntry, choose_touches, nominal_forward, plan_touches};

@@ -12,8 +12,6 @@
 //!
 //! Values have six decimals, and plans are made of such values: what is read is exactly what was written.
 
-use std::fmt::Write;
-
 use thiserror::Error;
 use trical_model::error::shortened;
 use trical_model::{JointKind, Joints, MAX_JOINTS, Robot};
@@ -77,15 +75,15 @@ fn joint_names(robot: &Robot, letter: char) -> impl Iterator<Item = String> + '_
     (0..robot.dof()).map(move |k| format!("{letter}{}_{}", k + 1, Unit::of(robot, k).name()))
 }
 
+/// The names of the columns, in the order in which they are written.
+fn columns(robot: &Robot) -> Vec<String> {
+    let joints = joint_names(robot, 'q').chain(joint_names(robot, 'a'));
+    ["order", "ball"].map(String::from).into_iter().chain(joints).chain(["via".to_owned()]).collect()
+}
+
 /// The text of a `plan.csv`.
 #[must_use]
 pub fn write_plan(robot: &Robot, entries: &[PlanEntry]) -> String {
-    let mut out = String::from("order,ball");
-    for name in joint_names(robot, 'q').chain(joint_names(robot, 'a')) {
-        out.push(',');
-        out.push_str(&name);
-    }
-    out.push_str(",via\n");
     let number = |q: &Joints, k: usize| {
         let text = format!("{:.6}", Unit::of(robot, k).shown(q[k]));
         // -0.000000 is 0
@@ -95,20 +93,18 @@ pub fn write_plan(robot: &Robot, entries: &[PlanEntry]) -> String {
             text
         }
     };
-    let n = robot.dof();
+    let numbers = |q: &Joints| (0..robot.dof()).map(|k| number(q, k)).collect::<Vec<_>>();
+    let mut out = csv::Writer::from_writer(Vec::new());
+    // writing to memory cannot fail
+    let _ = out.write_record(columns(robot));
     for e in entries {
-        // writing to a String cannot fail
-        let _ = write!(out, "{},{}", e.index + 1, e.ball + 1);
-        for q in [&e.joints, &e.approach] {
-            for k in 0..n {
-                let _ = write!(out, ",{}", number(q, k));
-            }
-        }
-        let via: Vec<String> =
-            e.via.iter().map(|q| (0..n).map(|k| number(q, k)).collect::<Vec<_>>().join(" ")).collect();
-        let _ = writeln!(out, ",{}", via.join(";"));
+        let via: Vec<String> = e.via.iter().map(|q| numbers(q).join(" ")).collect();
+        let count = [e.index, e.ball].map(|k| (k + 1).to_string());
+        let _ = out.write_record(
+            count.into_iter().chain(numbers(&e.joints)).chain(numbers(&e.approach)).chain([via.join(";")]),
+        );
     }
-    out
+    String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
 }
 
 /// Reads the text of a `plan.csv` for an arm with `balls` balls; `file` is its name for messages. Joints are checked against
@@ -124,15 +120,15 @@ pub fn read_plan(text: &str, file: &str, robot: &Robot, balls: usize) -> Result<
         found: shortened(&found, 100),
         expected: expected.to_owned(),
     };
-    let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();
-    let header: Vec<&str> = lines.next().map(|(_, l)| l.split(',').map(str::trim).collect()).unwrap_or_default();
-    let known: Vec<String> = ["order", "ball"]
-        .map(String::from)
-        .into_iter()
-        .chain(joint_names(robot, 'q'))
-        .chain(joint_names(robot, 'a'))
-        .chain(["via".to_owned()])
-        .collect();
+    let mut csv = csv::ReaderBuilder::new()
+        .flexible(true)
+        .trim(csv::Trim::All)
+        // with lines that end with \r\n the crate would count one too few
+        .terminator(csv::Terminator::Any(b'\n'))
+        .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
+    let unreadable = |e: csv::Error| error(1, "order", e.to_string(), "a table");
+    let header = csv.headers().map_err(unreadable)?.clone();
+    let known = columns(robot);
     for (k, name) in header.iter().enumerate() {
         if !known.iter().any(|n| n == name) {
             let expected = format!("one of the columns {}", known.join(", "));
@@ -152,18 +148,18 @@ pub fn read_plan(text: &str, file: &str, robot: &Robot, balls: usize) -> Result<
     }
     let n = robot.dof();
     let mut entries: Vec<PlanEntry> = Vec::new();
-    for (at, text) in lines {
-        let line = at + 1;
-        if text.trim().is_empty() {
+    for record in csv.records() {
+        let cells = record.map_err(unreadable)?;
+        let line = cells.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(usize::MAX));
+        if cells.len() == 1 && cells[0].is_empty() {
             continue;
         }
-        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
         if cells.len() != header.len() {
             let found = format!("{} columns", cells.len());
-            let last = header.get(cells.len().min(header.len()).saturating_sub(1)).copied().unwrap_or("order");
+            let last = header.get(cells.len().min(header.len()).saturating_sub(1)).unwrap_or("order");
             return Err(error(line, last, found, &format!("{} as in the header line", header.len())));
         }
-        let cell = |c: usize| place.get(c).and_then(|p| cells.get(*p)).copied().unwrap_or("");
+        let cell = |c: usize| place.get(c).and_then(|p| cells.get(*p)).unwrap_or("");
         let name = |c: usize| known.get(c).map_or("", String::as_str);
         let quoted = |text: &str| if text.is_empty() { "nothing".to_owned() } else { format!("'{text}'") };
         let joint = |text: &str, column: &str, k: usize| {
@@ -267,6 +263,18 @@ mod tests {
         assert!(message("order,ball\n").starts_with("plan.csv, line 1, column q1_deg: found no such column"));
         assert!(message(&format!("{HEADER},colour\n")).contains("found the unknown column 'colour', expected one of"));
         assert!(message("").starts_with("plan.csv, line 1, column "));
+    }
+
+    /// As spreadsheets save it: a mark at the start, lines that end with \\r\\n, quotes, blank lines.
+    #[test]
+    fn a_plan_that_a_spreadsheet_saved_is_the_plan_and_its_lines_are_counted() {
+        let saved = |q3: &str| {
+            format!("\u{feff}{HEADER}\n\"1\", 2 ,1,2,{q3},4,5,6,1,2,3,4,5,6,\"1 2 3 4 5 6; 6 5 4 3 2 1\"\n\n   \n2,1,1,2,3,4,5,6,1,2,{q3},4,5,6,\n").replace('\n', "\r\n")
+        };
+        let read = read_plan(&saved("3"), "plan.csv", &robot(), 3).unwrap();
+        assert_eq!((read.len(), read[0].ball, read[0].via.len(), read[0].via[1][0]), (2, 1, 2, 6.0_f64.to_radians()));
+        let late = saved("3").replace("1,2,3,4,5,6,\r\n", "1,2,x,4,5,6,\r\n");
+        assert!(message(&late).starts_with("plan.csv, line 5, column a3_deg: found 'x'"), "{}", message(&late));
     }
 
     proptest! {

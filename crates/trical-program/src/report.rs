@@ -1,5 +1,7 @@
 //! What is told of a compensated program.
 
+use std::cmp::Ordering;
+
 use serde_json::{Value, json};
 use trical_model::{Joints, Pose};
 
@@ -93,6 +95,18 @@ pub struct TargetRow {
     pub deviation: Option<f64>,
 }
 
+/// A motion to a place that is relative to a rewritten target: it takes that target's correction along.
+#[derive(Clone, Debug)]
+pub struct Relative {
+    /// The file, where a program has several; else empty.
+    pub file: String,
+    /// Its line (1-based).
+    pub line: usize,
+    /// By the model, how far the arm is off there with the program as it was and as it is, m; `None` where only the running program knows
+    /// how far from the target the place is.
+    pub off: Option<(f64, f64)>,
+}
+
 /// What was done.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
@@ -115,6 +129,8 @@ pub struct Report {
     pub setups: Vec<(String, usize)>,
     /// Rewritten targets one by one, if asked for.
     pub rows: Vec<TargetRow>,
+    /// Motions that are relative to rewritten targets, in the order of the lines.
+    pub relative: Vec<Relative>,
     /// Motions to places that only the running program knows.
     pub unknown_places: usize,
     /// What whoever drives the program has to know besides.
@@ -126,6 +142,38 @@ pub struct Report {
 }
 
 impl Report {
+    /// What is to be known of motions relative to rewritten targets, in one sentence; `None` where there are none.
+    #[must_use]
+    pub fn relative_in_words(&self) -> Option<String> {
+        let place =
+            |r: &Relative| if r.file.is_empty() { r.line.to_string() } else { format!("{}:{}", r.file, r.line) };
+        let places = |list: &[&Relative]| {
+            let mut all: Vec<String> = list.iter().take(PLACES).map(|r| place(r)).collect();
+            if list.len() > PLACES {
+                all.push(format!("{} more", list.len() - PLACES));
+            }
+            format!("line{} {}", if list.len() == 1 { "" } else { "s" }, all.join(", "))
+        };
+        let (known, unknown): (Vec<&Relative>, Vec<&Relative>) = self.relative.iter().partition(|r| r.off.is_some());
+        let worst =
+            known.iter().max_by(|a, b| a.off.unzip().1.partial_cmp(&b.off.unzip().1).unwrap_or(Ordering::Equal));
+        let mut said = Vec::new();
+        if let Some((worst, (before, after))) = worst.and_then(|r| r.off.map(|o| (r, o))) {
+            said.push(format!(
+                "{}: by the model at most {:.3} mm of {:.3} mm are left there (line {})",
+                places(&known),
+                after * 1e3,
+                before * 1e3,
+                place(worst)
+            ));
+        }
+        if !unknown.is_empty() {
+            said.push(format!("{}: how far from it only the running program knows", places(&unknown)));
+        }
+        (!said.is_empty())
+            .then(|| format!("places relative to a target take its correction along: {}", said.join("; ")))
+    }
+
     /// As JSON, in mm and deg; with the rows where there are any.
     #[must_use]
     pub fn json(&self, dialect: Dialect) -> Value {
@@ -145,6 +193,13 @@ impl Report {
             "after": both(&self.after, &self.turned[1]),
             "meant_with":
                 self.setups.iter().map(|(s, n)| json!({ "tool_and_frame": s, "targets": n })).collect::<Vec<_>>(),
+            "relative": self.relative.iter().map(|r| {
+                let mut row = json!({ "line": r.line, "before_mm": r.off.map(|o| mm(o.0)), "after_mm": r.off.map(|o| mm(o.1)) });
+                if !r.file.is_empty() {
+                    row["file"] = json!(r.file);
+                }
+                row
+            }).collect::<Vec<_>>(),
             "unknown_places": self.unknown_places,
             "beyond": self.beyond,
         });
@@ -263,6 +318,17 @@ impl<'a> Tally<'a> {
         }
     }
 
+    /// A motion relative to a target that was rewritten.
+    pub fn relative(&mut self, at: u32, off: Option<(f64, f64)>) {
+        let (file, line) = self.line(at as usize);
+        let here = |r: &&mut Relative| r.line == line && r.file == file;
+        match self.report.relative.iter_mut().find(here) {
+            // several on one line: the worst
+            Some(known) => known.off = known.off.zip(off).map(|(a, b)| if a.1 > b.1 { a } else { b }),
+            None => self.report.relative.push(Relative { file, line, off }),
+        }
+    }
+
     pub fn report(mut self) -> Report {
         if self.report.beyond > 0 {
             let first: Vec<String> = self.report.first_beyond.iter().map(ToString::to_string).collect();
@@ -279,6 +345,7 @@ impl<'a> Tally<'a> {
             self.report.problems.push(Problem { file, line, name: String::new(), what: what.clone() });
         }
         let mut r = self.report;
+        r.relative.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
         r.problems.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
         let n = r.rewritten.max(1) as f64;
         let [before, after] = &mut r.turned;

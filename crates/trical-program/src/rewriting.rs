@@ -1,6 +1,6 @@
 //! A program read, rewritten block by block and copied, in memory.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -10,13 +10,14 @@ use trical_model::interrupt::checkpoint;
 use trical_model::pose::rotation_vector;
 use trical_model::{Cell, Model, Pose};
 
-use crate::compensation::{Compensator, Done, Start, by_measured_torque, settle_unnamed};
+use crate::branch::Configuration;
+use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
 use crate::error::ProgramError;
 use crate::frames::Frames;
 use crate::options::Options;
 use crate::report::{Report, Tally};
-use crate::scan::Spot;
+use crate::scan::{Scan, Spot, Visit};
 
 /// Targets that one thread takes at a time.
 const BLOCK: usize = 2048;
@@ -120,12 +121,16 @@ pub fn compensate_together(
     let size = BLOCK * threads;
     // one thread goes through the program ahead of the others, which rewrite what is known; what they cannot write, nobody wants
     let failed = &AtomicBool::new(false);
-    std::thread::scope(|scope| -> Result<(), ProgramError> {
+    let targets: HashSet<u32> =
+        scan.visits.iter().filter_map(|v| if let Visit::Near { spot, .. } = v { Some(*spot) } else { None }).collect();
+    let mut moved: HashMap<u32, (Pose, Pose)> = HashMap::new();
+    let mut index = 0;
+    let shifted = std::thread::scope(|scope| -> Result<Vec<Shifted>, ProgramError> {
         let (give, starts) = channel();
         let all = &all;
-        scope.spawn(move || {
+        let ahead = scope.spawn(move || {
             // whoever no longer listens has failed, and says so
-            all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed));
+            all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed))
         });
         let mut write = || -> Result<(), ProgramError> {
             for spots in scan.spots.chunks(size) {
@@ -135,12 +140,16 @@ pub fn compensate_together(
                         out.insert(at, &line)?;
                     }
                     if let Ok(done) = &done {
+                        if targets.contains(&index) {
+                            moved.insert(index, (done.wanted, done.commanded));
+                        }
                         let mut edits: Vec<_> = done.edits.iter().collect();
                         edits.sort_by_key(|(span, _)| span.at);
                         for (span, text) in edits {
                             out.replace(span.at as usize, span.len as usize, text)?;
                         }
                     }
+                    index += 1;
                     tally.take(spot, done);
                 }
             }
@@ -148,16 +157,36 @@ pub fn compensate_together(
         };
         let result = write();
         failed.store(result.is_err(), Ordering::Relaxed);
-        result
+        result?;
+        Ok(ahead.join().unwrap_or_default())
     })?;
     for (at, line) in marks {
         out.insert(at, &line)?;
     }
     out.finish()?;
+    let mut ws = all.workspaces();
+    for one in &shifted {
+        let Some((wanted, commanded)) = moved.get(&one.spot) else { continue };
+        tally.relative(one.at, all.left(one, wanted, commanded, &mut ws));
+    }
+    scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
     let mut report = tally.report();
+    report.cautions.extend(configuration_unsaid(&scan));
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
     Ok(report)
+}
+
+/// A program whose first pose can be reached in several ways, and nothing says in which.
+fn configuration_unsaid(scan: &Scan) -> Option<String> {
+    let first = scan.visits.iter().find_map(|v| match v {
+        Visit::To(spot) => scan.spots.get(*spot as usize),
+        _ => None,
+    });
+    let unsaid = first.is_some_and(|s| !s.shape.is_joints() && s.configuration == Configuration::Free);
+    (unsaid && scan.nearest.is_empty()).then(|| {
+        "nothing says in which configuration (shoulder, elbow, wrist) the arm comes to the program's first target: the one nearest to joints at zero is taken; a motion to joint values before it would say it".into()
+    })
 }
 
 /// What was learnt over measured torques and cannot be used where none are measured.

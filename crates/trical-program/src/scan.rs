@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use std::hash::Hasher;
 
 use nalgebra::Vector3;
+use trical_model::Joints;
 
 use crate::branch::Configuration;
 use crate::frames::Frames;
@@ -80,7 +81,11 @@ pub enum Visit {
         shift: Vector3<f64>,
         /// Along the tool's axes; else along the frame's.
         in_tool: bool,
+        /// Where the motion stands in the file.
+        at: u32,
     },
+    /// No motion: the next target is reached in the configuration nearest to these joints (index into `Scan::nearest`).
+    Like(u32),
     /// To a place that only the running program knows.
     Unknown,
 }
@@ -98,6 +103,12 @@ pub struct Scan {
     setup_indices: HashMap<Setup, u32>,
     /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
     pub visits: Vec<Visit>,
+    /// Joints that the program gives to choose a configuration by, rad.
+    pub nearest: Vec<Joints>,
+    /// Motions, and changes of a target's coordinates, that are relative to a target by what only the running program knows.
+    pub relative: Vec<u32>,
+    /// Of joint values in columns: which joints are given in mm; empty where the program's language says no unit.
+    pub in_mm: Vec<bool>,
     /// Tools and frames that the program declares.
     pub frames: Frames,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.
@@ -220,6 +231,8 @@ pub enum Way {
     Near(Vector3<f64>, bool),
     /// Related to it in a way that is known only when the program runs.
     Computed,
+    /// An element of a list of targets that is known only when the program runs.
+    Indexed,
     /// Perhaps the target itself: a name that may as well be a speed.
     Perhaps,
     /// The target itself, unless the routine means something else by its argument.
@@ -262,6 +275,8 @@ pub struct Names {
     no_targets: HashSet<u64>,
     /// Calculations that are listed already.
     listed_at: HashSet<u32>,
+    /// Where coordinates of data are changed by some amount, as in `p.trans.z:=p.trans.z+50`.
+    changed: HashMap<u64, Vec<u32>>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -342,6 +357,14 @@ impl Names {
         })
     }
 
+    /// The program changes some coordinate of these data by an amount, here.
+    pub fn changed(&mut self, name: u64, at: usize) {
+        let all = self.changed.entry(name).or_default();
+        if all.len() < MOST_ORIGINS {
+            all.push(u32::try_from(at).unwrap_or(u32::MAX));
+        }
+    }
+
     /// The data of this name are listed already.
     pub fn listed(&mut self, name: u64) {
         self.listed.insert(name);
@@ -387,17 +410,22 @@ impl Names {
                     scan.visits.push(Visit::Unknown);
                     let mut c = Cursor::new(bytes, 0);
                     c.at = at as usize;
+                    let listed = scan.problems.len();
                     if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
                         scan.problems.push((at as usize, elsewhere(c.word())));
+                    } else if scan.problems.len() == listed && !self.listed.contains(&name) {
+                        scan.relative.push(at);
                     }
                 } else if matches!(way, Way::Unlisted) {
                     scan.visits.push(Visit::Unknown);
                 }
                 continue;
             };
-            self.visit_group(newest, setup, way, scan);
+            self.visit_group(newest, setup, way, at, scan);
             if is_motion {
                 self.computed(name, scan);
+                scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
+                scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
             // other routines may have data of the same name, which nobody uses from here on
             let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
@@ -429,7 +457,7 @@ impl Names {
         }
         if let Some(group) = self.defined.get(&name).copied() {
             let before = scan.visits.len();
-            self.visit_group(group, setup, Way::Computed, scan);
+            self.visit_group(group, setup, Way::Computed, 0, scan);
             scan.visits.truncate(before);
             self.computed(name, scan);
             return Some(true);
@@ -476,7 +504,7 @@ impl Names {
         }
     }
 
-    fn visit_group(&mut self, group: u32, setup: u32, way: Way, scan: &mut Scan) {
+    fn visit_group(&mut self, group: u32, setup: u32, way: Way, at: u32, scan: &mut Scan) {
         let Some(g) = self.groups.get_mut(group as usize) else { return };
         let all = g.first..g.first + g.count;
         let fresh = g.used.is_none();
@@ -492,7 +520,11 @@ impl Names {
         g.used = Some(setup);
         match (way, one) {
             (Way::Said, _) => {}
-            (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool }),
+            (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool, at }),
+            (Way::Near(..), None) => {
+                scan.relative.push(at);
+                scan.visits.push(Visit::Unknown);
+            }
             (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
             // an array that a loop runs through is visited once, in its order
             (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), None) if fresh => {

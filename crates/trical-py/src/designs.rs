@@ -12,7 +12,7 @@ use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_t
 use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, State, residual_rows};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches,
-    poses_in_sphere, poses_in_workspace, write_plan,
+    poses_in_sphere, poses_in_workspace, usual_start, write_plan,
 };
 use trical_report::plan_told::Told;
 
@@ -93,7 +93,7 @@ pub fn _plan<'py>(
     let (robot, cell) = read(&robot, &cell)?;
     let n = robot.dof();
     let start: Joints = match start {
-        None => [0.0; MAX_JOINTS],
+        None => usual_start(&robot),
         Some(q) => Known::new(q, n, &Beside::default())?.states()?.at(0).q,
     };
     let model = model_of_touches(&robot, &cell, usual_set(&robot))?;

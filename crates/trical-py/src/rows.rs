@@ -349,22 +349,9 @@ impl PyRows {
                 Measured::Distance { .. } => 3,
                 Measured::Pose { .. } => 4,
             })),
-            "ball" => whole(&|r| match r.measured {
-                Measured::Touch { ball, .. } => Some(ball),
-                _ => None,
-            }),
-            "target" => whole(&|r| match r.measured {
-                Measured::Point { target, .. } => Some(target),
-                _ => None,
-            }),
-            "reference" => whole(&|r| match r.measured {
-                Measured::Reference { reference, .. } => Some(reference),
-                _ => None,
-            }),
-            "anchor" => whole(&|r| match r.measured {
-                Measured::Distance { anchor, .. } => Some(anchor),
-                _ => None,
-            }),
+            "ball" | "target" | "reference" | "anchor" => {
+                whole(&|r| r.measured.of_which().filter(|of| of.0 == name).map(|of| of.1))
+            }
             "distance" => number(&|r| match r.measured {
                 Measured::Distance { length, .. } => Some(length),
                 _ => None,

@@ -21,6 +21,7 @@
 //! | [`motion`] | joint samples and the sense of each joint's last motion |
 //! | [`shared`] | what all rows of a recording share: joints, places |
 //! | [`stream`] | large CSV files in passes, and a sample of their rows |
+//! | [`visits`] | visits of sockets, taken down one by one |
 
 mod bounds;
 pub mod columns;
@@ -32,6 +33,7 @@ pub mod motion;
 pub mod open;
 pub mod shared;
 pub mod stream;
+pub mod visits;
 
 pub use crate::csv::{load_csv, parse_csv, write_csv};
 pub use crate::mcap::{ReadRecording, RecordingWriter, RunLog, read_recording, write_recording};

@@ -31,6 +31,7 @@ fn file_and_topic(path: &Path) -> (PathBuf, Option<String>) {
 pub fn is_mcap(path: &Path) -> Result<bool> {
     let (path, _) = file_and_topic(path);
     let path = path.as_path();
+    not_sqlite(path)?;
     check_file(path, false)?;
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         return Ok(true);
@@ -39,6 +40,28 @@ pub fn is_mcap(path: &Path) -> Result<bool> {
     let read = std::fs::File::open(path).and_then(|mut f| f.read(&mut magic)).map_err(unreadable(path))?;
     Ok(magic.get(..read).is_some_and(|begin| begin.starts_with(b"\x89MCAP")))
 }
+
+/// A bag of ROS 2 in sqlite3, or the folder of a bag, is told what to do with it.
+fn not_sqlite(path: &Path) -> Result<()> {
+    let is = |name: &str| path.file_name().is_some_and(|n| n == name);
+    let folder = if is("metadata.yaml") { path.parent().unwrap_or(path) } else { path };
+    let holds = |ending: &str| {
+        let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
+        files.filter(|p| p.extension().is_some_and(|e| e == ending)).min()
+    };
+    let (bag, sqlite) = (folder.is_dir(), path.extension().is_some_and(|e| e == "db3"));
+    let problem = match (holds("mcap"), holds("db3")) {
+        (Some(mcap), _) if bag => format!("is the folder of a bag; expected the recording in it: {}", mcap.display()),
+        (None, Some(_)) if bag => CONVERT.to_owned(),
+        _ if sqlite => CONVERT.to_owned(),
+        _ => return Ok(()),
+    };
+    Err(RecordError::File { file: path.display().to_string(), problem })
+}
+
+/// What to do with a bag in sqlite3.
+const CONVERT: &str = "is a ROS 2 bag in sqlite3; expected MCAP: ros2 bag convert -i BAG -o out.yaml, with out.yaml = \
+                       {output_bags: [{uri: converted, storage_id: mcap, all_topics: true}]}";
 
 /// Number of joints by a CSV's header; 1 where it has none, so that the reader says what is missing.
 fn joints_of_csv(path: &Path) -> Result<usize> {

@@ -138,3 +138,103 @@ pub fn blind_json(seen: &[Seen], lacking: &[Lacking]) -> Vec<Value> {
         .chain(lacking.iter().map(|(effect, lacks)| json!({ "effect": effect, "lambda": 0.0, "lacks": lacks })))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::{arm, pose};
+    use trical_model::{Axis, Basis, Motion, Site, Term};
+
+    fn plan() -> Vec<PlanEntry> {
+        let of = |k: u8| PlanEntry {
+            index: k.into(),
+            ball: usize::from(k % 3),
+            joints: pose(k).q,
+            approach: pose(k + 100).q,
+            via: Vec::new(),
+        };
+        (0..30).map(of).collect()
+    }
+
+    /// The parameters of a tool, so that something is taken up.
+    fn model() -> Model {
+        let mut model = arm();
+        let term =
+            |a: Axis| Term::new(format!("tool_{}", a.name()), "tool", Site::Tool(Motion::Along(a)), Basis::CONSTANT);
+        model.terms = Axis::ALL.map(term).to_vec();
+        model
+    }
+
+    #[test]
+    fn twice_the_noise_hides_twice_as_well_and_what_a_tool_takes_up_is_not_seen() {
+        let (quiet, lacking) = seen(&model(), &plan(), 1e-5).unwrap();
+        let (loud, _) = seen(&model(), &plan(), 2e-5).unwrap();
+        assert!(!quiet.is_empty());
+        for (a, b) in quiet.iter().zip(&loud) {
+            assert!(
+                (a.effect, a.site) == (b.effect, b.site) && (a.lambda - 2.0 * b.lambda).abs() <= 1e-9 * a.lambda,
+                "{}",
+                a.lambda
+            );
+        }
+        // each effect once at each place, and those that a plan cannot have said
+        for (k, a) in quiet.iter().enumerate() {
+            assert!(quiet[..k].iter().all(|b| (a.effect, a.site) != (b.effect, b.site)));
+        }
+        let words = serde_json::to_string(&blind_json(&loud, &lacking)).unwrap();
+        assert!(words.contains("\"lacks\"") && !words.contains(":null"), "{words}");
+    }
+
+    /// The most visible of the ripples that are looked at, for each joint by itself.
+    #[test]
+    fn of_the_forms_of_an_effect_at_a_place_the_most_visible_counts() {
+        let (model, plan, noise) = (model(), plan(), 1e-5);
+        let touch = |e: &PlanEntry| (State::at(&e.joints), Measured::Touch { ball: e.ball, reading: [0.0; 3] });
+        let data = crate::test_data::data(&[plan.iter().map(touch).collect()]);
+        let all = seen(&model, &plan, noise).unwrap().0;
+        for joint in 1..=6 {
+            let forms = RIPPLES.map(|cycles| ripple(joint, cycles, 6));
+            let design = Design::new(&model, &forms, &data, &Noise::usual(1)).unwrap();
+            let state = design.start();
+            // the usual noise of an indicator is that of this plan
+            let most = (0..3).map(|k| design.lambda_of_size(&state, k, forms[k].typical)).fold(0.0, f64::max);
+            let own: Vec<f64> = all
+                .iter()
+                .filter(|s| s.effect == EffectId::GearRipple && s.site == Place::Joint(joint))
+                .map(|s| s.lambda)
+                .collect();
+            assert!(own.len() == 1 && (own[0] - most).abs() <= 1e-9 * most, "joint {joint}: {own:?} {most}");
+        }
+    }
+
+    #[test]
+    fn gravity_has_no_torque_about_the_upright_axis_alone() {
+        let model = model();
+        assert_eq!(no_torque(&model, &plan()).unwrap(), [true, false, false, false, false, false]);
+        let mut light = model.clone();
+        light.robot.joints.iter_mut().for_each(|j| j.mass = None);
+        assert_eq!(no_torque(&light, &plan()).unwrap(), [false; 6]);
+        let upright = seen(&model, &plan(), 1e-5).unwrap().0;
+        let told = |joint: usize| upright.iter().any(|s| s.site == Place::Joint(joint) && s.remedy == UPRIGHT);
+        assert!(told(1) && !told(2));
+    }
+
+    #[test]
+    fn what_is_hidden_is_told_by_what_would_help_and_counted_once_an_effect() {
+        let of = |effect, joint, lambda, remedy| Seen { effect, site: Place::Joint(joint), lambda, remedy };
+        let list = [
+            of(EffectId::LostMotionDirection, 1, 2.9, "more"),
+            of(EffectId::LostMotionDirection, 2, 3.0, "more"),
+            of(EffectId::GearRatio, 3, 0.2, "other"),
+            of(EffectId::LostMotionDirection, 4, 1.0, "more"),
+            of(EffectId::GearRatio, 5, 0.1, "more"),
+        ];
+        let told = advice(&list);
+        assert_eq!(told.len(), 2);
+        let [lost, ratio] = [EffectId::LostMotionDirection, EffectId::GearRatio].map(|e| e.effect().title);
+        assert_eq!(told[0], ("more".into(), format!("{lost} (joint 1: 2.9, joint 4: 1.0); {ratio} (joint 5: 0.1)")));
+        assert_eq!(told[1], ("other".into(), format!("{ratio} (joint 3: 0.2)")));
+        assert_eq!((count(&list), blind_json(&list, &[]).len()), (2, 4));
+    }
+}

@@ -4,7 +4,7 @@ use minijinja::{Environment, context};
 use sha2::{Digest, Sha256};
 use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
 use trical_ident::{Calibration, Dataset, ModelFile, Validation};
-use trical_model::{Measured, Model};
+use trical_model::Model;
 
 use crate::error::{Error, Result};
 use crate::evidence::{row, where_measured};
@@ -71,16 +71,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
 }
 
 fn instrument(data: &Dataset) -> String {
-    let mut kinds: Vec<&str> = data
-        .observations
-        .iter()
-        .map(|o| match o.measured {
-            Measured::Touch { .. } => "indicators touching precision balls",
-            Measured::Point { .. } | Measured::Reference { .. } => "points of a tracker",
-            Measured::Distance { .. } => "lengths from fixed anchors",
-            Measured::Pose { .. } => "poses of a tracker",
-        })
-        .collect();
+    let mut kinds: Vec<&str> = data.observations.iter().map(|o| o.measured.instrument()).collect();
     kinds.sort_unstable();
     kinds.dedup();
     format!("{}, no. {BY_HAND}", kinds.join(", "))
@@ -190,4 +181,40 @@ fn render(
             })
         })
         .map_err(|e| Error::Failed(format!("the certificate could not be written: {e}")))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::{arm, data, pose};
+    use trical_model::{Measured, State};
+
+    #[test]
+    fn shares_within_a_limit_and_the_worst_measurement_are_those_of_each_column() {
+        let (model, touch) = (arm(), Measured::Touch { ball: 0, reading: [0.0; 3] });
+        let warm = |k: u8| (State { temp_c: Some(20.0 + f64::from(k)), ..pose(k) }, touch);
+        let data = data(&[(0..4).map(warm).collect()]);
+        let column = |errors| Column { model: &model, data: &data, errors };
+        let (before, after) = ([2e-3, 0.4e-3, 0.15e-3, 1e-3], [0.05e-3, 0.15e-3, 0.3e-3, 0.1e-3]);
+        let (rows, _) = numbers(&column(&before), &column(&after)).unwrap();
+        let of =
+            |name: &str| rows.iter().find(|r| r[0].starts_with(name)).map(|r| [r[1].clone(), r[2].clone()]).unwrap();
+        assert_eq!(of("Measurements within 0.1 mm"), ["0.0 %", "50.0 %"]);
+        assert_eq!(of("Measurements within 0.2 mm"), ["25.0 %", "75.0 %"]);
+        assert_eq!(of("Measurements within 1 mm"), ["75.0 %", "100.0 %"]);
+        assert_eq!(of("Worst measurement"), ["2.000 (line 2, ball 1)", "0.300 (line 4, ball 1)"]);
+        assert_eq!(temperature(&data), "20.0 to 23.0 degC");
+        assert!(instrument(&data).starts_with("indicators touching precision balls, no. "));
+    }
+
+    #[test]
+    fn what_nobody_measured_is_left_to_be_filled_in() {
+        let length = Measured::Distance { anchor: 0, length: 1.0 };
+        let data = data(&[vec![(pose(0), length), (pose(1), length)]]);
+        assert_eq!(
+            (temperature(&data).as_str(), instrument(&data).split_once(',').unwrap().0),
+            (BY_HAND, "lengths from fixed anchors")
+        );
+    }
 }

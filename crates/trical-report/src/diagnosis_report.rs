@@ -520,3 +520,26 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     made.notes.push(format!("Joint angles that were used: {source:?}.").to_lowercase().replacen('j', "J", 1));
     page::render("TriCal: diagnosis", &said, &sections, &made)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn from_the_side_an_arm_reaches_to_the_right_whichever_way_it_points() {
+        let v = Vector3::new;
+        for (x, y) in [(0.6, 0.8), (-0.6, 0.8), (0.0, -1.0)] {
+            let base = v(1.0, 2.0, 0.5);
+            let flat = from_the_side(&[
+                base,
+                base + v(-0.2 * x, -0.2 * y, 0.3),
+                base + v(0.1 * y, -0.1 * x, 0.1),
+                base + v(x, y, 0.4),
+            ]);
+            for (found, expected) in flat.iter().zip([(0.0, 0.0), (-0.2, 0.3), (0.0, 0.1), (1.0, 0.4)]) {
+                assert!((found.0 - expected.0).abs() < 1e-12 && (found.1 - expected.1).abs() < 1e-12, "{flat:?}");
+            }
+        }
+        assert!(from_the_side(&[]).is_empty());
+    }
+}

@@ -1,13 +1,12 @@
 //! How far an arm misses all over its workspace, whatever it is about to do there.
 
-use std::fmt::Write;
-
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use trical_ident::ErrorSummary;
 use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Model, Site, State};
 
 use crate::error::Result;
+use crate::table::csv;
 
 /// The error at one pose.
 pub struct Miss {
@@ -61,19 +60,14 @@ impl ErrorMap {
     pub fn csv(&self) -> String {
         let unit =
             |kind: JointKind| if kind == JointKind::Prismatic { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
-        let mut text: String =
-            self.kinds.iter().enumerate().map(|(k, j)| format!("q{}_{},", k + 1, unit(*j).0)).collect();
-        text.push_str("x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,error_mm\n");
-        for m in &self.misses {
-            for (q, kind) in m.joints.iter().zip(&self.kinds) {
-                let _ = write!(text, "{:.3},", q * unit(*kind).1);
-            }
-            for v in m.at.iter().chain(m.off.iter()) {
-                let _ = write!(text, "{:.4},", v * 1e3);
-            }
-            let _ = writeln!(text, "{:.4}", m.off.norm() * 1e3);
-        }
-        text
+        let joints = self.kinds.iter().enumerate().map(|(k, j)| format!("q{}_{}", k + 1, unit(*j).0));
+        let places = ["x_mm", "y_mm", "z_mm", "dx_mm", "dy_mm", "dz_mm", "error_mm"].map(String::from);
+        let row = |m: &Miss| {
+            let joints = m.joints.iter().zip(&self.kinds).map(|(q, kind)| format!("{:.3}", q * unit(*kind).1));
+            let lengths = m.at.iter().chain(m.off.iter()).copied().chain([m.off.norm()]);
+            joints.chain(lengths.map(|v| format!("{:.4}", v * 1e3))).collect::<Vec<String>>()
+        };
+        csv([joints.chain(places).collect()].into_iter().chain(self.misses.iter().map(row)))
     }
 }
 

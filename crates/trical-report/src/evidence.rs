@@ -63,12 +63,7 @@ fn line_or_row(line: usize, row: usize) -> String {
 /// "run.csv, line 12, ball 2" for an observation; of one recording alone "line 12, ball 2".
 pub fn where_measured(data: &Dataset, k: usize) -> String {
     let Some(o) = data.observations.get(k) else { return String::new() };
-    let what = match o.measured {
-        Measured::Touch { ball, .. } => format!(", ball {}", ball + 1),
-        Measured::Point { target, .. } => format!(", target {}", target + 1),
-        Measured::Distance { anchor, .. } => format!(", anchor {}", anchor + 1),
-        Measured::Reference { .. } | Measured::Pose { .. } => String::new(),
-    };
+    let what = o.measured.of_which().map_or_else(String::new, |(what, k)| format!(", {what} {}", k + 1));
     // one recording need not be named at each of its points
     let recording = data.names.get(o.recording).filter(|_| data.names.len() > 1);
     format!("{}{}{what}", recording.map_or_else(String::new, |r| format!("{r}, ")), line_or_row(o.line, o.row))
@@ -370,3 +365,6 @@ pub fn parameters<'a>(
     }
     rows
 }
+
+#[cfg(test)]
+mod tests;

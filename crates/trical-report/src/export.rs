@@ -10,6 +10,7 @@ use trical_model::robot::tidy;
 use trical_model::{Forward, JointKind, Model, Pose, Rigid, Robot, State, urdf};
 
 use crate::error::{Error, Result};
+use crate::table::csv;
 
 /// What an exported arm cannot say, in numbers.
 struct LeftOut {
@@ -203,17 +204,86 @@ fn table(out: &Path, model: &Model, rigid: &Rigid, left_out: &LeftOut) -> Result
             }))?)
         }
         Some("csv") => {
-            let mut text = COLUMNS.join(",") + "\n";
-            for m in lines() {
-                let cell = |name: &&str| match m.get(*name) {
-                    None | Some(serde_json::Value::Null) => String::new(),
-                    Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
-                };
-                text.push_str(&COLUMNS.iter().map(cell).collect::<Vec<_>>().join(","));
-                text.push('\n');
-            }
-            Ok(text)
+            let cell = |m: &serde_json::Map<_, _>, name: &str| match m.get(name) {
+                None | Some(serde_json::Value::Null) => String::new(),
+                Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
+            };
+            let head = COLUMNS.map(str::to_owned);
+            Ok(csv([head].into_iter().chain(lines().map(|m| COLUMNS.map(|name| cell(&m, name))))))
         }
         _ => Err(Error::Input(format!("{}: the name must end in .toml, .json or .csv", out.display()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::arm;
+    use trical_model::{Axis, Basis, Motion, Parameter, Shape, Site, Term, Variable};
+
+    fn term(name: &str, site: Site, basis: Basis, value: f64) -> Term {
+        Term { value, ..Term::new(name, "geometry", site, basis) }
+    }
+
+    /// A tool that goes to and fro with joint 1: rms and largest follow from the sine alone.
+    #[test]
+    fn what_a_table_cannot_hold_is_named_and_weighed() {
+        let mut model = arm();
+        let swing = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 1.0 });
+        model.terms.push(term("swing", Site::Tool(Motion::Along(Axis::X)), swing, 2e-3));
+        let told = Export::of(&model).unwrap().json(&[]);
+        let a = model.robot.joints[0].limits[1];
+        let rms = 2.0 * (0.5 - (2.0 * a).sin() / (4.0 * a)).sqrt();
+        assert!((told["left_out_rms_mm"].as_f64().unwrap() - rms).abs() < 0.03 * rms, "{told} {rms}");
+        let most = told["left_out_max_mm"].as_f64().unwrap();
+        assert!(
+            (1.99..=2.0 + 1e-9).contains(&most) && told["left_out"][0].as_str().unwrap().starts_with("swing ("),
+            "{told}"
+        );
+        let rigid = Export::of(&arm()).unwrap();
+        assert!(rigid.sentences()[0].starts_with("Nothing is left out") && rigid.json(&[])["left_out_max_mm"] == 0.0);
+    }
+
+    #[test]
+    fn a_row_of_the_table_is_the_calibrated_joint_in_degrees_and_millimetres() {
+        let mut model = arm();
+        // alpha and a of link i-1 stand in the row of joint i (Craig)
+        model.terms.push(term("a_2", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT, 1.5e-3));
+        let site = Site::Link { link: 1, parameter: Parameter::Alpha };
+        model.terms.push(term("alpha_1", site, Basis::CONSTANT, 0.25_f64.to_radians()));
+        let (nominal, export) = (&model.robot.joints, Export::of(&model).unwrap());
+        let text = export.table(Path::new("t.csv")).unwrap();
+        let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+        assert_eq!((rows.len(), rows[0].clone()), (7, COLUMNS.to_vec()));
+        let number = |joint: usize, name: &str| -> f64 {
+            rows[joint][COLUMNS.iter().position(|c| *c == name).unwrap()].parse().unwrap()
+        };
+        for (k, j) in nominal.iter().enumerate() {
+            let more = |joint: usize, by: f64| if k + 1 == joint { by } else { 0.0 };
+            let expected = [
+                ("joint", f64::from(u8::try_from(k).unwrap()) + 1.0),
+                ("alpha_deg", j.alpha.to_degrees() + more(2, 0.25)),
+                ("a_mm", j.a * 1e3 + more(3, 1.5)),
+                ("d_mm", j.d * 1e3),
+                ("theta_offset_deg", j.theta_offset.to_degrees()),
+                ("lower_deg", j.limits[0].to_degrees()),
+                ("upper_deg", j.limits[1].to_degrees()),
+            ];
+            for (name, value) in expected {
+                assert!((number(k + 1, name) - value).abs() < 1e-6, "joint {} {name}: {}", k + 1, number(k + 1, name));
+            }
+            // limits in degrees have none in mm
+            assert_eq!(rows[k + 1][9..], ["", ""]);
+        }
+    }
+
+    #[test]
+    fn a_joint_that_slides_has_its_limits_in_millimetres() {
+        let mut robot = arm().robot;
+        (robot.joints[0].kind, robot.joints[0].limits) = (JointKind::Prismatic, [-0.1, 0.25]);
+        let row = line(&robot, 0).unwrap();
+        let of = |name: &str| row[name].as_f64();
+        assert_eq!(["lower_mm", "upper_mm", "lower_deg", "upper_deg"].map(of), [Some(-100.0), Some(250.0), None, None]);
     }
 }

@@ -36,6 +36,8 @@ pub mod plan_told;
 pub mod plots;
 pub mod study;
 pub mod table;
+#[cfg(test)]
+mod test_data;
 pub mod turn;
 pub mod validate_report;
 pub mod verdict_told;

@@ -125,3 +125,56 @@ pub fn error_table(rows: &[(&str, &ErrorSummary)]) -> Vec<Vec<String>> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_report_names_its_inputs_by_the_hash_of_their_bytes() {
+        let folder = std::env::temp_dir().join(format!("trical-page-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("arm.urdf");
+        std::fs::write(&file, "abc").unwrap();
+        let (linked, missing) = (folder.join("arm.urdf#base:tool"), folder.join("nothing"));
+        let made = Made::by("trical".into(), &[&file, &linked, &missing, &folder]);
+        std::fs::remove_dir_all(&folder).unwrap();
+        // FIPS 180-2, appendix B.1
+        let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        let hashes: Vec<&str> = made.hashes().map(|(_, hash)| hash).collect();
+        assert_eq!(hashes[..2], [abc, abc]);
+        assert!(hashes[2..].iter().all(|h| h.starts_with("not read again: ")), "{hashes:?}");
+        assert_eq!((made.inputs[0].bytes.as_str(), made.inputs[3].bytes.as_str()), ("3", "-"));
+    }
+
+    #[test]
+    fn text_is_escaped_pictures_are_not_and_scripts_are_carried_where_they_are_used() {
+        let page = |svg: &str| {
+            let figure = Figure { caption: "a < b".into(), svg: svg.into() };
+            let section = Section {
+                heading: "x & y".into(),
+                tables: vec![vec![vec!["<i>".into()], vec!["<b>".into()]]],
+                figures: vec![figure],
+                ..Section::default()
+            };
+            render("<title>", "<verdict>", &[section], &Made::by("trical <x>".into(), &[])).unwrap()
+        };
+        let plain = page("<svg></svg>");
+        assert!(plain.contains("<svg></svg>") && plain.contains("a &lt; b") && plain.contains("x &amp; y"));
+        for bare in ["<i>", "<b>", "<verdict>", "<x>"] {
+            assert!(!plain.contains(bare), "{bare}");
+        }
+        let (plot, turned) = (page(&format!("{}</div>", plots::LIVE)), page(&format!("{}</div>", turn::OPEN)));
+        assert!(!plain.contains("uPlot") && plot.contains("uPlot") && !turned.contains("uPlot"));
+        assert!(turned.len() > plain.len() + 1000);
+    }
+
+    #[test]
+    fn the_columns_of_an_error_table_are_what_its_head_says() {
+        let e = ErrorSummary { mean_mm: 1.0, max_mm: 2.0, sd_mm: 3.0, median_mm: 4.0, rms_mm: 5.0 };
+        let table = error_table(&[("before", &e)]);
+        let of = |name: &str| table[1][table[0].iter().position(|c| c == name).unwrap()].as_str();
+        assert_eq!(["mean", "max", "sd", "median", "rms"].map(of), ["1.000", "2.000", "3.000", "4.000", "5.000"]);
+    }
+}

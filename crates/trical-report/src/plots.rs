@@ -462,3 +462,6 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
         Ok(())
     })
 }
+
+#[cfg(test)]
+mod tests;

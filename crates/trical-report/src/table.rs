@@ -21,6 +21,16 @@ pub fn lines(rows: &[Vec<String>]) -> Vec<String> {
         .collect()
 }
 
+/// Rows as CSV, the first one the header. Cells are quoted where they must be.
+pub fn csv<S: AsRef<[u8]>>(rows: impl IntoIterator<Item: IntoIterator<Item = S>>) -> String {
+    let mut out = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
+    for row in rows {
+        // writing to memory cannot fail
+        let _ = out.write_record(row);
+    }
+    String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
+}
+
 /// Text in lines of at most `width` characters, broken at blanks, each after `indent`.
 pub fn wrapped(text: &str, width: usize, indent: &str) -> Vec<String> {
     let mut lines = Vec::new();
@@ -65,4 +75,38 @@ pub fn decimals_for(sd: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let d = (1.0 - sd.log10().floor()).clamp(0.0, 12.0) as usize;
     d
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_of_a_csv_are_quoted_where_they_must_be_and_come_back() {
+        let rows = [["a", "b, c", "d \"e\""], ["1", "", "two\nlines"]];
+        let text = csv(rows);
+        assert_eq!(text, "a,\"b, c\",\"d \"\"e\"\"\"\n1,,\"two\nlines\"\n");
+        let read = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_bytes()).into_records();
+        let read: Vec<Vec<String>> = read.flatten().map(|r| r.iter().map(str::to_owned).collect()).collect();
+        assert_eq!(read, rows.map(|r| r.map(str::to_owned).to_vec()));
+    }
+
+    #[test]
+    fn columns_stand_below_each_other_and_text_is_broken_at_blanks() {
+        let rows = [["what", "mm"], ["a", "12.5"]].map(|r| r.map(str::to_owned).to_vec());
+        assert_eq!(lines(&rows), ["  what    mm", "  a     12.5"]);
+        assert_eq!(wrapped("one two three", 9, "  "), ["  one two", "  three"]);
+        assert_eq!(wrapped("a word_that_is_longer", 6, ""), ["a", "word_that_is_longer"]);
+    }
+
+    /// Two digits of a standard deviation, however large or small it is.
+    #[test]
+    fn numbers_have_the_digits_that_their_uncertainty_leaves() {
+        assert_eq!([0.0123, 1.23, 12.3, 1230.0].map(decimals_for), [3, 1, 0, 0]);
+        assert_eq!([0.0, f64::NAN, -1.0].map(decimals_for), [4, 4, 4]);
+        assert_eq!([0.0126, -0.126, 0.0].map(two_digits), ["0.013", "-0.13", "0.0000"]);
+        assert_eq!(number("a_1", 0.5, "mm"), "a_1 = 0.5000 mm");
+        assert_eq!(number("g", -2.0e-4, "1"), "g = -2.000e-4");
+        assert_eq!(number("c", 1e4, "N"), "c = 1.000e4 N");
+    }
 }

@@ -99,3 +99,63 @@ pub fn script(scene: &Scene<'_>, look: &V3) -> Result<String> {
     let data = serde_json::to_string(&data)?.replace('<', "\\u003c");
     Ok(format!("<script type=\"application/json\">{data}</script>"))
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use trical_plan::CollisionModel;
+
+    fn corners(v: &Value) -> Vec<V3> {
+        let list = v["p"].as_array().unwrap();
+        list.iter().map(|p| V3::from_iterator(p.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()))).collect()
+    }
+
+    #[test]
+    fn a_box_has_its_eight_corners_and_a_cylinder_stands_along_its_own_y() {
+        let pose = Pose {
+            rotation: trical_model::pose::rotation_x(std::f64::consts::FRAC_PI_2),
+            translation: V3::new(1.0, 2.0, 3.0),
+        };
+        let of = |core| {
+            let mut solid = Solid::sphere(V3::zeros(), 0.0);
+            solid.core = core;
+            solid
+        };
+        let found = corners(&body(&pose, &of(Core::Box(Pose::identity(), V3::new(0.1, 0.2, 0.3))), "", "", false));
+        assert_eq!(found.len(), 8);
+        for (x, y, z) in [(0.9, 1.7, 2.8), (1.1, 2.3, 3.2), (0.9, 2.3, 2.8), (1.1, 1.7, 3.2)] {
+            // turned by a quarter about x: y goes to z, z to -y
+            assert_eq!(found.iter().filter(|p| (*p - V3::new(x, y, z)).norm() < 1e-9).count(), 1, "{x} {y} {z}");
+        }
+        let round = corners(&body(&pose, &of(Core::Cylinder(Pose::identity(), 0.4, 0.1)), "", "", false));
+        assert!(round.iter().all(|p| ((p.z - 3.0).abs() - 0.4).abs() < 1e-9), "its ends");
+        assert!(round.iter().all(|p| ((p.x - 1.0).hypot(p.y - 2.0) - 0.1).abs() < 2e-4), "its radius");
+    }
+
+    #[test]
+    fn the_script_has_the_cells_balls_and_bodies_in_the_world_and_cannot_be_ended_by_a_name() {
+        let model = crate::test_data::arm();
+        let solids = CollisionModel::new(&model.robot, &model.cell).unwrap();
+        let marks =
+            [crate::picture::Mark { place: V3::new(0.1, 0.2, 0.3), color: "</script>".into(), title: String::new() }];
+        let scene =
+            Scene { model: &solids, touches: &[], marks: &marks, shown: crate::test_data::pose(3).q, sphere: None };
+        let text = script(&scene, &V3::x()).unwrap();
+        assert_eq!(text.matches("</script>").count(), 1);
+        let data = text.split_once('>').and_then(|t| t.1.strip_suffix("</script>")).unwrap();
+        let data: Value = serde_json::from_str(data).unwrap();
+        for (k, ball) in model.cell.balls.iter().enumerate() {
+            let found = &data["balls"][k];
+            assert!(
+                (V3::from_iterator(found["p"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap())) - ball).norm()
+                    < 1e-4
+            );
+            assert_eq!((found["r"].as_f64(), found["fill"].as_str()), (Some(0.00635), Some(ball_color(k))));
+        }
+        // balls are not bodies too; every other solid is
+        let others =
+            solids.bodies().iter().filter(|b| !matches!(b.role, Role::Ball(_))).map(|b| b.solids.len()).sum::<usize>();
+        assert_eq!(data["bodies"].as_array().unwrap().len(), others);
+    }
+}

@@ -133,3 +133,65 @@ pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
     value["verdict"]["lines"] = serde_json::to_value(lines(d))?;
     Ok(value)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(kind: RowKind) -> VerdictRow {
+        VerdictRow {
+            kind,
+            text: "Lost motion at joint 3".into(),
+            perhaps: None,
+            confidence: Some([0.75, 0.99]),
+            before_mm: 0.5091,
+            after_mm: 0.1714,
+            action: Some("Have the gear of the joint looked at"),
+            corrected: true,
+            findings: vec![1],
+        }
+    }
+
+    #[test]
+    fn a_row_says_what_it_takes_away_how_sure_it_is_and_what_to_do() {
+        let found = row(RowKind::Finding);
+        assert_eq!(errors(&found, 3), "0.509 -> 0.171");
+        assert_eq!(sentence(&found), "Lost motion at joint 3 (75 to 99 %)");
+        assert_eq!(advice(&found), "Modelled. Do: have the gear of the joint looked at");
+        let one = VerdictRow {
+            confidence: Some([0.991, 0.994]),
+            perhaps: Some("perhaps backlash (40 %)".into()),
+            ..found.clone()
+        };
+        assert_eq!(sentence(&one), "Lost motion at joint 3 (99 %), perhaps backlash (40 %)");
+        // what asks nothing but to use the model is no advice
+        let silent = VerdictRow { action: Some("Let the calibrated model correct it"), corrected: false, ..found };
+        assert_eq!(advice(&silent), "");
+    }
+
+    #[test]
+    fn the_plain_and_the_whole_model_have_one_error_and_what_has_no_name_none() {
+        assert_eq!([RowKind::Plain, RowKind::Whole].map(|k| errors(&row(k), 2)), ["0.17", "0.17"]);
+        assert_eq!(errors(&row(RowKind::Unexplained), 2), "");
+        assert_eq!(advice(&row(RowKind::Whole)), "Do: have the gear of the joint looked at");
+    }
+
+    #[test]
+    fn a_rest_that_changes_nothing_that_is_shown_is_left_out() {
+        let rest = |after_mm| VerdictRow { after_mm, ..row(RowKind::Rest) };
+        assert!(shows(&rest(0.5), 3) && !shows(&rest(0.5088), 3) && shows(&rest(0.5088), 4));
+        assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Finding) }, 3));
+    }
+
+    #[test]
+    fn lines_of_a_row_begin_with_its_errors_and_go_on_below_its_text() {
+        let long = VerdictRow { text: "word ".repeat(40).trim().into(), ..row(RowKind::Finding) };
+        let lines = row_lines(&long, 3, true);
+        assert!(lines.len() > 2 && lines.iter().all(|l| l.chars().count() <= WIDE), "{lines:?}");
+        assert!(
+            lines[0].starts_with("  0.509 -> 0.171  word") && lines[1].starts_with("                  word"),
+            "{lines:?}"
+        );
+        assert!(!row_lines(&long, 3, false).concat().contains("Do:"));
+    }
+}

@@ -1,10 +1,10 @@
 //! `trical compare`: is this arm still what it was?
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use trical_ident::compare::Change;
-use trical_ident::{Comparison, ModelFile, compare, write_whole};
+use trical_ident::{Comparison, JointSource, ModelFile, compare, write_whole};
+use trical_model::Recording;
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -20,6 +20,13 @@ pub struct Args {
     /// New recordings of the same arm, 8 to 12 touches do (CSV or MCAP)
     #[arg(required = true, value_name = "REC")]
     recordings: Vec<PathBuf>,
+    #[command(flatten)]
+    asked: Asked,
+}
+
+/// What `compare` and `history` can be asked alike.
+#[derive(clap::Args)]
+pub struct Asked {
     /// Which joint angles to use (default: those that the model was fitted to)
     #[arg(long, value_enum)]
     joints: Option<Joints>,
@@ -31,35 +38,51 @@ pub struct Args {
     json: bool,
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
-    let inputs = args.recordings.iter().map(PathBuf::as_path).chain([args.model.as_path()]);
-    check_table(args.table.as_deref(), inputs)?;
-    let file = ModelFile::load(&args.model)?;
-    let recordings = input::recordings(&args.recordings, file.model.robot.dof())?;
-    let joints = args.joints.and_then(Joints::source);
-    let each =
-        recordings.iter().map(|r| Ok(compare(&file.model.cell, &file, r, joints)?)).collect::<Result<Vec<_>>>()?;
-    if let Some(path) = &args.table {
-        write_whole(path, tidy(&file.model.robot.name, &each).as_bytes())?;
+impl Asked {
+    /// Reads the model, and the recordings of the same arm; which joint angles are used. Refuses a table in a format that is not
+    /// written, or in a place that cannot be.
+    pub fn load(
+        &self,
+        model: &Path,
+        recordings: &[PathBuf],
+    ) -> Result<(ModelFile, Vec<Recording>, Option<JointSource>)> {
+        if let Some(path) = &self.table {
+            if path.extension().is_none_or(|e| e != "csv") {
+                let found = path.display();
+                return Err(CliError::Input(format!("--table: found {found}, expected a name that ends in .csv")));
+            }
+            input::check_output(path, recordings.iter().map(PathBuf::as_path).chain([model]))?;
+        }
+        let file = ModelFile::load(model)?;
+        let recordings = input::recordings(recordings, file.model.robot.dof())?;
+        Ok((file, recordings, self.joints.and_then(Joints::source)))
     }
-    if args.json {
-        return say(serde_json::to_string_pretty(&each)?);
+
+    /// Writes the table; then says the answer as JSON, or prints it and where the table is.
+    pub fn tell(
+        &self,
+        file: &ModelFile,
+        each: &[Comparison],
+        json: serde_json::Result<String>,
+        print: impl FnOnce() -> Result<()>,
+    ) -> Result<()> {
+        if let Some(path) = &self.table {
+            write_whole(path, tidy(&file.model.robot.name, each).as_bytes())?;
+        }
+        if self.json {
+            return say(json?);
+        }
+        print()?;
+        self.table.as_ref().map_or(Ok(()), |path| say(format!("\nWrote {}", path.display())))
     }
-    for c in &each {
-        print(c)?;
-    }
-    args.table.as_ref().map_or(Ok(()), |path| say(format!("\nWrote {}", path.display())))
 }
 
-/// Refuses a table in a format that is not written, or in a place that cannot be.
-pub fn check_table<'a>(table: Option<&Path>, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let Some(path) = table else { return Ok(()) };
-    if path.extension().is_none_or(|e| e != "csv") {
-        let found = path.display();
-        return Err(CliError::Input(format!("--table: found {found}, expected a name that ends in .csv")));
-    }
-    input::check_output(path, inputs)
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let (file, recordings, joints) = args.asked.load(&args.model, &args.recordings)?;
+    let each =
+        recordings.iter().map(|r| Ok(compare(&file.model.cell, &file, r, joints)?)).collect::<Result<Vec<_>>>()?;
+    args.asked.tell(&file, &each, serde_json::to_string_pretty(&each), || each.iter().try_for_each(print))
 }
 
 fn print(c: &Comparison) -> Result<()> {
@@ -85,38 +108,24 @@ fn print(c: &Comparison) -> Result<()> {
 }
 
 /// One row for each session and parameter, with a header line.
-pub fn tidy(arm: &str, each: &[Comparison]) -> String {
-    let quoted = |text: &str| {
-        if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
-    };
-    let mut out = String::from("arm,session,hash,temp_c,parameter,value,sd,unit,scope,verdict\n");
+fn tidy(arm: &str, each: &[Comparison]) -> String {
+    const COLUMNS: [&str; 10] =
+        ["arm", "session", "hash", "temp_c", "parameter", "value", "sd", "unit", "scope", "verdict"];
+    let mut rows = vec![COLUMNS.map(String::from)];
     for c in each {
         let temp = c.temp_c.map_or_else(String::new, |t| format!("{t:.2}"));
+        let mut row = |parameter: &str, value: f64, sd: Option<f64>, [unit, scope, verdict]: [&str; 3]| {
+            let sd = sd.map_or_else(String::new, |sd| sd.to_string());
+            let of = [arm, &c.recording, &c.hash, &temp, parameter, &value.to_string(), &sd, unit, scope, verdict];
+            rows.push(of.map(str::to_owned));
+        };
         for p in &c.alone {
             let of = |change: &&Change| change.by.iter().any(|b| b.name == p.name);
             let verdict = if c.changes.iter().any(|change| of(&change)) { "changed" } else { "unchanged" };
             let scope = if p.name.starts_with("joint") { "arm" } else { "setup" };
-            let _ = writeln!(
-                out,
-                "{},{},{},{temp},{},{},{},{},{scope},{verdict}",
-                quoted(arm),
-                quoted(&c.recording),
-                c.hash,
-                p.name,
-                p.value,
-                p.sd,
-                p.unit
-            );
+            row(&p.name, p.value, Some(p.sd), [&p.unit, scope, verdict]);
         }
-        let _ = writeln!(
-            out,
-            "{},{},{},{temp},mean error,{},,mm,session,{}",
-            quoted(arm),
-            quoted(&c.recording),
-            c.hash,
-            c.mean_mm,
-            c.verdict
-        );
+        row("mean error", c.mean_mm, None, ["mm", "session", c.verdict]);
     }
-    out
+    table::csv(rows)
 }

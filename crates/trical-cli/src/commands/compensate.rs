@@ -180,6 +180,11 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
     for (setup, n) in &report.setups {
         say(format!("  {n} with {setup}"))?;
     }
+    if let Some(words) = report.relative_in_words() {
+        for line in table::wrapped(&words, 106, "  ") {
+            say(format!("  {line}"))?;
+        }
+    }
     if report.unknown_places > 0 {
         say(format!(
             "  {} to places that the running program computes: the sense of the motion after it is not known",

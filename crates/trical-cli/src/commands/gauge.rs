@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clap::Subcommand;
 use serde_json::json;
 use trical_device::gauge::trial::{Trial, master, stem_answers, trial};
-use trical_device::gauge::{AXES, list_ports};
+use trical_device::gauge::{AXES, LINE_GAUGES, LineKind, list_ports};
 use trical_device::{Gauge, GaugeError, open_gauge};
 use trical_report::table;
 
@@ -29,7 +29,7 @@ enum What {
         json: bool,
     },
     /// Show the three indicators until Ctrl-C
-    #[command(after_help = URLS)]
+    #[command(after_help = urls())]
     Watch {
         #[command(flatten)]
         link: Link,
@@ -44,7 +44,7 @@ enum What {
         json: bool,
     },
     /// What the device says of itself, how fast it answers and how still it stands
-    #[command(after_help = URLS)]
+    #[command(after_help = urls())]
     Test {
         #[command(flatten)]
         link: Link,
@@ -62,7 +62,7 @@ enum What {
         json: bool,
     },
     /// Master the device: with all stems on the calibrator, read what it shows there and print the URL to use from now on
-    #[command(after_help = URLS)]
+    #[command(after_help = urls())]
     Zero {
         #[command(flatten)]
         link: Link,
@@ -73,11 +73,18 @@ enum What {
 }
 
 /// What `--gauge` takes.
-const URLS: &str = "Gauges:
-  uwave:///dev/ttyUSB0?x=00&y=01&z=02   Mitutoyo U-WAVE-R; &group=03, or x=03.00 (group, channel)
-  itn://PORT,PORT,PORT                  Mitutoyo USB-ITN; opto, tesa, millimar, pico likewise
-  line://PORT?request=%3F%0D&pattern={v};{v};{v}     anything that answers a line
-Options of all: flip=xz, settle_ms, repeats, settle_um, timeout_ms, attempts, zero_mm=x,y,z
+fn urls() -> String {
+    let kind = |kind: &LineKind| format!("\n  {:<36}  {}", format!("{}://PORT,PORT,PORT", kind.scheme), kind.device);
+    format!(
+        "Gauges:
+  uwave:///dev/ttyUSB0?x=00&y=01&z=02   Mitutoyo U-WAVE-R; &group=03, or x=03.00 (group, channel){}
+One port will do where it answers three values, as in line://PORT?request=%3F%0D&pattern={{v}};{{v}};{{v}}
+{OPTIONS}",
+        LINE_GAUGES.iter().map(kind).collect::<String>()
+    )
+}
+
+const OPTIONS: &str = "Options of all: flip=xz, settle_ms, repeats, settle_um, timeout_ms, attempts, zero_mm=x,y,z
   uwave:  interval_ms, unit=mm, clear=1 (not for measuring)
   others: baud, framing=7E2, x=, y=, z= (a request for each axis), unit=mm|um|in, scale
 More: docs/cell.md";
@@ -85,8 +92,7 @@ More: docs/cell.md";
 /// The gauge.
 #[derive(clap::Args)]
 pub struct Link {
-    /// The gauge, e.g. uwave:///dev/ttyUSB0?x=00&y=01&z=02, or itn://, opto://, tesa://, millimar://, pico://, line://
-    /// and a port, or three ports with commas between
+    /// The gauge, one of those below, e.g. uwave:///dev/ttyUSB0?x=00&y=01&z=02
     #[arg(long, value_name = "URL")]
     gauge: String,
 }

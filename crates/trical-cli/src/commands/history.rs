@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use trical_ident::{ModelFile, history, write_whole};
+use trical_ident::{History, history};
 use trical_report::table;
 
-use super::compare::{check_table, tidy};
+use super::compare::Asked;
 use crate::error::{CliError, Result};
-use crate::input::{self, Joints};
 use crate::say;
 
 /// Arguments of `trical history`.
@@ -22,15 +21,8 @@ pub struct Args {
     /// Largest mean error that the work allows, mm: with it, says when the next calibration is due
     #[arg(long, value_name = "MM")]
     need_mm: Option<f64>,
-    /// Which joint angles to use (default: those that the model was fitted to)
-    #[arg(long, value_enum)]
-    joints: Option<Joints>,
-    /// Where to write one row for each arm, session and parameter: a CSV that DuckDB, Polars or Grafana read
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
-    /// A machine-readable summary on standard output
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    asked: Asked,
 }
 
 /// Runs the command.
@@ -39,17 +31,12 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(CliError::Input(format!("--need-mm: found {need}, expected a number above 0")));
     }
     let paths = recordings_in(&args.folder)?;
-    check_table(args.table.as_deref(), paths.iter().map(PathBuf::as_path).chain([args.model.as_path()]))?;
-    let file = ModelFile::load(&args.model)?;
-    let recordings = input::recordings(&paths, file.model.robot.dof())?;
-    let joints = args.joints.and_then(Joints::source);
+    let (file, recordings, joints) = args.asked.load(&args.model, &paths)?;
     let h = history(&file.model.cell, &file, &recordings, joints, args.need_mm)?;
-    if let Some(path) = &args.table {
-        write_whole(path, tidy(&file.model.robot.name, &h.sessions).as_bytes())?;
-    }
-    if args.json {
-        return say(serde_json::to_string_pretty(&h)?);
-    }
+    args.asked.tell(&file, &h.sessions, serde_json::to_string_pretty(&h), || print(&h))
+}
+
+fn print(h: &History) -> Result<()> {
     let mut rows = vec![["session", "day", "n", "degC", "mean, mm", "what changed"].map(String::from).to_vec()];
     for (k, s) in h.sessions.iter().enumerate() {
         let day = h.days.as_ref().map_or_else(|| "-".into(), |d| format!("{:.0}", d[k]));
@@ -68,8 +55,7 @@ pub fn run(args: &Args) -> Result<()> {
             say(line)?;
         }
     }
-    say(format!("Next calibration: {}", h.due))?;
-    args.table.as_ref().map_or(Ok(()), |path| say(format!("\nWrote {}", path.display())))
+    say(format!("Next calibration: {}", h.due))
 }
 
 /// Recordings of a folder, by name.

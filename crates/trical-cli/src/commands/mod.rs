@@ -16,6 +16,7 @@ pub mod identify;
 pub mod init;
 pub mod measure;
 pub mod plan;
+pub mod record;
 pub mod repeatability;
 pub mod robot;
 pub mod sample;

@@ -8,13 +8,14 @@ use serde_json::json;
 use trical_device::PlanEntry;
 use trical_ident::{model_of_touches, usual_set, write_whole};
 
-use trical_model::{Cell, JointKind, MAX_JOINTS, Model, Robot};
+use trical_model::{Cell, JointKind, Model, Robot};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanError, PlanOptions, Sphere, ValidationOptions, plan_touches,
-    poses_in_sphere, poses_in_workspace, read_plan, write_plan,
+    poses_in_sphere, poses_in_workspace, read_plan, usual_start, write_plan,
 };
 use trical_report::plan_report;
 use trical_report::plan_told::Told;
+use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
@@ -97,7 +98,7 @@ pub struct Args {
     /// Standard deviation of each of a touch's three readings, for the expected errors
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     noise_mm: f64,
-    /// Where the arm stands before the first touch: its joints; without it, all zero
+    /// Where the arm stands before the first touch: its joints; without it zero, or the middle between limits that leave zero out
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
     /// Where to write the plan
@@ -157,7 +158,7 @@ impl Args {
     }
 
     fn options(&self, robot: &Robot, model: &Model) -> Result<PlanOptions> {
-        let mut start = [0.0; MAX_JOINTS];
+        let mut start = usual_start(robot);
         if !self.start_deg.is_empty() {
             if self.start_deg.len() != robot.dof() {
                 return Err(CliError::Input(format!(
@@ -234,6 +235,11 @@ pub fn run(args: &Args) -> Result<()> {
     }
     for line in told.lines() {
         say(line)?;
+    }
+    if cell.balls.len() < 3 {
+        let said = "Caution: with fewer than three balls identify takes where they stand as unknown at every place, and this plan as known: what is \
+                    expected above is too good, and holds in the end for three or more places, each with a plan of its own.";
+        table::wrapped(said, 108, "").iter().try_for_each(say)?;
     }
     say(format!("Wrote {}", args.out.display()))?;
     args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))

@@ -7,6 +7,39 @@ use super::port::{Lines, Port, SerialSettings};
 use super::uwave_protocol::Unit;
 use super::{AXES, Gauge, GaugeError, Settle, shorten};
 
+/// A kind of gauge that answers a line of text to a request.
+#[derive(Clone, Copy, Debug)]
+pub struct LineKind {
+    /// What its URLs begin with.
+    pub scheme: &'static str,
+    /// Maker and device.
+    pub device: &'static str,
+    serial: SerialSettings,
+    request: &'static str,
+    pattern: &'static str,
+}
+
+const fn of(
+    scheme: &'static str,
+    serial: SerialSettings,
+    request: &'static str,
+    pattern: &'static str,
+    device: &'static str,
+) -> LineKind {
+    LineKind { scheme, device, serial, request, pattern }
+}
+
+/// One line each: scheme, port, request, reply, device. Messages, the help of `trical gauge` and the table of docs/cell.md follow.
+/// Baud rates of TESA and Millimar are not known \[I\]: 9600 here, and a setting.
+pub const LINE_GAUGES: &[LineKind] = &[
+    of("itn", SerialSettings::new(9600), "1\r", "01A{v}", "Mitutoyo USB-ITN"),
+    of("opto", SerialSettings { baud: 4800, data_bits: 7, parity: 'E', stop_bits: 2 }, "?\r", "{v}", "Sylvac Opto-RS"),
+    of("tesa", SerialSettings::new(9600), "?\r", "{v}", "TESA TT80"),
+    of("millimar", SerialSettings::new(9600), "?\r", "{v}", "Mahr Millimar C1208/16/40"),
+    of("pico", SerialSettings::new(115_200), "1", "{v}", "Pico Digimatic adaptor"),
+    of("line", SerialSettings::new(9600), "?\r", "{v}", "anything else that answers a line"),
+];
+
 /// Settings of a line gauge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineSettings {
@@ -33,20 +66,10 @@ pub struct LineSettings {
 }
 
 impl LineSettings {
-    /// Settings for one of the known devices: `itn` (Mitutoyo USB-ITN as virtual COM port), `opto` (Sylvac Opto-RS),
-    /// `tesa` (TESA TT80), `millimar` (Mahr C1208/16/40), `pico` (Pico Digimatic adaptor), `line` (anything else).
-    ///
-    /// Baud rates of TESA and Millimar are not known \[I\]: 9600 here, and a setting.
+    /// Settings for one of [`LINE_GAUGES`] by its scheme.
     #[must_use]
     pub fn preset(name: &str) -> Option<Self> {
-        let (serial, request, pattern) = match name {
-            "itn" => (SerialSettings::new(9600), "1\r", "01A{v}"),
-            "opto" => (SerialSettings { baud: 4800, data_bits: 7, parity: 'E', stop_bits: 2 }, "?\r", "{v}"),
-            "tesa" | "millimar" => (SerialSettings::new(9600), "?\r", "{v}"),
-            "pico" => (SerialSettings::new(115_200), "1", "{v}"),
-            "line" => (SerialSettings::new(9600), "?\r", "{v}"),
-            _ => return None,
-        };
+        let LineKind { serial, request, pattern, .. } = *LINE_GAUGES.iter().find(|kind| kind.scheme == name)?;
         Some(Self {
             serial,
             requests: std::array::from_fn(|_| request.to_owned()),

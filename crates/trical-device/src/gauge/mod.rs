@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::url::UrlError;
 
-pub use line::{LineGauge, LineSettings};
+pub use line::{LINE_GAUGES, LineGauge, LineKind, LineSettings};
 pub use open::{open_gauge, with_zero};
 pub use port::{Port, PortInfo, SerialSettings, list_ports, open_serial};
 pub use uwave::{UWave, UWaveSettings};

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::line::{LineGauge, LineSettings};
+use super::line::{LINE_GAUGES, LineGauge, LineSettings};
 use super::line_protocol::Pattern;
 use super::port::open_serial;
 use super::uwave::{UWave, UWaveSettings};
@@ -15,8 +15,7 @@ use crate::url::{DeviceUrl, UrlError};
 ///   channel). Further options: `flip` (axes that read with the opposite sign, e.g. `xz`), `timeout_ms`, `interval_ms`
 ///   (pause between requests), `attempts`, `unit=mm` (take values without a unit as mm), `clear=1` (the receiver forgets
 ///   what was read; not for measuring).
-/// - `itn://`, `opto://`, `tesa://`, `millimar://`, `pico://`, `line://` and a port, or three ports `/dev/a,/dev/b,/dev/c`
-///   for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
+/// - the scheme of one of [`LINE_GAUGES`] (`itn://`, `line://`) and a port, or three ports `/dev/a,/dev/b,/dev/c` for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
 ///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
 ///   on it), `flip`, `timeout_ms`, `attempts`.
 ///
@@ -64,9 +63,8 @@ fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
         return Ok(Box::new(UWave::new(port, format!("uwave {}", url.place), settings)));
     }
     let Some(preset) = LineSettings::preset(&url.scheme) else {
-        return Err(url
-            .error(format!("unknown gauge {:?}; known are uwave, itn, opto, tesa, millimar, pico, line", url.scheme))
-            .into());
+        let known = LINE_GAUGES.iter().map(|kind| kind.scheme).collect::<Vec<_>>().join(", ");
+        return Err(url.error(format!("unknown gauge {:?}; known are uwave, {known}", url.scheme)).into());
     };
     let settings = line_settings(&mut url, preset)?;
     let places: Vec<&str> = url.place.split(',').collect();
@@ -261,5 +259,17 @@ mod tests {
         assert_eq!(settings.serial.baud, 19200);
         assert_eq!(settings.requests, ["A\r", "B\r", "C\r"]);
         assert!((settings.scale - 0.0508).abs() < 1e-12);
+    }
+
+    #[test]
+    fn every_kind_of_line_gauge_opens_by_its_scheme_and_is_named_where_one_is_unknown() {
+        let said = open_gauge("foo:///dev/none").err().map(|e| e.to_string()).unwrap_or_default();
+        for kind in LINE_GAUGES {
+            assert!(said.contains(&format!(" {}", kind.scheme)), "{said}");
+            assert!(LineSettings::preset(kind.scheme).is_some_and(|s| s.pattern.values() == 1), "{}", kind.scheme);
+            assert_eq!(LINE_GAUGES.iter().filter(|k| k.scheme == kind.scheme).count(), 1);
+            let absent = open_gauge(&format!("{}:///dev/none,/dev/none,/dev/none", kind.scheme));
+            assert!(matches!(absent, Err(GaugeError::Open { .. })), "{}", kind.scheme);
+        }
     }
 }

@@ -29,7 +29,7 @@ impl<P: Port + ?Sized> Port for Box<P> {
 }
 
 /// Baud rate and framing of a serial port.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialSettings {
     /// Bits per second.
     pub baud: u32,
@@ -44,7 +44,7 @@ pub struct SerialSettings {
 impl SerialSettings {
     /// 8 data bits, no parity, 1 stop bit.
     #[must_use]
-    pub fn new(baud: u32) -> Self {
+    pub const fn new(baud: u32) -> Self {
         Self { baud, data_bits: 8, parity: 'N', stop_bits: 1 }
     }
 

@@ -227,3 +227,38 @@ pub(crate) const NO_TIME: &str = "time (t_s)";
 pub(crate) const NO_MASSES: &str = "masses of the links (robot.toml)";
 /// What lacks where nothing is known of approaches.
 pub(crate) const NO_SENSE: &str = "the sense of each joint's last motion (dir1 ...)";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_data::{arm, states};
+    use trical_model::{Shape, State, Variable};
+
+    #[test]
+    fn a_candidate_expects_half_of_the_largest_usual_size_and_keeps_the_order_of_its_parts() {
+        let effect = EffectId::GearRatio.effect();
+        let basis = Basis::new(Variable::Joint { joint: 2 }, Shape::Linear);
+        let part = |name: &str, sign| (name.to_owned(), Site::Joint { joint: 2 }, basis, sign);
+        let size = Size { typical: 1e-4, large: 6e-4 };
+        let c = effect.candidate(Place::Joint(2), "off".into(), size, vec![part("a", 1), part("b", 0)]);
+        assert_eq!((c.typical, c.scales, c.signs), (1e-4, vec![3e-4; 2], vec![1, 0]));
+        assert!(
+            c.terms.iter().map(|t| t.name.as_str()).eq(["a", "b"])
+                && c.terms.iter().all(|t| t.effect == effect.id.name())
+        );
+        assert_eq!([deg(180.0), arcsec(3600.0)], [std::f64::consts::PI, deg(1.0)]);
+    }
+
+    #[test]
+    fn a_joint_has_a_foot_where_an_offset_parts_it_from_its_origin() {
+        let (model, data) = (arm(), states(9, |k| State::at(&[0.1 * k])));
+        let r = Covariates::new(&model, &data, 1e-5);
+        let feet: Vec<usize> = r.joints().filter(|j| Pivot::of(&r, *j).contains(&Pivot::Foot)).collect();
+        assert_eq!(feet, [1, 4, 6], "joints with an offset d");
+        assert!(r.joints().all(|j| Pivot::of(&r, j)[0] == Pivot::Origin));
+        assert_eq!(
+            [Pivot::Origin, Pivot::Foot].map(|p| (p.words(), p.name())),
+            [("", ""), (" about its foot", "foot_")]
+        );
+    }
+}

@@ -99,6 +99,12 @@ impl<'a> Compensator<'a> {
             model.terms.retain(|t| !matches!(t.site, Site::Base(_)));
             model.cell.world_from_base = nominal.cell.world_from_base;
         }
+        let kinds = nominal.robot.joints.iter().map(|j| j.kind == JointKind::Prismatic);
+        if let Some((k, (slides, _))) = kinds.zip(&scan.in_mm).enumerate().find(|(_, (slides, mm))| slides != *mm) {
+            let (does, expected) = if slides { ("slides", "mm") } else { ("turns", "deg") };
+            let what = format!("joint {} of the robot {does}: expected a column q{}_{expected}", k + 1, k + 1);
+            return Err(ProgramError::Input(what));
+        }
         let moves_rail = nominal.robot.is_on_rail() && scan.spots.iter().any(|s| s.external != External::None);
         let carried = if moves_rail { nominal.on_rail(0.0).map_err(input)?.robot } else { nominal.robot.clone() };
         let mut this = Self {

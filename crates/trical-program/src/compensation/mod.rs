@@ -9,5 +9,5 @@ mod unnamed;
 pub use arms::Compensator;
 pub(crate) use arms::by_measured_torque;
 pub use rewrite::Done;
-pub use starts::Start;
+pub use starts::{MOST_RELATIVE, Shifted, Start};
 pub use unnamed::settle_unnamed;

@@ -24,6 +24,8 @@ pub struct Done {
     pub after: (f64, f64),
     /// What the program wants, in {w}.
     pub wanted: Pose,
+    /// Where the new numbers send the tool of the arm that the controller computes with, in {w}.
+    pub commanded: Pose,
     /// Joints to which the controller will go, the rail's place in front of them where there is one.
     pub joints: Joints,
 }
@@ -98,7 +100,7 @@ impl Compensator<'_> {
         };
         let after = apart(&arm.model.world_from_tool(&self.state(&reached, start.dir), model_ws), &wanted);
         let moved = (commanded.translation - wanted.translation).norm();
-        Ok(Done { edits, moved, before, after, wanted, joints: self.with_rail(spot, &reached) })
+        Ok(Done { edits, moved, before, after, wanted, commanded, joints: self.with_rail(spot, &reached) })
     }
 }
 

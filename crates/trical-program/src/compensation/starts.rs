@@ -10,11 +10,25 @@ use crate::literal::Meant;
 use crate::scan::{Spot, Visit};
 use trical_recording::motion::MotionSense;
 
+/// Motions to shifted places that are looked at one by one, at most.
+pub const MOST_RELATIVE: usize = 1000;
 /// Only a solution of the target before that is so near is taken without looking at the others, rad.
 const NEAR: f64 = 0.35;
 
+/// A motion to a place that is shifted against a target by what the text says.
+#[derive(Clone, Copy, Debug)]
+pub struct Shifted {
+    /// The target, an index into `Scan::spots`.
+    pub spot: u32,
+    /// Where the motion stands in the file.
+    pub at: u32,
+    shift: Vector3<f64>,
+    in_tool: bool,
+    start: Start,
+}
+
 /// Where the program's own target is, by the nominal arm, and how it is approached.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Start {
     pub(super) q: Joints,
     pub(super) dir: [i8; MAX_JOINTS],
@@ -24,8 +38,14 @@ impl Compensator<'_> {
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
     /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
     /// each as soon as it is known: what is done with it need not wait for the rest. `unwanted` is asked before each target; when
-    /// it says true, nothing more is solved or given.
-    pub fn starts(&self, size: usize, give: &mut dyn FnMut(Vec<Result<Start, String>>), unwanted: &dyn Fn() -> bool) {
+    /// it says true, nothing more is solved or given. Motions to shifted places are returned, the first [`MOST_RELATIVE`] of them.
+    pub fn starts(
+        &self,
+        size: usize,
+        give: &mut dyn FnMut(Vec<Result<Start, String>>),
+        unwanted: &dyn Fn() -> bool,
+    ) -> Vec<Shifted> {
+        let mut shifted = Vec::new();
         let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
         let mut ws = self.workspaces();
         let mut last = [0.0; MAX_JOINTS];
@@ -46,7 +66,7 @@ impl Compensator<'_> {
         let mut known = 0;
         for visit in self.scan.visits.iter().copied().chain(rest) {
             if unwanted() {
-                return;
+                return shifted;
             }
             while let Some(Some(_)) = out.get(known) {
                 known += 1;
@@ -57,12 +77,17 @@ impl Compensator<'_> {
             }
             match visit {
                 Visit::Unknown => sense = MotionSense::new(MotionSense::DEAD_BAND),
-                Visit::Near { spot, shift, in_tool } => {
+                Visit::Like(k) => last = self.scan.nearest.get(k as usize).copied().unwrap_or(last),
+                Visit::Near { spot, shift, in_tool, at } => {
                     match self.scan.spots.get(spot as usize).and_then(|s| self.near(s, &shift, in_tool, &last, &mut ws))
                     {
                         Some(q) => {
                             sense.push(&q);
                             last = q;
+                            if shifted.len() < MOST_RELATIVE {
+                                let start = Start { q, dir: sense.sense() };
+                                shifted.push(Shifted { spot, at, shift, in_tool, start });
+                            }
                         }
                         None => sense = MotionSense::new(MotionSense::DEAD_BAND),
                     }
@@ -89,6 +114,33 @@ impl Compensator<'_> {
         let lost = || Err("is not reached by the program".into());
         let rest: Vec<_> = out.drain(given..).map(|s| s.unwrap_or_else(lost)).collect();
         rest.chunks(size).for_each(|block| give(block.to_vec()));
+        shifted
+    }
+
+    /// How far the arm is off at a shifted place before and after its target was rewritten, by the model, m. `wanted` is where the
+    /// program's own target has the tool in {w}, `commanded` where the new numbers send the nominal arm's.
+    pub fn left(
+        &self,
+        shifted: &Shifted,
+        wanted: &Pose,
+        commanded: &Pose,
+        ws: &mut [(Workspace, Workspace)],
+    ) -> Option<(f64, f64)> {
+        let spot = self.scan.spots.get(shifted.spot as usize)?;
+        let place = self.place(spot).ok()?;
+        let index = self.arm(spot, place).ok()?;
+        let (arm, (nominal_ws, model_ws)) = (self.arms.get(index)?, ws.get_mut(index)?);
+        let moved = |pose: &Pose| {
+            let axes = if shifted.in_tool { &pose.rotation } else { &place.world_from_frame.rotation };
+            Pose { translation: pose.translation + axes * shifted.shift, ..*pose }
+        };
+        let (wanted, asked, start) = (moved(wanted), moved(commanded), &shifted.start);
+        let q = continue_from(&arm.nominal, &asked, &State::at(&start.q), nominal_ws).ok()?;
+        let mut off = |q: &Joints| {
+            let reached = arm.model.world_from_tool(&self.state(q, start.dir), model_ws);
+            (reached.translation - wanted.translation).norm()
+        };
+        Some((off(&start.q), off(&q)))
     }
 
     fn near(

@@ -272,6 +272,9 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         }
         let increment = has(&upper, b"INC");
         let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
+        if relative && !increment {
+            scan.relative.push(u32::try_from(offset).unwrap_or(u32::MAX));
+        }
         if has(&upper, b"COORD") {
             scan.problems.push((offset, "goes to a place in the frame of another motion group (COORD)".into()));
         }

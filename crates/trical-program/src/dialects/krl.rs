@@ -211,8 +211,9 @@ impl Reader<'_> {
         if self.c.peek() != b'=' || self.c.bytes.get(self.c.at + 1) == Some(&b'=') {
             return;
         }
-        let relative = mentions(self.c.until(b";\n\r"), word);
-        if !relative && !is_system(word) {
+        if mentions(self.c.until(b";\n\r"), word) {
+            self.names.changed(hashed(word), from);
+        } else if !is_system(word) {
             self.names.set_from(hashed(word), Origin::Computed(from as u32));
         }
     }
@@ -423,7 +424,11 @@ impl Reader<'_> {
                     return;
                 }
                 self.c.skip_blank();
-                let way = if self.relative() || self.c.peek() == b'[' { Way::Computed } else { Way::To };
+                let way = match (self.relative(), self.c.peek()) {
+                    (true, _) => Way::Computed,
+                    (false, b'[') => Way::Indexed,
+                    (false, _) => Way::To,
+                };
                 if self.c.peek() == b'(' {
                     self.names.visit(Visit::Unknown);
                     self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));

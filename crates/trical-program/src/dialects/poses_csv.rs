@@ -1,6 +1,6 @@
 //! A table of poses or joint values: comma-separated, a header with units in its names, `#` for comments.
 //!
-//! `x_mm,y_mm,z_mm,qw,qx,qy,qz` or `q1_deg,q2_deg,...`; `tool` and `frame` name what a row is meant with. Other columns and
+//! `x_mm,y_mm,z_mm,qw,qx,qy,qz` or `q1_deg,q2_deg,...` (`q1_mm` of a joint that slides); `tool` and `frame` name what a row is meant with. Other columns and
 //! everything else stay as they are.
 
 use trical_model::error::shortened;
@@ -34,7 +34,11 @@ pub fn scan(bytes: &[u8]) -> Result<Scan, String> {
         let line = bytes[at..end].trim_ascii_end();
         if !line.trim_ascii_start().starts_with(b"#") && !line.is_empty() {
             match &columns {
-                None => columns = Some(Columns::of(line)?),
+                None => {
+                    let found = Columns::of(line)?;
+                    scan.in_mm.clone_from(&found.in_mm);
+                    columns = Some(found);
+                }
                 Some(columns) => columns.row(at, line, bytes, &mut scan),
             }
         }
@@ -47,6 +51,8 @@ struct Columns {
     shape: Shape,
     /// Column of each number of a target.
     numbers: Vec<usize>,
+    /// Of joint values, which are in mm.
+    in_mm: Vec<bool>,
     tool: Option<usize>,
     frame: Option<usize>,
     width: usize,
@@ -57,7 +63,11 @@ impl Columns {
         let names: Vec<String> = header.split(|b| *b == b',').map(|n| lower(n.trim_ascii())).collect();
         let find = |name: &str| names.iter().position(|n| n == name);
         let pose: Vec<usize> = POSE.iter().filter_map(|n| find(n)).collect();
-        let joints: Vec<usize> = (1..=9).map_while(|k| find(&format!("q{k}_deg"))).collect();
+        let joint = |k| {
+            let turns = find(&format!("q{k}_deg")).map(|at| (at, false));
+            turns.or_else(|| find(&format!("q{k}_mm")).map(|at| (at, true)))
+        };
+        let (joints, in_mm): (Vec<usize>, Vec<bool>) = (1..=9).map_while(joint).unzip();
         let found = || shortened(&names.iter().take(12).cloned().collect::<Vec<_>>().join(","), 200);
         let (shape, numbers) = match (pose.len(), joints.len()) {
             (7, 0) => (Shape::Quaternion, pose),
@@ -67,7 +77,7 @@ impl Columns {
             }
             _ => return Err("header: has both a pose and joint values; expected one of them".into()),
         };
-        Ok(Self { shape, numbers, tool: find("tool"), frame: find("frame"), width: names.len() })
+        Ok(Self { shape, numbers, in_mm, tool: find("tool"), frame: find("frame"), width: names.len() })
     }
 
     fn row(&self, at: usize, line: &[u8], bytes: &[u8], scan: &mut Scan) {

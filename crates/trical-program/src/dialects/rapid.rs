@@ -162,7 +162,7 @@ impl Reader<'_> {
                     self.c = at;
                 }
             } else if MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
-                && ![&b"proc"[..], b"func", b"trap"].iter().any(|k| before.eq_ignore_ascii_case(k))
+                && ![&b"proc"[..], b"func", b"trap", b"module"].iter().any(|k| before.eq_ignore_ascii_case(k))
             {
                 self.motion(word);
             } else {
@@ -201,8 +201,9 @@ impl Reader<'_> {
         let name = hashed(word);
         self.c.skip_space();
         if is_part {
-            let relative = mentions(self.c.until(b";\n"), word);
-            if !relative {
+            if mentions(self.c.until(b";\n"), word) {
+                self.names.changed(name, from);
+            } else {
                 self.names.set_from(name, Origin::Computed(from as u32));
             }
         } else if self.c.peek() == b'[' {
@@ -459,13 +460,23 @@ impl Reader<'_> {
             }
         };
         let begin = self.c.at;
+        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
+        let word = lower(instruction);
+        let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
+        let mut left = if targets.is_some() && more { 4 } else { usize::MAX };
         loop {
             self.c.skip_space();
             if self.c.done() || self.c.peek() == b';' || self.c.at > begin + 4000 {
                 break;
             }
             match self.c.peek() {
-                b',' => self.c.at += 1,
+                b',' => {
+                    self.c.at += 1;
+                    left -= 1;
+                    if left == 0 {
+                        break;
+                    }
+                }
                 b'\\' => {
                     self.c.at += 1;
                     let option = self.c.word();

@@ -7,7 +7,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use trical_model::Pose;
+use trical_model::{Joints, Pose};
 
 use crate::branch::Configuration;
 use crate::expression::Constants;
@@ -40,6 +40,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         moved_to: targets(bytes),
         tool: None,
         values: HashMap::new(),
+        joints: HashMap::new(),
     };
     reader.file();
     let Reader { mut scan, names, .. } = reader;
@@ -82,6 +83,11 @@ fn constants(bytes: &[u8]) -> Constants {
         } else {
             let start = c;
             c.skip_blank();
+            if c.peek() == b'(' && is_motion(word) {
+                // its options (`a=1.2`) are no assignments
+                c.at += c.until(b"\n").len();
+                continue;
+            }
             if c.peek() != b'=' || c.bytes.get(c.at + 1) == Some(&b'=') {
                 c = start;
                 continue;
@@ -154,6 +160,8 @@ struct Reader<'a> {
     tool: Option<String>,
     /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`; `None` where a name is assigned twice.
     values: HashMap<u64, Option<Pose>>,
+    /// Joint values by name, for `qnear=name`; the latest.
+    joints: HashMap<u64, Joints>,
 }
 
 impl Reader<'_> {
@@ -172,7 +180,11 @@ impl Reader<'_> {
             }
             if is_motion(word) {
                 if self.c.eat(b'(') {
+                    let inside = self.c;
                     self.motion(has_two(word));
+                    // what else stands there (`a=1.2`) assigns nothing
+                    self.c = inside;
+                    self.close();
                 }
             } else if word == b"set_tcp" {
                 if self.c.eat(b'(') {
@@ -203,8 +215,9 @@ impl Reader<'_> {
         }
         let computed = Origin::Computed(from as u32);
         if is_element {
-            let relative = mentions(self.c.until(b"\n"), word);
-            if is_target && !relative {
+            if mentions(self.c.until(b"\n"), word) {
+                self.names.changed(hash, from);
+            } else if is_target {
                 self.names.set_from(hash, computed);
             }
             return;
@@ -249,6 +262,9 @@ impl Reader<'_> {
 
     fn assigned(&mut self, name: Span, shape: Shape, spans: &[Span; 6]) {
         let hash = hashed(name.text(self.c.bytes));
+        if let Some(q) = self.joint_values(shape, spans) {
+            self.joints.insert(hash, q);
+        }
         if self.moved_to.contains(&hash) {
             let first = self.scan.spots.len();
             self.scan.push(shape, spans, Configuration::Free, name);
@@ -265,6 +281,52 @@ impl Reader<'_> {
             Ok(Meant::Pose(pose)) if v.iter().all(|x| x.is_finite()) => Some(pose),
             _ => None,
         }
+    }
+
+    fn joint_values(&self, shape: Shape, spans: &[Span; 6]) -> Option<Joints> {
+        let mut q = Joints::default();
+        for (to, span) in q.iter_mut().zip(spans) {
+            *to = self.scan.value(*span, self.c.bytes).filter(|_| shape == Shape::JointsRad)?;
+        }
+        Some(q)
+    }
+
+    /// `get_inverse_kin(place, qnear=joints)`, from its parenthesis on: of the configurations of the arm the one near these joints.
+    fn nearest(&mut self) {
+        let start = self.c;
+        let mut depth = 0;
+        // behind the comma that follows the place
+        while !self.c.done() && !matches!(self.c.peek(), b'\n') {
+            match self.c.peek() {
+                b'(' | b'[' => depth += 1,
+                b')' | b']' if depth == 0 => break,
+                b')' | b']' => depth -= 1,
+                b',' if depth == 0 => {
+                    self.c.at += 1;
+                    self.c.skip_space();
+                    let at = self.c;
+                    if self.c.word() != b"qnear" || !self.c.eat(b'=') {
+                        self.c = at;
+                    }
+                    let q = match self.literal() {
+                        Literal::Numbers(shape, spans) => self.joint_values(shape, &spans),
+                        _ => {
+                            self.c.skip_space();
+                            let name = hashed(self.c.word());
+                            self.joints.get(&name).copied()
+                        }
+                    };
+                    if let Some(q) = q {
+                        self.names.visit(Visit::Like(self.scan.nearest.len() as u32));
+                        self.scan.nearest.push(q);
+                    }
+                    break;
+                }
+                _ => {}
+            }
+            self.c.at += 1;
+        }
+        self.c = start;
     }
 
     fn set_tcp(&mut self, at: usize) {
@@ -332,12 +394,13 @@ impl Reader<'_> {
         }
         if !self.c.eat(b'(') {
             // a name, an element of a list
-            let way = if self.c.peek() == b'[' { Way::Computed } else { Way::To };
+            let way = if self.c.peek() == b'[' { Way::Indexed } else { Way::To };
             self.names.used(hashed(word), setup, way, at);
             return true;
         }
         let inside = self.c;
         if word == b"get_inverse_kin" && depth < DEEPEST {
+            self.nearest();
             self.place(frame, depth + 1);
         } else if word == b"pose_trans" || word == b"pose_add" {
             self.related(at, setup, word == b"pose_trans" && frame.is_none(), depth);

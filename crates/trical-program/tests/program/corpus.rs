@@ -139,6 +139,18 @@ const RAPID: &[Case] = &[
         &[],
     ),
     case(
+        "a module with the beginning of a motion for a name",
+        "MODULE SearchPart\nPERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nMoveL @0,v1,fine,t;\nENDMODULE\n",
+        &[3],
+        &[],
+    ),
+    case(
+        "signals and routines behind the tool",
+        "CONST robtarget q:=@0;\nMoveL q,v1,fine,tool0;\nMoveLDO q,v1,fine,tool0,do1,1;\nMoveJSync q,v1,fine,tool0,\"Blow\";\n",
+        &[1],
+        &[],
+    ),
+    case(
         "displacement",
         "CONST robtarget q:=@0;\nPDispSet shift;\nMoveL q,v1,fine,tool0;\nPDispOff;\n",
         &[1],
@@ -380,6 +392,12 @@ const URSCRIPT: &[Case] = &[
     case("a coordinate that is set", "wp=p[@0]\nwp[2]=sensor\nmovel(wp)\n", &[1], &[(2, "calculated")]),
     case("copies", "wp=p[@0]\nnext=wp\nmovel(next)\nmovel(nowhere)\n", &[1], &[(4, "'nowhere'")]),
     case("a circle", "movec(p[@0], over)\n", &[1], &[(1, "'over'")]),
+    case(
+        "options of a motion assign nothing",
+        "a=p[@0]\nv = 0.05\nmovej([0.1,-1.5,1.2,-1.0,0.5,.3], a=1.4, v=0.5)\nmovel(a, a=1.2, v=0.25)\nmovel(p[@X1+v-0.05,@Y1,@Z1,@R1], v=1)\n",
+        &[1, 3, 5],
+        &[],
+    ),
     case(
         "joints of a function",
         "movej(interpolate(3))\noptimovej(get_inverse_kin(p[@0]))\n",

@@ -75,3 +75,31 @@ fn targets_of_an_arm_on_a_rail_are_corrected_where_the_rail_stands_and_others_ar
         assert!(off < 0.5e-6, "at {at}: {off}");
     }
 }
+
+#[test]
+fn joint_values_of_a_rail_are_in_mm_and_other_units_are_refused() {
+    let nominal = on_rail();
+    let along = Basis::new(Variable::Joint { joint: 1 }, Shape::Linear);
+    let scale = Term { value: 2e-4, ..Term::new("scale", "test", Site::Joint { joint: 1 }, along) };
+    let model = Model { terms: vec![scale], ..nominal.clone() };
+    let row = "q1_mm,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,q7_deg\n3000,10,20,10,5,60,-7\n";
+    let (out, report) = run(row.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
+    assert_eq!(report.rewritten, 1, "{:?}", report.problems);
+    assert!((report.before[0] - 0.6e-3).abs() < 1e-6 && report.after[0] < 1e-7);
+    let text = String::from_utf8(unmarked(&out)).unwrap();
+    let first: f64 = text.lines().nth(1).unwrap().split(',').next().unwrap().parse().unwrap();
+    // seven joints reach a pose in many ways: here the rail and the arm share the 0.6 mm
+    assert!(first < 3000.0 && first > 2999.0, "{text}");
+    let wrong = row.replace("q1_mm", "q1_deg");
+    let refused = trical_program::compensate(
+        wrong.as_bytes(),
+        "p.csv",
+        Dialect::Csv,
+        &nominal,
+        &model,
+        &Frames::default(),
+        &crate::options(),
+        &mut Vec::new(),
+    );
+    assert!(refused.unwrap_err().to_string().contains("joint 1 of the robot slides: expected a column q1_mm"));
+}

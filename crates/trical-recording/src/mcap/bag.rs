@@ -3,7 +3,7 @@
 //! The arm has to stand where it is measured: what was seen while it moved is left out, and what was seen while it stood in one place is
 //! averaged to one row. Everything that is assumed is said in [`Recording::notes`].
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
@@ -25,6 +25,9 @@ const AROUND: f64 = 0.1;
 
 /// Clocks of joint states and measurements that differ by more than this against the clock of the recorder cannot be compared, s.
 const CLOCKS: f64 = 0.5;
+
+/// Where transforms are published.
+const TREE: &str = "/tf";
 
 const JOINT_STATE: &str = schema::JOINT_STATE_NAME;
 
@@ -62,10 +65,22 @@ pub(super) fn recording(
     let bad = |problem: String| RecordError::Unreadable { path: path.to_owned(), problem };
     let states_on = one_topic(raw, None, &|c| c.schema.as_ref().is_some_and(|s| s.name == JOINT_STATE))
         .map_err(|found| bad(several(&found, "joint states (sensor_msgs/msg/JointState)", schema::JOINT_STATES)))?;
-    let seen_on = one_topic(raw, topic, &|c| kind_of(c).is_some()).map_err(|found| {
+    // of a tree of transforms one frame is a measurement: it has to be named, as in /tf:probe
+    let (topic, child) = topic.map_or((None, None), |t| match t.split_once(':') {
+        Some((topic, child)) => (Some(topic), Some(child)),
+        None => (Some(t), None),
+    });
+    let is_tree = |c: &super::walk::RawChannel| kind_of(c) == Some(StampedKind::Tree);
+    let only_trees = !raw.channels.values().any(|c| kind_of(c).is_some() && !is_tree(c));
+    let fits = |c: &super::walk::RawChannel| kind_of(c).is_some() && (topic.is_some() || only_trees || !is_tree(c));
+    let default = only_trees.then_some(TREE).filter(|t| raw.channels.values().any(|c| c.topic == *t));
+    let seen_on = one_topic(raw, topic.or(default), &fits).map_err(|found| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let example = found.first().map_or(String::new(), |t| format!("; name one of them, as in {name}#{t}"));
-        bad(format!("{}{example}", several(&found, "measurements (PoseStamped, PointStamped or TransformStamped)", "")))
+        bad(format!(
+            "{}{example}",
+            several(&found, "measurements (PoseStamped, PointStamped, TransformStamped or TFMessage)", "")
+        ))
     })?;
     let states: Vec<(&RawMessage, JointState)> = messages(raw, &states_on)
         .map(|(number, m)| match JointState::from_cdr(&m.data) {
@@ -74,12 +89,27 @@ pub(super) fn recording(
         })
         .collect::<Result<_, _>>()?;
     let kind = raw.channels.values().find(|c| c.topic == seen_on).and_then(kind_of).unwrap_or(StampedKind::Pose);
-    let seen: Vec<(&RawMessage, Stamped)> = messages(raw, &seen_on)
-        .map(|(number, m)| match Stamped::from_cdr(&m.data, kind) {
-            Some(stamped) => Ok((m, stamped)),
-            None => Err(wrong(path, &seen_on, number, "no such message in little-endian CDR")),
-        })
-        .collect::<Result<_, _>>()?;
+    let mut seen: Vec<(&RawMessage, Stamped)> = Vec::new();
+    for (number, m) in messages(raw, &seen_on) {
+        let all = Stamped::from_cdr(&m.data, kind);
+        let all = all.ok_or_else(|| wrong(path, &seen_on, number, "no such message in little-endian CDR"))?;
+        seen.extend(all.into_iter().map(|stamped| (m, stamped)));
+    }
+    if kind == StampedKind::Tree {
+        let children: BTreeSet<String> = seen.iter().map(|(_, s)| s.child.clone()).collect();
+        let wanted =
+            child.map(str::to_owned).or_else(|| children.iter().next().filter(|_| children.len() == 1).cloned());
+        let Some(wanted) = wanted.filter(|w| children.contains(w)) else {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let all: Vec<&str> = children.iter().take(20).map(String::as_str).collect();
+            let example = all.last().map_or(String::new(), |c| format!(", as in {name}#{seen_on}:{c}"));
+            return Err(bad(format!(
+                "has transforms of {} on {seen_on}; name the frame that the instrument measured{example}",
+                if all.is_empty() { "no frame".to_owned() } else { all.join(", ") }
+            )));
+        };
+        seen.retain(|(_, s)| s.child == wanted);
+    }
     let (Some((_, first)), Some((_, instrument))) = (states.first(), seen.first()) else {
         let empty = if states.is_empty() { &states_on } else { &seen_on };
         return Err(bad(format!("has no message on {empty}")));
@@ -167,7 +197,14 @@ fn description(raw: &RawFile) -> Option<urdf::Imported> {
     urdf::parse(&string_from_cdr(&message.data)?, "robot_description", None, None).ok()
 }
 
-/// Which positions of a joint state are the arm's joints, joint 1 first, and what was assumed of it.
+/// Which positions of a joint state with these names are the arm's joints, joint 1 first, and what was assumed of it.
+///
+/// # Errors
+/// One sentence: neither their number nor their names say it.
+pub fn joint_order(names: &[String], joints: Option<usize>) -> Result<(Vec<usize>, Vec<String>), String> {
+    order_of(names, None, joints)
+}
+
 fn order_of(
     names: &[String],
     described: Option<&urdf::Imported>,

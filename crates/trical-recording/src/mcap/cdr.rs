@@ -79,6 +79,8 @@ pub enum StampedKind {
     Point,
     /// `TransformStamped`
     Transform,
+    /// `TFMessage` of tf2: transforms of several frames
+    Tree,
 }
 
 impl StampedKind {
@@ -89,6 +91,7 @@ impl StampedKind {
             "geometry_msgs/msg/PoseStamped" => Some(Self::Pose),
             "geometry_msgs/msg/PointStamped" => Some(Self::Point),
             "geometry_msgs/msg/TransformStamped" => Some(Self::Transform),
+            "tf2_msgs/msg/TFMessage" => Some(Self::Tree),
             _ => None,
         }
     }
@@ -106,6 +109,8 @@ pub struct Stamped {
     nanoseconds: u32,
     /// Frame of the header, in which it was seen.
     pub frame: String,
+    /// Frame of what was seen, of a transform; else empty.
+    pub child: String,
     /// Position, m.
     pub position: [f64; 3],
     /// Unit quaternion w, x, y, z, where there is one.
@@ -113,15 +118,23 @@ pub struct Stamped {
 }
 
 impl Stamped {
-    /// Reads the bytes of a message; `None` where they are too short, not little-endian CDR, or hold no finite numbers or no rotation.
+    /// Reads the bytes of a message, which holds one, or, of [`StampedKind::Tree`], any number; `None` where they are too short, not
+    /// little-endian CDR, or hold no finite numbers or no rotation.
     #[must_use]
-    pub fn from_cdr(bytes: &[u8], kind: StampedKind) -> Option<Self> {
+    pub fn from_cdr(bytes: &[u8], kind: StampedKind) -> Option<Vec<Self>> {
         let mut from = Decoder::of(bytes)?;
+        if kind != StampedKind::Tree {
+            return Some(vec![Self::one(&mut from, kind)?]);
+        }
+        // a transform takes 72 bytes at least
+        let count = from.count(72)?;
+        (0..count).map(|_| Self::one(&mut from, StampedKind::Transform)).collect()
+    }
+
+    fn one(from: &mut Decoder<'_>, kind: StampedKind) -> Option<Self> {
         let (seconds, nanoseconds) = (from.u32()?.cast_signed(), from.u32()?);
         let frame = from.string()?;
-        if kind == StampedKind::Transform {
-            from.string()?;
-        }
+        let child = if kind == StampedKind::Transform { from.string()? } else { String::new() };
         let mut number = || from.take().map(f64::from_le_bytes).filter(|x| x.is_finite());
         let position = [number()?, number()?, number()?];
         let quaternion = if kind == StampedKind::Point {
@@ -134,7 +147,7 @@ impl Stamped {
             }
             Some([w, x, y, z].map(|v| v / length))
         };
-        Some(Self { seconds, nanoseconds, frame, position, quaternion })
+        Some(Self { seconds, nanoseconds, frame, child, position, quaternion })
     }
 
     /// The stamp, s.

@@ -21,6 +21,7 @@ use trical_model::{Cell, Robot};
 use crate::error::RecordError;
 use crate::motion::JointSample;
 
+pub use bag::joint_order;
 pub use lock::check_not_written;
 pub use read::{each_row, read_any, read_bytes, read_recording};
 pub use write::{RecordingWriter, write_recording};

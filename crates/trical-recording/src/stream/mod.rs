@@ -19,7 +19,7 @@ use crate::shared::Places;
 use blocks::{Block, Source};
 
 pub use large::open_large;
-pub use sample::{FIRST, SAMPLE, scatter, sort_of};
+pub use sample::{FIRST, SAMPLE, scatter};
 
 /// Blocks at a time: what bounds the memory, and what threads can share.
 const BATCH: usize = 8;
@@ -175,12 +175,12 @@ impl CsvStream {
             .collect::<Result<_>>()?;
         let mut rows = 0;
         let mut rows_of_file = vec![0; self.files.len()];
-        let mut seen: BTreeMap<(usize, (u8, usize)), usize> = BTreeMap::new();
+        let mut seen: BTreeMap<_, usize> = BTreeMap::new();
         let mut last_t = vec![f64::NEG_INFINITY; self.files.len()];
         self.pass(
             |index, rows| {
                 let mut offered = Offered { rows: Vec::new(), count: 0, first_t: None, last_t: f64::NEG_INFINITY };
-                let mut seen: BTreeMap<(u8, usize), usize> = BTreeMap::new();
+                let mut seen: BTreeMap<_, usize> = BTreeMap::new();
                 rows.each_row(&mut |row| {
                     rows.parser.in_order(&row, &mut offered.last_t)?;
                     if offered.first_t.is_none() && row.state.t.is_some() {
@@ -188,7 +188,7 @@ impl CsvStream {
                     }
                     offered.count += 1;
                     let picked = scatter(row.line, index).is_multiple_of(every);
-                    let before = seen.entry(sort_of(&row.measured)).or_insert(0);
+                    let before = seen.entry(row.measured.of_which()).or_insert(0);
                     *before += 1;
                     if picked || *before <= FIRST {
                         offered.rows.push((row, picked));
@@ -206,7 +206,7 @@ impl CsvStream {
                 rows += offered.count;
                 rows_of_file[index] += offered.count;
                 for (row, picked) in offered.rows {
-                    let before = seen.entry((index, sort_of(&row.measured))).or_insert(0);
+                    let before = seen.entry((index, row.measured.of_which())).or_insert(0);
                     *before += 1;
                     if picked || *before <= FIRST {
                         recordings[index].rows.push(row);

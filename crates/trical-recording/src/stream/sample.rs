@@ -1,25 +1,11 @@
 //! Some rows that stand for all: chosen by a hash of their number, so that picks follow no pattern of the recording; the first rows
 //! of each sort (ball, target, anchor) are always among them, so that nothing is left out that a parameter needs.
 
-use trical_model::Measured;
-
 /// Rows of a sample, about.
 pub const SAMPLE: usize = 8192;
 
 /// Rows of each sort that are always among them.
 pub const FIRST: usize = 40;
-
-/// Which ball, target or anchor: rows of which the model sees different things.
-#[must_use]
-pub fn sort_of(m: &Measured) -> (u8, usize) {
-    match m {
-        Measured::Touch { ball, .. } => (0, *ball),
-        Measured::Point { target, .. } => (1, *target),
-        Measured::Distance { anchor, .. } => (2, *anchor),
-        Measured::Pose { .. } => (3, 0),
-        Measured::Reference { reference, .. } => (4, *reference),
-    }
-}
 
 /// A hash of a line's number (Steele, Lea & Flood 2014): picks that follow no pattern of the recording.
 #[must_use]

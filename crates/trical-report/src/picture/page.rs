@@ -233,3 +233,92 @@ impl Page {
         vec![Drawn { depth: self.at(&frame.translation).2, svg }]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VIEWS: [View; 3] = [View::Oblique, View::Above, View::Side];
+
+    fn near(a: V3, b: V3) -> bool {
+        (a - b).norm() < 1e-12
+    }
+
+    #[test]
+    fn no_view_is_a_mirror_image_and_what_is_high_or_in_front_is_where_one_expects_it() {
+        let ahead = V3::new(0.6, 0.8, 0.0);
+        for view in VIEWS {
+            let rows = Camera::new(view, ahead).rows;
+            assert!((rows * rows.transpose() - Matrix3::identity()).amax() < 1e-12);
+            assert!((rows.determinant() - 1.0).abs() < 1e-12, "x right, y down, depth away: right-handed");
+        }
+        let see = |view, p: V3| Camera::new(view, ahead).see(&p);
+        // from above: ahead is up on the page, its left is left, and what is high is near
+        assert!(near(see(View::Above, ahead), V3::new(0.0, -1.0, 0.0)));
+        assert!(near(see(View::Above, V3::new(-0.8, 0.6, 0.0)), V3::new(-1.0, 0.0, 0.0)));
+        assert!(near(see(View::Above, V3::z()), V3::new(0.0, 0.0, -1.0)));
+        // from the side: ahead is right, up is up
+        assert!(near(see(View::Side, ahead), V3::x()) && near(see(View::Side, V3::z()), -V3::y()));
+        // obliquely: up is up, what is high is nearer, and the eye is in front of the arm
+        let (up, front) = (see(View::Oblique, V3::z()), see(View::Oblique, ahead));
+        assert!(up.x.abs() < 1e-12 && up.y < -0.8 && up.z < -0.4 && front.z < -0.4, "{up} {front}");
+    }
+
+    fn page() -> Page {
+        Page { camera: Camera::new(View::Oblique, V3::x()), scale: 1000.0, left: -0.5, top: -0.4 }
+    }
+
+    #[test]
+    fn the_corner_of_the_page_is_where_it_begins() {
+        let page = page();
+        let corner = page.camera.rows.transpose() * V3::new(-0.5, -0.4, 3.0);
+        let (x, y, depth) = page.at(&corner);
+        assert!(x.abs() < 1e-9 && y.abs() < 1e-9 && (depth - 3.0).abs() < 1e-12);
+        let (x, y, _) = page.at(&(page.camera.rows.transpose() * V3::new(-0.3, -0.1, 0.0)));
+        assert!((x - 200.0).abs() < 1e-9 && (y - 300.0).abs() < 1e-9);
+    }
+
+    /// Three faces of a box are seen: those that have the corner which is nearest to the eye, however the box is turned.
+    #[test]
+    fn the_faces_of_a_box_that_are_drawn_are_those_towards_the_eye() {
+        let page = page();
+        for k in 0..12_u8 {
+            let angle = f64::from(k) * 0.55;
+            let rotation = trical_model::pose::rotation_z(angle) * trical_model::pose::rotation_x(1.7 * angle);
+            let frame = Pose { rotation, translation: V3::new(0.1, -0.2, 0.3) };
+            let half = V3::new(0.1, 0.2, 0.3);
+            let svg =
+                page.cuboid(&frame, &half, 0.0, "#fff", "#000", 1.0, "box").pop().map(|d| d.svg).unwrap_or_default();
+            let corner = |n: usize| {
+                let sign = |bit: usize| if n >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                page.at(&frame.apply(&V3::new(sign(0), sign(1), sign(2)).component_mul(&half)))
+            };
+            let mut corners: Vec<(f64, f64, f64)> = (0..8).map(corner).collect();
+            corners.sort_by(|a, b| a.2.total_cmp(&b.2));
+            let drawn = |c: &(f64, f64, f64)| svg.matches(&format!("{:.1},{:.1}", c.0, c.1)).count();
+            // each face is drawn twice: filled, and shaded
+            assert_eq!((drawn(&corners[0]), drawn(&corners[7])), (6, 0), "{k}: {svg}");
+        }
+    }
+
+    #[test]
+    fn a_thick_segment_is_a_stroke_as_wide_as_it_is_thick_from_end_to_end() {
+        let (page, from, to) = (page(), V3::new(0.1, 0.0, 0.2), V3::new(0.4, 0.3, 0.1));
+        let pose = Pose { translation: V3::new(0.0, 0.1, 0.0), ..Pose::identity() };
+        let drawn = page.solid(&pose, &Solid::capsule(from, to, 0.05), "#abc", "#def", 1.0, "link");
+        let ends = [from, to].map(|p| page.at(&pose.apply(&p)));
+        let all: String = drawn.iter().map(|d| d.svg.as_str()).collect();
+        assert!(
+            all.contains("stroke=\"#abc\" stroke-width=\"100.0\"") && all.contains("stroke-width=\"101.6\""),
+            "{all}"
+        );
+        for (x, y, _) in ends {
+            assert!(all.contains(&format!("{x:.1},{y:.1}")), "{all}");
+        }
+        let depths = drawn.iter().map(|d| d.depth);
+        assert!(
+            depths.clone().fold(f64::MIN, f64::max) <= ends[0].2.max(ends[1].2)
+                && depths.fold(f64::MAX, f64::min) >= ends[0].2.min(ends[1].2)
+        );
+    }
+}

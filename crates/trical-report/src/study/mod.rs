@@ -246,3 +246,53 @@ const CURVES: [RGBColor; 8] = [
     RGBColor(90, 120, 140),
     RGBColor(60, 60, 60),
 ];
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_spread_is_the_mean_and_the_middle_four_fifths() {
+        let s = Spread::of((0..=100).rev().map(f64::from));
+        assert_eq!((s.mean, s.low, s.high), (50.0, 10.0, 90.0));
+        let one = Spread::of(std::iter::once(3.0));
+        assert_eq!((one.mean, one.low, one.high), (3.0, 3.0, 3.0));
+        assert!(Spread::of(std::iter::empty()).mean.is_nan());
+    }
+
+    #[test]
+    fn trials_come_back_in_their_order_and_one_that_fails_ends_them() {
+        assert_eq!(trials(200, |k| Ok(k * k)).unwrap(), (0..200).map(|k| k * k).collect::<Vec<u64>>());
+        let failed = trials(200, |k| if k == 7 { Err(Error::Input("seven".into())) } else { Ok(k) });
+        assert_eq!(failed.unwrap_err().to_string(), "seven");
+    }
+
+    #[test]
+    fn numbers_of_a_study_are_taken_in_si_and_refused_where_they_make_no_sense() {
+        let nature = Common {
+            length_mm: 2.0,
+            angle_deg: 9.0,
+            indicator_mm: 3.0,
+            procedure_mm: 4.0,
+            ballbar_mm: 5.0,
+            compliance_deg_per_nm: vec![0.5, 1.0],
+            ..Common::default()
+        }
+        .nature()
+        .unwrap();
+        assert_eq!([nature.length, nature.indicator, nature.procedure, nature.ballbar], [2e-3, 3e-3, 4e-3, 5e-3]);
+        assert_eq!((nature.angle, nature.compliance[0]), (9.0_f64.to_radians(), 0.5_f64.to_radians()));
+        assert!((nature.compliance[1] - 1.0_f64.to_radians()).abs() < 1e-12);
+        let refused = |c: Common| c.check().unwrap_err().to_string();
+        assert!(refused(Common { procedure_mm: -1.0, ..Common::default() }).starts_with("procedure_mm: found -1"));
+        assert!(refused(Common { angle_deg: f64::NAN, ..Common::default() }).starts_with("angle_deg: found NaN"));
+        assert!(refused(Common { trials: 0, ..Common::default() }).starts_with("trials"));
+        for bad in [vec![], vec![1.0], vec![2.0, 1.0], vec![0.0, 1.0], vec![1.0, f64::INFINITY]] {
+            assert!(
+                refused(Common { compliance_deg_per_nm: bad, ..Common::default() })
+                    .starts_with("compliance_deg_per_nm")
+            );
+        }
+    }
+}

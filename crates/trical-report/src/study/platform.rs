@@ -13,6 +13,7 @@ use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, regio
 use crate::error::{Error, Result};
 use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
+use crate::table::csv;
 
 /// Which platforms are tried: every combination.
 #[derive(Clone, Debug)]
@@ -174,11 +175,24 @@ fn try_layout(
     Ok(Ok((spread(SPHERE), spread(WORKSPACE), outcomes.len() - good.len())))
 }
 
+/// Columns of the study's CSV, one row for each platform.
+const COLUMNS: [&str; 12] = [
+    "balls",
+    "side_mm",
+    "height_mm",
+    "raise_mm",
+    "sphere_mean_mm",
+    "sphere_low_mm",
+    "sphere_high_mm",
+    "workspace_mean_mm",
+    "workspace_low_mm",
+    "workspace_high_mm",
+    "gave_up",
+    "problem",
+];
+
 fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<Study> {
-    let mut csv = String::from(
-        "balls,side_mm,height_mm,raise_mm,sphere_mean_mm,sphere_low_mm,sphere_high_mm,workspace_mean_mm,workspace_low_mm,\
-         workspace_high_mm,gave_up,problem\n",
-    );
+    let mut platforms = vec![COLUMNS.map(String::from).to_vec()];
     let mut rows = vec![
         ["platform", "side, mm", "sphere, mm", "80 % within", "workspace, mm", "80 % within"]
             .map(String::from)
@@ -188,14 +202,12 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
     for p in done {
         let l = &p.layout;
         let (side, height, raise) = (l.side * 1e3, l.height * 1e3, l.raise * 1e3);
-        let _ = write!(csv, "{},{side:.1},{height:.1},{raise:.1}", l.balls);
+        let mut row = vec![l.balls.to_string()];
+        row.extend([side, height, raise].map(|x| format!("{x:.1}")));
         match &p.result {
             Ok((s, w, failed)) => {
-                let _ = writeln!(
-                    csv,
-                    ",{:e},{:e},{:e},{:e},{:e},{:e},{failed},",
-                    s.mean, s.low, s.high, w.mean, w.low, w.high
-                );
+                row.extend([s.mean, s.low, s.high, w.mean, w.low, w.high].map(|x| format!("{x:e}")));
+                row.extend([failed.to_string(), String::new()]);
                 rows.push(vec![
                     l.name(),
                     format!("{side:.0}"),
@@ -206,11 +218,13 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
                 ]);
             }
             Err(problem) => {
-                let _ = writeln!(csv, ",,,,,,,,\"{}\"", problem.replace('"', "'"));
+                row.extend(vec![String::new(); 7]);
+                row.push(problem.clone());
                 rows.push(vec![l.name(), format!("{side:.0}"), "-".into(), "-".into(), "-".into(), "-".into()]);
                 problems.push(format!("{}, side {side:.0} mm, cannot be used: {problem}.", l.name()));
             }
         }
+        platforms.push(row);
     }
     let mut names: Vec<String> = Vec::new();
     for p in done {
@@ -294,7 +308,7 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
     let json = json!({ "platforms": list });
     Ok(Study {
         table: rows,
-        csv,
+        csv: csv(platforms),
         svg: figure,
         verdict,
         notes: problems,

@@ -1,7 +1,5 @@
 //! Error against the number of touches, chosen and random, with and without noise.
 
-use std::fmt::Write;
-
 use serde_json::json;
 use trical_ident::model_of_touches;
 use trical_model::{Cell, Model, Robot, Task};
@@ -12,6 +10,7 @@ use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, regio
 use crate::error::{Error, Result};
 use crate::page::{Figure, Section};
 use crate::plots::{self, Band};
+use crate::table::csv;
 
 /// Trials of one setting.
 struct Setting {
@@ -96,11 +95,24 @@ pub fn touches(robot: &Robot, cell: &Cell, common: &Common, per_ball: &[usize], 
     tell_touches(common, &settings, &known)
 }
 
+/// Columns of the study's CSV, one row for each trial.
+const COLUMNS: [&str; 12] = [
+    "arm",
+    "noise",
+    "design",
+    "per_ball",
+    "trial",
+    "sphere_mean_mm",
+    "sphere_max_mm",
+    "workspace_mean_mm",
+    "workspace_max_mm",
+    "residual_rms_mm",
+    "largest_parameter_error_si",
+    "touches",
+];
+
 fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<Study> {
-    let mut csv = String::from(
-        "arm,noise,design,per_ball,trial,sphere_mean_mm,sphere_max_mm,workspace_mean_mm,workspace_max_mm,\
-         residual_rms_mm,largest_parameter_error_si,touches\n",
-    );
+    let mut trials = vec![COLUMNS.map(String::from).to_vec()];
     let mut rows = vec![
         ["arm, noise, touches", "a ball", "sphere mean", "80 % within", "workspace mean", "80 % within", "gave up"]
             .map(String::from)
@@ -110,18 +122,18 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
     for s in settings {
         for (k, o) in s.outcomes.iter().enumerate() {
             let noise = if s.noisy { "yes" } else { "no" };
-            let _ = write!(csv, "{},{noise},{},{},{}", s.arm, s.design, s.per_ball, k + 1);
-            let _ = match o {
-                None => writeln!(csv, ",,,,,,,"),
-                Some(o) => {
-                    let parameter = if o.parameter.is_finite() { format!("{:e}", o.parameter) } else { String::new() };
-                    writeln!(
-                        csv,
-                        ",{:e},{:e},{:e},{:e},{:e},{parameter},{}",
-                        o.sphere[0], o.sphere[1], o.workspace[0], o.workspace[1], o.residual, o.touches
-                    )
-                }
-            };
+            let shown = |x: f64| if x.is_finite() { format!("{x:e}") } else { String::new() };
+            let numbers = o.as_ref().map_or_else(
+                || vec![String::new(); 7],
+                |o| {
+                    let [[a, b], [c, d]] = [o.sphere, o.workspace];
+                    let errors = [a, b, c, d, o.residual, o.parameter].map(shown);
+                    errors.into_iter().chain([o.touches.to_string()]).collect()
+                },
+            );
+            let which = [s.arm, noise, s.design].map(String::from);
+            let count = [s.per_ball, k + 1].map(|n| n.to_string());
+            trials.push([&which[..], &count, &numbers].concat());
         }
         let (sphere, workspace) = (s.spread(SPHERE), s.spread(WORKSPACE));
         rows.push(vec![
@@ -246,5 +258,6 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
         "largest_parameter_error_without_noise_si": recovered,
     });
     let title = "TriCal: study of touches";
+    let csv = csv(trials);
     Ok(Study { table: rows, csv, svg: figure, verdict, notes: vec![without], json, title, sections: sections.into() })
 }

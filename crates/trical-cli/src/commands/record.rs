@@ -1,0 +1,158 @@
+//! `trical record`: an arm guided by hand into sockets, one row for every key press.
+
+use std::io::{BufRead, Write as _};
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use clap::ArgGroup;
+use serde_json::json;
+use trical_device::controller::wait_settled;
+use trical_device::joint_feed::JointFeed;
+use trical_device::{Controller, open_controller};
+use trical_model::{Cell, JointKind, Joints, Robot};
+use trical_recording::visits::{Visits, check_place};
+
+use crate::error::{CliError, Result};
+use crate::say;
+
+/// Arguments of `trical record`.
+#[derive(clap::Args)]
+#[command(group = ArgGroup::new("from").required(true).args(["controller", "follow"]))]
+pub struct Args {
+    /// The arm: robot.toml or a URDF
+    #[arg(long, value_name = "FILE")]
+    robot: PathBuf,
+    /// The cell, for how many sockets there are: cell.toml
+    #[arg(long, value_name = "FILE")]
+    cell: Option<PathBuf>,
+    /// Where the joints come from: a controller (as in `trical robot`); nothing is moved
+    #[arg(long, value_name = "URL")]
+    controller: Option<String>,
+    /// Where the joints come from: a file that grows, as `ros2 topic echo /joint_states > joints.txt` writes it, or a CSV with q1_deg (q1_rad), ...
+    #[arg(long, value_name = "FILE")]
+    follow: Option<PathBuf>,
+    /// Name of the place where the sockets (or balls) stand now
+    #[arg(long, value_name = "NAME")]
+    place: String,
+    /// The recording; rows are added where it is there
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// A machine-readable summary on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+enum Source {
+    Controller(Box<dyn Controller>),
+    Feed(JointFeed),
+}
+
+impl Source {
+    fn joints(&mut self) -> std::result::Result<Joints, String> {
+        match self {
+            Self::Controller(c) => {
+                let settle = c.joint_settle();
+                wait_settled(c.as_mut(), &settle, &AtomicBool::new(false)).map_err(|e| e.to_string())
+            }
+            Self::Feed(feed) => {
+                let q = feed.joints().map_err(|e| e.to_string());
+                feed.take_notes().iter().for_each(|n| note!("{n}"));
+                q
+            }
+        }
+    }
+}
+
+const HELP: &str = "Enter takes the joints at the same socket, 1, 2, ... at that socket; p NAME is the next place; q ends. A row that is taken is on the disk.";
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    check_place(&args.place).map_err(|e| CliError::Input(format!("--place: {e}")))?;
+    let robot = Robot::load(&args.robot)?;
+    let sockets = args.cell.as_ref().map(|c| Cell::load(c)).transpose()?.map(|c| c.balls.len().max(1));
+    let mut source = source(args, &robot)?;
+    let (mut visits, cut) = Visits::open(&args.out, &robot)?;
+    if let Some(cut) = cut {
+        note!("{cut}");
+    }
+    let (mut place, mut socket, mut taken) = (args.place.clone(), 1, 0_usize);
+    let mut last: Option<Joints> = None;
+    note!("{HELP}");
+    let mut lines = std::io::stdin().lock().lines();
+    loop {
+        let _ = write!(std::io::stderr(), "{place}, socket {socket}> ");
+        let Some(line) = lines.next() else { break };
+        let line = line.map_err(|e| CliError::Failed(format!("standard input cannot be read: {e}")))?;
+        let line = line.trim();
+        if line == "q" {
+            break;
+        }
+        if let Some(name) = line.strip_prefix("p ").map(str::trim) {
+            match check_place(name) {
+                Ok(()) => place = name.to_owned(),
+                Err(e) => note!("place: {e}"),
+            }
+            continue;
+        }
+        if !line.is_empty() {
+            match line.parse() {
+                Ok(k) if k >= 1 && sockets.is_none_or(|most| k <= most) => socket = k,
+                Ok(_) => {
+                    note!("found socket {line}, and the cell has {}", sockets.unwrap_or(1));
+                    continue;
+                }
+                Err(_) => {
+                    note!("found {line:?}. {HELP}");
+                    continue;
+                }
+            }
+        }
+        let q = match source.joints() {
+            Ok(q) => q,
+            Err(e) => {
+                note!("no row: {e}");
+                continue;
+            }
+        };
+        if !robot.within_limits(&q, 0.02) {
+            note!("no row: the joints are beyond the limits of {}: {}", args.robot.display(), shown(&robot, &q));
+            continue;
+        }
+        let seq = visits.push(&q, &place, socket)?;
+        taken += 1;
+        note!("row {seq}: {place}, socket {socket}, {}", shown(&robot, &q));
+        let near = |before: &Joints| before.iter().zip(&q).all(|(a, b)| (a - b).abs() < 0.1_f64.to_radians());
+        if last.as_ref().is_some_and(near) {
+            note!("the arm stands as at the row before; a visit from another side tells more");
+        }
+        last = Some(q);
+    }
+    if args.json {
+        return say(serde_json::to_string_pretty(&json!({ "rows": taken, "out": args.out.display().to_string() }))?);
+    }
+    say(format!("{taken} rows added to {}", args.out.display()))
+}
+
+fn source(args: &Args, robot: &Robot) -> Result<Source> {
+    let input = |e: &dyn std::fmt::Display| CliError::Input(e.to_string());
+    if let Some(url) = &args.controller {
+        let controller = open_controller(url).map_err(|e| input(&e))?;
+        let (found, expected) = (controller.joint_count(), robot.dof());
+        if found != expected {
+            let what = format!("--controller: has {found} joints, and {} has {expected}", args.robot.display());
+            return Err(CliError::Input(what));
+        }
+        return Ok(Source::Controller(controller));
+    }
+    let path = args.follow.as_ref().ok_or_else(|| CliError::Input("--controller or --follow is missing".into()))?;
+    Ok(Source::Feed(JointFeed::open(path, robot).map_err(|e| input(&e))?))
+}
+
+/// Joints in deg and mm.
+fn shown(robot: &Robot, q: &Joints) -> String {
+    let one = |(q, joint): (&f64, &trical_model::Joint)| match joint.kind {
+        JointKind::Revolute => format!("{:.3}", q.to_degrees()),
+        JointKind::Prismatic => format!("{:.3} mm", q * 1e3),
+    };
+    q.iter().zip(&robot.joints).map(one).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,53 @@
+//! Small data for the tests of single modules.
+#![allow(clippy::unwrap_used)]
+
+use trical_ident::{Dataset, JointSource};
+use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Row, State};
+
+/// A small arm of six joints with masses, and a cell with three balls.
+pub(crate) fn arm() -> Model {
+    let robot = Robot::parse(include_str!("../../trical-model/tests/data/arm.toml"), "arm.toml").unwrap();
+    Model::nominal(robot, Cell::parse(include_str!("../../trical-model/tests/data/cell.toml"), "cell.toml").unwrap())
+}
+
+/// Touches of the first ball, each list a recording.
+pub(crate) fn touches(recordings: &[Vec<(State, [f64; 3])>]) -> Dataset {
+    let row = |(k, (state, reading)): (usize, &(State, [f64; 3]))| Row {
+        state: *state,
+        measured: Measured::Touch { ball: 0, reading: *reading },
+        seq: None,
+        line: k + 2,
+    };
+    let of = |(k, list): (usize, &Vec<(State, [f64; 3])>)| Recording {
+        name: format!("r{k}"),
+        joints: 6,
+        rows: list.iter().enumerate().map(row).collect(),
+        ..Recording::default()
+    };
+    let all: Vec<Recording> = recordings.iter().enumerate().map(of).collect();
+    Dataset::build(&all, JointSource::Read, None).unwrap()
+}
+
+/// One recording of so many touches: joints and covariates as `state` says, readings of zero.
+pub(crate) fn states(count: usize, state: impl Fn(f64) -> State) -> Dataset {
+    let count = u32::try_from(count).unwrap();
+    touches(&[(0..count).map(|k| (state(f64::from(k)), [0.0; 3])).collect()])
+}
+
+/// So many touches of all three balls by an arm that is as `truth` says, at angles anywhere, without noise.
+pub(crate) fn touched(truth: &Model, count: u32) -> Dataset {
+    let forward = Forward::new(truth.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    // fractional parts of multiples of square roots: no two angles go together
+    let angle = |k: u32, step: f64| 2.4 * ((0.5 + f64::from(k) * step).fract() - 0.5);
+    let row = |k: u32| {
+        let q = [0.4142, 0.7321, 0.2361, 0.6458, 0.3166, 0.6056].map(|step| angle(k, step));
+        let (state, ball) = (State { t: Some(20.0 * f64::from(k)), ..State::at(&q) }, k as usize % 3);
+        let tool = forward.world_from_tool(&state, &mut ws);
+        let i = tool.rotation.transpose() * (truth.cell.balls[ball] - tool.translation);
+        Row { state, measured: Measured::Touch { ball, reading: [i.x, i.y, i.z] }, seq: None, line: k as usize + 2 }
+    };
+    let rows = (0..count).map(row).collect();
+    let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
+    Dataset::build(&[recording], JointSource::Read, None).unwrap()
+}

@@ -1,0 +1,112 @@
+//! Visits of sockets, taken down one by one: a CSV that grows by a row at a time, each on the disk before the next.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use trical_model::robot::tidy;
+use trical_model::{JointKind, Joints, Robot};
+
+use crate::error::{RecordError, Result};
+
+/// A CSV of visits that is open for more.
+#[derive(Debug)]
+pub struct Visits {
+    file: File,
+    path: PathBuf,
+    kinds: Vec<JointKind>,
+    next: usize,
+}
+
+impl Visits {
+    /// Opens a file, or begins it. A file that is there must have the same columns; nothing of it is changed. Besides it, a sentence where its last
+    /// line is not whole: the next row then begins on a line of its own.
+    ///
+    /// # Errors
+    /// The operating system's; a file with other columns.
+    pub fn open(path: &Path, robot: &Robot) -> Result<(Self, Option<String>)> {
+        let io = |action| move |source| RecordError::Io { path: path.to_owned(), action, source };
+        let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
+        let mut file = OpenOptions::new()
+            .read(true)
+            .append(true)
+            .create(true)
+            .open(path)
+            .map_err(io("be opened for more rows"))?;
+        let mut text = Vec::new();
+        file.read_to_end(&mut text).map_err(io("be read"))?;
+        let header = header(&kinds);
+        let mut this = Self { file, path: path.to_owned(), kinds, next: 0 };
+        let Some(first) = text.split(|b| *b == b'\n').next().filter(|l| !l.is_empty()) else {
+            this.put(&header)?;
+            return Ok((this, None));
+        };
+        let first = String::from_utf8_lossy(first);
+        if first.trim_end() != header {
+            let problem =
+                format!("header: found {:?}, expected {header:?}: another file, or another --out", first.trim_end());
+            return Err(RecordError::File { file: path.display().to_string(), problem });
+        }
+        let rows: Vec<&[u8]> = text.split(|b| *b == b'\n').skip(1).filter(|l| !l.trim_ascii().is_empty()).collect();
+        let seq = |row: &&[u8]| String::from_utf8_lossy(row).split(',').next().and_then(|s| s.parse::<usize>().ok());
+        this.next = rows.iter().filter_map(seq).max().map_or(rows.len(), |k| k + 1);
+        let cut = text.last() != Some(&b'\n');
+        if cut {
+            this.file.write_all(b"\n").map_err(io("be written"))?;
+        }
+        let line = rows.len() + 1;
+        Ok((this, cut.then(|| format!("{}: line {line} did not end; look whether it is whole", path.display()))))
+    }
+
+    /// Adds a row and waits until it is on the disk. Joints are in SI, sockets are counted from 1; a row's number is returned.
+    ///
+    /// # Errors
+    /// The operating system's: the row is then not there as a whole.
+    pub fn push(&mut self, q: &Joints, place: &str, socket: usize) -> Result<usize> {
+        let joints: Vec<String> = q
+            .iter()
+            .zip(&self.kinds)
+            .map(|(q, kind)| match kind {
+                JointKind::Revolute => format!("{}", tidy(q.to_degrees())),
+                JointKind::Prismatic => format!("{}", tidy(q * 1e3)),
+            })
+            .collect();
+        let seq = self.next;
+        self.put(&format!("{seq},{},{place},{socket},0,0,0", joints.join(",")))?;
+        self.next += 1;
+        Ok(seq)
+    }
+
+    fn put(&mut self, line: &str) -> Result<()> {
+        let io = |source| RecordError::Io { path: self.path.clone(), action: "be written", source };
+        let before = self.file.seek(SeekFrom::End(0)).map_err(io)?;
+        let written = self.file.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.file.sync_data());
+        if let Err(e) = written {
+            // half a row would spoil the file
+            let _ = self.file.set_len(before);
+            return Err(io(e));
+        }
+        Ok(())
+    }
+}
+
+fn header(kinds: &[JointKind]) -> String {
+    let joint = |(k, kind): (usize, &JointKind)| match kind {
+        JointKind::Revolute => format!("q{}_deg", k + 1),
+        JointKind::Prismatic => format!("q{}_mm", k + 1),
+    };
+    let joints: Vec<String> = kinds.iter().enumerate().map(joint).collect();
+    format!("seq,{},place,ball,ix_mm,iy_mm,iz_mm", joints.join(","))
+}
+
+/// Whether a name can stand in a CSV as it is: letters, digits, `-`, `_`, `.`, blanks inside.
+///
+/// # Errors
+/// One sentence.
+pub fn check_place(name: &str) -> std::result::Result<(), String> {
+    let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
+    if name.is_empty() || name.trim() != name || name.len() > 60 || !name.chars().all(plain) {
+        return Err(format!("found {name:?}, expected a name of letters, digits, -, _ and ."));
+    }
+    Ok(())
+}

@@ -1,0 +1,124 @@
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+
+fn series(points: &[(f64, f64)]) -> Series {
+    Series { name: "s", color: AFTER, points: points.to_vec() }
+}
+
+/// Numbers between two texts, each time that they occur.
+fn between(svg: &str, before: &str, after: &str) -> Vec<f64> {
+    svg.split(before).skip(1).filter_map(|t| t.split(after).next()?.parse().ok()).collect()
+}
+
+#[test]
+fn what_a_script_draws_is_sorted_by_x_with_each_series_in_its_own_column() {
+    let names = ["a", "b", "c"].map(String::from);
+    // the same measurements before and after: one row each
+    let (before, after) =
+        (series(&[(3.0, 30.0), (1.0, 10.0), (2.0, 20.0)]), series(&[(3.0, 3.0), (1.0, 1.0), (2.0, f64::NAN)]));
+    let (columns, rows) = live(&[before, after], &names);
+    let some = |v: &[f64]| v.iter().copied().map(Some).collect::<Vec<_>>();
+    assert_eq!(columns, [some(&[1.0, 2.0, 3.0]), some(&[10.0, 20.0, 30.0]), vec![Some(1.0), None, Some(3.0)]]);
+    assert_eq!(rows, ["b", "c", "a"]);
+    // of other measurements, rows of their own
+    let (columns, rows) = live(&[series(&[(3.0, 30.0)]), series(&[(1.0, 1.0), (4.0, 4.0)])], &[]);
+    assert_eq!(columns, [some(&[1.0, 3.0, 4.0]), vec![None, Some(30.0), None], vec![Some(1.0), None, Some(4.0)]]);
+    assert!(rows.is_empty());
+}
+
+#[test]
+fn of_many_points_a_bounded_number_is_drawn_and_none_that_is_alone_is_lost() {
+    let crowd = |k: i32| (f64::from(k % 100), 1e-3 * f64::from(k / 100));
+    let mut points: Vec<(f64, f64)> = (0..20_000).map(crowd).collect();
+    points[777] = (50.0, 9.0);
+    let kept = drawn(&[series(&points)]);
+    assert!(kept[0].len() <= MOST_POINTS && kept[0].contains(&777), "{}", kept[0].len());
+    // before and after of a measurement are drawn together
+    let after: Vec<(f64, f64)> = points.iter().map(|p| (p.0, 0.5 * p.1)).collect();
+    let both = drawn(&[series(&points), series(&after)]);
+    assert_eq!(both[0], both[1]);
+    assert!(drawn(&[series(&points[..30])])[0].len() == 30);
+}
+
+#[test]
+fn names_go_with_the_points_that_are_drawn_and_nothing_ends_the_script() {
+    let names = ["</script>", "b"].map(String::from);
+    let html = scatter_named("x", "y", true, false, &[series(&[(2.0, 1.0), (1.0, 2.0)])], &names).unwrap();
+    assert_eq!(html.matches("</script>").count(), 1);
+    let data = html.split_once("json\">").unwrap().1.split_once("</script>").unwrap().0;
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    assert_eq!(
+        (data["rows"].clone(), data["data"].clone()),
+        (serde_json::json!(["b", "</script>"]), serde_json::json!([[1.0, 2.0], [2.0, 1.0]]))
+    );
+    assert_eq!((data["zero"].clone(), data["joined"].clone()), (true.into(), false.into()));
+}
+
+#[test]
+fn a_point_keeps_its_name_where_others_are_left_out() {
+    let points: Vec<(f64, f64)> = (0..5000).map(|k| (f64::from(k), f64::from(k % 7))).collect();
+    let names: Vec<String> = (0..5000).map(|k| k.to_string()).collect();
+    let html = scatter_named("x", "y", true, false, &[series(&points)], &names).unwrap();
+    let data = html.split_once("json\">").unwrap().1.split_once("</script>").unwrap().0;
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    let (rows, x) = (data["rows"].as_array().unwrap(), data["data"][0].as_array().unwrap());
+    assert!(rows.len() == x.len() && rows.len() <= MOST_POINTS);
+    assert!(rows.iter().zip(x).all(|(name, x)| name.as_str().unwrap().parse::<f64>().ok() == x.as_f64()));
+}
+
+#[test]
+fn bars_of_a_histogram_are_as_high_as_values_fall_into_them() {
+    // 12 in the first bar, 6 in the last, 3 in the middle
+    let values = [vec![0.01; 12], vec![3.0; 6], vec![1.55; 3]].concat();
+    let svg = histogram("mm", &values).unwrap();
+    let color = "fill=\"#2666A5\"";
+    let bars: Vec<(f64, f64)> = svg
+        .split("<rect")
+        .filter(|r| r.contains(color))
+        .map(|r| (between(r, " x=\"", "\"")[0], between(r, "height=\"", "\"")[0]))
+        .filter(|b| b.1 > 0.5)
+        .collect();
+    assert_eq!(bars.len(), 3, "{bars:?}");
+    let [low, middle, high] = [bars[0], bars[1], bars[2]];
+    assert!(low.0 < middle.0 && middle.0 < high.0, "{bars:?}");
+    assert!((low.1 / high.1 - 2.0).abs() < 0.05 && (high.1 / middle.1 - 2.0).abs() < 0.1, "{bars:?}");
+    assert!(((middle.0 - low.0) / (high.0 - low.0) - 15.0 / 29.0).abs() < 0.008, "{bars:?}");
+    // from end to end of a page of 620, but for margins and labels
+    assert!(low.0 < 100.0 && high.0 > 570.0, "{bars:?}");
+}
+
+/// A page's y grows downwards: what is larger stands higher.
+#[test]
+fn larger_values_stand_higher_and_further_right() {
+    let svg = still("x", "y", true, false, &[series(&[(1.0, 1.0), (2.0, 3.0)])]).unwrap();
+    let path = svg.split("<path d=\"M").nth(1).unwrap().split('"').next().unwrap();
+    let points: Vec<Vec<f64>> = path
+        .split("h0")
+        .map(|p| p.trim_start_matches('M'))
+        .filter(|p| !p.is_empty())
+        .map(|p| p.split(' ').map(|v| v.parse().unwrap()).collect())
+        .collect();
+    assert!(points[1][0] > points[0][0] && points[1][1] < points[0][1], "{points:?}");
+    let lines = spectrum("cycles", "mm", &[(10.0, 1.0), (11.0, 4.0)], &[11.2]).unwrap();
+    let bars: Vec<&str> = lines.split("<path d=\"M").nth(1).unwrap().split('"').next().unwrap().split('M').collect();
+    let length = |bar: &str| -> f64 {
+        let (foot, top) = bar.split_once(' ').unwrap().1.split_once('V').unwrap();
+        foot.parse::<f64>().unwrap() - top.parse::<f64>().unwrap()
+    };
+    assert!((length(bars[1]) / length(bars[0]) - 4.0).abs() < 0.1, "{bars:?}");
+    // the mark is as high as the bar beside it
+    let mark = lines.split("<path d=\"M").nth(2).unwrap().split('"').next().unwrap();
+    assert!((length(mark) - length(bars[1])).abs() < 1.5, "{mark} {bars:?}");
+}
+
+#[test]
+fn a_staircase_begins_with_what_was_before() {
+    let svg = staircase("mm", "", &[("plain".into(), 4.0), ("one".into(), 2.0)]).unwrap();
+    let bar = |color: &str| {
+        let rect = svg.split("<rect").find(|r| r.contains(color)).unwrap();
+        (between(rect, " x=\"", "\"")[0], between(rect, "height=\"", "\"")[0])
+    };
+    let (before, after) = (bar("fill=\"#C85C46\""), bar("fill=\"#2666A5\""));
+    assert!(before.0 < after.0 && (before.1 / after.1 - 2.0).abs() < 0.05, "{before:?} {after:?}");
+}

@@ -1,0 +1,35 @@
+//! Small data for the tests of single modules.
+#![allow(clippy::unwrap_used)]
+
+use trical_ident::{Dataset, JointSource};
+use trical_model::{Cell, Measured, Model, Recording, Robot, Row, State};
+
+/// A small arm with masses at a platform of three balls, with the shapes of both.
+pub(crate) fn arm() -> Model {
+    let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+    Model::nominal(robot, Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap())
+}
+
+/// Measurements, each list a recording.
+pub(crate) fn data(recordings: &[Vec<(State, Measured)>]) -> Dataset {
+    let row = |(k, (state, measured)): (usize, &(State, Measured))| Row {
+        state: *state,
+        measured: *measured,
+        seq: None,
+        line: k + 2,
+    };
+    let of = |(k, list): (usize, &Vec<(State, Measured)>)| Recording {
+        name: format!("r{k}.csv"),
+        joints: 6,
+        rows: list.iter().enumerate().map(row).collect(),
+        ..Recording::default()
+    };
+    let all: Vec<Recording> = recordings.iter().enumerate().map(of).collect();
+    Dataset::build(&all, JointSource::Read, None).unwrap()
+}
+
+/// Some pose, another one for each number.
+pub(crate) fn pose(k: u8) -> State {
+    let k = f64::from(k);
+    State::at(&[0.9 * (1.3 * k).sin(), 0.5 * k.cos(), 0.4 * (2.1 * k).sin(), (0.7 * k).cos(), 0.8 * k.sin(), 0.3 * k])
+}

@@ -1,0 +1,157 @@
+//! `trical record`: an arm guided into sockets, its joints from a file that grows.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
+
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let p = Self(tempfile::tempdir().unwrap());
+        std::fs::write(p.path("robot.toml"), ROBOT).unwrap();
+        p
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn record(&self, follow: &str, out: &str, typed: &[&str]) -> Output {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_trical"))
+            .args(["record", "--robot", "robot.toml", "--place", "front", "--follow", follow, "--out", out])
+            .current_dir(self.0.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let text: String = typed.iter().map(|t| format!("{t}\n")).collect();
+        child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
+        child.wait_with_output().unwrap()
+    }
+}
+
+/// Somebody who adds samples to a file, twenty a second, until dropped. `message` writes sample `k`.
+struct Writer(Arc<AtomicBool>, Option<std::thread::JoinHandle<()>>);
+
+impl Writer {
+    fn to(path: &Path, first: &str, message: impl Fn(usize) -> String + Send + 'static) -> Self {
+        std::fs::write(path, first).unwrap();
+        let end = Arc::new(AtomicBool::new(false));
+        let (path, ends, count) = (path.to_owned(), end.clone(), AtomicUsize::new(0));
+        let write = move || {
+            while !ends.load(Ordering::Relaxed) {
+                let text = message(count.fetch_add(1, Ordering::Relaxed));
+                std::fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(text.as_bytes()).unwrap();
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        };
+        Self(end, Some(std::thread::spawn(write)))
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+        self.1.take().unwrap().join().unwrap();
+    }
+}
+
+/// As `ros2 topic echo /joint_states` writes it: the joints in the order of their names, a gripper among them.
+fn echoed(q: [f64; 6]) -> String {
+    let names: Vec<String> = (1..=6).rev().map(|k| format!("- joint_{k}\n")).collect();
+    let values: Vec<String> = q.iter().rev().map(|q| format!("- {q}\n")).collect();
+    format!(
+        "header:\n  stamp:\n    sec: 1\n    nanosec: 2\n  frame_id: ''\nname:\n- finger_left\n{}position:\n- 0.04\n{}velocity: []\neffort: []\n---\n",
+        names.concat(),
+        values.concat()
+    )
+}
+
+#[test]
+fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
+    let place = Place::new();
+    let writer = Writer::to(&place.path("joints.txt"), "", |_| echoed([0.1, 0.2, -0.3, 0.4, 0.5, -0.6]));
+    let done = place.record("joints.txt", "visits.csv", &["", "2", "p back left", "1", "p a,b", "q"]);
+    let told = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success(), "{told}");
+    assert!(told.contains("joints 1 to 6 are joint_1,") && told.contains("expected a name of letters"), "{told}");
+    let again = place.record("joints.txt", "visits.csv", &[""]);
+    assert!(String::from_utf8_lossy(&again.stdout).contains("1 rows added to visits.csv"));
+    drop(writer);
+    let text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let joints = [0.1_f64, 0.2, -0.3, 0.4, 0.5, -0.6].map(|q| format!("{:.6}", q.to_degrees()));
+    assert_eq!(lines.len(), 5, "{text}");
+    for (line, (seq, at)) in lines[1..].iter().zip([(0, "front,1"), (1, "front,2"), (2, "back left,1"), (3, "front,1")])
+    {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!(cells[0], seq.to_string());
+        for (cell, q) in cells[1..7].iter().zip(&joints) {
+            assert_eq!(&format!("{:.6}", cell.parse::<f64>().unwrap()), q);
+        }
+        assert_eq!(cells[7..].join(","), format!("{at},0,0,0"));
+    }
+    // what was taken reads as a recording
+    let o = Command::new(env!("CARGO_BIN_EXE_trical"))
+        .args(["convert", "visits.csv", "visits.mcap", "--joints", "6"])
+        .current_dir(place.0.path())
+        .output()
+        .unwrap();
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+}
+
+#[test]
+fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
+    let place = Place::new();
+    let header = "t,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n";
+    let writer = Writer::to(&place.path("moving.csv"), header, |k| format!("{k},{},2,3,4,5,6\n", k as f64 * 0.1));
+    let done = place.record("moving.csv", "visits.csv", &[""]);
+    let told = String::from_utf8_lossy(&done.stderr);
+    assert!(told.contains("no row: joint 1 moved by") && told.contains("hold the arm still"), "{told}");
+    drop(writer);
+    let done = place.record("moving.csv", "visits.csv", &[""]);
+    let told = String::from_utf8_lossy(&done.stderr);
+    assert!(told.contains("nothing whole was added within 5 s"), "{told}");
+    assert_eq!(std::fs::read_to_string(place.path("visits.csv")).unwrap().lines().count(), 1);
+    // a file with other columns is left alone; one whose last line was cut goes on behind it
+    std::fs::write(place.path("other.csv"), "a,b\n1,2\n").unwrap();
+    let refused = place.record("moving.csv", "other.csv", &[""]);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert!(told.contains("other.csv: header: found \"a,b\", expected \"seq,q1_deg"), "{told}");
+    assert_eq!(std::fs::read_to_string(place.path("other.csv")).unwrap(), "a,b\n1,2\n");
+    std::fs::write(place.path("still.csv"), header).unwrap();
+    let writer = Writer::to(&place.path("still.csv"), header, |k| format!("{k},1,2,3,4,5,6\n"));
+    let mut text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
+    text.push_str("7,1,2,3,4,5,6,fro");
+    std::fs::write(place.path("visits.csv"), &text).unwrap();
+    let done = place.record("still.csv", "visits.csv", &[""]);
+    drop(writer);
+    assert!(String::from_utf8_lossy(&done.stderr).contains("line 2 did not end"));
+    let text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
+    assert_eq!(text.lines().last(), Some("8,1,2,3,4,5,6,front,1,0,0,0"), "{text}");
+}
+
+#[test]
+fn a_plan_for_two_sockets_says_what_it_takes_as_known() {
+    let place = Place::new();
+    let cell = include_str!("../cells/irb120/cell.toml");
+    let line = cell.lines().find(|l| l.trim_start().starts_with("distances_mm")).unwrap();
+    std::fs::write(place.path("cell.toml"), cell.replace(line, "distances_mm = { d12 = 300.0 }")).unwrap();
+    let o = Command::new(env!("CARGO_BIN_EXE_trical"))
+        .args(["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "12", "--out", "p.csv"])
+        .current_dir(place.0.path())
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&o.stdout);
+    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    assert!(told.contains("Caution: with fewer than three balls") && told.contains("too good"), "{told}");
+}

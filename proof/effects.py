@@ -708,12 +708,12 @@ CURVES: dict[str, tuple[str, Family]] = {
 
 FAMILIES_OF_EFFECTS = {
     "transmission": "joint_harmonic gear_ripple encoder_error gear_ratio joint_coupling",
-    "lost motion": "lost_motion_direction lost_motion_gravity load_friction",
+    "lost_motion": "lost_motion_direction lost_motion_gravity load_friction",
     "elasticity": "nonlinear_stiffness cross_axis_compliance",
     "geometry": "axis_twist axis_wobble rail_error",
     "load": "payload gravity_direction",
     "heat": "thermal_growth thermal_zero_drift",
-    "something moved": "joint_zero_shift fixture_shift fixture_drift tool_shift tool_drift frame_drift",
+    "something_moved": "joint_zero_shift fixture_shift fixture_drift tool_shift tool_drift frame_drift",
     "gauge": "indicator_gain indicator_skew indicator_drift ball_position",
     "reading": "late_joint_reading",
 }

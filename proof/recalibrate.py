@@ -4,9 +4,9 @@
 
 prints `settings::RECALIBRATION` for cases that a program answered whose curves were the identity, and how well the
 curves do on cases that they were not learnt on: drawn ones in five folds of cases, real ones without any of their arm.
-A curve is constant + a logit(share) + b logit(found) + c log10(error) (1 - found): found is the share of the halves of the data
-that say the same, error the share of the explained error that the finding takes. What halves do not find is the less
-probable the smaller it is beside the other findings: what the models of these leave looks like something small.
+A curve is constant + a logit(share) + b logit(found) + c log10(error) (1 - found): found is the share of the halves of
+the data that say the same, error the share of the explained error that the finding takes. What halves do not find is the
+less probable the smaller it is beside the other findings: what the models of these leave looks like something small.
 """
 
 from __future__ import annotations
@@ -88,10 +88,11 @@ def main() -> int:
             if some.any():
                 e = [calibration_error(q[some], y[some], True) for q in (was, p)]
                 sure = [int((1 - y[some & (q >= 0.9)]).sum()) for q in (was, p)]
+                hits = [int(y[some & (q >= 0.9)].sum()) for q in (was, p)]
                 print(
-                    f"{stated:18} {name:9}: right {y[some].mean():.2f}, stated {was[some].mean():.2f} -> {p[some].mean():.2f}, "
-                    f"calibration error {e[0]:.3f} -> {e[1]:.3f}, wrong at 0.9 or more {sure[0]} -> {sure[1]}, "
-                    f"right at 0.9 or more {int(y[some & (was >= 0.9)].sum())} -> {int(y[some & (p >= 0.9)].sum())} of {some.sum()}"
+                    f"{stated:18} {name:9}: right {y[some].mean():.2f}, stated {was[some].mean():.2f} -> "
+                    f"{p[some].mean():.2f}, calibration error {e[0]:.3f} -> {e[1]:.3f}, at 0.9 or more right "
+                    f"{hits[0]} -> {hits[1]}, wrong {sure[0]} -> {sure[1]} of {some.sum()}"
                 )
     text = ", ".join("[" + ", ".join(f"{v:.2f}" for v in c) + "]" for c in curves)
     print(f"pub const RECALIBRATION: [[f64; 4]; 3] = [{text}];")

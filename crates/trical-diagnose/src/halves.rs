@@ -132,7 +132,7 @@ mod tests {
             vec![candidate(gap, 3, 0.4)],
             // the other sign is another effect
             vec![candidate(gap, 3, -0.4)],
-            vec![candidate(Cause::Effect(EffectId::GearRatio), 3, 0.1)],
+            vec![candidate(Cause::Effect(EffectId::LoadFriction), 3, 0.1)],
             vec![candidate(Cause::Unexplained, 3, 0.1)],
             vec![candidate(gap, 2, 0.4)],
             vec![],

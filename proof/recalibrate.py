@@ -6,7 +6,7 @@ prints `settings::RECALIBRATION` for cases that a program answered whose curves 
 curves do on cases that they were not learnt on: drawn ones in five folds of cases, real ones without any of their arm.
 A curve is constant + a logit(share) + b logit(found) + c log10(error) (1 - found): found is the share of the halves of
 the data that say the same, error the share of the explained error that the finding takes. What halves do not find is
-the less probable the smaller it is beside the other findings: what the models of these leave looks like something small.
+less probable the smaller it is beside the other findings: what the models of these leave looks like something small.
 """
 
 from __future__ import annotations

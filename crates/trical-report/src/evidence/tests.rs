@@ -89,7 +89,7 @@ fn a_recording_is_beyond_the_usual_noise_by_its_own_residuals() {
     // the usual noise is 0.01 mm: twice that is not unusual, eight times is
     let told = beyond_noise(&model, &both).unwrap();
     assert_eq!(told.len(), 1);
-    assert!(told[0].starts_with("What is left in r1.csv is 8 times the usual noise"), "{}", told[0]);
+    assert!(told[0].starts_with("The residuals of r1.csv are 8 times the usual noise"), "{}", told[0]);
 }
 
 #[test]

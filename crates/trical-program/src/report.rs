@@ -142,6 +142,11 @@ pub struct Report {
 }
 
 impl Report {
+    /// Notes for each row what the model's file says of its standard deviation (m) at joint values.
+    pub fn expect(&mut self, deviation: impl Fn(&Joints) -> f64) {
+        self.rows.iter_mut().for_each(|r| r.deviation = Some(deviation(&r.joints)));
+    }
+
     /// What is to be known of motions relative to rewritten targets, in one sentence; `None` where there are none.
     #[must_use]
     pub fn relative_in_words(&self) -> Option<String> {

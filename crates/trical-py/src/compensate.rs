@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use trical_model::Model;
+use trical_ident::Expected;
+use trical_model::{Model, State};
 use trical_program::{Job, Options, ProgramError};
 
 use crate::errors::{Failed, Result, bad};
@@ -85,6 +86,9 @@ pub fn _compensate(
     };
     let job = Job { program: &program, out: out.as_deref(), dialect: dialect.as_deref(), frames: &frames, partial };
     let dialect = job.dialect()?;
-    let report = long(py, None, |_| job.run(&nominal, &file.model, &options))?;
+    let mut report = long(py, None, |_| job.run(&nominal, &file.model, &options))?;
+    if let Some(expected) = Expected::of(&file)? {
+        report.expect(|q| expected.deviation(&State { temp_c, payload_kg, ..State::at(q) }));
+    }
     Ok(report.json(dialect).to_string())
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use trical_ident::{Expected, ModelFile};
-use trical_model::{Joints, Model, State};
+use trical_model::{Model, State};
 use trical_program::{Job, Options, ProgramError, Report, declared_frames, left};
 use trical_report::table;
 
@@ -129,8 +129,8 @@ pub fn run(args: &Args) -> Result<()> {
     let nominal = Model::nominal(robot, cell);
     let mut report = job.run(&nominal, &file.model, &options).map_err(&failed)?;
     if let Some(expected) = Expected::of(&file)? {
-        let state = |q: &Joints| State { temp_c: args.temp_c, payload_kg: args.payload_kg, ..State::at(q) };
-        report.rows.iter_mut().for_each(|r| r.deviation = Some(expected.deviation(&state(&r.joints))));
+        let (temp_c, payload_kg) = (args.temp_c, args.payload_kg);
+        report.expect(|q| expected.deviation(&State { temp_c, payload_kg, ..State::at(q) }));
     }
     tell(args, &job, &report)?;
     if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }

@@ -174,8 +174,8 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
         known_kin = any(family(b) == family(f) for b in known_here)
         role = "target" if exact or here else "background" if known else "false"
 
-        def judged(right: bool, known: bool) -> int | None:
-            return 1 if right else None if known else 0
+        def judged(right: bool, said: bool) -> int | None:
+            return None if known and exact is None else 1 if right else None if said else 0
 
         replicated = f.get("replicated")
         out.append(

@@ -149,6 +149,11 @@ def without(case: Case) -> dict[str, list[dict]]:
     return {k: a["findings"] for k, a in answers.items() if a}
 
 
+def judged(right: bool, open_question: bool, said: bool = False) -> int | None:
+    """Whether a claim is right; None where nobody knows: `said` of the recording without the addition, or open anyway."""
+    return None if open_question else 1 if right else None if said else 0
+
+
 def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
     """Every finding of a case, with what it answers for; `said`: findings without the addition, by background."""
     said = without(case) if said is None else said
@@ -174,9 +179,7 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
         known_kin = any(family(b) == family(f) for b in known_here)
         role = "target" if exact or here else "background" if known else "false"
 
-        def judged(right: bool, said: bool) -> int | None:
-            return None if known and exact is None else 1 if right else None if said else 0
-
+        open_question = known and exact is None
         replicated = f.get("replicated")
         out.append(
             {
@@ -204,9 +207,9 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
                 "true_lambda": (exact or (kin or here or [{}])[0]).get("lambda"),
                 "size_3sd": size[0] if size and exact else None,
                 "size_20": size[1] if size and exact else None,
-                "right": judged(exact is not None, known),
-                "place_right": judged(bool(exact or here), bool(known_here)),
-                "family_right": judged(bool(exact or kin), known_kin),
+                "right": judged(exact is not None, open_question),
+                "place_right": judged(bool(exact or here), open_question, bool(known_here)),
+                "family_right": judged(bool(exact or kin), open_question, known_kin),
             }
         )
     return out

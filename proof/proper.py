@@ -150,7 +150,7 @@ def without(case: Case) -> dict[str, list[dict]]:
 
 
 def judged(right: bool, open_question: bool, said: bool = False) -> int | None:
-    """Whether a claim is right; None where nobody knows: `said` of the recording without the addition, or open anyway."""
+    """Whether a claim is right; None where nobody knows: it is open anyway, or `said` without the addition too."""
     return None if open_question else 1 if right else None if said else 0
 
 

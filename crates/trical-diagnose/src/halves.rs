@@ -23,7 +23,8 @@ use crate::settings::{HALF_ROWS, HALVED, TRIED_WITH_CURVES};
 pub(crate) struct Halves(Vec<Vec<Candidate>>);
 
 impl Halves {
-    /// Searches halves of `data` among `candidates`, beside what else `model` fits (its first `baseline` terms; `effects` are taken out).
+    /// Searches halves of `data` among `candidates`, beside the first `baseline` terms of `model`; its others, which are
+    /// effects, are taken out of the residual.
     /// None are searched where a half has few rows beside the parameters.
     pub(crate) fn search(
         (model, baseline): (&Model, usize),

@@ -9,8 +9,8 @@
 //! *Replication.* Halves of the poses are searched by themselves (`halves`): a name that was chosen because of how the whole recording
 //! happened to be searched is not found in them.
 //!
-//! *Recalibration.* Both, with how much of the error the finding takes, go into one logistic curve whose coefficients were learnt on drawn cases and on real recordings with known
-//! additions (`proof/`), never on the case at hand.
+//! *Recalibration.* Both, with how much of the error the finding takes, go into one logistic curve whose coefficients were learnt on drawn
+//! cases and on real recordings with known additions (`proof/`), never on the case at hand.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -194,6 +194,18 @@ class Parser:
             else:
                 return left
 
+    def block(self, *ends: str) -> list:
+        """Statements up to one of these words; `ended` is which."""
+        out: list = []
+        while self.now.text not in ends:
+            out += self.statement()
+        self.ended = self.next().text
+        return out
+
+    def statement(self) -> list:
+        """One statement of the language: none, several, or what it is made of."""
+        raise NotImplementedError
+
     def index_opens(self) -> bool:
         return self.now.text == "["
 

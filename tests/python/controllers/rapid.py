@@ -83,13 +83,6 @@ class Rapid(Parser):
                 last = word.text
         return [*names, last] if last else names
 
-    def block(self, *ends: str) -> list:
-        out: list = []
-        while self.now.text not in ends:
-            out += self.statement()
-        self.ended = self.next().text
-        return out
-
     def statement(self) -> list:
         word = self.now
         line = word.line

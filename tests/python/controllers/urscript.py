@@ -61,13 +61,6 @@ class Script(Parser):
                 self.next()
         return args, options
 
-    def block(self, *ends: str) -> list:
-        out: list = []
-        while self.now.text not in ends:
-            out += self.statement()
-        self.ended = self.next().text
-        return out
-
     def file(self) -> tuple[list, dict[str, Function]]:
         self.functions: dict[str, Function] = {}
         body: list = []

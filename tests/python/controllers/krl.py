@@ -71,14 +71,6 @@ class Krl(Parser):
                 data += self.statement()
         return data, routines, first
 
-    def block(self, *ends: str) -> list:
-        out: list = []
-        while self.now.text not in ends:
-            assert self.now.kind != "eof", f"{ends} is missing"
-            out += self.statement()
-        self.ended = self.next().text
-        return out
-
     def statement(self) -> list:
         word = self.now
         line = word.line

@@ -198,6 +198,7 @@ class Parser:
         """Statements up to one of these words; `ended` is which."""
         out: list = []
         while self.now.text not in ends:
+            assert self.now.kind != "eof", f"{ends} is missing"
             out += self.statement()
         self.ended = self.next().text
         return out

@@ -204,4 +204,45 @@ mod tests {
         };
         assert_eq!(not_paying(Shape::Linear, 5e-4, &ratio_and_curve, 2), [1]);
     }
+
+    /// What harms the last quarter of a recording, of a drift with the order of the rows that was fitted to all of it; joint 2 is off by
+    /// `hidden` of that order (0 to 199).
+    fn harming(hidden: Shape, size: f64) -> Vec<usize> {
+        let mut truth = arm::truth(ParameterSet::Compliance, 5);
+        let order = |shape| Basis::new(Variable::Seq, shape);
+        let of_joint = |name: &str, basis| Term::new(name, "drift", Site::Joint { joint: 2 }, basis);
+        truth.terms.push(Term { value: size, ..of_joint("hidden", order(hidden)) });
+        let mut rng = Pcg64Mcg::seed_from_u64(8);
+        let rows: Vec<(State, Aim)> = (0..200)
+            .map(|k| {
+                let within = |j: &trical_model::Joint| rng.random_range(j.limits[0].max(-1.4)..j.limits[1].min(1.4));
+                let q: Vec<f64> = truth.robot.joints.iter().map(within).collect();
+                (State { seq: Some(f64::from(k)), ..State::at(&q) }, Aim::Ball(usize::try_from(k % 3).unwrap()))
+            })
+            .collect();
+        let recording = simulate(&truth, &rows, &Scatter { length: 1e-5, angle: 0.0, seed: 3 }, None).unwrap();
+        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let drift = Candidate {
+            cause: Cause::Unexplained,
+            site: Place::Joint(2),
+            behaviour: "drift".into(),
+            terms: vec![of_joint("drift", order(Shape::Linear))],
+            signs: vec![0],
+            physical: crate::candidate::anything,
+            typical: 0.0,
+            scales: vec![1e-4],
+            log_prior: 0.0,
+        };
+        let candidates = [drift];
+        let design = Design::new(&fitted.model, &candidates, &data, &fitted.noise).unwrap();
+        let parts = Parts::forward(&design, &[0], &Folds::of(&data), 1.0).unwrap();
+        parts.what_harms(grouped(&candidates, &[0]))
+    }
+
+    #[test]
+    fn a_drift_that_turns_back_harms_what_comes_later_and_one_that_goes_on_does_not() {
+        assert_eq!(harming(Shape::Tent { left: 0.0, centre: 150.0, right: 200.0 }, 1e-3), [0]);
+        assert!(harming(Shape::Linear, 5e-6).is_empty());
+    }
 }

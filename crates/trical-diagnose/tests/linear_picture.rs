@@ -368,3 +368,27 @@ fn held_out_errors_do_not_go_with_the_memory_of_the_noise() {
     assert!(!told[0].is_empty() && told[0].len() == told[1].len());
     assert!(told[0].iter().zip(&told[1]).all(|(a, b)| near(*a, *b, 1e-4)));
 }
+
+/// What is made part of the fit costs nothing more, and leaves of all others what it leaves when it is added.
+#[test]
+fn candidates_beside_what_the_fit_has_absorbed_are_as_beside_what_was_added() {
+    let (model, data, candidates) = made();
+    let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
+    let search = Search::new(&design, &candidates, 1.0);
+    let set = some(&candidates);
+    let (first, then) = (&set[..3], set[4]);
+    let added = search.with(&design.start(), first);
+    let beside = design.absorbing(&added);
+    let absorbed = beside.start();
+    assert!(near(absorbed.ss, added.ss, added.ss) && near(absorbed.parameters, added.parameters, 1.0));
+    let (mut one, mut other) = (added.clone(), absorbed.clone());
+    design.add(&mut one, then);
+    beside.add(&mut other, then);
+    for (a, b) in [(&added, &absorbed), (&one, &other)] {
+        for k in set.iter().filter(|k| !first.contains(k) && **k != then) {
+            let (x, y) = (design.gain(a, *k), beside.gain(b, *k));
+            let as_near = near(x.dss, y.dss, a.ss) && near(x.rank, y.rank, 1.0) && near(x.occam, y.occam, 1.0);
+            assert!(as_near, "{}: {x:?} {y:?}", candidates[*k].cause.name());
+        }
+    }
+}

@@ -8,11 +8,13 @@ mod common {
 use std::path::{Path, PathBuf};
 
 use common::arm::{build, nominal, paper_terms, touch, truth};
+use trical_ident::identify::fit_model_knowing;
+use trical_ident::known::Known;
 use trical_ident::{
-    Choice, JointSource, ModelFile, Options, ParameterSet, calibrate, identify, load_csv, reject_gross_errors,
+    Choice, JointSource, ModelFile, Noise, Options, ParameterSet, calibrate, identify, load_csv, reject_gross_errors,
     write_csv,
 };
-use trical_model::{Cell, Forward, Measured, Model, Robot, Task};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Robot, Shape, Site, Task, Term, Variable};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
@@ -185,4 +187,38 @@ fn the_real_irb_120_reads_as_in_the_literature() {
     let compliance = held_out(ParameterSet::Compliance);
     assert!(compliance.mean_mm < 0.129 && compliance.rms_mm < 0.147 && compliance.max_mm < 0.70, "{compliance:?}");
     assert!(held_out(ParameterSet::Complete).mean_mm < 0.092);
+}
+
+/// Of many coefficients the products of the Jacobian are kept from one step to the next: the minimum is the same wherever it starts.
+#[test]
+fn a_fit_of_many_coefficients_ends_at_one_minimum_from_anywhere() {
+    let mut truth = truth(ParameterSet::Compliance, 9);
+    let size = |n: f64| 1e-4 / n.sqrt();
+    for joint in 2..=6 {
+        for n in 2..=20 {
+            let cycles = f64::from(n);
+            for (name, shape) in [("sine", Shape::Sine { cycles }), ("cosine", Shape::Cosine { cycles })] {
+                let basis = Basis::new(Variable::Joint { joint }, shape);
+                let term = Term::new(format!("{name}_{n}_{joint}"), "made", Site::Joint { joint }, basis);
+                truth.terms.push(Term { value: size(cycles) * (7.0 * cycles).sin(), ..term });
+            }
+        }
+    }
+    let data = build(touch(&truth, 300, 1e-5, 10));
+    let of = |t: &Term| match t.basis.shape {
+        Shape::Sine { cycles } | Shape::Cosine { cycles } => Known::about_zero(size(cycles)),
+        _ => Known::NOTHING,
+    };
+    let known: Vec<Known> = truth.terms.iter().map(of).collect();
+    let from = |factor: f64| {
+        let mut model = truth.clone();
+        model.terms.iter_mut().for_each(|t| t.value *= factor);
+        fit_model_knowing(model, &data, &Noise::usual(1), &known, Vec::new()).unwrap().model.terms
+    };
+    let (near, far) = (from(1.01), from(0.0));
+    assert!(near.len() > 200);
+    for (a, b) in near.iter().zip(&far) {
+        let sd = a.sd.unwrap();
+        assert!((a.value - b.value).abs() < 1e-3 * sd, "{}: {} and {}, sd {sd}", a.name, a.value, b.value);
+    }
 }

@@ -10,7 +10,6 @@ use trical_ident::noise::Noise;
 use trical_model::Model;
 
 use super::columns::Linear;
-use super::state::RegressionState;
 use crate::candidate::Candidate;
 use crate::correlated_noise::{CorrelatedNoise, Filter};
 
@@ -167,32 +166,6 @@ impl Design {
             design.keep(&(0..design.spans.len()).collect::<Vec<_>>(), all);
         }
         design
-    }
-
-    /// The same rows with what a state added made part of the fit, its priors included: candidates beside it then cost no more than they would
-    /// alone. What was added must not be asked about again.
-    #[must_use]
-    pub fn absorbing(&self, state: &RegressionState) -> Self {
-        let known = self.projected.nrows();
-        let projected = Mat::from_fn(known + state.parts.len(), self.width, |i, a| match i.checked_sub(known) {
-            Some(k) => state.parts[k].w[a],
-            None => self.projected[(i, a)],
-        });
-        Self {
-            parameters: state.parameters,
-            linear: self.linear.clone(),
-            spans: self.spans.clone(),
-            squares: self.squares.clone(),
-            precision: self.precision.clone(),
-            projected,
-            grams: self.spans.iter().map(|_| OnceLock::new()).collect(),
-            left: state.left.clone(),
-            beside: state.beside.clone(),
-            beside_at: self.beside_at.clone(),
-            b: state.b.clone(),
-            ss: state.ss,
-            ..*self
-        }
     }
 
     /// The rows; `None` for a narrowed design.

@@ -111,6 +111,32 @@ impl Design {
         RegressionState::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, self.parameters)
     }
 
+    /// The same rows with what a state added made part of the fit, its priors included: candidates beside it then cost no more than they would
+    /// alone. What was added must not be asked about again.
+    #[must_use]
+    pub fn absorbing(&self, state: &RegressionState) -> Self {
+        let known = self.projected.nrows();
+        let projected = Mat::from_fn(known + state.parts.len(), self.width, |i, a| match i.checked_sub(known) {
+            Some(k) => state.parts[k].w[a],
+            None => self.projected[(i, a)],
+        });
+        Self {
+            parameters: state.parameters,
+            linear: self.linear.clone(),
+            spans: self.spans.clone(),
+            squares: self.squares.clone(),
+            precision: self.precision.clone(),
+            projected,
+            grams: self.spans.iter().map(|_| OnceLock::new()).collect(),
+            left: state.left.clone(),
+            beside: state.beside.clone(),
+            beside_at: self.beside_at.clone(),
+            b: state.b.clone(),
+            ss: state.ss,
+            ..*self
+        }
+    }
+
     /// The same picture with the columns of these candidates only, the others without any; and a state in it. A state there
     /// costs what the set costs. It cannot tell rows.
     #[must_use]

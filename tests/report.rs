@@ -1,8 +1,10 @@
 //! Reports as their readers meet them: what they say, what they carry, and whether a browser without a network draws them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::LazyLock;
 
 fn run(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trical")).args(args).current_dir(folder).output().unwrap()
@@ -14,12 +16,24 @@ fn good(folder: &Path, args: &[&str]) -> String {
     String::from_utf8(o.stdout).unwrap()
 }
 
-/// A folder with a demo, its recording as CSV too.
-fn demo() -> (tempfile::TempDir, PathBuf) {
+/// The files of a demo, its recording as CSV too: measured and diagnosed once for all tests.
+static DEMO: LazyLock<Vec<(OsString, Vec<u8>)>> = LazyLock::new(|| {
     let place = tempfile::tempdir().unwrap();
     good(place.path(), &["demo", "--conceal", "none", "--seed", "3", "--out", "demo"]);
     let folder = place.path().join("demo");
     good(&folder, &["convert", "run.mcap", "--out", "run.csv"]);
+    let files = std::fs::read_dir(&folder).unwrap().map(Result::unwrap);
+    files.map(|f| (f.file_name(), std::fs::read(f.path()).unwrap())).collect()
+});
+
+/// A folder with that demo.
+fn demo() -> (tempfile::TempDir, PathBuf) {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("demo");
+    std::fs::create_dir(&folder).unwrap();
+    for (name, bytes) in DEMO.iter() {
+        std::fs::write(folder.join(name), bytes).unwrap();
+    }
     (place, folder)
 }
 

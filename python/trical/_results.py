@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from . import _html
 from ._findings import Finding, Unexplained, Unseen
 from ._native import Model, TricalError
-from ._told import Reported
+from ._told import Certified, Reported
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
@@ -42,7 +42,7 @@ def _parameter_rows(parameters: Sequence[dict[str, Any]]) -> list[list[object]]:
 
 
 @dataclass(frozen=True, repr=False)
-class Identified(Reported):
+class Identified(Certified):
     """A fitted model with its errors and uncertainties.
 
     `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
@@ -118,17 +118,9 @@ class Identified(Reported):
 
         return by_joint(self._told().joint_values(), self.errors_mm, ("nominal arm", "identified"))
 
-    def certificate(self, path: str | os.PathLike[str]) -> None:
-        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
-
-        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
-        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
-        """
-        self._certificate(path)
-
 
 @dataclass(frozen=True, repr=False)
-class Validation(Reported):
+class Validation(Certified):
     """Position errors of the nominal arm and of a model on recordings that it was not fitted to.
 
     `before` and `after` have mean_mm, max_mm, sd_mm, median_mm, rms_mm; `sessions` and `regions` the same by recording,
@@ -176,14 +168,6 @@ class Validation(Reported):
         from ._plots import errors
 
         return errors(self.errors_mm, "the model")
-
-    def certificate(self, path: str | os.PathLike[str]) -> None:
-        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
-
-        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
-        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
-        """
-        self._certificate(path)
 
 
 @dataclass(frozen=True, repr=False)

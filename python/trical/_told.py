@@ -74,11 +74,21 @@ class Reported:
             raise TricalError("this result was pickled or built by hand: draw it where it was made")
         return self._made.told
 
-    def _certificate(self, path: _Path) -> None:
-        if self._made is None:
-            raise TricalError("this result was pickled or built by hand: certify it where it was made")
-        self._made.told.certify(path, self._made.call, self._made.inputs)
-
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what the report is made of: it may be large, and stays in the process that made it."""
         return {**self.__dict__, "_made": None}
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Certified(Reported):
+    """A result with a certificate too."""
+
+    def certificate(self, path: _Path) -> None:
+        """Write a certificate to print and sign: one page, HTML, as `--certificate` of the command writes it.
+
+        Pose accuracy AP, repeatability RP and distance accuracy AD by the formulas of ISO 9283, before and after; the
+        share of measurements within 0.1, 0.2, 0.5 and 1 mm; the worst one; the model's SHA-256. Raises TricalError.
+        """
+        if self._made is None:
+            raise TricalError("this result was pickled or built by hand: certify it where it was made")
+        self._made.told.certify(path, self._made.call, self._made.inputs)

@@ -1,11 +1,22 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"
+
+# the one that `cargo test` builds, which checks for overflow; TRICAL_PROGRAM names another, such as one to be released
+PROGRAM = Path(os.environ.get("TRICAL_PROGRAM", ROOT / "target" / "debug" / "trical")).absolute()
+
+
+def program() -> Path:
+    """The program `trical`; without it the test is skipped."""
+    if not PROGRAM.is_file():
+        pytest.skip(f"{PROGRAM} is missing: cargo build")
+    return PROGRAM
 
 
 @pytest.fixture

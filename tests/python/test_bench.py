@@ -12,9 +12,7 @@ import pytest
 import arm
 import scene
 import table
-from conftest import ROOT
-
-TRICAL = ROOT / "target" / "release" / "trical"
+from conftest import program
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +60,12 @@ def test_both_ways_through_the_chain_agree() -> None:
     assert np.abs(origins[:, 5] + rotations[5] @ arm.unpack(v)[3] - arm.positions(q, v)).max() < 1e-12
 
 
-@pytest.mark.skipif(not TRICAL.exists(), reason="the release program is not built: cargo build --release")
 def test_trical_finds_the_true_arm_behind_the_task(task: Path, tmp_path: Path) -> None:
     common = ["--robot", task / "robot.toml", "--cell", task / "cell.toml"]
-    run = [TRICAL, "identify", task / "elastic_points.csv", *common, "--model", "compliance", "--json"]
+    run = [program(), "identify", task / "elastic_points.csv", *common, "--model", "compliance", "--json"]
     out = subprocess.run([*run, "--out", tmp_path / "model.toml"], check=True, capture_output=True, text=True)
     assert len(json.loads(out.stdout)["parameters"]) == arm.ELASTIC
-    run = [TRICAL, "validate", task / "elastic_heldout.csv", *common, "--model", tmp_path / "model.toml", "--json"]
+    run = [program(), "validate", task / "elastic_heldout.csv", *common, "--model", tmp_path / "model.toml", "--json"]
     after = json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)["after"]
     assert after["rms_mm"] < 0.006  # 20 um of noise in 1000 points leave about 4
 
@@ -110,7 +107,6 @@ def test_a_target_that_is_missed_is_said_in_bold() -> None:
     assert "| binary | 20 MB | 21 MB | **no** |" in table.targets([one])
 
 
-@pytest.mark.skipif(not TRICAL.exists(), reason="the release program is not built: cargo build --release")
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_one_thread_and_two_give_the_same_bytes(command: str, task: Path, tmp_path: Path) -> None:
     rows = (task / "elastic_points.csv").read_text().splitlines(keepends=True)
@@ -119,7 +115,7 @@ def test_one_thread_and_two_give_the_same_bytes(command: str, task: Path, tmp_pa
     said = []
     for threads in ("1", "2"):
         out = tmp_path / f"{threads}.toml"
-        run = [TRICAL, command, recording, "--robot", task / "robot.toml", "--cell", task / "cell.toml"]
+        run = [program(), command, recording, "--robot", task / "robot.toml", "--cell", task / "cell.toml"]
         env = {"RAYON_NUM_THREADS": threads, "PATH": "/usr/bin"}
         done = subprocess.run([*run, "--out", out, "--json"], check=True, capture_output=True, text=True, env=env)
         said.append((done.stdout, out.read_bytes()))

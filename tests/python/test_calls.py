@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import trical
+from conftest import PROGRAM
 from terms import link, lost_motion, term
 from threads import ticks_during
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 ARM = ROOT / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 
@@ -61,9 +61,9 @@ def test_a_plan_touches_the_balls_by_the_nominal_arm(plan: trical.Plan, tmp_path
     again = trical.plan(**FILES, per_ball=30, pool=60)
     assert again.text == plan.text
     plan.save(tmp_path / "plan.csv")
-    if BINARY.is_file():
+    if PROGRAM.is_file():
         args = ["--robot", FILES["robot"], "--cell", FILES["cell"], "--per-ball", "30", "--pool", "60"]
-        subprocess.run([BINARY, "plan", *args, "--out", "p.csv"], cwd=tmp_path, check=True, capture_output=True)
+        subprocess.run([PROGRAM, "plan", *args, "--out", "p.csv"], cwd=tmp_path, check=True, capture_output=True)
         assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "plan.csv").read_bytes()
 
 

@@ -19,16 +19,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from conftest import program
+
 coal = pytest.importorskip("coal")
 tomllib = pytest.importorskip("tomllib")
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = ROOT / "target" / "release" / "trical"
 ROBOT = ROOT / "cells" / "irb120" / "robot.toml"
 CELL = ROOT / "cells" / "irb120" / "cell.toml"
 STEP = 0.2e-3
-
-needs_program = pytest.mark.skipif(not PROGRAM.exists(), reason="cargo build --release --bin trical comes first")
 
 
 def rx(a: float) -> np.ndarray:
@@ -230,7 +229,7 @@ class Checker:
 
 
 def run(*args: object, ok: bool = True) -> subprocess.CompletedProcess[str]:
-    r = subprocess.run([str(PROGRAM), *map(str, args)], capture_output=True, text=True, timeout=300)
+    r = subprocess.run([program(), *map(str, args)], capture_output=True, text=True, timeout=300)
     assert (r.returncode == 0) == ok, r.stderr
     return r
 
@@ -258,7 +257,6 @@ def movements(touches: list[dict[str, Any]]) -> Iterator[tuple[np.ndarray, np.nd
         yield t["a"], t["q"], t["ball"]
 
 
-@needs_program
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_planned_movement_collides(tmp_path: Path, seed: int) -> None:
     checker = Checker(CELL.read_text())
@@ -269,11 +267,10 @@ def test_no_planned_movement_collides(tmp_path: Path, seed: int) -> None:
     assert worst[0] > 2.4e-3, worst
 
 
-@needs_program
 def test_planted_collisions_are_found_by_both(tmp_path: Path) -> None:
     touches = plan(tmp_path, 3, "--per-ball", 6, "--pool", 40)
     text = CELL.read_text()
-    command = [str(PROGRAM), "virtual-cell", "--robot", str(ROBOT), "--cell", str(CELL), "--port", "0"]
+    command = [program(), "virtual-cell", "--robot", str(ROBOT), "--cell", str(CELL), "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         try:
             assert server.stdout is not None
@@ -300,7 +297,6 @@ def test_planted_collisions_are_found_by_both(tmp_path: Path) -> None:
             server.kill()
 
 
-@needs_program
 def test_distances_are_those_of_an_independent_model(tmp_path: Path) -> None:
     """What the program refuses meets here, too: where it says that the start is in collision, coal says so."""
     checker = Checker(CELL.read_text())
@@ -314,7 +310,7 @@ def test_distances_are_those_of_an_independent_model(tmp_path: Path) -> None:
         out = tmp_path / "p.csv"
         args = ["plan", "--robot", ROBOT, "--cell", CELL, "--per-ball", "2", "--pool", "2", "--out", out]
         r = subprocess.run(
-            [str(PROGRAM), *map(str, args), f"--start-deg={start}", "--json"],
+            [program(), *map(str, args), f"--start-deg={start}", "--json"],
             capture_output=True,
             text=True,
             timeout=300,

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import trical
-
-BINARY = Path(__file__).resolve().parents[2] / "target" / "release" / "trical"
+from conftest import program
 
 
 def test_a_recording_says_the_same_here_and_on_the_command_line(shared: Path, tmp_path: Path) -> None:
@@ -20,7 +19,7 @@ def test_a_recording_says_the_same_here_and_on_the_command_line(shared: Path, tm
     files = {"robot": d / "robot.toml", "cell": d / "cell.toml"}
     recording = d / "B08.probe.csv"
     found = trical.diagnose(recording, **files)
-    command = [str(BINARY), "diagnose", str(recording), "--robot", str(files["robot"]), "--cell", str(files["cell"])]
+    command = [program(), "diagnose", str(recording), "--robot", str(files["robot"]), "--cell", str(files["cell"])]
     done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
     said = json.loads(done.stdout)
     assert found.answer["findings"] == said["findings"] and len(found.findings) == len(said["findings"]) > 0
@@ -79,7 +78,7 @@ def test_the_real_arm_by_names_alone(shared: Path) -> None:
 def test_the_catalogue_is_that_of_the_program() -> None:
     names = [e["name"] for e in trical.effects()]
     assert len(names) == len(set(names)) and "axis_twist" in names
-    done = subprocess.run([str(BINARY), "effects", "--json"], capture_output=True, text=True, check=True)
+    done = subprocess.run([program(), "effects", "--json"], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == trical.effects()
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import trical
+from conftest import program
 from terms import link, term
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 ARM = ROOT / "cells" / "irb120"
 FILES: Any = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 
@@ -32,9 +32,7 @@ def touches(model: trical.Model, tmp_path: Path) -> Path:
 
 
 def command(*args: object) -> dict[str, Any]:
-    if not BINARY.is_file():
-        pytest.skip(f"{BINARY} is missing: cargo build --release")
-    done = subprocess.run([BINARY, *map(str, args), "--json"], capture_output=True, text=True)
+    done = subprocess.run([program(), *map(str, args), "--json"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer

@@ -25,8 +25,9 @@ from pathlib import Path
 
 import pytest
 
+from conftest import program
+
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 GUIDE = ROOT / "docs" / "guide" / "src"
 CHAPTERS = sorted(p.name for p in GUIDE.glob("*.md") if p.name != "SUMMARY.md")
 NOTE = re.compile(r"^<!-- (run|output)(?:: fails (\d+))? -->\n+```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -52,11 +53,9 @@ def blocks(chapter: str) -> list[Block]:
 @pytest.fixture
 def shell(tmp_path: Path) -> Iterator[object]:
     """Runs a script in a folder of its own, with `trical` and `python` on the path."""
-    if not BINARY.is_file():
-        pytest.skip(f"{BINARY} is missing: cargo build --release")
     tools, place = tmp_path / "tools", tmp_path / "place"
     tools.mkdir(), place.mkdir()
-    (tools / "trical").symlink_to(BINARY)
+    (tools / "trical").symlink_to(program())
     (tools / "python").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
     (tools / "python").chmod(0o755)
     environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}", "TRICAL": str(ROOT), "LC_ALL": "C"}

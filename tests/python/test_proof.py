@@ -20,6 +20,7 @@ import run
 import score
 import write
 from arms import OTHERS, SMALL, Kind, nominal_arm
+from conftest import program
 from effects import FAMILIES, OUTSIDE, Context, curve, turn_curve
 from plant import (
     DEG,
@@ -38,7 +39,6 @@ from plant import (
 from visible import Design, context, jacobian, parameters
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 
 
 def arm_and_session(seed: int, n: int = 40, touch: bool = True) -> tuple[Arm, Session]:
@@ -512,11 +512,9 @@ def test_friction_under_load_and_soft_gears_in_mujoco(bench) -> None:
 def test_strong_effects_are_named_and_nothing_is_named_where_nothing_is(tmp_path: Path) -> None:
     """Twelve arms with one effect each (lambda above 15) and six with none; at least 9 of the 12 right in effect and
     site, 11 with explanations that the data cannot tell apart, and one false alarm at most."""
-    if not BINARY.is_file():
-        pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
     for kind, count in (("strong", 12), ("none", 6)):
         make.make(kind, 20261121, count, tmp_path / kind, [150], 2)
-        assert run.run(BINARY, tmp_path / kind) == 0, "a case without an answer"
+        assert run.run(program(), tmp_path / kind) == 0, "a case without an answer"
     _, failures, cases = score.score([tmp_path / "strong", tmp_path / "none"])
     strong = [c for c in cases if c.effects]
     assert len(strong) == 12 and min(c.effects[0]["lambda"] for c in strong) > 14
@@ -530,15 +528,13 @@ def diagnosed(
     folder: Path, seed: int, n: int, effects: list[dict], noise: str = "white", without: tuple[str, ...] = ()
 ) -> dict:
     """What the program says of `n` touches of an arm with these effects, recorded `without` some columns."""
-    if not BINARY.is_file():
-        pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
     d = make.draw("none", seed, 0, [n], 0)
     columns, _, _ = make.measure(d.rng, d.arm, d.s, effects, noise, False)
     (folder / "robot.toml").write_text(write.robot_toml(d.nominal))
     (folder / "cell.toml").write_text(write.cell_toml(d.nominal))
     kept = {name: column for name, column in columns.items() if name not in without}
     (folder / "recording.csv").write_text(write.csv(kept))
-    said = run.diagnose(BINARY, folder, 120)
+    said = run.diagnose(program(), folder, 120)
     assert said["answer"], said["error"]
     return said["answer"]
 

@@ -14,8 +14,9 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
+from conftest import program
+
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 ARM = ROOT / "cells" / "irb120"
 ARM_ARGS = ["--robot", str(ARM / "robot.toml"), "--cell", str(ARM / "cell.toml")]
 TOUCHES = 9
@@ -24,16 +25,17 @@ TOUCHES = 9
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with run.mcap, measured on a virtual cell through the real drivers, and run.csv from it."""
-    if not BINARY.is_file():
-        pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
     d = tmp_path_factory.mktemp("recording")
 
     def run(*args: str) -> None:
-        subprocess.run([BINARY, *args], cwd=d, check=True, capture_output=True)
+        subprocess.run([program(), *args], cwd=d, check=True, capture_output=True)
 
     run("plan", *ARM_ARGS, "--per-ball", str(TOUCHES // 3), "--out", "plan.csv")
     cell = subprocess.Popen(
-        [BINARY, "virtual-cell", *ARM_ARGS, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        [program(), "virtual-cell", *ARM_ARGS, "--port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
     )
     assert cell.stdout is not None
     try:
@@ -111,7 +113,7 @@ def test_measurements_are_the_rows_of_the_csv_and_the_arm_stands_where_they_say(
 
 def test_csv_to_mcap_and_back_loses_nothing(folder: Path) -> None:
     for args in (["run.csv", "again.mcap"], ["again.mcap", "again.csv"]):
-        subprocess.run([BINARY, "convert", *args], cwd=folder, check=True, capture_output=True)
+        subprocess.run([program(), "convert", *args], cwd=folder, check=True, capture_output=True)
     assert (folder / "run.csv").read_bytes() == (folder / "again.csv").read_bytes()
 
 
@@ -132,7 +134,7 @@ def test_a_cut_file_gives_others_and_us_the_same_measurements(folder: Path) -> N
         except Exception as e:  # the reader of others ends with whatever error a cut file gives it
             assert seen or part < 0.5, e
         done = subprocess.run(
-            [BINARY, "convert", cut.name, f"cut{part}.csv"], cwd=folder, check=True, capture_output=True, text=True
+            [program(), "convert", cut.name, f"cut{part}.csv"], cwd=folder, check=True, capture_output=True, text=True
         )
         assert "not whole" in done.stderr
         ours = len(rows_of(folder / f"cut{part}.csv"))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import trical
+from conftest import program
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "cells" / "irb120"
@@ -194,11 +195,8 @@ def test_files_in_passes_give_what_files_at_once_give(tmp_path: Path) -> None:
 
 
 def test_the_command_line_reads_what_is_written_here(tmp_path: Path) -> None:
-    binary = ROOT / "target" / "release" / "trical"
-    if not binary.is_file():
-        pytest.skip("target/release/trical is missing: cargo build --release --bin trical")
     trical.simulate(trical.Model.nominal(**FILES), trical.poses(40, **FILES), target=1).save(tmp_path / "r.mcap")
-    command = [binary, "identify", "r.mcap", "--robot", FILES["robot"], "--cell", FILES["cell"]]
+    command = [program(), "identify", "r.mcap", "--robot", FILES["robot"], "--cell", FILES["cell"]]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "40 measurements" in done.stdout

@@ -11,10 +11,9 @@ import subprocess
 import time
 from pathlib import Path
 
-import pytest
+from conftest import program
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 CELL = ["--robot", "robot.toml", "--cell", "cell.toml"]
 # the cursor is saved, two lines above are written anew, and it is put back
 REDRAWN = re.compile("\x1b7\x1b\\[\\?7l\x1b\\[2A\r\x1b\\[2K(.*?)\x1b\\[1B\r\x1b\\[2K(.*?)\x1b8\x1b\\[\\?7h")
@@ -30,18 +29,16 @@ def heard(fd: int, seconds: float) -> str:
 
 
 def test_live_readings_leave_what_is_typed_alone(tmp_path: Path) -> None:
-    if not BINARY.is_file():
-        pytest.skip(f"{BINARY} is missing: cargo build --release")
     for name in ("robot.toml", "cell.toml"):
         shutil.copy(ROOT / "cells" / "irb120" / name, tmp_path)
-    virtual = [BINARY, "virtual-cell", *CELL, "--port", "0"]
+    virtual = [program(), "virtual-cell", *CELL, "--port", "0"]
     with subprocess.Popen(virtual, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as cell:
         terminal, theirs = pty.openpty()
         try:
             assert cell.stdout is not None
             _, gauge, _, controller, _ = cell.stdout.readline().split("'")
             links = ["--gauge", gauge, "--controller", controller, "--out", "led.mcap", "--guided", "--go"]
-            guided = [BINARY, "measure", *CELL, *links]
+            guided = [program(), "measure", *CELL, *links]
             with subprocess.Popen(guided, cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs) as led:
                 asked = heard(terminal, 3)
                 assert "Hold the device" in asked and REDRAWN.search(asked), asked

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import trical
+from conftest import program
 from terms import link, lost_motion, term
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / "target" / "release" / "trical"
 ARM = ROOT / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 ARGS = ["--robot", str(FILES["robot"]), "--cell", str(FILES["cell"])]
@@ -47,9 +47,7 @@ def body(page: Path) -> str:
 
 
 def command(place: Path, *args: str) -> str:
-    if not BINARY.is_file():
-        pytest.skip(f"{BINARY} is missing: cargo build --release")
-    done = subprocess.run([BINARY, *args], cwd=place, capture_output=True, text=True)
+    done = subprocess.run([program(), *args], cwd=place, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

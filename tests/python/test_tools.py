@@ -28,6 +28,19 @@ def test_a_release_refuses_what_it_does_not_know() -> None:
     assert done.returncode == 2 and "--fast" in done.stderr
 
 
+def test_the_python_extension_is_built_from_what_the_rust_tests_built() -> None:
+    """Packages with other features are compiled again, and with them all that uses them: minutes."""
+    if shutil.which("cargo") is None:
+        pytest.skip("cargo is not installed")
+
+    def features(*of: str) -> set[str]:
+        tree = ["cargo", "tree", "--locked", "--prefix", "none", "--format", "{p} {f}", *of]
+        told = subprocess.run(tree, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        return {line.removesuffix(" (*)") for line in told.splitlines()}
+
+    assert not features("-p", "trical-py", "-e", "normal,build") - features("--workspace")
+
+
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="tomllib")
 def test_the_bill_of_materials_is_what_the_lock_file_says() -> None:
     import tomllib

@@ -68,10 +68,10 @@ pub fn ball_places(data: &Dataset) -> Vec<BallPlace> {
     data.observations.iter().filter_map(place_of).filter(|p| seen.insert(*p)).collect()
 }
 
-/// Balls (0-based) that were touched at a place.
-fn touched(data: &Dataset, place: BallPlace) -> BTreeSet<usize> {
+/// Balls (0-based) that were touched where `pick` says so.
+pub(crate) fn touched(data: &Dataset, pick: impl Fn(BallPlace) -> bool) -> BTreeSet<usize> {
     let ball = |o: &Observation| match o.measured {
-        Measured::Touch { ball, .. } if BallPlace::of(&o.state) == place => Some(ball),
+        Measured::Touch { ball, .. } if pick(BallPlace::of(&o.state)) => Some(ball),
         _ => None,
     };
     data.observations.iter().filter_map(ball).collect()
@@ -81,7 +81,7 @@ fn touched(data: &Dataset, place: BallPlace) -> BTreeSet<usize> {
 #[must_use]
 pub fn base_is_fixed(cell: &Cell, data: &Dataset) -> bool {
     ball_places(data).first().is_some_and(|first| {
-        let touched = touched(data, *first);
+        let touched = touched(data, |p| p == *first);
         cell.balls_fix_base(|ball| touched.contains(&ball))
     })
 }
@@ -149,11 +149,7 @@ fn motions(cell: &Cell, touched: &BTreeSet<usize>) -> Vec<Motion> {
 
 /// Motions of the set that touches in a session tell.
 pub(crate) fn motions_in(cell: &Cell, data: &Dataset, session: u32) -> Vec<Motion> {
-    let ball = |o: &Observation| match o.measured {
-        Measured::Touch { ball, .. } if o.state.session == Some(session) => Some(ball),
-        _ => None,
-    };
-    let touched: BTreeSet<usize> = data.observations.iter().filter_map(ball).collect();
+    let touched = touched(data, |p| p.session == Some(session));
     if touched.is_empty() { Vec::new() } else { motions(cell, &touched) }
 }
 
@@ -163,7 +159,7 @@ pub fn terms(cell: &Cell, data: &Dataset, place: BallPlace) -> Vec<Term> {
     let session = place.session.filter(|s| *s > 1).map_or_else(String::new, |s| format!("_s{s}"));
     let number = place.place.map_or_else(String::new, |p| p.to_string());
     let name = |m: &Motion| format!("place{number}_{}{session}", m.name());
-    let touched = touched(data, place);
+    let touched = touched(data, |p| p == place);
     let mut out: Vec<Term> =
         motions(cell, &touched).iter().map(|m| Term::new(name(m), "place", Site::Fixture(*m), place.basis())).collect();
     // what two sockets are apart by the arm, beside what they should be

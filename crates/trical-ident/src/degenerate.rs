@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use trical_model::{Cell, Forward, Joint, JointKind, MAX_JOINTS, Measured, Model, Robot};
 
+use crate::ball_places::touched;
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
 use crate::rigid::{median, rigid_from_points};
@@ -251,14 +252,7 @@ pub fn check_poses(robot: &Robot, data: &Dataset) -> Result<()> {
 /// # Errors
 /// One sentence that names the balls.
 pub fn check_balls(cell: &Cell, data: &Dataset) -> Result<()> {
-    let touched: BTreeSet<usize> = data
-        .observations
-        .iter()
-        .filter_map(|o| match o.measured {
-            Measured::Touch { ball, .. } => Some(ball),
-            _ => None,
-        })
-        .collect();
+    let touched = touched(data, |_| true);
     if touched.is_empty() {
         return Ok(());
     }

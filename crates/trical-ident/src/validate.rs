@@ -527,14 +527,7 @@ fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region
             add(name, &|i| q[i] >= low && (q[i] < high || (k == 3 && q[i] <= high)));
         }
     }
-    let balls: std::collections::BTreeSet<usize> = o
-        .iter()
-        .filter_map(|o| match o.measured {
-            Measured::Touch { ball, .. } => Some(ball),
-            _ => None,
-        })
-        .collect();
-    for ball in balls {
+    for ball in ball_places::touched(data, |_| true) {
         add(format!("ball {}", ball + 1), &|i| matches!(o[i].measured, Measured::Touch { ball: b, .. } if b == ball));
     }
     let stood = ball_places::ball_places(data);

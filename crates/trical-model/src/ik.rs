@@ -151,17 +151,10 @@ pub fn nearest_solution(
     state: &State,
     ws: &mut Workspace,
 ) -> Result<Joints, IkError> {
-    check_pose(world_from_tool)?;
-    let robot = &forward.model().robot;
-    let mut at = *state;
-    if newton::refine(forward, world_from_tool, &mut at, ws) == Ended::Converged
-        && farthest(robot.dof(), &at.q, &state.q) < 1.0
-        && put_within(robot, &mut at.q).is_ok()
-    {
-        return Ok(at.q);
-    }
-    let all = inverse_kinematics(forward, world_from_tool, state, ws)?;
-    all.first().map(|s| s.joints).ok_or(IkError::NotAPose)
+    continue_from(forward, world_from_tool, state, ws).or_else(|_| {
+        let all = inverse_kinematics(forward, world_from_tool, state, ws)?;
+        all.first().map(|s| s.joints).ok_or(IkError::NotAPose)
+    })
 }
 
 /// The solution that Newton's method finds from `state.q`, or why there is none: never another branch.

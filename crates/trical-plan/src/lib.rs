@@ -66,4 +66,5 @@ pub use options::PlanOptions;
 pub use plan::{Chosen, Expected, Plan, PlanEntry, choose_touches, nominal_forward, plan_touches};
 pub use plan_csv::{PlanFileError, read_plan, write_plan};
 pub use predict::{PredictedError, Sphere};
+pub use random::generator;
 pub use validation::{Facing, ValidationOptions, poses_in_sphere, poses_in_workspace};

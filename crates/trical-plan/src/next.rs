@@ -3,12 +3,11 @@
 use trical_model::{Cell, Forward, Measured, Robot, State, Task};
 
 use crate::candidates::Candidates;
-use crate::collision::CollisionModel;
 use crate::discriminate::{choose_to_discriminate, lambda_of};
 use crate::error::{PlanError, Result};
-use crate::generate::{Candidate, Rejected, generate};
+use crate::generate::{Candidate, Rejected};
 use crate::options::PlanOptions;
-use crate::plan::{PlanEntry, ROUNDS, check_start, visit};
+use crate::plan::{PlanEntry, ROUNDS, candidates_at_all_balls, visit};
 use crate::random::generator;
 use rand::seq::SliceRandom;
 
@@ -55,21 +54,7 @@ pub fn plan_to_discriminate(
     task: &Task<'_>,
 ) -> Result<Next> {
     let options = PlanOptions { per_ball: 1, ..options.clone() };
-    options.check()?;
-    if cell.balls.is_empty() {
-        return Err(PlanError::NoBalls);
-    }
-    let model = CollisionModel::new(robot, cell)?;
-    check_start(&model, &options)?;
-    let mut pool: Vec<Candidate> = Vec::new();
-    let mut rejected = Vec::new();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let share = |ball: usize| 0.8 * ball as f64 / cell.balls.len() as f64;
-    for ball in 0..cell.balls.len() {
-        let (candidates, refused) = generate(&model, ball, &options, &task.part(share(ball), share(ball + 1)))?;
-        pool.extend(candidates);
-        rejected.push(refused);
-    }
+    let (model, mut pool, rejected) = candidates_at_all_balls(robot, cell, &options, &task.part(0.0, 0.8))?;
     let mut last_error = PlanError::NoBalls;
     for _ in 0..ROUNDS {
         let few = |pool: &[Candidate]| PlanError::TooFew {

@@ -91,22 +91,9 @@ pub struct Plan {
 /// # Errors
 /// [`PlanError`]: bad geometry or options, too few configurations at a ball, or no way between two of them.
 pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, task: &Task<'_>) -> Result<Plan> {
-    options.check()?;
-    if cell.balls.is_empty() {
-        return Err(PlanError::NoBalls);
-    }
-    let model = CollisionModel::new(robot, cell)?;
-    check_start(&model, options)?;
-    let mut pool = Vec::new();
-    let mut rejected = Vec::new();
+    let (model, mut pool, rejected) = candidates_at_all_balls(robot, cell, options, &task.part(0.0, 0.7))?;
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let share = |done: usize, of: usize| done as f64 / of.max(1) as f64;
-    for ball in 0..cell.balls.len() {
-        let part = |ball| 0.7 * share(ball, cell.balls.len());
-        let (candidates, refused) = generate(&model, ball, options, &task.part(part(ball), part(ball + 1)))?;
-        pool.extend(candidates);
-        rejected.push(refused);
-    }
+    let share = |done: usize| 0.75 + 0.2 * done as f64 / (2 * ROUNDS) as f64;
     let forward = nominal_forward(robot, cell, options)?;
     let regions = Regions::new(&model, &forward, options);
     // a term that looks at the sense of a motion has been chosen for by these very approaches
@@ -114,9 +101,9 @@ pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, task: &Ta
     let mut last_error = PlanError::NoBalls;
     let mut planned = None;
     for round in 0..ROUNDS {
-        task.step(0.75 + 0.2 * share(2 * round, 2 * ROUNDS), "choosing")?;
+        task.step(share(2 * round), "choosing")?;
         let chosen = choose_touches(&forward, &pool, options, regions.wanted(options)?)?;
-        task.step(0.75 + 0.2 * share(2 * round + 1, 2 * ROUNDS), "looking for a way")?;
+        task.step(share(2 * round + 1), "looking for a way")?;
         let touches = chosen.touches.clone();
         let touches = if senses_matter { touches } else { balance_senses(&model, touches, options) };
         match visit(&model, &touches, options) {
@@ -223,7 +210,34 @@ fn expect(
     (sd, error(&regions.sphere), error(&regions.workspace))
 }
 
-pub(crate) fn check_start(model: &CollisionModel, options: &PlanOptions) -> Result<()> {
+/// The collision model of a cell, configurations for touches of all its balls, and how many were refused at each.
+///
+/// # Errors
+/// Options or a cell that allow no plan, and too few configurations at a ball.
+pub(crate) fn candidates_at_all_balls(
+    robot: &Robot,
+    cell: &Cell,
+    options: &PlanOptions,
+    task: &Task<'_>,
+) -> Result<(CollisionModel, Vec<Candidate>, Vec<Rejected>)> {
+    options.check()?;
+    if cell.balls.is_empty() {
+        return Err(PlanError::NoBalls);
+    }
+    let model = CollisionModel::new(robot, cell)?;
+    check_start(&model, options)?;
+    let (mut pool, mut rejected) = (Vec::new(), Vec::new());
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let share = |ball: usize| ball as f64 / cell.balls.len() as f64;
+    for ball in 0..cell.balls.len() {
+        let (candidates, refused) = generate(&model, ball, options, &task.part(share(ball), share(ball + 1)))?;
+        pool.extend(candidates);
+        rejected.push(refused);
+    }
+    Ok((model, pool, rejected))
+}
+
+fn check_start(model: &CollisionModel, options: &PlanOptions) -> Result<()> {
     let Some(q) = &options.start else { return Ok(()) };
     let robot = &model.forward().model().robot;
     let problem = if !robot.within_limits(q, 0.0) {

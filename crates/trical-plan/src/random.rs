@@ -6,7 +6,8 @@ use rand_pcg::Pcg64Mcg;
 use trical_model::pose::{rotation_from_quaternion, rotation_x, rotation_y, rotation_z};
 
 /// A generator for one purpose: `stream` and `index` tell it from all others of the same seed.
-pub(crate) fn generator(seed: u64, stream: u64, index: u64) -> Pcg64Mcg {
+#[must_use]
+pub fn generator(seed: u64, stream: u64, index: u64) -> Pcg64Mcg {
     // SplitMix64 of each part in turn: neighbouring numbers must not give neighbouring sequences
     let mix = |x: u64| {
         let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);

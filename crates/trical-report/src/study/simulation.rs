@@ -4,7 +4,6 @@
 //! fit could tell from others too, and every joint gives way. It knows nothing of what a solver calls its parameters.
 
 use nalgebra::Vector3;
-use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_distr::{Distribution, Normal, Uniform};
 use rand_pcg::Pcg64Mcg;
@@ -15,7 +14,7 @@ use trical_model::pose::rotation_zyx;
 use trical_model::{
     Basis, Cell, Forward, JointKind, Joints, Measured, Model, Pose, Recording, Robot, Row, Shape, Site, State, Term,
 };
-use trical_plan::Candidate;
+use trical_plan::{Candidate, generator};
 
 use crate::error::{Error, Result};
 
@@ -41,17 +40,6 @@ impl Nature {
     pub fn silent(self) -> Self {
         Self { indicator: 0.0, procedure: 0.0, ballbar: 0.0, ..self }
     }
-}
-
-/// A generator for one purpose of one trial.
-fn generator(seed: u64, trial: u64, purpose: u64) -> Pcg64Mcg {
-    let mix = |x: u64| {
-        let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ (x >> 31)
-    };
-    Pcg64Mcg::seed_from_u64(mix(mix(mix(seed) ^ trial) ^ purpose))
 }
 
 fn normal(rng: &mut Pcg64Mcg, sd: f64) -> f64 {

@@ -6,7 +6,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`page`] | a report as one HTML file: sections, tables, figures, how it was made |
-//! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
+//! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`], [`history_report`] | what each says |
 //! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`finding_figures`] | the curve or the spectrum of a finding |
@@ -27,6 +27,7 @@ pub mod evidence;
 pub mod export;
 pub mod finding_figures;
 pub mod heat;
+pub mod history_report;
 pub mod identify_report;
 pub mod outline;
 pub mod page;

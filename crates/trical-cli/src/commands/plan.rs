@@ -93,10 +93,10 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_hyphen_values = true)]
     sphere_mm: Vec<f64>,
     /// Largest angle between the device's z axis and straight down
-    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 90.0, allow_negative_numbers = true)]
     max_tilt_deg: f64,
     /// Standard deviation of each of a touch's three readings, for the expected errors
-    #[arg(long, value_name = "MM", default_value_t = 0.01)]
+    #[arg(long, value_name = "MM", default_value_t = 0.01, allow_negative_numbers = true)]
     noise_mm: f64,
     /// Where the arm stands before the first touch: its joints; without it zero, or the middle between limits that leave zero out
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
@@ -112,13 +112,22 @@ pub struct Args {
     json: bool,
 }
 
-/// Refuses numbers of touches, candidates and poses for which nobody would wait.
+/// Refuses numbers of touches, candidates and poses for which nobody would wait, and numbers that mean nothing.
 fn check_counts(args: &Args) -> Result<()> {
     let counts = [("--per-ball", args.per_ball), ("--pool", args.pool), ("--points", args.points.unwrap_or(1))];
     for (option, n) in counts {
         if n > MOST {
             return Err(CliError::Input(format!("{option}: found {n}, expected at most {MOST}")));
         }
+        if n == 0 && option != "--pool" {
+            return Err(CliError::Input(format!("{option}: found 0, expected 1 or more")));
+        }
+    }
+    if !(0.0..=180.0).contains(&args.max_tilt_deg) {
+        return Err(CliError::Input(format!("--max-tilt-deg: found {}, expected 0 to 180", args.max_tilt_deg)));
+    }
+    if !(args.noise_mm > 0.0 && args.noise_mm <= 10.0) {
+        return Err(CliError::Input(format!("--noise-mm: found {}, expected more than 0, at most 10", args.noise_mm)));
     }
     Ok(())
 }

@@ -182,6 +182,8 @@ fn rapid_server() -> String {
                     "24" => "24 1 TriCal 1 6 5.000#",
                     "04" => "04 1 1.5 -2.0 0.0 -0.00001 45.0 180.25#",
                     "21" => "21 1 12.500#",
+                    // stop points only, which opens every session
+                    "09" => "09 1 #",
                     _ => "02 0 not asked for here#",
                 };
                 stream.write_all(reply.as_bytes()).unwrap();

@@ -20,7 +20,7 @@ fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
     model
 }
 
-fn diagnosed(model: &Model, seed: u64) -> trical_diagnose::Diagnosis {
+fn diagnosed(model: &Model, seed: u64) -> Diagnosis {
     let data = build(touch(model, 150, 8e-6, seed));
     diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap()
 }

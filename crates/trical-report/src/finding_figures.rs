@@ -24,8 +24,8 @@ const SHORT_LEVER: f64 = 0.25;
 /// Points of a fitted curve.
 const CURVE: u32 = 400;
 
-/// Most cycles a turn of a spectrum.
-const CYCLES: u32 = 256;
+/// Most cycles a turn of a spectrum: more than any gear that is named has.
+const CYCLES: u32 = 320;
 
 /// How a joint is off at each measurement, without a finding and all else modelled.
 struct Angles {

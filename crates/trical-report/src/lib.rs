@@ -14,7 +14,7 @@
 //! | [`verdict_told`] | a diagnosis in a few lines |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
-//! | [`study`] | whole calibrations by simulation |
+//! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
 //! | [`table`] | tables and paragraphs for a terminal |
 
 pub mod blindness;
@@ -32,6 +32,7 @@ pub mod identify_report;
 pub mod outline;
 pub mod page;
 pub mod picture;
+pub mod places;
 pub mod plan_report;
 pub mod plan_told;
 pub mod plots;

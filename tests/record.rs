@@ -168,30 +168,34 @@ fn a_plan_for_two_sockets_says_what_it_takes_as_known() {
     assert!(told.contains("Caution: with fewer than three balls") && told.contains("too good"), "{told}");
 }
 
-/// A controller that runs the RAPID server: its answers to the greeting, to the question for joints, and to no other.
-fn rapid_server() -> String {
+/// A controller that runs the RAPID server, and whether it was asked to move.
+fn rapid_server() -> (String, Arc<AtomicBool>) {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
+    let moved = Arc::new(AtomicBool::new(false));
+    let behind = Arc::clone(&moved);
     std::thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
         let (mut request, mut byte) = (String::new(), [0]);
         while std::io::Read::read(&mut stream, &mut byte).is_ok_and(|count| count == 1) {
             request.push(char::from(byte[0]));
             if byte[0] == b'#' {
-                let reply = match &request[..2] {
-                    "24" => "24 1 TriCal 1 6 5.000#",
-                    "04" => "04 1 1.5 -2.0 0.0 -0.00001 45.0 180.25#",
-                    "21" => "21 1 12.500#",
-                    // stop points only, which opens every session
-                    "09" => "09 1 #",
-                    _ => "02 0 not asked for here#",
+                let code = &request[..2];
+                let data = match code {
+                    "24" => "TriCal 1 6 5.000",
+                    "04" => "1.5 -2.0 0.0 -0.00001 45.0 180.25",
+                    "21" => "12.500",
+                    _ => "",
                 };
-                stream.write_all(reply.as_bytes()).unwrap();
+                if ["02", "20"].contains(&code) {
+                    behind.store(true, Ordering::Relaxed);
+                }
+                let _ = stream.write_all(format!("{code} 1 {data}#").as_bytes());
                 request.clear();
             }
         }
     });
-    address
+    (address, moved)
 }
 
 #[test]
@@ -199,9 +203,10 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     let place = Place::new();
     let (ur, behind_ur) = ur_server::server();
     let (rws, behind_rws) = rws_server::server();
+    let (rapid, moved) = rapid_server();
     behind_ur.lock().unwrap().q = [1.5, -2.0, 0.0, -0.00001, 45.0, 180.25].map(f64::to_radians);
     let urls = [
-        format!("rapid://{}?settle_ms=1", rapid_server()),
+        format!("rapid://{rapid}?settle_ms=1"),
         format!("rws://{rws}?login=factory&settle_ms=1"),
         format!("ur://127.0.0.1?rtde_port={}&script_port={}&settle_ms=1", ur.rtde_port, ur.script_port),
     ];
@@ -221,6 +226,7 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
             assert_eq!(row[7..], ["front", socket, "0", "0", "0"], "{url}");
         }
     }
+    assert!(!moved.load(Ordering::Relaxed));
     assert!(behind_ur.lock().unwrap().programs.is_empty(), "no program was sent");
     assert!(behind_rws.lock().unwrap().seen.is_empty(), "nothing was asked of the module");
     // a controller that is not there

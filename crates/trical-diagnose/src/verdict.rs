@@ -188,12 +188,17 @@ fn in_the_course(u: &Unexplained) -> bool {
     matches!(u.variable.as_str(), "seq" | "time")
 }
 
+/// Whether a variable is where a joint is: "q4".
+fn is_joint(variable: &str) -> bool {
+    variable.strip_prefix('q').is_some_and(|n| n.parse::<usize>().is_ok())
+}
+
 /// What the owner of the arm can do about the largest of some curves without a name.
 fn what_to_do(u: &Unexplained, given: Given<'_>) -> Option<&'static str> {
     let several = usize::from(given.several);
     if in_the_course(u) {
         Some(IN_THE_COURSE)
-    } else if !u.variable.strip_prefix('q').is_some_and(|n| n.parse::<usize>().is_ok()) {
+    } else if !is_joint(&u.variable) {
         (!given.several).then_some(OTHER)
     } else if given.robot.require_masses().is_err() {
         Some(GIVE_MASSES)

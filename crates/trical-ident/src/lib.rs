@@ -7,6 +7,7 @@
 //! | [`start`], [`trilateration`] | closed-form starting values |
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`known`] | priors and limits of parameters |
+//! | [`torque_load`] | loads on the flange, by measured joint torques |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |

@@ -196,7 +196,7 @@ fn apart(truth: &Model, other: &Model, poses: &[Joints]) -> Result<f64> {
         })
         .collect();
     let over = rigid_from_points(&pairs).unwrap_or_else(Pose::identity);
-    let errors: Vec<f64> = pairs.iter().map(|(found, real)| (over.apply(found) - real).norm()).collect();
+    let errors: Vec<f64> = pairs.iter().map(|(found, real)| (over.apply(real) - found).norm()).collect();
     Ok(ErrorSummary::of(&errors).mean_mm)
 }
 

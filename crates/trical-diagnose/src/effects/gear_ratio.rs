@@ -2,7 +2,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Size, turning};
+use super::effect::{Asked, Effect, Family, Remedy, Size};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -28,7 +28,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
         let basis = Basis::new(Variable::Joint { joint }, Shape::Linear);
         EFFECT.candidate(
             Place::Joint(joint),
-            format!("in proportion to joint {joint}'s {}", if turning(r).any(|j| j == joint) { "angle" } else { "position" }),
+            format!("in proportion to joint {joint}'s position"),
             Size { typical: 5e-4, large: 1e-3 },
             vec![(format!("ratio_{joint}"), Site::Joint { joint }, basis, 0)],
         )

@@ -157,7 +157,8 @@ def diagnose(
     Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, this many touches are
     planned that decide between the least sure finding and its rivals (`Diagnosis.next`). With `names_only` curves of no
     known cause are reported but not modelled. `known` is a file of prior knowledge as for `identify`; where it is surer
-    than the measurements, the search takes a parameter as known. The other arguments and errors are those of `identify`.
+    than the measurements, the search takes a parameter as known. The other arguments and errors are those of
+    `identify`.
     """
     model, text, errors, planned, told = _native._diagnose(
         _sources(recordings),

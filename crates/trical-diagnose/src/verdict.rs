@@ -344,6 +344,7 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
     let text = match (said.is_empty(), others) {
         (true, 1) => "1 smaller or less sure finding".to_owned(),
         (true, n) => format!("{n} smaller or less sure findings"),
+        (false, 0) if said.len() == 1 => format!("Smaller: {}", said.concat()),
         (false, 0) => format!("Smaller ones together: {}", said.join(", ")),
         (false, 1) => format!("Smaller ones together: {}; 1 more finding", said.join(", ")),
         (false, n) => format!("Smaller ones together: {}; {n} more findings", said.join(", ")),
@@ -534,7 +535,7 @@ mod tests {
                 row("Plain model, 31 parameters", "0.90", "0.90"),
                 row("Joints read before the arm had settled at joint 1", "0.90", "0.50"),
                 row("Encoder error at joints 1 and 2", "0.50", "0.10"),
-                row("Smaller ones together: gear ripple at joint 4 (99 %)", "0.10", "0.10"),
+                row("Smaller: gear ripple at joint 4 (99 %)", "0.10", "0.10"),
                 row("Whole model, 90 parameters", "0.10", "0.10"),
             ]
         );

@@ -182,6 +182,21 @@ pub fn anything(_: &[f64]) -> bool {
     true
 }
 
+/// Candidates that say the same as curves in other words: the curves themselves, waves of theirs, and free curves of the same angle at the
+/// same joint.
+#[must_use]
+pub fn said_by(curves: &[&Candidate], candidates: &[Candidate]) -> Vec<usize> {
+    let said = |c: &Candidate| {
+        curves.iter().any(|h| {
+            let own_angle =
+                |t: &Term| t.basis.of == h.terms[0].basis.of && t.basis.sense.is_none() && t.basis.beside.is_none();
+            let free = c.cause == Cause::Unexplained && c.site == h.site && c.terms.iter().all(own_angle);
+            free || c.is_part_of(h)
+        })
+    };
+    (0..candidates.len()).filter(|k| said(&candidates[*k])).collect()
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]

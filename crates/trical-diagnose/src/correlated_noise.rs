@@ -114,6 +114,7 @@ struct Step {
 
 /// The filter `W` that makes such noise white: of a column with an entry for every scalar of the data, what could not be foreseen from
 /// the measurements before. It is the inverse root of the noise's correlations: `W'W` is their inverse.
+#[derive(Clone)]
 pub struct Filter {
     /// Of the noise that it makes white.
     pub correlation: CorrelatedNoise,

@@ -12,7 +12,7 @@ use trical_ident::folds::Folds;
 use trical_ident::noise::Noise;
 use trical_model::{Model, Term};
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
 use crate::linear::Design;
 use crate::probability::Replicated;
@@ -39,22 +39,27 @@ impl Halves {
         let one = |half: &Vec<bool>| {
             let part = data.filtered(|o| half[folds.block_of(o.pose)]);
             let design = Design::weighted(model, baseline, candidates, &[], &part, noise, CorrelatedNoise::WHITE)?;
-            if design.rows < HALF_ROWS * design.parameters {
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            if (design.rows as f64) < HALF_ROWS * design.parameters {
                 return Ok(None);
             }
-            let mut search = Search::new(&design, candidates, temper);
+            let search = Search::new(&design, candidates, temper);
             let start = design.start();
-            // as in the search of all rows: long curves first
-            let mut first = search.first(&start, &[], TRIED_WITH_CURVES);
-            first.retain(|c| candidates[*c].is_long_curve());
-            let chosen = search.choose(&start, &first);
-            let mut found = Vec::with_capacity(chosen.len());
-            search.each_beside_others(&start, &chosen, &mut |own, coefficients| {
+            // as in the search of all rows: long curves first, and then what is lean beside them
+            let mut chosen = search.first(&start, &[], TRIED_WITH_CURVES);
+            chosen.retain(|c| candidates[*c].is_long_curve());
+            let beside = design.absorbing(&search.with(&start, &chosen));
+            let curves: Vec<&Candidate> = chosen.iter().map(|c| &candidates[*c]).collect();
+            let said = said_by(&curves, candidates);
+            let leaner =
+                Search::new(&beside, candidates, temper).without_candidates(&said).choose(&beside.start(), &[]);
+            chosen.extend(leaner);
+            let found = search.each_beside_others(&start, &chosen).into_iter().map(|(own, coefficients)| {
                 let mut c = candidates[own].clone();
                 c.terms.iter_mut().zip(coefficients).for_each(|(t, v)| t.value = v);
-                found.push(c);
+                c
             });
-            Ok(Some(found))
+            Ok(Some(found.collect()))
         };
         let all: Vec<Option<Vec<Candidate>>> = halves(&sizes).par_iter().map(one).collect::<Result<_>>()?;
         Ok(Self(all.into_iter().flatten().collect()))

@@ -15,7 +15,8 @@ pub(crate) struct Parts<'a> {
     partition: Partition<'a>,
     /// The only part that is scored, if not all are.
     scored: Option<usize>,
-    block_of_row: Vec<usize>,
+    /// `None` for rows that are not scored.
+    block_of_row: Vec<Option<usize>>,
     blocks: usize,
     /// Of a row that the fit did not see.
     variance: f64,
@@ -50,8 +51,11 @@ impl<'a> Parts<'a> {
         (count, scored, part_of): (usize, Option<usize>, &dyn Fn(usize) -> usize),
     ) -> Option<Self> {
         let partition = Partition::new(design, set, count, part_of)?;
-        let block_of_row = partition.pose_of_row().iter().map(|pose| folds.block_of(*pose)).collect();
-        let seen: Vec<f64> = partition.instead(&[], None).into_iter().filter(|r| r.is_finite()).collect();
+        let is_scored = |pose: usize| scored.is_none_or(|part| part_of(pose) % count == part);
+        let block_of = |pose: &usize| is_scored(*pose).then(|| folds.block_of(*pose));
+        let block_of_row: Vec<Option<usize>> = partition.pose_of_row().iter().map(block_of).collect();
+        let rows = partition.instead(&[], None).into_iter().zip(&block_of_row);
+        let seen: Vec<f64> = rows.filter(|(r, block)| r.is_finite() && block.is_some()).map(|(r, _)| r).collect();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let variance = seen.iter().map(|r| r * r).sum::<f64>() / seen.len().max(1) as f64;
         let blocks = folds.blocks();
@@ -62,6 +66,7 @@ impl<'a> Parts<'a> {
     pub(crate) fn scores(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
         let mut scores = vec![0.0; self.blocks];
         for (r, block) in self.partition.instead(out, add).iter().zip(&self.block_of_row) {
+            let Some(block) = block else { continue };
             // a fit that failed predicts nothing: as bad as can be
             let square = if r.is_finite() { r * r } else { 1e6 * self.variance };
             scores[*block] -= 0.5 * self.temper * square / self.variance;
@@ -72,6 +77,20 @@ impl<'a> Parts<'a> {
     /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
     pub(crate) fn errors(&self, out: &[usize], add: Option<usize>) -> ErrorSummary {
         ErrorSummary::of(&self.partition.position_errors(&self.partition.instead(out, add), self.scored))
+    }
+
+    /// Members of the groups without which what is scored is predicted better, by more than chance, the worst first.
+    pub(crate) fn what_harms(&self, mut groups: Vec<Group>) -> Vec<usize> {
+        let mut out: Vec<usize> = Vec::new();
+        let mut now = self.scores(&out, None);
+        while !groups.is_empty() {
+            let harms = |g: &Group| surely(&self.scores(&[&out[..], &g.members[..]].concat(), None), &now);
+            let worst = groups.iter().map(harms).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((worst, _)) = worst.filter(|(_, most)| *most > 0.0) else { break };
+            out.extend(groups.swap_remove(worst).members);
+            now = self.scores(&out, None);
+        }
+        out
     }
 
     /// Members of the groups that do not better the log score of unseen blocks beside those that stay, by more than chance: what each block
@@ -87,16 +106,12 @@ impl<'a> Parts<'a> {
         let mut out: Vec<usize> = Vec::new();
         let mut now = self.scores(&out, None);
         while !groups.is_empty() {
-            let surely = |other: &[f64]| {
-                let gains: Vec<f64> = now.iter().zip(other).map(|(with, without)| with - without).collect();
-                gains.iter().sum::<f64>() - PAYS_ERRORS * gains.iter().map(|g| g * g).sum::<f64>().sqrt()
-            };
             let pays = |g: &Group| {
                 let without = [&out[..], &g.members[..]].concat();
-                let rivals = instead(g).into_iter().map(|c| surely(&self.scores(&without, Some(c))));
+                let rivals = instead(g).into_iter().map(|c| surely(&now, &self.scores(&without, Some(c))));
                 let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
                 let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
-                rivals.fold(surely(&self.scores(&without, None)) - price, f64::min)
+                rivals.fold(surely(&now, &self.scores(&without, None)) - price, f64::min)
             };
             let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
             let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
@@ -105,6 +120,12 @@ impl<'a> Parts<'a> {
         }
         out
     }
+}
+
+/// By how much the log scores of blocks are better than others, less what may be chance.
+fn surely(better: &[f64], than: &[f64]) -> f64 {
+    let gains: Vec<f64> = better.iter().zip(than).map(|(a, b)| a - b).collect();
+    gains.iter().sum::<f64>() - PAYS_ERRORS * gains.iter().map(|g| g * g).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

@@ -300,16 +300,17 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// For every member of a set, its coefficients (SI) beside all the others.
-    pub(crate) fn each_beside_others(
-        &self,
-        start: &RegressionState,
-        set: &[usize],
-        visit: &mut dyn FnMut(usize, Vec<f64>),
-    ) {
+    /// Those members of a set that earn their place beside all the others, with their coefficients (SI).
+    pub(crate) fn each_beside_others(&self, start: &RegressionState, set: &[usize]) -> Vec<(usize, Vec<f64>)> {
+        let mut all = Vec::new();
         self.among(start, set, |few, start| {
-            few.without_each(start, set, &mut |own, state| visit(own, few.design.coefficients(state, own)));
+            few.without_each(start, set, &mut |own, state| {
+                if few.evidence(state, own).is_some_and(|r| r.evidence >= EVIDENCE_NATS) {
+                    all.push((own, few.design.coefficients(state, own)));
+                }
+            });
         });
+        all
     }
 
     /// Replaces chosen candidates by better ones: one by one, or a rich one by two leaner ones that together say more (a

@@ -211,7 +211,7 @@ pub const ALTERNATIVES: usize = 8;
 pub const HALVED: usize = 4;
 
 /// Rows that a half needs to be searched, for each parameter.
-pub const HALF_ROWS: usize = 3;
+pub const HALF_ROWS: f64 = 3.0;
 
 /// A finding must better the log score of unseen blocks by this many standard errors of that gain; else modelling it does not pay. An
 /// effect of lambda 6 gains 18 nats, known to 6.

@@ -24,6 +24,8 @@ pub(crate) enum Keep {
     Products,
     /// The upper triangular factor of `[J r]`.
     Factor,
+    /// `J'r` alone.
+    Gradient,
 }
 
 /// Sums over rows, `p` parameters wide and the residual as column `p`.
@@ -34,7 +36,8 @@ pub(crate) struct Rows {
     block: Vec<f64>,
     /// All rows that were added are still in the block.
     whole: bool,
-    /// Lower triangle of the products, or the upper triangular factor; (p + 1) x (p + 1), column by column.
+    /// Lower triangle of the products, or the upper triangular factor; (p + 1) x (p + 1), column by column. Of a gradient the last row
+    /// of the products alone.
     sum: Vec<f64>,
     /// Half the sum of squares, robust where asked for.
     pub cost: f64,
@@ -56,7 +59,7 @@ impl Rows {
             keep,
             block: Vec::with_capacity((BLOCK + 6) * width),
             whole: true,
-            sum: vec![0.0; width * width],
+            sum: vec![0.0; if keep == Keep::Gradient { width } else { width * width }],
             cost: 0.0,
             jacobian: vec![0.0; 6 * p],
         }
@@ -127,6 +130,11 @@ impl Rows {
                 1.0,
                 Par::Seq,
             ),
+            Keep::Gradient => {
+                for row in self.block.chunks_exact(width) {
+                    self.sum.iter_mut().zip(row).for_each(|(sum, v)| *sum += v * row[self.p]);
+                }
+            }
             Keep::Factor => {
                 let above = MatRef::from_column_major_slice(&self.sum, width, width);
                 let mut stacked =
@@ -156,7 +164,7 @@ impl Rows {
     pub fn add(&mut self, other: &Self) {
         self.cost += other.cost;
         match self.keep {
-            Keep::Products => {
+            Keep::Products | Keep::Gradient => {
                 for (a, b) in self.sum.iter_mut().zip(&other.sum) {
                     *a += b;
                 }
@@ -170,6 +178,14 @@ impl Rows {
                 self.flush();
             }
         }
+    }
+
+    /// Takes the gradient and the cost of others, whose products are nearly the same.
+    pub fn take_gradient(&mut self, of: &Self) {
+        for (column, g) in self.sum.chunks_exact_mut(self.p + 1).zip(&of.sum) {
+            column[self.p] = *g;
+        }
+        (self.cost, self.whole) = (of.cost, false);
     }
 
     /// `J'J` at row `i` and column `j`.

@@ -31,8 +31,11 @@ const NEGLIGIBLE: f64 = 1e-3;
 /// Below this condition, what is reported needs no factor of the rows themselves: their products keep ten digits.
 pub(crate) const WELL_CONDITIONED: f64 = 1e3;
 
-/// More parameters than this are many.
+/// More parameters than this are many: their products cost more than everything else, and are kept as long as they predict what steps do.
 const MANY: usize = 150;
+
+/// Steps whose gain differs from what was foreseen by no more than this leave the products as they are.
+const FORESEEN: f64 = 0.1;
 
 /// Whether these singular values (columns of unit length, largest first) are within [`WELL_CONDITIONED`].
 pub(crate) fn is_well_conditioned(singular: &[f64]) -> bool {
@@ -46,7 +49,7 @@ pub struct LmParams {
     pub max_iterations: usize,
     /// Stop when the cost would fall by less than this fraction.
     pub cost_tolerance: f64,
-    /// Stop when no coefficient moves by more than this fraction of its standard deviation.
+    /// Stop when coefficients move by less than this fraction of their standard deviations, in the mean (root mean square).
     pub step_tolerance: f64,
     /// Residuals beyond this many sigma count linearly only (Huber); infinite for plain least squares.
     pub huber: f64,
@@ -55,11 +58,11 @@ pub struct LmParams {
 }
 
 impl LmParams {
-    /// As exact as the data are: coefficients within a hundredth of their standard deviation. For fits that are one step of a search.
+    /// As exact as the data are: coefficients within a twentieth of their standard deviation. For fits that are one step of a search.
     pub const WITHIN_NOISE: Self = Self {
         max_iterations: 100,
         cost_tolerance: 1e-7,
-        step_tolerance: 1e-2,
+        step_tolerance: 0.05,
         huber: f64::INFINITY,
         noise_tolerance: 0.01,
     };
@@ -121,6 +124,8 @@ pub(crate) struct Solver {
     at: Rows,
     /// Sums at those that are tried.
     tried: Rows,
+    /// Their gradient alone.
+    gradient: Rows,
     damped: Mat<f64>,
     rhs: Mat<f64>,
     scale: Vec<f64>,
@@ -140,6 +145,7 @@ impl Solver {
         Self {
             at: Rows::new(p, Keep::Products),
             tried: Rows::new(p, Keep::Products),
+            gradient: Rows::new(p, Keep::Gradient),
             damped: Mat::zeros(p, p),
             rhs: Mat::zeros(p, 1),
             scale: vec![1.0; p],
@@ -250,7 +256,8 @@ impl Solver {
         }
         self.held.fill(false);
         evaluate(forward, data, noise, known, params.huber, &mut self.at);
-        let mut lambda = LAMBDA;
+        // of steps that are refused one after the other each raises the damping by more (Nielsen 1999)
+        let (mut lambda, mut rise) = (LAMBDA, 10.0);
         let mut report = LmReport { iterations: 0, cost: self.at.cost, gradient: 0.0, ended: Ended::Iterations };
         if !self.at.cost.is_finite() {
             return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
@@ -259,7 +266,7 @@ impl Solver {
             report.ended = Ended::Step;
             return Ok(report);
         }
-        let mut fresh = true;
+        let (mut fresh, many) = (true, p > MANY);
         while report.iterations < params.max_iterations {
             trical_model::interrupt::checkpoint()?;
             report.iterations += 1;
@@ -272,7 +279,8 @@ impl Solver {
                 break;
             }
             if !self.step(lambda, &x, known) {
-                lambda = (lambda * 10.0).max(1e-9);
+                lambda = (lambda * rise).max(1e-9);
+                rise *= 10.0;
                 fresh = false;
                 if lambda > 1e6 {
                     report.ended = Ended::Stuck;
@@ -291,7 +299,8 @@ impl Solver {
             if limited {
                 predicted = self.stop_at_targets(&x);
                 if predicted <= 0.0 && size >= params.step_tolerance {
-                    lambda = (lambda * 10.0).max(1e-9);
+                    lambda = (lambda * rise).max(1e-9);
+                    rise *= 10.0;
                     fresh = false;
                     continue;
                 }
@@ -301,17 +310,28 @@ impl Solver {
                 break;
             }
             forward.set_coefficients(&self.proposal);
-            evaluate(forward, data, noise, known, params.huber, &mut self.tried);
-            let new_cost = self.tried.cost;
+            let tried = if many { &mut self.gradient } else { &mut self.tried };
+            evaluate(forward, data, noise, known, params.huber, tried);
+            let new_cost = tried.cost;
             if new_cost.is_finite() && new_cost <= self.at.cost * (1.0 + 1e-14) {
                 let fell = self.at.cost - new_cost;
                 let gain = fell / predicted.max(1e-300);
                 x.copy_from_slice(&self.proposal);
-                let small_step = size < params.step_tolerance;
+                // twice the fall that is foreseen is the squared length of the step, where each direction is measured by its standard deviation
+                #[expect(clippy::cast_precision_loss, reason = "a count")]
+                let mean = (2.0 * predicted / p as f64).sqrt();
+                let small_step = size.min(mean) < params.step_tolerance;
                 let small_fall =
                     fell <= params.cost_tolerance * new_cost && predicted <= params.cost_tolerance * new_cost;
-                std::mem::swap(&mut self.at, &mut self.tried);
-                fresh = true;
+                if many && ((gain - 1.0).abs() <= FORESEEN || small_step || small_fall) {
+                    self.at.take_gradient(&self.gradient);
+                } else {
+                    if many {
+                        evaluate(forward, data, noise, known, params.huber, &mut self.tried);
+                    }
+                    std::mem::swap(&mut self.at, &mut self.tried);
+                }
+                (fresh, rise) = (true, 10.0);
                 report.cost = new_cost;
                 if gain > 0.75 {
                     lambda = (lambda * 0.1).max(1e-15);
@@ -331,7 +351,8 @@ impl Solver {
                     report.ended = Ended::Cost;
                     break;
                 }
-                lambda = (lambda * 10.0).max(1e-9);
+                lambda = (lambda * rise).max(1e-9);
+                rise *= 10.0;
                 if lambda > 1e9 {
                     report.ended = Ended::Stuck;
                     break;

@@ -244,7 +244,7 @@ pub fn identify_stream(
         sums.rows.finish();
         let whole = match keep {
             Keep::Factor => sums.rows.factor(),
-            Keep::Products => sums.rows.factor_of_products().filter(|r| {
+            Keep::Products | Keep::Gradient => sums.rows.factor_of_products().filter(|r| {
                 let of_parameters = r.submatrix(0, 0, p, p).to_owned();
                 spectrum(&of_parameters).is_some_and(|(_, s)| is_well_conditioned(&s))
             }),

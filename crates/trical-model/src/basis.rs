@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::axis::Axis;
 use crate::recording::{Measured, State};
+use crate::trig::sin_cos;
 
 /// What a basis looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -193,11 +194,11 @@ impl Shape {
             }
             Self::Clip { at } => ((u / at).clamp(-1.0, 1.0), if u.abs() < at { 1.0 / at } else { 0.0 }),
             Self::Sine { cycles } => {
-                let (s, c) = (cycles * u).sin_cos();
+                let (s, c) = sin_cos(cycles * u);
                 (s, cycles * c)
             }
             Self::Cosine { cycles } => {
-                let (s, c) = (cycles * u).sin_cos();
+                let (s, c) = sin_cos(cycles * u);
                 (c, -cycles * s)
             }
             Self::Step { at } => (f64::from(u8::from(u >= at)), 0.0),

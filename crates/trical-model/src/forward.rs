@@ -101,6 +101,8 @@ pub struct Workspace {
     pub(crate) moved: Frames,
     pub(crate) loads: Loads,
     pub(crate) moments: Vec<Moment>,
+    /// What the basis of each action that is not constant says.
+    pub(crate) says: Vec<f64>,
     /// Derivative of the residual to each moment.
     pub(crate) elastic: Vec<[f64; 6]>,
     /// What a motion before, or behind, the joints of the moments does to the residual through them: of joint s, and of the
@@ -275,6 +277,7 @@ impl Forward {
             moved: Frames::new(),
             loads: Loads::new(),
             moments: Vec::with_capacity(self.moments.len()),
+            says: vec![0.0; self.bound.len()],
             elastic: vec![[0.0; 6]; self.moments.len()],
             through: [Through::default(); MAX_JOINTS + 1],
             columns: vec![[0.0; 6]; self.dofs.len()],
@@ -432,7 +435,8 @@ impl Forward {
         for (k, index) in &self.varying {
             let b = &self.bound[*index];
             let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            let v = self.model.terms[*k].value * b.weight * Self::factor(&b.basis, state) * b.basis.shape.at(u).0;
+            ws.says[*index] = Self::factor(&b.basis, state) * b.basis.shape.at(u).0;
+            let v = self.model.terms[*k].value * b.weight * ws.says[*index];
             match self.dofs[b.dof] {
                 Dof::Chain(i, dof) => ws.increments[i][dof as usize] += v,
                 Dof::Base(m) => ws.base[m] += v,

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::basis::{Basis, Variable};
 use crate::chain::Moment;
-use crate::forward::{Bound, Forward, NOTHING, Workspace, residual_rows};
+use crate::forward::{Forward, NOTHING, Workspace, residual_rows};
 use crate::pose::Pose;
 use crate::recording::{Measured, State};
 use crate::robot::JointKind;
@@ -36,8 +36,8 @@ impl Forward {
         for (column, term) in self.free.iter().enumerate() {
             let (from, to) = self.spans[*term];
             let mut sum = [0.0; 6];
-            for b in &self.bound[from..to] {
-                self.add_action(b, state, measured, ws, &mut sum);
+            for index in from..to {
+                self.add_action(index, measured, ws, &mut sum);
             }
             for (row, value) in sum.iter().enumerate().take(rows) {
                 jacobian[row * p + column] = *value;
@@ -151,7 +151,8 @@ impl Forward {
 
     /// Adds the derivative to the coefficient of one action.
     #[inline]
-    fn add_action(&self, b: &Bound, state: &State, measured: &Measured, ws: &Workspace, sum: &mut [f64; 6]) {
+    fn add_action(&self, index: usize, measured: &Measured, ws: &Workspace, sum: &mut [f64; 6]) {
+        let b = &self.bound[index];
         if b.constant {
             if matches!((self.dofs[b.dof], measured), (Dof::Tool(_), Measured::Point { .. })) {
                 return; // targets have constant places of their own
@@ -159,8 +160,7 @@ impl Forward {
             add(sum, &ws.columns[b.dof], b.weight);
             self.add_through_moments(self.dofs[b.dof], ws, b.weight, sum);
         } else {
-            let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            let factor = b.weight * Self::factor(&b.basis, state) * b.basis.shape.at(u).0;
+            let factor = b.weight * ws.says[index];
             add(sum, &ws.columns[b.dof], factor);
             if factor != 0.0 && matches!(self.dofs[b.dof], Dof::PayloadMass | Dof::PayloadMoment(_)) {
                 self.add_through_moments(self.dofs[b.dof], ws, factor, sum);

@@ -30,6 +30,7 @@ const ROUNDING: f64 = 1e-13;
 const MOST_ROWS: usize = 6;
 
 /// A fit, linearized: all weighted by the noise.
+#[derive(Clone)]
 pub(crate) struct Linear {
     /// Residual of each row, predicted minus measured.
     pub residual: Vec<f64>,

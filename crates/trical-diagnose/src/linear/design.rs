@@ -1,6 +1,6 @@
 //! The design: the linearized fit of a model with candidates, as inner products.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
@@ -10,6 +10,7 @@ use trical_ident::noise::Noise;
 use trical_model::Model;
 
 use super::columns::Linear;
+use super::state::RegressionState;
 use crate::candidate::Candidate;
 use crate::correlated_noise::{CorrelatedNoise, Filter};
 
@@ -20,10 +21,10 @@ const FEW: usize = 512;
 pub struct Design {
     /// Rows (scalars).
     pub rows: usize,
-    /// Fitted parameters.
-    pub parameters: usize,
+    /// Fitted parameters; one that its prior holds more than the data do counts less than 1.
+    pub parameters: f64,
     /// The rows; a narrowed design has none.
-    pub(super) linear: Option<Linear>,
+    pub(super) linear: Option<Arc<Linear>>,
     pub(super) width: usize,
     /// First column of each candidate, and one past the last.
     pub(super) spans: Vec<(usize, usize)>,
@@ -31,7 +32,7 @@ pub struct Design {
     pub(super) squares: Vec<f64>,
     /// 1 / (prior standard deviation)^2 of every coefficient.
     pub(super) precision: Vec<f64>,
-    /// `Q'X` of all columns, `parameters x width`.
+    /// `Q'X` of all columns, one row for each column that was fitted.
     pub(super) projected: Mat<f64>,
     /// `X'X - (Q'X)'(Q'X)` of all columns with those of a candidate, `width x k`, from when it is first asked for.
     pub(super) grams: Vec<OnceLock<Mat<f64>>>,
@@ -83,7 +84,7 @@ impl Design {
     pub fn set_noise(&mut self, correlation: CorrelatedNoise, data: &Dataset) {
         if let Some(linear) = self.linear.take_if(|l| l.filter.correlation != correlation) {
             let (spans, precision) = (std::mem::take(&mut self.spans), std::mem::take(&mut self.precision));
-            *self = Self::of(linear, spans, precision, Filter::new(correlation, data));
+            *self = Self::of(Arc::unwrap_or_clone(linear), spans, precision, Filter::new(correlation, data));
         }
     }
 
@@ -143,10 +144,12 @@ impl Design {
                 }
             }
         }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let parameters = p as f64;
         let design = Self {
             rows,
-            parameters: p,
-            linear: Some(linear),
+            parameters,
+            linear: Some(Arc::new(linear)),
             width,
             grams,
             spans,
@@ -166,9 +169,35 @@ impl Design {
         design
     }
 
+    /// The same rows with what a state added made part of the fit, its priors included: candidates beside it then cost no more than they would
+    /// alone. What was added must not be asked about again.
+    #[must_use]
+    pub fn absorbing(&self, state: &RegressionState) -> Self {
+        let known = self.projected.nrows();
+        let projected = Mat::from_fn(known + state.parts.len(), self.width, |i, a| match i.checked_sub(known) {
+            Some(k) => state.parts[k].w[a],
+            None => self.projected[(i, a)],
+        });
+        Self {
+            parameters: state.parameters,
+            linear: self.linear.clone(),
+            spans: self.spans.clone(),
+            squares: self.squares.clone(),
+            precision: self.precision.clone(),
+            projected,
+            grams: self.spans.iter().map(|_| OnceLock::new()).collect(),
+            left: state.left.clone(),
+            beside: state.beside.clone(),
+            beside_at: self.beside_at.clone(),
+            b: state.b.clone(),
+            ss: state.ss,
+            ..*self
+        }
+    }
+
     /// The rows; `None` for a narrowed design.
     pub(super) fn linear(&self) -> Option<&Linear> {
-        self.linear.as_ref()
+        self.linear.as_deref()
     }
 
     /// First and one past the last column of a candidate.
@@ -198,7 +227,7 @@ impl Design {
     /// Keeps inner products of all columns with those of some candidates, `width x k`, after projection.
     fn keep(&self, set: &[usize], mut products: Mat<f64>) {
         let columns: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
-        let known = Mat::from_fn(self.parameters, columns.len(), |i, j| self.projected[(i, columns[j])]);
+        let known = Mat::from_fn(self.projected.nrows(), columns.len(), |i, j| self.projected[(i, columns[j])]);
         matmul(products.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
         let mut at = 0;
         for c in set {
@@ -221,7 +250,7 @@ impl Design {
     #[must_use]
     pub fn nats(&self, temper: f64) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "counts")]
-        let freedom = (self.rows as f64 * temper - self.parameters as f64).max(1.0);
+        let freedom = (self.rows as f64 * temper - self.parameters).max(1.0);
         let of_noise = self.linear.as_ref().map_or(0.0, |l| l.filter.log_determinant());
         -0.5 * (freedom * self.ss.ln() + temper * of_noise) - self.of_parameters
     }

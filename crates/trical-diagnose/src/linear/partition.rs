@@ -67,7 +67,7 @@ impl<'a> Partition<'a> {
     #[must_use]
     pub fn new(design: &'a Design, set: &[usize], count: usize, part_of: &dyn Fn(usize) -> usize) -> Option<Self> {
         let linear = design.linear()?;
-        let (p, m) = (design.parameters, linear.rows());
+        let (p, m) = (linear.jacobian.ncols(), linear.rows());
         let mut at = p;
         let set: Vec<(usize, std::ops::Range<usize>)> = set
             .iter()

@@ -108,9 +108,7 @@ impl Design {
     /// The state with nothing added.
     #[must_use]
     pub fn start(&self) -> RegressionState {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let parameters = self.parameters as f64;
-        RegressionState::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, parameters)
+        RegressionState::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, self.parameters)
     }
 
     /// The same picture with the columns of these candidates only, the others without any; and a state in it. A state there

@@ -6,9 +6,8 @@ use trical_ident::folds::Folds;
 use trical_model::Term;
 
 use super::Rounds;
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
-use crate::effect_id::Cause;
 use crate::findings::{Group, grouped};
 use crate::parts::Parts;
 use crate::selection::Search;
@@ -48,17 +47,10 @@ impl Rounds {
         Ok(true)
     }
 
-    /// Held curves, and what says the same in other words: waves of theirs, and free curves of the same angle at the same joint.
+    /// Held curves, and what says the same in other words.
     pub(super) fn said_by_curves(&self) -> Vec<usize> {
-        let said = |c: &Candidate| {
-            self.held.iter().map(|h| &self.candidates[*h]).any(|h| {
-                let own_angle =
-                    |t: &Term| t.basis.of == h.terms[0].basis.of && t.basis.sense.is_none() && t.basis.beside.is_none();
-                let free = c.cause == Cause::Unexplained && c.site == h.site && c.terms.iter().all(own_angle);
-                free || c.is_part_of(h)
-            })
-        };
-        (0..self.candidates.len()).filter(|k| said(&self.candidates[*k])).collect()
+        let held: Vec<&Candidate> = self.held.iter().map(|h| &self.candidates[*h]).collect();
+        said_by(&held, &self.candidates)
     }
 
     /// Lets go of held curves that do not pay at unseen blocks beside what was chosen since, or no more than one of their own waves does: what
@@ -103,7 +95,8 @@ impl Rounds {
         Ok(())
     }
 
-    /// Drops what does not pay at blocks of poses that the fit did not see, one finding after the other, the worst first; and takes the
+    /// Drops what does not pay at blocks of poses that the fit did not see, one finding after the other, the worst first; then what the last
+    /// quarter of the sessions is better foreseen without; and takes the
     /// simpler of two nested effects where what tells them apart is nothing.
     pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
         let before = self.chosen.clone();
@@ -112,10 +105,17 @@ impl Rounds {
         let dropped: Vec<usize> = {
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..members.len()).collect();
-            match Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper()) {
+            let folds = Folds::of(&self.kept);
+            let mut out = match Parts::by_block(&design, &all, &folds, self.temper()) {
                 Some(parts) => parts.what_does_not_pay(&members, grouped(&members, &all), &|_| Vec::new()),
                 None => Vec::new(),
+            };
+            // what was learnt on the first three quarters must not make the last one worse
+            let left: Vec<usize> = all.iter().copied().filter(|k| !out.contains(k)).collect();
+            if let Some(later) = Parts::forward(&design, &left, &folds, self.temper()) {
+                out.extend(later.what_harms(grouped(&members, &left)));
             }
+            out
         };
         let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();
         self.chosen.retain(|c| !dropped.contains(c));

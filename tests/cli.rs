@@ -208,8 +208,10 @@ fn bad_recordings_are_refused_with_file_line_and_column() {
         all.extend(words);
         place.refuses(&identify(&file), &all);
     }
-    std::fs::write(place.path("bytes.csv"), [0xff, 0xfe, 0, 1]).unwrap();
+    std::fs::write(place.path("bytes.csv"), [0xff, 0xfd, 0, 1]).unwrap();
     place.refuses(&identify("bytes.csv"), &["bytes.csv", "not a text file"]);
+    std::fs::write(place.path("wide.csv"), [0xff, 0xfe, b't', 0]).unwrap();
+    place.refuses(&identify("wide.csv"), &["wide.csv", "UTF-16", "expected a CSV recording in UTF-8"]);
     std::fs::write(place.path("bad.mcap"), b"\x89MCAP0\r\n\x00\x01nonsense").unwrap();
     place.refuses(&identify("bad.mcap"), &["bad.mcap"]);
     place.refuses(&identify("nowhere.csv"), &["nowhere.csv", "cannot be read"]);
@@ -325,8 +327,8 @@ fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
     place.refuses(&[plan, &["--start-deg", "0,0,0"]].concat(), &["--start-deg", "3 numbers", "expected 6"]);
     place.refuses(&[plan, &["--start-deg", "0,100,60,0,0,0"]].concat(), &["start", "meet there", "--start-deg"]);
     place.refuses(&[plan, &["--sphere-mm", "0,0,100"]].concat(), &["--sphere-mm", "3 numbers", "expected 4"]);
-    place.refuses(&[plan, &["--noise-mm", "0"]].concat(), &["noise_m", "found 0"]);
-    place.refuses(&[plan, &["--per-ball", "0"]].concat(), &["per_ball", "found 0"]);
+    place.refuses(&[plan, &["--noise-mm", "0"]].concat(), &["--noise-mm", "found 0"]);
+    place.refuses(&[plan, &["--per-ball", "0"]].concat(), &["--per-ball", "found 0"]);
     place.write("robot.toml", &ROBOT.replace("limits_deg = [-110.0, 110.0]", "limits_deg = [-110.0, -100.0]"));
     place.refuses(
         &[plan, &["--start-deg", "0,-105,0,0,0,0"]].concat(),

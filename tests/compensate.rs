@@ -131,7 +131,7 @@ fn programs_are_rewritten_checked_and_refused() {
     let part = p.json("home.mod", &["--partial", "--out", "home.new.mod"]);
     assert_eq!((&part["targets"], part["problems"].as_array().unwrap().len()), (&serde_json::json!(7), 1));
     let o = p.compensate("home.mod", &["--check", "--partial"]);
-    assert!(String::from_utf8_lossy(&o.stdout).contains("1 left as they are:\n    line "), "{o:?}");
+    assert!(String::from_utf8_lossy(&o.stdout).contains("1 left as it is:\n    line "), "{o:?}");
     assert_eq!(p.compensate("home.mod", &["--check"]).status.code(), Some(1));
 
     // another cell than that of the fit is told

@@ -8,6 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
+#[allow(dead_code)]
+#[path = "../crates/trical-device/tests/common/rws_server.rs"]
+mod rws_server;
+#[allow(dead_code)]
+#[path = "../crates/trical-device/tests/common/ur_server.rs"]
+mod ur_server;
+
 const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
 
 struct Place(tempfile::TempDir);
@@ -24,8 +31,13 @@ impl Place {
     }
 
     fn record(&self, follow: &str, out: &str, typed: &[&str]) -> Output {
+        self.record_from(["--follow", follow], out, typed)
+    }
+
+    fn record_from(&self, from: [&str; 2], out: &str, typed: &[&str]) -> Output {
         let mut child = Command::new(env!("CARGO_BIN_EXE_trical"))
-            .args(["record", "--robot", "robot.toml", "--place", "front", "--follow", follow, "--out", out])
+            .args(["record", "--robot", "robot.toml", "--place", "front", "--out", out])
+            .args(from)
             .current_dir(self.0.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -84,7 +96,7 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
     assert!(done.status.success(), "{told}");
     assert!(told.contains("joints 1 to 6 are joint_1,") && told.contains("expected a name of letters"), "{told}");
     let again = place.record("joints.txt", "visits.csv", &[""]);
-    assert!(String::from_utf8_lossy(&again.stdout).contains("1 rows added to visits.csv"));
+    assert!(String::from_utf8_lossy(&again.stdout).contains("1 row added to visits.csv"));
     drop(writer);
     let text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
@@ -154,4 +166,71 @@ fn a_plan_for_two_sockets_says_what_it_takes_as_known() {
     let told = String::from_utf8_lossy(&o.stdout);
     assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
     assert!(told.contains("Caution: with fewer than three balls") && told.contains("too good"), "{told}");
+}
+
+/// A controller that runs the RAPID server, and whether it was asked to move.
+fn rapid_server() -> (String, Arc<AtomicBool>) {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let moved = Arc::new(AtomicBool::new(false));
+    let behind = Arc::clone(&moved);
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let (mut request, mut byte) = (String::new(), [0]);
+        while std::io::Read::read(&mut stream, &mut byte).is_ok_and(|count| count == 1) {
+            request.push(char::from(byte[0]));
+            if byte[0] == b'#' {
+                let code = &request[..2];
+                let data = match code {
+                    "24" => "TriCal 1 6 5.000",
+                    "04" => "1.5 -2.0 0.0 -0.00001 45.0 180.25",
+                    "21" => "12.500",
+                    _ => "",
+                };
+                if ["02", "20"].contains(&code) {
+                    behind.store(true, Ordering::Relaxed);
+                }
+                let _ = stream.write_all(format!("{code} 1 {data}#").as_bytes());
+                request.clear();
+            }
+        }
+    });
+    (address, moved)
+}
+
+#[test]
+fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
+    let place = Place::new();
+    let (ur, behind_ur) = ur_server::server();
+    let (rws, behind_rws) = rws_server::server();
+    let (rapid, moved) = rapid_server();
+    behind_ur.lock().unwrap().q = [1.5, -2.0, 0.0, -0.00001, 45.0, 180.25].map(f64::to_radians);
+    let urls = [
+        format!("rapid://{rapid}?settle_ms=1"),
+        format!("rws://{rws}?login=factory&settle_ms=1"),
+        format!("ur://127.0.0.1?rtde_port={}&script_port={}&settle_ms=1", ur.rtde_port, ur.script_port),
+    ];
+    for (k, url) in urls.iter().enumerate() {
+        let out = format!("{k}.csv");
+        let done = place.record_from(["--controller", url], &out, &["", "2", "q"]);
+        let told = String::from_utf8_lossy(&done.stderr);
+        assert!(done.status.success(), "{url}: {told}");
+        let text = std::fs::read_to_string(place.path(&out)).unwrap();
+        let rows: Vec<Vec<&str>> = text.lines().skip(1).map(|l| l.split(',').collect()).collect();
+        assert_eq!(rows.len(), 2, "{url}: {told}");
+        for (row, socket) in rows.iter().zip(["1", "2"]) {
+            let joints: Vec<f64> = row[1..7].iter().map(|q| q.parse().unwrap()).collect();
+            let far =
+                joints.iter().zip([1.5, -2.0, 0.0, -0.00001, 45.0, 180.25]).map(|(a, b): (&f64, f64)| (a - b).abs());
+            assert!(far.fold(0.0, f64::max) < 2e-5, "{url}: {text}");
+            assert_eq!(row[7..], ["front", socket, "0", "0", "0"], "{url}");
+        }
+    }
+    assert!(!moved.load(Ordering::Relaxed));
+    assert!(behind_ur.lock().unwrap().programs.is_empty(), "no program was sent");
+    assert!(behind_rws.lock().unwrap().seen.is_empty(), "nothing was asked of the module");
+    // a controller that is not there
+    let done = place.record_from(["--controller", "rapid://127.0.0.1:1?timeout_s=0.2"], "no.csv", &[""]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&done.stderr).contains("127.0.0.1:1"), "{done:?}");
 }

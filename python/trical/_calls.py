@@ -149,13 +149,16 @@ def diagnose(
     names_only: bool = False,
     tool: str = "auto",
     next: int | None = None,
+    known: PathLike | None = None,
     progress: Progress = False,
 ) -> Diagnosis:
     """Say which physics the model of an arm lacks, by recordings of it.
 
     Takes seconds for hundreds of poses, and lets other threads run meanwhile. With `next`, this many touches are
     planned that decide between the least sure finding and its rivals (`Diagnosis.next`). With `names_only` curves of no
-    known cause are reported but not modelled. The other arguments and errors are those of `identify`.
+    known cause are reported but not modelled. `known` is a file of prior knowledge as for `identify`; where it is surer
+    than the measurements, the search takes a parameter as known. The other arguments and errors are those of
+    `identify`.
     """
     model, text, errors, planned, told = _native._diagnose(
         _sources(recordings),
@@ -165,6 +168,7 @@ def diagnose(
         names_only,
         tool,
         next,
+        None if known is None else os.fspath(known),
         listener(progress, "diagnosing"),
     )
     answer: dict[str, Any] = json.loads(text)
@@ -192,7 +196,8 @@ def diagnose(
             names_only=names_only,
             tool=tool,
             next=next,
-            files=("robot", "cell"),
+            known=known,
+            files=("robot", "cell", "known"),
         ),
     )
 

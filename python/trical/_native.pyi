@@ -379,6 +379,7 @@ def _diagnose(
     names_only: bool,
     tool: str,
     next: int | None,
+    known: _Path | None,
     progress: _Listener,
 ) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None, Told]: ...
 def _validate(

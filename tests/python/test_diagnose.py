@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 import subprocess
 from pathlib import Path
 
@@ -95,3 +96,15 @@ def test_sockets_are_identified_and_a_diagnosis_says_why_it_is_not_possible(shar
         trical.NotEnoughDataError, match="touches of 2 balls leave the arm's base open: identify closes it"
     ):
         trical.diagnose(d / "panda_1.csv", **files)
+
+
+def test_what_is_known_beforehand_is_known_in_python_too(tmp_path: Path) -> None:
+    files = trical.sample()
+    known = tmp_path / "known.toml"
+    known.write_text('[[parameter]]\nname = "a_2"\nvalue = 269.745\nsd = 0.0001\n')
+    found = trical.diagnose(files.recording, robot=files.robot, cell=files.cell, known=known)
+    (a_2,) = re.findall(r'name = "a_2"\n.*\n.*\nsd = (\S+)\n', found.model.to_toml())
+    assert float(a_2) < 2e-4
+    known.write_text('[[parameter]]\nname = "a_9"\nvalue = 1\nsd = 1\n')
+    with pytest.raises(ValueError, match="parameter a_9 is not among those"):
+        trical.diagnose(files.recording, robot=files.robot, cell=files.cell, known=known)

@@ -65,7 +65,7 @@ fn nothing_moves_without_go() {
     assert_eq!(report.measured, 0);
     assert_eq!(report.steps.len(), 2 * 5);
     assert!(
-        report.steps[0].starts_with("touch 0 (ball 1): move to via point 1 of 2 at 100 mm/s: "),
+        report.steps[0].starts_with("touch 1 (ball 1): move to via point 1 of 2 at 100 mm/s: "),
         "{}",
         report.steps[0]
     );

@@ -221,9 +221,11 @@ pub fn describe<'a>(
         Variable::Seq => (1.0, "pose"),
         _ => (1.0, "s"),
     };
+    let (off, off_units) = in_units(model, joint_of(first.site));
     // "-32.0 deg"; a number of a pose needs no unit
     let counted = variable == Variable::Seq;
-    let bare = |v: f64| if counted { format!("{:.0}", v.ceil()) } else { format!("{v:.1}") };
+    let bare =
+        |v: f64| if counted { format!("{:.0}", v.ceil()) } else { format!("{:.1}", (v * 10.0).round() / 10.0 + 0.0) };
     let shown = |v: f64| if counted { bare(v) } else { format!("{} {units}", bare(v)) };
     let here = data.observations.iter().filter(|o| !basis.is_elsewhere(&o.state));
     let values: Vec<f64> = here.map(|o| value(variable, &o.state)).collect();
@@ -238,7 +240,7 @@ pub fn describe<'a>(
     let curve: Vec<(f64, f64)> = (0..=40)
         .map(|k| {
             let u = low + (high - low) * f64::from(k) / 40.0;
-            (u * factor, at(u).to_degrees())
+            (u * factor, at(u) * off)
         })
         .collect();
     let n = name(variable);
@@ -278,7 +280,12 @@ pub fn describe<'a>(
         }
     };
     let variable = basis.sense.map_or(n, |joint| format!("dir{joint}"));
-    Located { variable, region, curve, units: (units.to_owned(), "deg".to_owned()) }
+    Located { variable, region, curve, units: (units.to_owned(), off_units.to_owned()) }
+}
+
+/// The joint of a place, from 1; 0 for another place.
+fn joint_of(place: Place) -> usize {
+    if let Place::Joint(joint) = place { joint } else { 0 }
 }
 
 /// From SI to what people read of a joint, and its unit.
@@ -302,12 +309,13 @@ fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Datas
         fitted.iter().map(term).sum::<f64>()
     };
     let (factor, unit) = in_units(model, other);
-    let curve = (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u * factor, at(u).to_degrees()));
+    let (off, off_unit) = in_units(model, joint);
+    let curve = (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u * factor, at(u) * off));
     Located {
         variable: name(Variable::Joint { joint: other }),
         region: format!("all of q{other}, with q{joint}"),
         curve: curve.collect(),
-        units: (unit.to_owned(), "deg".to_owned()),
+        units: (unit.to_owned(), off_unit.to_owned()),
     }
 }
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::identify::Identified;
-use trical_model::{Basis, Place, Shape, Site, Term, Variable};
+use trical_model::{Basis, JointKind, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
 use crate::covariates::name;
@@ -33,12 +33,18 @@ pub fn ripples(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
     Ok(peaks
         .iter()
         .enumerate()
+        .filter(|(k, _)| !slides(fitted, k + 1))
         .flat_map(|(k, cycles)| cycles.iter().map(move |n| ripple(k + 1, *n, joints_of(fitted))))
         .collect())
 }
 
 fn joints_of(fitted: &Identified) -> usize {
     fitted.model.robot.dof()
+}
+
+/// Whether a joint, from 1, slides: it has no turn that a gear could repeat in.
+fn slides(fitted: &Identified, joint: usize) -> bool {
+    fitted.model.robot.joints.get(joint - 1).is_some_and(|j| j.kind == JointKind::Prismatic)
 }
 
 /// Errors that repeat faster than any gear turns, the strongest of each joint: no name is known for them.
@@ -56,6 +62,12 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
         .flat_map(|(k, cycles)| cycles.iter().map(move |n| (k + 1, *n)))
         .map(|(joint, cycles)| {
             let variable = Variable::Joint { joint };
+            let period = std::f64::consts::TAU / cycles;
+            let every = if slides(fitted, joint) {
+                format!("{:.3} mm", period * 1e3)
+            } else {
+                format!("{:.4} deg", period.to_degrees())
+            };
             let term = |part: &str, shape| {
                 let name = format!("fast_{part}_{joint}");
                 Term::new(name, UNEXPLAINED, Site::Joint { joint }, Basis::new(variable, shape))
@@ -64,11 +76,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
                 physical: anything,
                 cause: Cause::Unexplained,
                 site: Place::Joint(joint),
-                behaviour: format!(
-                    "joint {joint} is off in a way that repeats every {:.4} deg of {}",
-                    360.0 / cycles,
-                    name(variable)
-                ),
+                behaviour: format!("joint {joint} is off in a way that repeats every {every} of {}", name(variable)),
                 terms: vec![term("sine", Shape::Sine { cycles }), term("cosine", Shape::Cosine { cycles })],
                 signs: vec![0; 2],
                 typical: 0.0,

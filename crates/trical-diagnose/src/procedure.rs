@@ -68,7 +68,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             &findings,
             &unexplained,
             [(arm_parameters(&baseline), none.blocks), (arm_parameters(&fitted.model), usual.rms_mm)],
-            verdict::Given { masses: baseline.robot.require_masses().is_ok(), several: kept.names.len() > 1 },
+            verdict::Given { robot: &baseline.robot, several: kept.names.len() > 1 },
         ),
         baseline: Baseline {
             parameters: arm_parameters(&baseline),

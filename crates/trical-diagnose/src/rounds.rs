@@ -8,7 +8,7 @@ use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{Identified, fit_model, fit_some, prepared};
+use trical_ident::identify::{Identified, fit_model_knowing, fit_some, prepared};
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_ident::solver::LmParams;
@@ -42,8 +42,13 @@ pub(crate) struct Rounds {
     pub(crate) fitted: Identified,
     /// Of its terms.
     pub(crate) known: Vec<Known>,
-    /// How many of its terms are the baseline's.
+    /// How many of its terms are the baseline's, and are fitted in the linear picture.
     baseline_terms: usize,
+    /// How many terms of the baseline stand behind those: they are known beforehand, more surely than the measurements say them, and the
+    /// linear picture takes them as they are.
+    well_known: usize,
+    /// What is known of terms of the baseline beforehand, by name.
+    said: Vec<(String, Known)>,
     /// What can be tried; grows as frequencies are found.
     pub(crate) candidates: Vec<Candidate>,
     /// Indices into the candidates.
@@ -107,17 +112,21 @@ impl Rounds {
         // the twist of near-parallel axes is an effect here
         let set = ParameterSet::Compliance;
         let all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
-        let choice = Choice::from(set);
+        let choice = Choice::from(set).knowing(options.known.clone());
         let own = own_setup(robot, cell, &all, &choice, options.tool)?;
-        let (start, _) = prepared(robot, cell, &all, &choice.with_own(own))?;
-        let fitted = fit_model(start, &all, &Noise::usual(all.names.len()), Vec::new())?;
+        let choice = choice.with_own(own);
+        let (start, _) = prepared(robot, cell, &all, &choice)?;
+        let known = options.known.of(&start)?;
+        let fitted = fit_model_knowing(start, &all, &Noise::usual(all.names.len()), &known, Vec::new())?;
         let sigma = touch_sigma(&fitted);
         let nuisances = reading_noise(&Covariates::new(&fitted.model, &all, sigma));
         let mut rounds = Self {
             kept: all.clone(),
             all,
             baseline_terms: fitted.model.terms.len(),
-            known: vec![Known::NOTHING; fitted.model.terms.len()],
+            well_known: 0,
+            said: Vec::new(),
+            known,
             candidates: Vec::new(),
             chosen: Vec::new(),
             held: Vec::new(),
@@ -131,8 +140,9 @@ impl Rounds {
             nuisances,
             fitted,
         };
+        rounds.take_as_known()?;
         if let Some(term) = device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma)) {
-            rounds.fitted.model.terms.push(term);
+            rounds.fitted.model.terms.insert(rounds.baseline_terms, term);
             rounds.baseline_terms += 1;
             rounds.refit()?;
         }
@@ -146,6 +156,28 @@ impl Rounds {
         }
         rounds.resize();
         Ok(rounds)
+    }
+
+    /// Moves terms that are known beforehand more surely than the measurements say them behind the others of the baseline.
+    fn take_as_known(&mut self) -> Result<()> {
+        let terms = self.fitted.model.terms.iter().zip(&self.known);
+        self.said = terms.filter(|(_, k)| !k.is_nothing()).map(|(t, k)| (t.name.clone(), *k)).collect();
+        if self.said.is_empty() {
+            return Ok(());
+        }
+        // as sure as prior and measurements together, where both are alike
+        let surer = |t: &Term, prior: f64| t.sd.is_none_or(|sd| sd > std::f64::consts::FRAC_1_SQRT_2 * prior);
+        let known = |t: &Term| said_of(&self.said, t).prior.is_some_and(|p| surer(t, p.sd));
+        let (behind, mut terms): (Vec<Term>, Vec<Term>) = self.fitted.model.terms.iter().cloned().partition(known);
+        (self.baseline_terms, self.well_known) = (terms.len(), behind.len());
+        terms.extend(behind);
+        self.fitted.model.terms = terms;
+        self.refit()
+    }
+
+    /// How many terms the baseline has, those that are well known among them.
+    fn of_baseline(&self) -> usize {
+        self.baseline_terms + self.well_known
     }
 
     /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now, with a standard deviation
@@ -409,7 +441,7 @@ impl Rounds {
     /// The baseline at the joint optimum, chosen effects taken out: the search puts them back.
     fn bare(&self) -> Model {
         let mut bare = self.fitted.model.clone();
-        bare.terms.truncate(self.baseline_terms);
+        bare.terms.truncate(self.of_baseline());
         bare
     }
 
@@ -432,7 +464,7 @@ impl Rounds {
         correlation: CorrelatedNoise,
     ) -> Result<Design> {
         let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
-        let effects = [self.baseline_terms, self.baseline_terms + held];
+        let effects = [self.baseline_terms, self.of_baseline() + held];
         Design::weighted(model, effects, candidates, weights, &self.kept, &self.fitted.noise, correlation)
     }
 
@@ -471,11 +503,11 @@ impl Rounds {
     /// The same; with `curves` of held curves too.
     fn refit_with(&mut self, curves: bool) -> Result<()> {
         let mut model = self.bare();
-        let mut known = vec![Known::NOTHING; model.terms.len()];
+        let mut known: Vec<Known> = model.terms.iter().map(|t| said_of(&self.said, t)).collect();
         for c in self.held.iter().chain(&self.chosen).map(|c| &self.candidates[*c]) {
             for (t, sd) in c.terms.iter().zip(&c.scales) {
                 let mut term: Term = t.clone();
-                if let Some(fitted) = self.fitted.model.terms[self.baseline_terms..].iter().find(|m| m.does_as(t)) {
+                if let Some(fitted) = self.fitted.model.terms[self.of_baseline()..].iter().find(|m| m.does_as(t)) {
                     (term.value, term.sd) = (fitted.value, fitted.sd);
                 }
                 if !c.is_long_curve() && model.terms.iter().any(|o| o.name == term.name) {
@@ -487,7 +519,7 @@ impl Rounds {
             }
         }
         let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
-        let fixed = self.baseline_terms..self.baseline_terms + if curves { 0 } else { held };
+        let fixed = self.of_baseline()..self.of_baseline() + if curves { 0 } else { held };
         let free: Vec<usize> = (0..model.terms.len()).filter(|k| !fixed.contains(k)).collect();
         let of_free: Vec<Known> = free.iter().map(|k| known[*k]).collect();
         let noise = &self.fitted.noise;
@@ -509,7 +541,7 @@ impl Rounds {
     pub(crate) fn halves(&self) -> Result<Halves> {
         let asked = |c: &usize| self.chosen.contains(c) || !(self.last_idle.contains(c) || self.let_go.contains(c));
         let some: Vec<usize> = (0..self.candidates.len()).filter(asked).collect();
-        let fitted = (&self.fitted.model, self.baseline_terms);
+        let fitted = (&self.fitted.model, [self.baseline_terms, self.of_baseline()]);
         Halves::search(fitted, &self.members(&some), &self.kept, &self.fitted.noise, self.temper())
     }
 
@@ -591,6 +623,11 @@ impl Rounds {
         }
         Ok(any)
     }
+}
+
+/// What is known of a term beforehand.
+fn said_of(said: &[(String, Known)], term: &Term) -> Known {
+    said.iter().find(|(name, _)| *name == term.name).map_or(Known::NOTHING, |(_, known)| *known)
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.

@@ -1,6 +1,6 @@
 //! What a diagnosis comes to, in plain sentences and as a table: each claim at the finest level that is sure.
 
-use trical_model::{Place, Scope};
+use trical_model::{Place, Robot, Scope};
 
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
@@ -49,9 +49,9 @@ const IN_THE_COURSE: &str = "Find what changed while you measured (a screw, a te
 
 /// What was diagnosed.
 #[derive(Clone, Copy)]
-pub struct Given {
-    /// The robot has the masses of its links.
-    pub masses: bool,
+pub struct Given<'a> {
+    /// The arm.
+    pub robot: &'a Robot,
     /// There are several sessions.
     pub several: bool,
 }
@@ -176,10 +176,10 @@ pub fn family(family: Family) -> &'static str {
 }
 
 /// On what a mismatch without a known cause depends, in words.
-fn depends_on(u: &Unexplained) -> String {
+fn depends_on(u: &Unexplained, robot: &Robot) -> String {
     match u.region.strip_prefix("all of ") {
-        Some(of) => variables(&of.split(", with ").collect::<Vec<_>>()),
-        None => variable(&u.variable),
+        Some(of) => variables(&of.split(", with ").collect::<Vec<_>>(), robot),
+        None => variable(&u.variable, robot),
     }
 }
 
@@ -188,17 +188,22 @@ fn in_the_course(u: &Unexplained) -> bool {
     matches!(u.variable.as_str(), "seq" | "time")
 }
 
+/// Whether a variable is where a joint is: "q4".
+fn is_joint(variable: &str) -> bool {
+    variable.strip_prefix('q').is_some_and(|n| n.parse::<usize>().is_ok())
+}
+
 /// What the owner of the arm can do about the largest of some curves without a name.
-fn what_to_do(u: &Unexplained, given: Given) -> Option<&'static str> {
-    let depends = depends_on(u);
+fn what_to_do(u: &Unexplained, given: Given<'_>) -> Option<&'static str> {
     let several = usize::from(given.several);
     if in_the_course(u) {
         Some(IN_THE_COURSE)
-    } else if !depends.starts_with("the angle") {
+    } else if !is_joint(&u.variable) {
         (!given.several).then_some(OTHER)
-    } else if !given.masses {
+    } else if given.robot.require_masses().is_err() {
         Some(GIVE_MASSES)
-    } else if matches!(u.site, Place::Joint(joint) if depends == format!("the angle of joint {joint}")) {
+    } else if matches!(u.site, Place::Joint(joint) if u.variable == format!("q{joint}") && !u.region.contains(", with "))
+    {
         Some(OWN_ANGLE[several])
     } else {
         Some(OTHER_ANGLES[several])
@@ -283,7 +288,7 @@ fn plain_row(kind: RowKind, text: String, [before_mm, after_mm]: [f64; 2]) -> Ve
 }
 
 /// The row of curves without a name.
-fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given, errors: [f64; 2]) -> VerdictRow {
+fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given<'_>, errors: [f64; 2]) -> VerdictRow {
     let where_ = at(&step.places, "");
     let Some(largest) = step.curves.first().and_then(|k| unexplained.get(*k)) else {
         return plain_row(RowKind::Curves, format!("No known cause: smooth curves{where_}"), errors);
@@ -291,10 +296,10 @@ fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given, errors: [f
     let text = if in_the_course(largest) {
         format!("No known cause: change in the course of a session{where_}")
     } else if let [_] = step.curves.as_slice() {
-        format!("No known cause: smooth curve{where_} over {}", depends_on(largest))
+        format!("No known cause: smooth curve{where_} over {}", depends_on(largest, given.robot))
     } else {
         let most = at(&[largest.site], "");
-        format!("No known cause: smooth curves{where_}, the largest{most} over {}", depends_on(largest))
+        format!("No known cause: smooth curves{where_}, the largest{most} over {}", depends_on(largest, given.robot))
     };
     VerdictRow {
         action: what_to_do(largest, given),
@@ -339,15 +344,21 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
     let text = match (said.is_empty(), others) {
         (true, 1) => "1 smaller or less sure finding".to_owned(),
         (true, n) => format!("{n} smaller or less sure findings"),
-        (false, 0) => format!("Smaller: {}", said.join(", ")),
-        (false, 1) => format!("Smaller: {}; 1 more finding", said.join(", ")),
-        (false, n) => format!("Smaller: {}; {n} more findings", said.join(", ")),
+        (false, 0) if said.len() == 1 => format!("Smaller: {}", said.concat()),
+        (false, 0) => format!("Smaller ones together: {}", said.join(", ")),
+        (false, 1) => format!("Smaller ones together: {}; 1 more finding", said.join(", ")),
+        (false, n) => format!("Smaller ones together: {}; {n} more findings", said.join(", ")),
     };
     VerdictRow { findings, ..plain_row(RowKind::Rest, text, errors) }
 }
 
 /// The table. `models` has the number of parameters and the error at unseen poses (mm rms) of the plain and of the whole model.
-fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given) -> Vec<VerdictRow> {
+fn rows(
+    findings: &[Finding],
+    unexplained: &[Unexplained],
+    models: [(usize, f64); 2],
+    given: Given<'_>,
+) -> Vec<VerdictRow> {
     let [(plain, before), (whole, after)] = models;
     let mut rows = vec![plain_row(RowKind::Plain, format!("Plain model, {plain} parameters"), [before; 2])];
     let mut here = before;
@@ -376,7 +387,11 @@ fn rows(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64)
     let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
-        let text = format!("Still unexplained{place}: {:.3} mm that change with {}", u.rms_mm, variable(&u.variable));
+        let text = format!(
+            "Still unexplained{place}: {:.3} mm that change with {}",
+            u.rms_mm,
+            variable(&u.variable, given.robot)
+        );
         plain_row(RowKind::Unexplained, text, [after; 2])
     }));
     let last = if findings.is_empty() && unexplained.is_empty() {
@@ -423,7 +438,7 @@ impl Verdict {
 /// The verdict: likely findings of some size one by one, the others by number. `models` as for the table: number of parameters and error
 /// at unseen poses (mm rms) of the plain and of the whole model.
 #[must_use]
-pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given) -> Verdict {
+pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given<'_>) -> Verdict {
     let named = |f: &&Finding| f.confidence >= LIKELY;
     let share: f64 = findings.iter().filter(named).map(|f| f.share).sum();
     let told: Vec<&Finding> = findings.iter().filter(named).filter(|f| f.share >= SMALL_SHARE).collect();
@@ -433,12 +448,9 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         let what = if rest == 1 { "finding is" } else { "findings are" };
         sentences.push(format!("{rest} more {what} small or not sure."));
     }
-    sentences.extend(
-        unexplained
-            .iter()
-            .take(1)
-            .map(|u| format!("No known cause: {} is off, {} ({:.3} mm).", u.site, region(&u.region), u.rms_mm)),
-    );
+    sentences.extend(unexplained.iter().take(1).map(|u| {
+        format!("No known cause: {} is off, {} ({:.3} mm).", u.site, region(&u.region, given.robot), u.rms_mm)
+    }));
     if findings.is_empty() && unexplained.is_empty() {
         sentences.push("The model explains the data: nothing found.".into());
     }
@@ -463,6 +475,7 @@ mod tests {
     use super::*;
     use crate::diagnosis::{Evidence, Rival};
     use crate::probability::Replicated;
+    use crate::test_data::arm;
 
     fn finding(effect: EffectId, joint: usize, [place, family, name]: [f64; 3], [before, after]: [f64; 2]) -> Finding {
         let described = effect.effect();
@@ -498,7 +511,7 @@ mod tests {
     const SURE: [f64; 3] = [0.99; 3];
 
     fn told(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2]) -> Verdict {
-        of(findings, unexplained, models, Given { masses: true, several: false })
+        of(findings, unexplained, models, Given { robot: &arm().robot, several: false })
     }
 
     #[test]
@@ -601,7 +614,7 @@ mod tests {
         let rest = verdict.shortened(1).into_iter().find(|r| r.kind == RowKind::Rest).unwrap_or_else(|| unreachable!());
         assert_eq!(
             rest.text,
-            "Smaller: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
+            "Smaller ones together: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
         );
         assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
     }
@@ -628,8 +641,10 @@ mod tests {
             curve(5, "q4", "all of q4", false, [0.2, 0.19]),
             curve(1, "seq", "all of seq", true, [0.25, 0.2]),
         ];
-        let with = |masses, several| Given { masses, several };
-        let rows = |given| of(&[], &unexplained, [(31, 0.5), (60, 0.2)], given).rows;
+        let (heavy, mut bare) = (arm().robot, arm().robot);
+        bare.joints.iter_mut().for_each(|j| j.mass = None);
+        let with = |masses, several| Given { robot: if masses { &heavy } else { &bare }, several };
+        let rows = |given: Given<'_>| of(&[], &unexplained, [(31, 0.5), (60, 0.2)], given).rows;
         let said: Vec<(String, bool)> = rows(with(true, false)).into_iter().map(|r| (r.text, r.corrected)).collect();
         let row = |text: &str, corrected| (text.to_owned(), corrected);
         assert_eq!(
@@ -645,7 +660,7 @@ mod tests {
                 row("Whole model, 60 parameters", true),
             ]
         );
-        let actions = |given| rows(given).into_iter().filter_map(|r| r.action).collect::<Vec<_>>();
+        let actions = |given: Given<'_>| rows(given).into_iter().filter_map(|r| r.action).collect::<Vec<_>>();
         assert_eq!(actions(with(true, false)), [OTHER_ANGLES[0], IN_THE_COURSE]);
         assert_eq!(actions(with(true, true)), [OTHER_ANGLES[1], IN_THE_COURSE]);
         assert_eq!(actions(with(false, false)), [GIVE_MASSES, IN_THE_COURSE]);

@@ -1,5 +1,7 @@
 //! Places, variables and regions in words.
 
+use trical_model::{JointKind, Robot};
+
 /// "97 %".
 pub(crate) fn percent(p: f64) -> String {
     format!("{:.0} %", 100.0 * p)
@@ -33,63 +35,81 @@ pub(crate) fn small(text: &str) -> String {
     chars.next().map_or_else(String::new, |c| c.to_lowercase().collect::<String>() + chars.as_str())
 }
 
-/// A variable in words: "q4" is "the angle of joint 4".
+/// A variable in words: "q4" is "the angle of joint 4", or its position where it slides.
 #[must_use]
-pub fn variable(name: &str) -> String {
-    let joint = |prefix| name.strip_prefix(prefix).filter(|n| n.parse::<usize>().is_ok());
+pub fn variable(name: &str, robot: &Robot) -> String {
+    let joint = |prefix| name.strip_prefix(prefix).and_then(|n| n.parse::<usize>().ok());
     match (name, joint("q"), joint("dir")) {
         ("seq", ..) => "the number of the pose".into(),
         ("time", ..) => "the time".into(),
+        (_, Some(n), _) if slides(n, robot) => format!("the position of joint {n}"),
         (_, Some(n), _) => format!("the angle of joint {n}"),
         (_, _, Some(n)) => format!("the sense of joint {n}'s last motion"),
         _ => name.to_owned(),
     }
 }
 
+/// Whether a joint, from 1, slides.
+fn slides(joint: usize, robot: &Robot) -> bool {
+    robot.joints.get(joint.wrapping_sub(1)).is_some_and(|j| j.kind == JointKind::Prismatic)
+}
+
 /// Where a mismatch without a known cause is, in words: "where the angle of joint 2 is below -32 deg", "depending on the angles of
 /// joints 1 and 4".
 #[must_use]
-pub fn region(region: &str) -> String {
+pub fn region(region: &str, robot: &Robot) -> String {
     match region.strip_prefix("all ").map(|all| all.strip_prefix("of ").ok_or(all)) {
-        Some(Ok(of)) => format!("depending on {}", variables(&of.split(", with ").collect::<Vec<_>>())),
+        Some(Ok(of)) => format!("depending on {}", variables(&of.split(", with ").collect::<Vec<_>>(), robot)),
         Some(Err(all)) => format!("in all {all}"),
         None => {
             let (name, rest) = region.split_once(' ').unwrap_or((region, ""));
             let rest = rest.replacen('<', "below", 1).replacen('>', "above", 1);
-            let mut what = variable(name);
-            if rest.contains(" mm") {
-                what = what.replace("the angle", "the position");
-            }
-            format!("where {what} is {rest}")
+            format!("where {} is {rest}", variable(name, robot))
         }
     }
 }
 
-/// Variables in words: "the angles of joints 3 and 4".
-pub(crate) fn variables(names: &[&str]) -> String {
+/// Variables in words: "the angles of joints 3 and 4", "the position of joint 1 and the angle of joint 4".
+pub(crate) fn variables(names: &[&str], robot: &Robot) -> String {
     let joints: Vec<usize> = names.iter().filter_map(|name| name.strip_prefix('q')?.parse().ok()).collect();
-    let all = joints.len() == names.len() && joints.len() > 1;
+    let all = joints.len() == names.len() && joints.len() > 1 && !joints.iter().any(|j| slides(*j, robot));
     match numbered("joint", joints).filter(|_| all) {
         Some(said) => format!("the angles of {said}"),
-        None => names.iter().map(|name| variable(name)).collect::<Vec<_>>().join(" and "),
+        None => names.iter().map(|name| variable(name, robot)).collect::<Vec<_>>().join(" and "),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_data::arm;
 
     #[test]
     fn regions_are_said_in_words() {
-        for (name, said) in [
-            ("q2 < -32 deg", "where the angle of joint 2 is below -32 deg"),
-            ("time from 20.0 to 30.0 s", "where the time is from 20.0 to 30.0 s"),
-            ("all of q4, with q1", "depending on the angles of joints 1 and 4"),
-            ("q1 from 200.0 to 900.0 mm", "where the position of joint 1 is from 200.0 to 900.0 mm"),
-            ("all of seq", "depending on the number of the pose"),
-            ("all moves, in proportion to the last one", "in all moves, in proportion to the last one"),
-        ] {
-            assert_eq!(region(name), said);
-        }
+        let mut robot = arm().robot;
+        let said = |robot: &Robot, names: &[[&str; 2]]| {
+            for [name, words] in names {
+                assert_eq!(region(name, robot), *words);
+            }
+        };
+        said(
+            &robot,
+            &[
+                ["q2 < -32 deg", "where the angle of joint 2 is below -32 deg"],
+                ["time from 20.0 to 30.0 s", "where the time is from 20.0 to 30.0 s"],
+                ["all of q4, with q1", "depending on the angles of joints 1 and 4"],
+                ["all of seq", "depending on the number of the pose"],
+                ["all moves, in proportion to the last one", "in all moves, in proportion to the last one"],
+            ],
+        );
+        robot.joints[0].kind = JointKind::Prismatic;
+        said(
+            &robot,
+            &[
+                ["q1 from 200.0 to 900.0 mm", "where the position of joint 1 is from 200.0 to 900.0 mm"],
+                ["all of q1", "depending on the position of joint 1"],
+                ["all of q4, with q1", "depending on the angle of joint 4 and the position of joint 1"],
+            ],
+        );
     }
 }

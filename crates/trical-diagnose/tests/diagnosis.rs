@@ -7,8 +7,8 @@ mod arm;
 use arm::{build, touch, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use trical_diagnose::{EffectId, Options, diagnose};
-use trical_ident::ParameterSet;
+use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};
+use trical_ident::{KnownParameters, ParameterSet};
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Site, Task, Term};
 
 /// The truth with one more term, which the baseline does not have.
@@ -20,7 +20,7 @@ fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
     model
 }
 
-fn diagnosed(model: &Model, seed: u64) -> trical_diagnose::Diagnosis {
+fn diagnosed(model: &Model, seed: u64) -> Diagnosis {
     let data = build(touch(model, 150, 8e-6, seed));
     diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap()
 }
@@ -132,4 +132,36 @@ fn a_bent_rail_and_a_carriage_that_turns_are_named_and_a_straight_rail_is_not() 
     assert!(evidence.holdout_rms_after_mm < 0.5 * evidence.holdout_rms_before_mm);
     assert_eq!(asked(0.0, 5e-4).1, [(EffectId::RailError, Place::Joint(1))]);
     assert_eq!(asked(0.0, 0.0).1, []);
+}
+
+#[test]
+fn what_is_known_beforehand_stays_known_in_a_diagnosis() {
+    let model = truth(ParameterSet::Compliance, 30);
+    let data = build(touch(&model, 90, 8e-6, 60));
+    let with = |known| {
+        let options = Options { known, ..Options::default() };
+        diagnose(&model.robot, &model.cell, &data, &options, &Task::silent())
+    };
+    let known = |name: &str, value: f64, sd: f64| {
+        let text = format!("[[parameter]]\nname = \"{name}\"\nvalue = {value}\nsd = {sd}\n");
+        KnownParameters::parse(&text, "known.toml").unwrap()
+    };
+    let a_2 = |d: &Diagnosis| d.model.terms.iter().find(|t| t.name == "a_2").map(|t| (t.value, t.sd.unwrap())).unwrap();
+    let term = model.terms.iter().find(|t| t.name == "a_2").unwrap();
+    let at = trical_ident::shown(&model, term).value;
+    let plain = with(KnownParameters::default()).unwrap();
+    // to 0.1 um, as from a coordinate measuring machine
+    let right = with(known("a_2", at, 1e-4)).unwrap();
+    assert!(right.findings.is_empty() && right.unexplained.is_none());
+    assert!((a_2(&right).0 - term.value).abs() < 1e-6 && a_2(&right).1 < 1.1e-7, "{:?}", a_2(&right));
+    assert!(a_2(&plain).1 > 10.0 * a_2(&right).1, "{:?}", a_2(&plain));
+    // half a millimetre wrong: the diagnosis does not fit it away, and says that the plain model does not hold
+    let wrong = with(known("a_2", at + 0.5, 1e-4)).unwrap();
+    assert!((a_2(&wrong).0 - term.value - 5e-4).abs() < 1e-6, "{:?}", a_2(&wrong));
+    assert!(wrong.baseline.rms_mm > 2.0 * plain.baseline.rms_mm);
+    // what says nothing changes nothing
+    let weak = with(known("a_2", at, 1e3)).unwrap();
+    assert!((a_2(&weak).0 - a_2(&plain).0).abs() < 1e-9 && weak.findings.is_empty());
+    let e = with(known("a_9", 1.0, 1.0)).unwrap_err().to_string();
+    assert!(e.starts_with("known.toml: parameter a_9 is not among those that are identified here"), "{e}");
 }

@@ -18,6 +18,7 @@ use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::solver::LmReport;
 use crate::stream::identify_stream;
+use crate::torque_load::{TorqueLoad, torque_loads};
 use crate::units::{Shown, shown};
 use crate::validate::score_session;
 
@@ -193,6 +194,8 @@ pub struct Calibration {
     pub distances: Vec<MeasuredDistance>,
     /// Physics that was tried at places held out.
     pub tried: Vec<TriedByPlace>,
+    /// What each session carries beside the first, by measured joint torques.
+    pub loads: Vec<TorqueLoad>,
 }
 
 impl Calibration {
@@ -262,6 +265,8 @@ struct Summary<'a> {
     distances: &'a [MeasuredDistance],
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     tried_by_place: &'a [TriedByPlace],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    loads: &'a [TorqueLoad],
     #[serde(skip_serializing_if = "Option::is_none")]
     passes: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -337,6 +342,7 @@ impl Serialize for Calibration {
             sessions: &self.sessions,
             distances: &self.distances,
             tried_by_place: &self.tried,
+            loads: &self.loads,
             passes: self.passes,
             forward_in_time: self.forward_in_time.map(|(last_percent, errors)| LastPercent { errors, last_percent }),
             cross_validation: self.cross_validation.map(|(folds, errors)| InFolds { errors, folds }),
@@ -410,6 +416,7 @@ pub fn calibrate(
         sessions: session_setups(&fitted),
         distances,
         tried,
+        loads: torque_loads(robot, cell, &data)?,
         fitted,
     })
 }
@@ -457,6 +464,7 @@ pub fn calibrate_stream(
         sessions: Vec::new(),
         distances: Vec::new(),
         tried: Vec::new(),
+        loads: Vec::new(),
         fitted: streamed.identified,
     })
 }

@@ -35,6 +35,10 @@ const MEASUREMENTS: usize = 240;
 /// One touch among more than this is not tried as a wrong one: many small ones would be.
 const FEW: usize = 60;
 
+/// Where nothing that one place of the arm can do brings a coordinate closer than this, m, and than so many times the old session's noise,
+/// the arm is another one, or the recording is in other units: a bent link leaves some millimetres.
+const ANOTHER_ARM: (f64, f64) = (1e-2, 100.0);
+
 /// A change that would have to be larger than this to be seen is not called visible: only its share that something else does not take up
 /// is seen at all.
 const LARGEST_MM: f64 = 20.0;
@@ -125,7 +129,8 @@ struct Explanation {
 /// Compares a new recording with the model of `file`, which has to know how uncertain it is ([`ModelFile::of_fit`]).
 ///
 /// # Errors
-/// A model that does not know its uncertainty, or was learnt on this very recording; data that the model cannot predict.
+/// A model that does not know its uncertainty, or was learnt on this very recording; data that the model cannot predict, or that are of
+/// another arm.
 pub fn compare(
     cell: &Cell,
     file: &ModelFile,
@@ -164,6 +169,14 @@ pub fn compare(
     out.noise_mm = uncertainty.noise * 1e3;
     out.temp_c = (!temperatures.is_empty()).then(|| mean(&temperatures));
     out.summary = in_words(&out);
+    let left = out.more_noise * uncertainty.noise;
+    if left > ANOTHER_ARM.0 && out.more_noise > ANOTHER_ARM.1 {
+        return Err(IdentError::WrongModel(format!(
+            "{}: the model misses these measurements by {:.0} mm on average, and no change of one joint, the tool or the base explains more \
+             than a part of it; expected a recording of the arm that the model is of, '{}'",
+            recording.name, out.mean_mm, file.model.robot.name
+        )));
+    }
     Ok(out)
 }
 

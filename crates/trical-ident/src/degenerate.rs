@@ -270,7 +270,7 @@ pub fn check_balls(cell: &Cell, data: &Dataset) -> Result<()> {
             if (p - q).norm() < LEAST {
                 let apart = (p - q).norm() * 1e3;
                 return bad(format!(
-                    "[balls] of the cell: balls {} and {} stand in the same place ({apart:.3} mm apart)",
+                    "[balls] of the cell: balls {} and {} stand in the same place ({apart:.3} mm apart; the cell file is in mm)",
                     b + 1,
                     a + 1
                 ));

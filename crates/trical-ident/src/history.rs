@@ -2,12 +2,14 @@
 
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use trical_model::{Cell, Recording};
+use trical_model::{Cell, Forward, Recording};
 
 use crate::compare::{Comparison, compare};
 use crate::dataset::JointSource;
 use crate::error::{IdentError, Result};
+use crate::fit::position_errors;
 use crate::model_file::ModelFile;
+use crate::validate::adapted;
 
 /// Errors over sessions as a straight line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -20,12 +22,29 @@ pub struct Trend {
     pub p_value: f64,
 }
 
+/// A recording that the model was learnt on: where the history begins.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Beginning {
+    /// The recording.
+    pub recording: String,
+    /// Measurements in it.
+    pub measurements: usize,
+    /// Mean position error of the model there, mm: what the fit left.
+    pub mean_mm: f64,
+    /// Mean temperature, degC, where it was recorded.
+    pub temp_c: Option<f64>,
+    /// Its day, as in [`History::days`].
+    pub day: Option<f64>,
+}
+
 /// What a folder of sessions tells.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct History {
-    /// Each session, in the order in which they were given.
+    /// Recordings that the model was learnt on; they are not compared with it, nor part of the trend.
+    pub learnt: Vec<Beginning>,
+    /// Each other session, in the order in which they were given.
     pub sessions: Vec<Comparison>,
-    /// Days of the sessions since the first, by dates such as 2026-11-22 in their names; `null` where some have none.
+    /// Days of the sessions since the first recording, by dates such as 2026-11-22 in their names; `null` where some have none.
     pub days: Option<Vec<f64>>,
     /// How errors grow; `null` for fewer than four sessions.
     pub trend: Option<Trend>,
@@ -33,7 +52,8 @@ pub struct History {
     pub due: String,
 }
 
-/// Every recording against the model of `file`; those that it was learnt on are left out. `need_mm` is the mean error that the work bears.
+/// Every recording against the model of `file`; of those that it was learnt on only the error is told. `need_mm` is the mean error that
+/// the work bears.
 ///
 /// # Errors
 /// As [`compare`], and no recording beside those that the model was learnt on.
@@ -44,19 +64,40 @@ pub fn history(
     joints: Option<JointSource>,
     need_mm: Option<f64>,
 ) -> Result<History> {
-    let later = recordings.iter().filter(|r| file.session_of(&crate::dataset::fingerprint(r)).is_none());
-    let sessions = later.map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
+    let is_later = |r: &&Recording| file.session_of(&crate::dataset::fingerprint(r)).is_none();
+    let (later, own): (Vec<&Recording>, Vec<&Recording>) = recordings.iter().partition(is_later);
+    let sessions = later.into_iter().map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
+    let mut learnt = own.into_iter().map(|r| beginning(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
     if sessions.is_empty() {
         return Err(IdentError::NotEnough("no session beside those that the model was fitted to".into()));
     }
     let days: Option<Vec<f64>> = sessions.iter().map(|s| day_in(&s.recording)).collect();
-    let days = days.map(|d| d.iter().map(|x| x - d[0]).collect::<Vec<_>>());
+    let of_learnt = learnt.iter().filter_map(|b| b.day);
+    let first = of_learnt.chain(days.iter().flatten().copied()).fold(f64::INFINITY, f64::min);
+    let days = days.map(|d| d.iter().map(|x| x - first).collect::<Vec<_>>());
+    learnt.iter_mut().for_each(|b| b.day = b.day.filter(|_| days.is_some()).map(|day| day - first));
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let steps = days.clone().unwrap_or_else(|| (0..sessions.len()).map(|k| k as f64).collect());
     let errors: Vec<f64> = sessions.iter().map(|s| s.mean_mm).collect();
     let trend = trend(&steps, &errors);
     let due = due(&sessions, &steps, trend, need_mm, if days.is_some() { "days" } else { "sessions" });
-    Ok(History { sessions, days, trend, due })
+    Ok(History { learnt, sessions, days, trend, due })
+}
+
+/// A recording that the model was learnt on, its day as its name has it.
+fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Option<JointSource>) -> Result<Beginning> {
+    let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, None, true)?;
+    let errors = position_errors(&Forward::new(adapted.identified()?, Vec::new())?, &adapted.data);
+    let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
+    Ok(Beginning {
+        recording: recording.name.clone(),
+        measurements: errors.len(),
+        mean_mm: mean(&errors) * 1e3,
+        temp_c: (!temperatures.is_empty()).then(|| mean(&temperatures)),
+        day: day_in(&recording.name),
+    })
 }
 
 /// A date such as 2026-11-22 in a name, in days.
@@ -105,6 +146,13 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
     };
     if last.mean_mm > need {
         return format!("Now: the mean error is {:.3} mm, more than the {need} mm that the work allows.", last.mean_mm);
+    }
+    if trend.is_none() {
+        return format!(
+            "Not yet: the mean error is {:.3} mm of the {need} mm that the work allows. Whether it grows cannot be told from fewer than four \
+             sessions.",
+            last.mean_mm
+        );
     }
     match trend.filter(|t| t.p_value < 0.05) {
         None => format!(

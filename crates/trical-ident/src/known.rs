@@ -114,7 +114,7 @@ impl KnownParameters {
     ///
     /// # Errors
     /// A parameter that the model does not have.
-    pub(crate) fn of(&self, model: &Model) -> Result<Vec<Known>> {
+    pub fn of(&self, model: &Model) -> Result<Vec<Known>> {
         let mut out = vec![Known::NOTHING; model.terms.len()];
         for k in &self.parameter {
             let error = |problem: String| IdentError::File { file: self.file.clone(), problem };

@@ -7,6 +7,7 @@
 //! | [`start`], [`trilateration`] | closed-form starting values |
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`known`] | priors and limits of parameters |
+//! | [`torque_load`] | loads on the flange, by measured joint torques |
 //! | [`identifiability`] | parameter sets, rank, covariance, observability |
 //! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |
@@ -49,6 +50,7 @@ pub mod simulate;
 pub mod solver;
 pub mod start;
 pub mod stream;
+pub mod torque_load;
 pub mod touches;
 pub mod trilateration;
 pub mod units;
@@ -75,6 +77,7 @@ pub use predicted::{Expected, Predicted};
 pub use repeatability::{Repeatability, repeatability};
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{Streamed, identify_stream};
+pub use torque_load::{TorqueLoad, torque_loads};
 pub use touches::{model_of_touches, usual_set};
 pub use units::{Shown, shown, unit};
 pub use validate::{LeftOut, Refit, Region, SessionErrors, Validation, validate};

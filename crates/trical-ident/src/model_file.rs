@@ -504,6 +504,10 @@ impl ModelFile {
         };
         match differs {
             None => Ok(()),
+            Some(what) if own.name == robot.name => Err(IdentError::WrongModel(format!(
+                "{name} was made with another robot file of '{}': it has {what}; expected the file that it was made with",
+                own.name
+            ))),
             Some(what) => Err(IdentError::WrongModel(format!(
                 "{name} is a model of '{}', not of '{}': it has {what}",
                 own.name, robot.name

@@ -4,10 +4,13 @@
 //! what belongs to that session (measuring frame, place of the balls, tool points) is identified there from some of its poses and the
 //! others are scored, or it is taken as the model has it.
 
-use trical_model::{Basis, Cell, Forward, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Term};
+use trical_model::{
+    Basis, Cell, Forward, JointKind, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Term,
+};
 
 use crate::ball_places::{self, place_of, training_poses};
 use crate::dataset::{Dataset, JointSource, Observation, References, Rejected};
+use crate::degenerate::hardly_moving;
 use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
@@ -245,7 +248,7 @@ pub fn validate(
         beyond: (!visited.is_empty()).then(|| beyond.iter().filter(|b| **b).count()),
         predicted,
         sessions: sessions.collect(),
-        regions: regions(&scored, &pairs, &beyond),
+        regions: regions(robot, &scored, &pairs, &beyond),
         left_out,
         rejected,
         errors: pairs,
@@ -496,8 +499,17 @@ fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
         .collect()
 }
 
-/// Errors by joint angle, ball, and place; and, where some are `beyond` the angles that the model was learnt at, of these and the others.
-fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region> {
+/// "q2 -32.0 to 10.5 deg", "q1 0.0 to 900.0 mm" where joint 1 slides.
+fn stretch(robot: &Robot, joint: usize, ends: [f64; 2]) -> String {
+    let slides = robot.joints.get(joint).is_some_and(|j| j.kind == JointKind::Prismatic);
+    let (scale, unit) = if slides { (1e3, "mm") } else { (1.0_f64.to_degrees(), "deg") };
+    // no "-0.0"
+    let [low, high] = ends.map(|q| (q * scale * 10.0).round() / 10.0 + 0.0);
+    format!("q{} {low:.1} to {high:.1} {unit}", joint + 1)
+}
+
+/// Errors by joint angle (of joints that move), ball, and place; and, where some are `beyond` the angles that the model was learnt at, of these and the others.
+fn regions(robot: &Robot, data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region> {
     let mut out = Vec::new();
     let mut add = |region: String, pick: &dyn Fn(usize) -> bool| {
         let chosen: Vec<&(f64, f64)> = errors.iter().enumerate().filter(|(i, _)| pick(*i)).map(|(_, e)| e).collect();
@@ -515,7 +527,8 @@ fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region
         add("joint angles that the model was fitted at".into(), &|i| !beyond[i]);
         add("other joint angles".into(), &|i| beyond[i]);
     }
-    for joint in 0..data.dof {
+    let resting = hardly_moving(robot, data);
+    for joint in (0..data.dof).filter(|joint| !resting.iter().any(|(k, _)| k == joint)) {
         let q: Vec<f64> = o.iter().map(|o| o.state.q[joint]).collect();
         let mut sorted = q.clone();
         sorted.sort_by(f64::total_cmp);
@@ -523,7 +536,7 @@ fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region
         let quarter = |k: usize| sorted[(k * (n - 1)) / 4];
         for k in 0..4 {
             let (low, high) = (quarter(k), quarter(k + 1));
-            let name = format!("q{} {:.1} to {:.1} deg", joint + 1, low.to_degrees(), high.to_degrees());
+            let name = stretch(robot, joint, [low, high]);
             add(name, &|i| q[i] >= low && (q[i] < high || (k == 3 && q[i] <= high)));
         }
     }
@@ -558,4 +571,43 @@ fn regions(data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use trical_model::{Row, State};
+
+    #[test]
+    fn regions_of_a_rail_are_in_mm_without_negative_zeros_and_a_joint_at_rest_has_none() {
+        let text = include_str!("../../trical-model/tests/data/arm.toml");
+        let mut robot = Robot::parse(text, "arm.toml").unwrap();
+        robot.joints[0].kind = JointKind::Prismatic;
+        let row = |k: u32| Row {
+            state: State::at(&[0.1 * f64::from(k), -1e-7, 0.2 - 0.1 * f64::from(k)]),
+            measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+            seq: None,
+            line: k as usize + 2,
+        };
+        let rows: Vec<Row> = (0..5).map(row).collect();
+        let recording = Recording { name: "r".into(), joints: 6, rows, ..Recording::default() };
+        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        let regions = regions(&robot, &data, &[(1e-3, 1e-4); 5], &[false; 5]);
+        let names: Vec<&str> = regions.iter().map(|r| r.region.as_str()).collect();
+        assert_eq!(
+            names,
+            [
+                "q1 0.0 to 100.0 mm",
+                "q1 100.0 to 200.0 mm",
+                "q1 200.0 to 300.0 mm",
+                "q1 300.0 to 400.0 mm",
+                "q3 -11.5 to -5.7 deg",
+                "q3 -5.7 to 0.0 deg",
+                "q3 0.0 to 5.7 deg",
+                "q3 5.7 to 11.5 deg",
+                "ball 1"
+            ]
+        );
+    }
 }

@@ -104,3 +104,37 @@ fn months_of_growing_errors_say_when_the_next_calibration_is_due() {
     let h = history(&truth.cell, &file, &sessions[..4], None, Some(0.01)).unwrap();
     assert!(h.due.starts_with("Now: the mean error is"), "{}", h.due);
 }
+
+#[test]
+fn a_history_begins_with_the_recording_that_the_model_was_learnt_on() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let own = Recording { name: "2026-01-01 old.csv".into(), ..arm::touch(&truth, 90, NOISE, 1) };
+    let sessions = [own, later(&truth, None, "2026-02-01.csv", 7), later(&truth, None, "2026-02-03.csv", 8)];
+    let h = history(&truth.cell, &file, &sessions, None, None).unwrap();
+    assert_eq!((h.learnt.len(), h.sessions.len()), (1, 2));
+    let first = &h.learnt[0];
+    assert_eq!((first.recording.as_str(), first.measurements, first.day), ("2026-01-01 old.csv", 90, Some(0.0)));
+    assert!(first.mean_mm > 0.005 && first.mean_mm < 0.02, "{first:?}");
+    assert_eq!(h.days, Some(vec![31.0, 33.0]), "days since the calibration");
+    let h = history(&truth.cell, &file, &sessions, None, Some(0.2)).unwrap();
+    assert!(h.due.starts_with("Not yet") && h.due.contains("fewer than four sessions"), "{}", h.due);
+    // a recording without a date leaves sessions to be counted
+    let other = Recording { name: "old.csv".into(), ..sessions[0].clone() };
+    let h = history(&truth.cell, &file, &[other, sessions[1].clone()], None, None).unwrap();
+    assert_eq!((h.learnt[0].day, h.days), (None, Some(vec![0.0])));
+}
+
+#[test]
+fn another_arm_is_not_told_as_unchanged() {
+    let truth = truth();
+    let mut other = truth.clone();
+    for (k, joint) in other.robot.joints.iter_mut().enumerate() {
+        joint.a += 0.05 * (k as f64 - 2.0);
+        joint.d += 0.04;
+    }
+    let recording = Recording { name: "other.csv".into(), ..arm::touch(&other, 40, NOISE, 3) };
+    let e = compare(&truth.cell, &calibrated(&truth), &recording, None).unwrap_err().to_string();
+    assert!(e.starts_with("other.csv: the model misses these measurements by"), "{e}");
+    assert!(e.contains("expected a recording of the arm that the model is of"), "{e}");
+}

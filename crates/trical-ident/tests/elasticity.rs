@@ -6,8 +6,10 @@ mod arm;
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::{Aim, Calibration, Options, ParameterSet, Scatter, calibrate, simulate};
-use trical_model::{Basis, Model, Pose, Recording, Shape, Site, State, Task, Term, Variable};
+use trical_ident::{
+    Aim, Calibration, Dataset, JointSource, Options, ParameterSet, Scatter, calibrate, simulate, torque_loads,
+};
+use trical_model::{Basis, Forward, Measured, Model, Pose, Recording, Row, Shape, Site, State, Task, Term, Variable};
 
 /// An arm without masses, seen by a tracker: every parameter of its geometry off by chance.
 fn without_masses(seed: u64) -> Model {
@@ -161,4 +163,46 @@ fn weak_priors_do_not_make_a_model_of_another_arm() {
         // what converges by itself is said to be as bad as it is, beside its cautions
         assert!(c.errors.mean_mm > 50.0 && !c.cautions().is_empty(), "{:?} {:?}", c.errors, c.cautions());
     }
+}
+
+/// Poses with the torques that hold the arm, to 0.05 N m, with zeros of the sensors of some tenths; no other measurement matters.
+fn weighed(arm: &Model, poses: usize, seed: u64) -> Recording {
+    let forward = Forward::new(arm.clone(), Vec::new()).unwrap();
+    let (mut ws, mut rng) = (forward.workspace(), Pcg64Mcg::seed_from_u64(seed));
+    let row = |k: usize| {
+        let q: Vec<f64> = WIDE.iter().map(|s| rng.random_range(-*s..*s)).collect();
+        let mut state = State::at(&q);
+        let gravity = forward.gravity_torques(&state, &mut ws).unwrap();
+        state.torques = Some(std::array::from_fn(|j| {
+            if j < 6 { -gravity[j] + 0.1 * (j as f64 - 2.0) + rng.random_range(-0.087..0.087) } else { 0.0 }
+        }));
+        Row { state, measured: Measured::Touch { ball: 0, reading: [0.0; 3] }, seq: None, line: k + 2 }
+    };
+    Recording { name: format!("{seed}.csv"), joints: 6, rows: (0..poses).map(row).collect(), ..Recording::default() }
+}
+
+#[test]
+fn a_load_on_the_flange_is_found_by_measured_torques_without_masses() {
+    let arm = arm::truth(ParameterSet::Geometry, 5);
+    let mut loaded = arm.clone();
+    let cog = nalgebra::Vector3::new(0.02, -0.03, 0.09);
+    loaded.cell.tool.cog = (arm.cell.tool.cog * arm.cell.tool.mass + cog * 2.5) / (arm.cell.tool.mass + 2.5);
+    loaded.cell.tool.mass = arm.cell.tool.mass + 2.5;
+    let recordings = [weighed(&arm, 120, 1), weighed(&loaded, 90, 2), weighed(&arm, 90, 3)];
+    let data = Dataset::build(&recordings, JointSource::Read, None).unwrap();
+    let mut bare = arm.robot.clone();
+    bare.joints.iter_mut().for_each(|j| j.mass = None);
+    let loads = torque_loads(&bare, &arm.cell, &data).unwrap();
+    assert_eq!(loads.len(), 2);
+    let (more, same) = (&loads[0], &loads[1]);
+    assert!((more.mass_kg - 2.5).abs() < (3.0 * more.sd_kg).min(0.1), "{more:?}");
+    let found = more.cog_mm.unwrap();
+    assert!((0..3).all(|k| (found[k] - 1e3 * cog[k]).abs() < 5.0), "{found:?}");
+    assert!(
+        more.in_words().starts_with("By the measured torques 2.csv has 2.") && more.in_words().contains("more on the")
+    );
+    assert!(same.in_words().starts_with("By the measured torques 3.csv has the load of 1.csv, within"), "{same:?}");
+    // without torques, and for one session, nothing is said
+    let one = Dataset::build(&recordings[..1], JointSource::Read, None).unwrap();
+    assert!(torque_loads(&bare, &arm.cell, &one).unwrap().is_empty());
 }

@@ -158,9 +158,11 @@ pub fn _diagnose<'py>(
     names_only: bool,
     tool: &str,
     next: Option<usize>,
+    known: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Diagnosed<'py>> {
-    let options = trical_diagnose::Options { joints: source(joints)?, names_only, tool: sharing(tool)? };
+    let known = known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
+    let options = trical_diagnose::Options { joints: source(joints)?, names_only, tool: sharing(tool)?, known };
     let (robot, cell) = read(&robot, &cell)?;
     if next.is_some() && cell.balls.is_empty() {
         return Err(bad("next: found no [balls] in the cell, expected balls that can be touched").into());

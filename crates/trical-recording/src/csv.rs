@@ -287,6 +287,12 @@ impl Cells<'_, '_> {
         }
         state.t = self.optional(slots.one(Field::Time))?;
         state.temp_c = self.optional(slots.one(Field::Temperature))?;
+        if let Some(slot) = slots.one(Field::Temperature).filter(|_| state.temp_c.is_some_and(|t| !ROOM_C.contains(&t)))
+        {
+            return Err(
+                self.unexpected(slot, &format!("a temperature from {} to {} degC", ROOM_C.start(), ROOM_C.end()))
+            );
+        }
         state.payload_kg = self.optional(slots.one(Field::Payload))?;
         state.torques = self.optional_numbers(slots.all(Field::Torques))?;
         if let Some(slot) = slots.one(Field::Place).filter(|s| !self.empty(*s)) {
@@ -322,6 +328,9 @@ pub(crate) struct Parser<'a> {
 
 /// So many problems of a file are told at most.
 const MOST_PROBLEMS: usize = 6;
+
+/// Temperatures in which arms are measured, degC, with room beyond.
+const ROOM_C: std::ops::RangeInclusive<f64> = -100.0..=200.0;
 
 /// One message with all problems of a file, the first one first.
 fn all_in_one(problems: Vec<RecordError>) -> Option<RecordError> {
@@ -475,6 +484,11 @@ pub(crate) fn header_names(line: &str) -> Vec<String> {
 /// As [`load_csv`].
 pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     let problem = |p: &str| RecordError::File { file: file.to_owned(), problem: p.to_owned() };
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err(problem(
+            "is text in UTF-16; expected a CSV recording in UTF-8 (a spreadsheet saves it as \"CSV UTF-8\")",
+        ));
+    }
     let text = std::str::from_utf8(bytes).map_err(|_| problem("is not a text file; expected a CSV recording"))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim().is_empty() {

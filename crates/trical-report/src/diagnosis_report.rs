@@ -405,7 +405,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 vec![Figure {
                     caption: format!("The curve that was fitted{beside}."),
                     svg: plots::scatter(
-                        &format!("{}, {}", verdict::variable(&u.variable), u.curve_units.0),
+                        &format!("{}, {}", verdict::variable(&u.variable, &d.model.robot), u.curve_units.0),
                         &format!("correction, {}", u.curve_units.1),
                         false,
                         true,
@@ -419,7 +419,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 text: vec![format!(
                     "{site} is off, {}, and no effect of the catalogue explains it. {how} lowers the error at unseen poses from \
                      {:.4} to {:.4} mm rms.",
-                    verdict::region(&u.region), u.holdout_rms_before_mm, u.holdout_rms_after_mm
+                    verdict::region(&u.region, &d.model.robot), u.holdout_rms_before_mm, u.holdout_rms_after_mm
                 )],
                 figures,
                 ..Section::default()

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use trical_ident::ErrorSummary;
-use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Model, Site, State};
+use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Model, Site, State, Term};
 
 use crate::error::Result;
 use crate::table::csv;
@@ -27,12 +27,16 @@ pub struct ErrorMap {
 
 impl ErrorMap {
     /// Where the nominal arm's TCP is, from its base, and how far the model's is from there, at random poses. What only places
-    /// the arm in the cell does not count; nor do time, temperature and sense of motion, which a pose does not have.
+    /// the arm in the cell does not count, nor does the tool: both arms carry the one that was identified. Time, temperature and sense
+    /// of motion do not count either: a pose does not have them.
     pub fn of(model: &Model, poses: usize) -> Result<Self> {
         let mut standing = model.clone();
         standing.terms.retain(|t| !matches!(t.site, Site::Base(_)));
         let real = Forward::new(standing, Vec::new())?;
-        let nominal = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new())?;
+        let mut nominal = Model::nominal(model.robot.clone(), model.cell.clone());
+        let tool = |t: &&Term| matches!(t.site, Site::Tool(_)) && t.basis.is_constant();
+        nominal.terms.extend(model.terms.iter().filter(tool).cloned());
+        let nominal = Forward::new(nominal, Vec::new())?;
         let base = model.cell.world_from_base.inverse();
         let (mut a, mut b) = (real.workspace(), nominal.workspace());
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(20_261_121);
@@ -75,10 +79,10 @@ impl ErrorMap {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use trical_model::{Basis, Cell, Motion, Parameter, Robot, Term};
+    use trical_model::{Basis, Cell, Motion, Parameter, Robot};
 
     #[test]
-    fn the_map_of_a_turned_first_joint_is_a_rotation_and_the_base_does_not_count() {
+    fn the_map_of_a_turned_first_joint_is_a_rotation_and_base_and_tool_do_not_count() {
         let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "r").unwrap();
         let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "c").unwrap();
         let mut model = Model::nominal(robot, cell);
@@ -86,7 +90,13 @@ mod tests {
         for (site, value) in [(zero, 1e-3), (Site::Base(Motion::ALL[0]), 5e-3)] {
             model.terms.push(Term { value, ..Term::new("t", "geometry", site, Basis::CONSTANT) });
         }
+        let same_tool = ErrorMap::of(&model, 200).unwrap().summary();
+        // a probe is 90 mm from where the cell's file has it
+        model
+            .terms
+            .push(Term { value: 0.09, ..Term::new("tool_z", "setup", Site::Tool(Motion::ALL[2]), Basis::CONSTANT) });
         let map = ErrorMap::of(&model, 200).unwrap();
+        assert!((map.summary().mean_mm - same_tool.mean_mm).abs() < 0.1, "{:?}", map.summary());
         let (text, errors) = (map.csv(), map.summary());
         let mut largest: f64 = 0.0;
         for line in text.lines().skip(1) {

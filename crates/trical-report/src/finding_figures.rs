@@ -24,8 +24,8 @@ const SHORT_LEVER: f64 = 0.25;
 /// Points of a fitted curve.
 const CURVE: u32 = 400;
 
-/// Most cycles a turn of a spectrum.
-const CYCLES: u32 = 256;
+/// Most cycles a turn of a spectrum: more than any gear that is named has.
+const CYCLES: u32 = 320;
 
 /// How a joint is off at each measurement, without a finding and all else modelled.
 struct Angles {
@@ -68,16 +68,42 @@ fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
     Ok(Some(Angles { joint, points: points.collect(), terms }))
 }
 
-/// Value and standard deviation (coefficients taken as independent) of the fitted curve at an angle, deg.
-fn curve_at(terms: &[Term], deg: f64) -> (f64, f64) {
-    let u = deg.to_radians();
-    let (mut value, mut variance) = (0.0, 0.0);
-    for t in terms {
-        let b = t.basis.shape.at(u).0;
-        value += t.value * b;
-        variance += (t.sd.unwrap_or(0.0) * b).powi(2);
+/// How the coefficients of a curve go together: their covariance, row by row, and the mean of each basis over the measurements.
+struct Spread {
+    covariance: Vec<f64>,
+    middle: Vec<f64>,
+}
+
+impl Spread {
+    /// Coefficients are taken as independent where the fit has too many to keep their correlation.
+    fn of(a: &Angles, d: &Diagnosis) -> Self {
+        let terms = &a.terms;
+        let place = |t: &Term| d.uncertainty.as_ref().and_then(|u| u.names.iter().position(|name| *name == t.name));
+        let places: Vec<Option<usize>> = terms.iter().map(place).collect();
+        let sd = |k: usize| terms[k].sd.unwrap_or(0.0);
+        let correlation = |i: usize, j: usize| match (&d.uncertainty, places[i], places[j]) {
+            _ if i == j => 1.0,
+            (Some(u), Some(a), Some(b)) => u.correlation[a * u.names.len() + b],
+            _ => 0.0,
+        };
+        let n = terms.len();
+        let covariance = (0..n * n).map(|k| correlation(k / n, k % n) * sd(k / n) * sd(k % n)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let count = a.points.len().max(1) as f64;
+        let mean = |t: &Term| a.points.iter().map(|p| t.basis.shape.at(p.1.to_radians()).0).sum::<f64>() / count;
+        Self { covariance, middle: terms.iter().map(mean).collect() }
     }
-    (value.to_degrees(), variance.sqrt().to_degrees())
+
+    /// Value of the fitted curve at an angle, and the standard deviation of how far it is from its mean, which cannot be told from the
+    /// joint's zero, deg.
+    fn curve_at(&self, terms: &[Term], deg: f64) -> (f64, f64) {
+        let b: Vec<f64> = terms.iter().map(|t| t.basis.shape.at(deg.to_radians()).0).collect();
+        let value: f64 = terms.iter().zip(&b).map(|(t, b)| t.value * b).sum();
+        let off: Vec<f64> = b.iter().zip(&self.middle).map(|(b, m)| b - m).collect();
+        let row = |(row, x): (&[f64], &f64)| x * row.iter().zip(&off).map(|(c, y)| c * y).sum::<f64>();
+        let variance: f64 = self.covariance.chunks(off.len().max(1)).zip(&off).map(row).sum();
+        (value.to_degrees(), variance.max(0.0).sqrt().to_degrees())
+    }
 }
 
 fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
@@ -97,9 +123,10 @@ fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
             }
         })
         .collect();
+    let spread = Spread::of(a, d);
     let curve = (0..=CURVE).map(|k| {
         let deg = low + (high - low) * f64::from(k) / f64::from(CURVE);
-        let (value, sd) = curve_at(&a.terms, deg);
+        let (value, sd) = spread.curve_at(&a.terms, deg);
         (deg, value * 1e3, (value - 1.96 * sd) * 1e3, (value + 1.96 * sd) * 1e3)
     });
     let band = Band { name: "fitted, 95 %".into(), color: BEFORE, points: curve.collect() };
@@ -107,7 +134,7 @@ fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
     Ok(Figure {
         caption: format!(
             "By how much joint {joint} is off, in thousandths of a degree: what each measurement asks for, everything else modelled, and \
-             the fitted curve with its 95 % band."
+             the fitted curve with its 95 % band (about the curve's mean, which the joint's zero takes up)."
         ),
         svg: plots::curve_over_data(&format!("angle of joint {joint}, deg"), "joint off, mdeg", &series, &band)?,
     })
@@ -186,11 +213,20 @@ mod tests {
     }
 
     #[test]
-    fn the_band_of_a_curve_is_that_of_its_coefficients() {
+    fn the_band_of_a_curve_is_that_of_its_coefficients_together() {
         let basis = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 1.0 });
         let mut term = Term::new("sine_1", "joint_harmonic", Site::Joint { joint: 1 }, basis);
         (term.value, term.sd) = (0.01_f64.to_radians(), Some(0.001_f64.to_radians()));
-        let (value, sd) = curve_at(&[term], 90.0);
+        let variance = 0.001_f64.to_radians().powi(2);
+        let band = |covariance: &[f64], terms: &[Term], middle: f64| {
+            let spread = Spread { covariance: covariance.to_vec(), middle: vec![middle; terms.len()] };
+            spread.curve_at(terms, 90.0)
+        };
+        let (value, sd) = band(&[variance], &[term.clone()], 0.0);
         assert!((value - 0.01).abs() < 1e-12 && (sd - 0.001).abs() < 1e-12);
+        // a mean that the zero of the joint takes up is not in doubt; nor is a sum of which only the parts are
+        assert!((band(&[variance], &[term.clone()], 0.75).1 - 0.00025).abs() < 1e-12);
+        let (value, sd) = band(&[variance, -variance, -variance, variance], &[term.clone(), term], 0.0);
+        assert!((value - 0.02).abs() < 1e-12 && sd < 1e-12);
     }
 }

@@ -18,6 +18,9 @@ const SQUARES: f64 = 17.0;
 const PANEL: f64 = 270.0;
 const MARGIN: [f64; 3] = [56.0, 24.0, 34.0];
 
+/// A panel that is narrower has no room for the name of its axis between two numbers.
+const LABEL: f64 = 190.0;
+
 /// Pale yellow over red to black: light and dark tell small from large on paper too.
 const COLORS: [[f64; 3]; 4] = [[252.0, 248.0, 214.0], [246.0, 190.0, 86.0], [205.0, 72.0, 58.0], [66.0, 14.0, 52.0]];
 
@@ -144,7 +147,8 @@ fn draw(panels: &[Panel]) -> String {
             bottom + 15.0,
             high(grid.columns, 0),
             0.5 * (x0 + end),
-            bottom + 15.0,
+            // between the numbers, where there is room
+            bottom + if end - x0 > LABEL { 15.0 } else { 30.0 },
             panel.axes[0],
             x0 - 6.0,
             grid.low[1],
@@ -213,8 +217,8 @@ pub fn section(model: &Model) -> Result<Section> {
         heading: "Position error of the nominal arm over its whole workspace, by this model".into(),
         text: vec![format!(
             "At {POSES} poses at random within the limits of the joints the nominal arm's tool is {:.3} mm from where this model \
-             says that it is, on average; {:.3} mm at most. Seen from the arm's own base: where the arm stands in the cell does \
-             not count, nor do time, temperature and sense of motion. These numbers are predictions of the model; beyond the measured joint angles they are extrapolated.",
+             says that it is, on average; {:.3} mm at most. Seen from the arm's own base, with the tool that was identified: where \
+             the arm stands and how its tool is mounted does not count, nor do time, temperature and sense of motion. These numbers are predictions of the model; beyond the measured joint angles they are extrapolated.",
             all.mean_mm, all.max_mm
         )],
         figures: vec![Figure {

@@ -6,7 +6,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`page`] | a report as one HTML file: sections, tables, figures, how it was made |
-//! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`] | what each says |
+//! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`], [`history_report`] | what each says |
 //! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`finding_figures`] | the curve or the spectrum of a finding |
@@ -14,7 +14,7 @@
 //! | [`verdict_told`] | a diagnosis in a few lines |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
-//! | [`study`] | whole calibrations by simulation |
+//! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
 //! | [`table`] | tables and paragraphs for a terminal |
 
 pub mod blindness;
@@ -27,10 +27,12 @@ pub mod evidence;
 pub mod export;
 pub mod finding_figures;
 pub mod heat;
+pub mod history_report;
 pub mod identify_report;
 pub mod outline;
 pub mod page;
 pub mod picture;
+pub mod places;
 pub mod plan_report;
 pub mod plan_told;
 pub mod plots;

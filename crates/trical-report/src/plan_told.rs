@@ -117,7 +117,8 @@ impl Told {
             }
         )];
         for (reason, n) in rejected(&self.plan).iter().filter(|r| *r.1 > 0) {
-            out.push(format!("  {n:>6} candidates dropped: {reason}"));
+            let s = if *n == 1 { "" } else { "s" };
+            out.push(format!("  {n:>6} candidate{s} dropped: {reason}"));
         }
         if !self.determined() {
             out.push(format!(

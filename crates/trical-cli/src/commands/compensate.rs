@@ -169,7 +169,8 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         }
     }
     let words = if args.check { "would be rewritten" } else { "rewritten" };
-    say(format!("{} targets {words}, the farthest moved by {:.3} mm", report.rewritten, mm(report.largest_move)))?;
+    let s = if report.rewritten == 1 { "" } else { "s" };
+    say(format!("{} target{s} {words}, the farthest moved by {:.3} mm", report.rewritten, mm(report.largest_move)))?;
     say(format!(
         "Error that the model predicts, mm: mean {:.3}, max {:.3} before; mean {:.4}, max {:.4} after",
         mm(report.before[0]),
@@ -199,7 +200,8 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         say(format!("  read with it: {}", report.read_with.join(", ")))?;
     }
     if !report.problems.is_empty() {
-        say(format!("  {} left as they are:", report.problems.len()))?;
+        let they_are = if report.problems.len() == 1 { "it is" } else { "they are" };
+        say(format!("  {} left as {they_are}:", report.problems.len()))?;
         for problem in &report.problems {
             say(format!("    {problem}"))?;
         }

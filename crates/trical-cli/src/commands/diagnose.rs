@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 use trical_diagnose::{Diagnosis, EffectId, Options, Undecided, diagnose_recordings};
-use trical_ident::{JointSource, write_whole};
+use trical_ident::{JointSource, KnownParameters, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
 use trical_report::{diagnosis_report, table, verdict_told};
@@ -30,6 +30,9 @@ pub struct Args {
     /// Model named effects only: curves of no known cause are reported, but not corrected
     #[arg(long)]
     names_only: bool,
+    /// What is known beforehand: a TOML file of [[parameter]] tables, as for `trical identify`
+    #[arg(long, value_name = "FILE")]
+    known: Option<PathBuf>,
     #[command(flatten)]
     tool: Tool,
     /// Where to write the extended model
@@ -52,17 +55,18 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     for file in [&args.out, &args.report].into_iter().flatten().chain(args.next.map(|_| &args.next_out)) {
-        input::check_output(file, args.recordings.iter().map(PathBuf::as_path).chain(args.cell.files()))?;
+        input::check_output(file, input::files(&args.recordings, &args.cell, args.known.as_deref()))?;
     }
     let (robot, cell) = args.cell.load()?;
     if args.next.is_some() && cell.balls.is_empty() {
         return Err(CliError::Input("--next: found no [balls] in the cell, expected balls that can be touched".into()));
     }
     let recordings = input::recordings(&args.recordings, robot.dof())?;
-    let (diagnosis, source) = progress::with_bar("diagnosing", |task| {
-        let options = Options { joints: args.joints.source(), names_only: args.names_only, tool: args.tool.sharing() };
-        diagnose_recordings(&robot, &cell, &recordings, &options, task)
-    })?;
+    let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
+    let (joints, tool) = (args.joints.source(), args.tool.sharing());
+    let options = Options { joints, names_only: args.names_only, tool, known };
+    let (diagnosis, source) =
+        progress::with_bar("diagnosing", |task| diagnose_recordings(&robot, &cell, &recordings, &options, task))?;
     // rivals are fitted anew only for those who ask
     let undecided = args.next.map(|_| diagnosis.undecided()).transpose()?.flatten();
     let next = match (args.next, undecided) {
@@ -77,7 +81,7 @@ pub fn run(args: &Args) -> Result<()> {
         diagnosis.model_file().save(out)?;
     }
     if let Some(report) = &args.report {
-        let made = input::made(&input::files(&args.recordings, &args.cell, None));
+        let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
         write_whole(report, diagnosis_report::render(&diagnosis, source, made)?.as_bytes())?;
     }
     if let Some((_, next)) = next.as_ref().filter(|(_, next)| next.lambda >= TELLING) {

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use trical_ident::{History, history};
-use trical_report::table;
+use trical_ident::{History, history, write_whole};
+use trical_report::{history_report, table};
 
 use super::compare::Asked;
 use crate::error::{CliError, Result};
+use crate::input;
 use crate::say;
 
 /// Arguments of `trical history`.
@@ -19,8 +20,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Largest mean error that the work allows, mm: with it, says when the next calibration is due
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     need_mm: Option<f64>,
+    /// Where to write a report with a plot of each parameter over the sessions
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     asked: Asked,
 }
@@ -31,21 +35,37 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(CliError::Input(format!("--need-mm: found {need}, expected a number above 0")));
     }
     let paths = recordings_in(&args.folder)?;
+    if let Some(report) = &args.report {
+        input::check_output(report, paths.iter().map(PathBuf::as_path).chain([args.model.as_path()]))?;
+    }
     let (file, recordings, joints) = args.asked.load(&args.model, &paths)?;
     let h = history(&file.model.cell, &file, &recordings, joints, args.need_mm)?;
-    args.asked.tell(&file, &h.sessions, serde_json::to_string_pretty(&h), || print(&h))
+    if let Some(report) = &args.report {
+        let made = input::made(&paths.iter().map(PathBuf::as_path).chain([args.model.as_path()]).collect::<Vec<_>>());
+        write_whole(report, history_report::render(&h, &file, made)?.as_bytes())?;
+    }
+    args.asked.tell(&file, &h.sessions, serde_json::to_string_pretty(&h), || {
+        print(&h)?;
+        args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
+    })
 }
 
 fn print(h: &History) -> Result<()> {
     let mut rows = vec![["session", "day", "n", "degC", "mean, mm", "what changed"].map(String::from).to_vec()];
+    let day = |d: Option<f64>| d.map_or_else(|| "-".into(), |d| format!("{d:.0}"));
+    let temp = |t: Option<f64>| t.map_or_else(|| "-".into(), |t| format!("{t:.1}"));
+    let name = |r: &str| Path::new(r).file_name().map_or_else(|| r.to_owned(), |n| n.to_string_lossy().into_owned());
+    let mut row = |recording: &str, day: String, n: usize, t: Option<f64>, mean_mm: f64, changed: String| {
+        rows.push(vec![name(recording), day, n.to_string(), temp(t), format!("{mean_mm:.3}"), changed]);
+    };
+    for b in &h.learnt {
+        row(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, "(the model was fitted to it)".into());
+    }
     for (k, s) in h.sessions.iter().enumerate() {
-        let day = h.days.as_ref().map_or_else(|| "-".into(), |d| format!("{:.0}", d[k]));
-        let temp = s.temp_c.map_or_else(|| "-".into(), |t| format!("{t:.1}"));
         let changed: Vec<&str> = s.changes.iter().map(|c| c.what.as_str()).collect();
         let changed = if changed.is_empty() { "nothing".into() } else { changed.join(", ") };
-        let name =
-            Path::new(&s.recording).file_name().map_or(s.recording.clone(), |n| n.to_string_lossy().into_owned());
-        rows.push(vec![name, day, s.measurements.to_string(), temp, format!("{:.3}", s.mean_mm), changed]);
+        let on = h.days.as_ref().and_then(|d| d.get(k).copied());
+        row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, changed);
     }
     for line in table::lines(&rows) {
         say(line)?;

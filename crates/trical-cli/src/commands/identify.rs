@@ -162,6 +162,9 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
             session.recording, session.differs_mm
         ))?;
     }
+    for load in &found.loads {
+        table::wrapped(&load.in_words(), 108, "  ").iter().try_for_each(say)?;
+    }
     let angles = match data.joints {
         JointSource::Read => "the joint angles that the controller reported",
         JointSource::Commanded => "the commanded joint angles",

@@ -13,6 +13,7 @@ use trical_plan::{
     CollisionModel, Criterion, Facing, PlanError, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, read_plan, usual_start, write_plan,
 };
+use trical_report::places::{self, Worth};
 use trical_report::plan_report;
 use trical_report::plan_told::Told;
 use trical_report::table;
@@ -93,10 +94,10 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_hyphen_values = true)]
     sphere_mm: Vec<f64>,
     /// Largest angle between the device's z axis and straight down
-    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 90.0, allow_negative_numbers = true)]
     max_tilt_deg: f64,
     /// Standard deviation of each of a touch's three readings, for the expected errors
-    #[arg(long, value_name = "MM", default_value_t = 0.01)]
+    #[arg(long, value_name = "MM", default_value_t = 0.01, allow_negative_numbers = true)]
     noise_mm: f64,
     /// Where the arm stands before the first touch: its joints; without it zero, or the middle between limits that leave zero out
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
@@ -112,13 +113,22 @@ pub struct Args {
     json: bool,
 }
 
-/// Refuses numbers of touches, candidates and poses for which nobody would wait.
+/// Refuses numbers of touches, candidates and poses for which nobody would wait, and numbers that mean nothing.
 fn check_counts(args: &Args) -> Result<()> {
     let counts = [("--per-ball", args.per_ball), ("--pool", args.pool), ("--points", args.points.unwrap_or(1))];
     for (option, n) in counts {
         if n > MOST {
             return Err(CliError::Input(format!("{option}: found {n}, expected at most {MOST}")));
         }
+        if n == 0 && option != "--pool" {
+            return Err(CliError::Input(format!("{option}: found 0, expected 1 or more")));
+        }
+    }
+    if !(0.0..=180.0).contains(&args.max_tilt_deg) {
+        return Err(CliError::Input(format!("--max-tilt-deg: found {}, expected 0 to 180", args.max_tilt_deg)));
+    }
+    if !(args.noise_mm > 0.0 && args.noise_mm <= 10.0) {
+        return Err(CliError::Input(format!("--noise-mm: found {}, expected more than 0, at most 10", args.noise_mm)));
     }
     Ok(())
 }
@@ -230,19 +240,45 @@ pub fn run(args: &Args) -> Result<()> {
         write_whole(path, plan_report::render(&robot, &cell, &told, &input::made(&args.cell.files()))?.as_bytes())?;
     }
     write_whole(&args.out, write_plan(&robot, &told.plan.entries).as_bytes())?;
+    let few = cell.balls.len() < 3;
+    let worth = if few {
+        progress::with_bar("what places are worth", |task| -> Result<Vec<Worth>> {
+            Ok(places::worth(&robot, &cell, args.per_ball, args.noise_mm * 1e-3, args.seed, task)?)
+        })?
+    } else {
+        Vec::new()
+    };
     if args.json {
-        return say(serde_json::to_string_pretty(&told.json())?);
+        let mut value = told.json();
+        if few {
+            value["places"] = serde_json::to_value(&worth)?;
+        }
+        return say(serde_json::to_string_pretty(&value)?);
     }
     for line in told.lines() {
         say(line)?;
     }
-    if cell.balls.len() < 3 {
+    if few {
         let said = "Caution: with fewer than three balls identify takes where they stand as unknown at every place, and this plan as known: what is \
                     expected above is too good, and holds in the end for three or more places, each with a plan of its own.";
         table::wrapped(said, 108, "").iter().try_for_each(say)?;
+        worth_lines(args, &worth).iter().try_for_each(say)?;
     }
     say(format!("Wrote {}", args.out.display()))?;
     args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
+}
+
+/// What places of sockets are worth, as a table.
+fn worth_lines(args: &Args, worth: &[Worth]) -> Vec<String> {
+    let before = worth.first().map_or(0.0, |w| w.before_mm);
+    let said = format!(
+        "What unknown places are worth, on arms drawn by chance that are {before:.2} mm off on average, with {} touches of each ball or socket \
+         at each place and noise of {} mm (--noise-mm; a printed socket has 0.1):",
+        args.per_ball, args.noise_mm
+    );
+    let mut rows = vec![["places", "touches", "mean error left, mm"].map(String::from).to_vec()];
+    rows.extend(worth.iter().map(|w| vec![w.places.to_string(), w.touches.to_string(), format!("{:.3}", w.mean_mm)]));
+    table::wrapped(&said, 108, "").into_iter().chain(table::lines(&rows)).collect()
 }
 
 /// Poses for another instrument.

@@ -130,7 +130,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         return say(serde_json::to_string_pretty(&json!({ "rows": taken, "out": args.out.display().to_string() }))?);
     }
-    say(format!("{taken} rows added to {}", args.out.display()))
+    say(format!("{taken} row{} added to {}", if taken == 1 { "" } else { "s" }, args.out.display()))
 }
 
 fn source(args: &Args, robot: &Robot) -> Result<Source> {

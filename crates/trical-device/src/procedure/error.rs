@@ -15,9 +15,9 @@ pub enum ProcedureError {
     #[error("{0}")]
     Options(String),
     /// The plan has an entry that may not be driven to; nothing has moved.
-    #[error("plan entry {index} (ball {}): {violation}; nothing has moved", ball + 1)]
+    #[error("touch {} of the plan (ball {}): {violation}; nothing has moved", index + 1, ball + 1)]
     Plan {
-        /// Number of the entry.
+        /// Number of the entry, counted from 0; people are told it from 1, as the plan's `order` is.
         index: u64,
         /// Which ball, counted from 0.
         ball: usize,
@@ -37,9 +37,9 @@ pub enum ProcedureError {
         violation: Box<Violation>,
     },
     /// A touch failed.
-    #[error("touch {index} (ball {}): {violation}; {retreat}", ball + 1)]
+    #[error("touch {} (ball {}): {violation}; {retreat}", index + 1, ball + 1)]
     Touch {
-        /// Number of the entry.
+        /// Number of the entry, counted from 0; people are told it from 1, as the plan's `order` is.
         index: u64,
         /// Which ball, counted from 0.
         ball: usize,

@@ -155,7 +155,7 @@ impl Runner<'_, '_> {
         }
         self.warn(format!(
             "the arm stands at touch {} (ball {}), where an earlier run was broken off: it goes back to its approach point first",
-            entry.index,
+            entry.index + 1,
             entry.ball + 1
         ));
         check_joints(before, self.options)?;

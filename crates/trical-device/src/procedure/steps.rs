@@ -20,7 +20,7 @@ pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize
             stood = None;
             continue;
         }
-        let head = format!("touch {} (ball {})", entry.index, entry.ball + 1);
+        let head = format!("touch {} (ball {})", entry.index + 1, entry.ball + 1);
         let mut from = stood;
         let count = entry.via.len();
         let stops = entry.via.iter().enumerate().map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
@@ -156,7 +156,9 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
     }
     let mut seen = std::collections::BTreeSet::new();
     match plan.iter().find(|entry| !seen.insert(entry.index)) {
-        Some(twice) => Err(ProcedureError::Options(format!("the plan has two entries with number {}", twice.index))),
+        Some(twice) => {
+            Err(ProcedureError::Options(format!("the plan has two touches with number {}", twice.index + 1)))
+        }
         None => Ok(()),
     }
 }

@@ -2,7 +2,7 @@
 
 use trical_model::{Axis, Basis, Parameter, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Pivot, Remedy, Size, deg};
+use super::effect::{Asked, Effect, Family, Pivot, Remedy, Size, deg, turning};
 use crate::candidate::Candidate;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
@@ -26,7 +26,7 @@ pub const EFFECT: Effect = Effect {
 
 fn ask(r: &Covariates<'_>) -> Asked {
     let mut out = Vec::new();
-    for joint in r.joints() {
+    for joint in turning(r) {
         for k in 1..=2 {
             out.extend(Pivot::of(r, joint).iter().map(|pivot| wobble(joint, k, *pivot)));
         }

@@ -170,6 +170,11 @@ impl Effect {
     }
 }
 
+/// Joints that turn, from 1: what a shaft, a round gear or a moment about the axis does is not asked of one that slides.
+pub(crate) fn turning<'a>(r: &'a Covariates<'_>) -> impl Iterator<Item = usize> + 'a {
+    r.joints().filter(|joint| r.model.robot.joints[joint - 1].kind == JointKind::Revolute)
+}
+
 pub(crate) const fn deg(angle: f64) -> f64 {
     angle * (std::f64::consts::PI / 180.0)
 }

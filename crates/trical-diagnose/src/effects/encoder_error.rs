@@ -2,9 +2,9 @@
 //! is the same in every session. Its waves are held together by one prior that falls with their number, so that the curve costs
 //! what it is worth (a Gaussian process on the circle, by its Fourier series), and returns to zero where no angle was visited.
 
-use trical_model::{Basis, JointKind, Place, Scope, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Part, Remedy, deg};
+use super::effect::{Asked, Effect, Family, Part, Remedy, deg, turning};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 use crate::settings::{ENCODER_WAVES, POSES_PER_WAVE};
@@ -51,6 +51,5 @@ fn ask(r: &Covariates<'_>) -> Asked {
         let behaviour = format!("a curve of joint {joint}'s own angle that repeats every turn");
         EFFECT.candidate_of_scales(Place::Joint(joint), behaviour, deg(0.004), scales, parts)
     };
-    let turns = |joint: &usize| r.model.robot.joints[joint - 1].kind == JointKind::Revolute;
-    r.joints().filter(turns).map(of).collect::<Vec<_>>().into()
+    turning(r).map(of).collect::<Vec<_>>().into()
 }

@@ -28,7 +28,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
         let basis = Basis::new(Variable::Joint { joint }, Shape::Linear);
         EFFECT.candidate(
             Place::Joint(joint),
-            format!("in proportion to joint {joint}'s angle"),
+            format!("in proportion to joint {joint}'s position"),
             Size { typical: 5e-4, large: 1e-3 },
             vec![(format!("ratio_{joint}"), Site::Joint { joint }, basis, 0)],
         )

@@ -23,6 +23,7 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
+/// Of an arm that stands still; on a rail its joints are counted from 2.
 const PAIRS: [(usize, usize); 4] = [(5, 4), (6, 5), (6, 4), (3, 2)];
 
 fn ask(r: &Covariates<'_>) -> Asked {
@@ -35,5 +36,6 @@ fn ask(r: &Covariates<'_>) -> Asked {
             vec![(format!("coupling_{joint}_from_{from}"), Site::Joint { joint }, basis, 0)],
         )
     };
-    PAIRS.into_iter().filter(|p| p.0 <= r.dof()).map(of).collect::<Vec<_>>().into()
+    let first = usize::from(r.model.robot.is_on_rail());
+    PAIRS.into_iter().map(|(joint, from)| (joint + first, from + first)).filter(|p| p.0 <= r.dof()).map(of).collect::<Vec<_>>().into()
 }

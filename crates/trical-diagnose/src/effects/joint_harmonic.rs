@@ -2,7 +2,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Size, deg};
+use super::effect::{Asked, Effect, Family, Remedy, Size, deg, turning};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -25,7 +25,7 @@ pub const EFFECT: Effect = Effect {
 
 fn ask(r: &Covariates<'_>) -> Asked {
     let mut out = Vec::new();
-    for joint in r.joints() {
+    for joint in turning(r) {
         let at = Site::Joint { joint };
         let q = Variable::Joint { joint };
         for k in 1..=6_u8 {

@@ -2,7 +2,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, NO_SENSE, Remedy, arcsec};
+use super::effect::{Asked, Effect, Family, NO_MASSES, NO_SENSE, Remedy, arcsec, turning};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -45,5 +45,5 @@ fn ask(r: &Covariates<'_>) -> Asked {
         let located = format!("changes sign with the sense of joint {joint}'s last motion, and grows with its load");
         EFFECT.candidate_of_scales(Place::Joint(joint), located, arcsec(15.0), scales, parts)
     };
-    r.joints().map(of).collect::<Vec<_>>().into()
+    turning(r).map(of).collect::<Vec<_>>().into()
 }

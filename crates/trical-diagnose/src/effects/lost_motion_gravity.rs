@@ -3,7 +3,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size, deg};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size, deg, turning};
 use crate::candidate::Candidate;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
@@ -38,7 +38,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
         return Asked::lacking(NO_MASSES);
     }
     let mut out = Vec::new();
-    for joint in r.joints() {
+    for joint in turning(r) {
         let softnesses = SOFTNESS.map(|s| s * (r.load(joint) / SMALL_ARM_LOAD_NM).max(1.0));
         let load = r.load(joint);
         let firm = softnesses[0].max(load / 8.0);

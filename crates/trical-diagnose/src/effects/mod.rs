@@ -34,6 +34,9 @@ impl EffectId {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::covariates::Covariates;
+    use crate::test_data::{arm, states};
+    use trical_model::{JointKind, MAX_JOINTS, Place, State};
 
     #[test]
     fn every_file_has_its_own_identifier_and_says_something() {
@@ -42,5 +45,57 @@ mod tests {
             assert_eq!(EffectId::named(id.name()), Some(id));
             assert!(!effect.title.is_empty() && effect.action.ends_with('.'), "{id}");
         }
+    }
+
+    /// What is asked of joint 1 of an arm of six joints, without time: effect and how it is told.
+    fn asked_of_joint_1(kind: JointKind) -> Vec<(EffectId, String)> {
+        let mut model = arm();
+        model.robot.joints[0].kind = kind;
+        let senses = |k: f64| State { dir: Some([if k > 9.0 { 1 } else { -1 }; MAX_JOINTS]), ..State::at(&[0.1 * k]) };
+        let data = states(900, senses);
+        let recorded = Covariates::new(&model, &data, 1e-5);
+        let asked = EFFECTS.into_iter().flat_map(|e| (e.ask)(&recorded).candidates.into_iter().map(|c| (e.id, c)));
+        asked.filter(|(_, c)| c.site == Place::Joint(1)).map(|(id, c)| (id, c.behaviour)).collect()
+    }
+
+    #[test]
+    fn a_sliding_joint_is_asked_for_nothing_that_only_a_turning_one_has() {
+        let (turns, slides) = (asked_of_joint_1(JointKind::Revolute), asked_of_joint_1(JointKind::Prismatic));
+        let has = |asked: &[(EffectId, String)], id| asked.iter().any(|(a, _)| *a == id);
+        for id in [
+            EffectId::AxisWobble,
+            EffectId::EncoderError,
+            EffectId::JointHarmonic,
+            EffectId::LoadFriction,
+            EffectId::LostMotionGravity,
+            EffectId::NonlinearStiffness,
+        ] {
+            assert!(has(&turns, id) && !has(&slides, id), "{id}");
+        }
+        for id in [EffectId::GearRatio, EffectId::LostMotionDirection, EffectId::RailError] {
+            assert!(has(&slides, id), "{id}");
+        }
+        for (id, behaviour) in &slides {
+            assert!(
+                !["angle", "turn of", "a turn", "torque"].iter().any(|word| behaviour.contains(word)),
+                "{id}: {behaviour}"
+            );
+        }
+    }
+
+    #[test]
+    fn on_a_rail_the_wrist_is_counted_one_further() {
+        let pairs = |kind| {
+            let mut model = arm();
+            model.robot.joints[0].kind = kind;
+            let data = states(9, |k| State::at(&[0.1 * k]));
+            let asked = (EffectId::JointCoupling.effect().ask)(&Covariates::new(&model, &data, 1e-5));
+            asked.candidates.into_iter().map(|c| c.site).collect::<Vec<_>>()
+        };
+        let of = |pairs: &[(usize, usize)]| {
+            pairs.iter().map(|(joint, from)| Place::Coupling { joint: *joint, from: *from }).collect::<Vec<_>>()
+        };
+        assert_eq!(pairs(JointKind::Revolute), of(&[(5, 4), (6, 5), (6, 4), (3, 2)]));
+        assert_eq!(pairs(JointKind::Prismatic), of(&[(6, 5), (4, 3)]));
     }
 }

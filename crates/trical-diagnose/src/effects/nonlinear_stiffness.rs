@@ -4,7 +4,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site};
 
-use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size};
+use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size, turning};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -30,7 +30,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
         return Asked::lacking(NO_MASSES);
     }
     let mut out = Vec::new();
-    for joint in r.joints() {
+    for joint in turning(r) {
         let load = r.load(joint);
         let usual = r.compliance(joint) * load;
         let shapes = [

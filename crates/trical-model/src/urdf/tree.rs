@@ -208,11 +208,13 @@ impl<'a> Tree<'a> {
     /// The end that is an arm's flange most likely: it is named so, and as many joints move it as an arm may have.
     fn likeliest(&self, root: usize, leaves: &[usize]) -> usize {
         const NAMES: [&str; 5] = ["tool0", "flange", "tool", "tcp", "ee"];
+        // of a gripper, which moves more than the arm does
+        const FINGERS: [&str; 4] = ["finger", "knuckle", "jaw", "pad"];
         let rank = |leaf: &usize| {
             let name = self.name(*leaf).to_lowercase();
             let named = NAMES.iter().position(|n| name.contains(n)).map_or(0, |k| NAMES.len() - k);
             let moves = self.chain(root, *leaf).map_or(0, |c| c.iter().filter(|j| self.moves(**j)).count());
-            let arm = moves <= MAX_JOINTS;
+            let arm = moves <= MAX_JOINTS && !FINGERS.iter().any(|n| name.contains(n));
             (arm, named > 0 && moves >= 4, if arm { moves } else { 0 }, named, std::cmp::Reverse(*leaf))
         };
         leaves.iter().copied().max_by_key(rank).unwrap_or(root)

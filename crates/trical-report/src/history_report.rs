@@ -1,0 +1,120 @@
+//! The report of an arm's history: errors and parameters over its sessions.
+
+use trical_ident::{History, ModelFile};
+
+use crate::error::Result;
+use crate::evidence::row;
+use crate::page::{self, Figure, Made, Section};
+use crate::plots::{self, AFTER, BEFORE, Band, Series};
+
+/// The whole report.
+///
+/// # Errors
+/// None that a history leads to.
+pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
+    let (at, over) = match &h.days {
+        Some(days) => (days.clone(), "days since the first recording"),
+        None => {
+            #[expect(clippy::cast_precision_loss, reason = "a count")]
+            let numbers = (1..=h.sessions.len()).map(|k| k as f64).collect();
+            (numbers, "session")
+        }
+    };
+    let errors: Vec<(f64, f64)> = at.iter().zip(&h.sessions).map(|(x, s)| (*x, s.mean_mm)).collect();
+    let mut sections = vec![Section {
+        heading: "Sessions".into(),
+        text: vec![
+            "Mean position error by the calibration as it is; what is new in every session (a tracker's frame, places of sockets) was \
+             identified. The recordings that the calibration was fitted to stand first: theirs is what the fit left."
+                .into(),
+        ],
+        tables: vec![sessions(h)],
+        figures: over_sessions(over, errors)?,
+        ..Section::default()
+    }];
+    let names = h.sessions.first().map_or(&[][..], |s| s.alone.as_slice());
+    let mut figures = Vec::new();
+    for p in names {
+        let here = at.iter().zip(&h.sessions).filter_map(|(x, s)| {
+            let own = s.alone.iter().find(|o| o.name == p.name && o.unit == p.unit)?;
+            Some((*x, own.value, own.sd))
+        });
+        let points: Vec<(f64, f64, f64)> = here.filter(|(_, value, sd)| value.is_finite() && sd.is_finite()).collect();
+        let band = points.iter().map(|(x, v, sd)| (*x, *v, v - 1.96 * sd, v + 1.96 * sd));
+        figures.extend(drawn(
+            &format!("{}, {}", p.name, p.unit),
+            over,
+            points.iter().map(|(x, v, _)| (*x, *v)).collect(),
+            band,
+        )?);
+    }
+    sections.push(Section {
+        heading: "Parameters over the sessions".into(),
+        text: vec![if figures.is_empty() {
+            "There is one session only: a second one makes a curve.".into()
+        } else {
+            "How far each joint's zero, the tool and the base are from the calibration, each fitted alone, with its 95 % interval (1.96 \
+             standard deviations to each side). What one of them does the others can do in part: the table above says which of them changed."
+                .into()
+        }],
+        figures,
+        ..Section::default()
+    });
+    let changed = h.sessions.iter().filter(|s| !s.changes.is_empty());
+    let told: Vec<String> = changed.map(|s| format!("{}: {}", s.recording, s.summary)).collect();
+    if !told.is_empty() {
+        sections.insert(1, Section { heading: "What changed".into(), list: told, ..Section::default() });
+    }
+    let title = format!("History of {}", file.model.robot.name);
+    page::render(&title, &format!("Next calibration: {}", h.due), &sections, &made)
+}
+
+/// A row for each recording: those of the fit first.
+fn sessions(h: &History) -> Vec<Vec<String>> {
+    let day = |d: Option<f64>| d.map_or_else(|| "-".into(), |d| format!("{d:.0}"));
+    let temp = |t: Option<f64>| t.map_or_else(|| "-".into(), |t| format!("{t:.1}"));
+    let mut rows = vec![row(["session", "day", "n", "degC", "mean, mm", "what changed"])];
+    let line = |name: &str, day: String, n: usize, t: Option<f64>, mean: f64, changed: String| {
+        vec![name.to_owned(), day, n.to_string(), temp(t), format!("{mean:.3}"), changed]
+    };
+    rows.extend(h.learnt.iter().map(|b| {
+        let said = "(the calibration was fitted to it)".to_owned();
+        line(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, said)
+    }));
+    rows.extend(h.sessions.iter().enumerate().map(|(k, s)| {
+        let changed: Vec<&str> = s.changes.iter().map(|c| c.what.as_str()).collect();
+        let changed = if changed.is_empty() { "nothing".into() } else { changed.join(", ") };
+        let on = day(h.days.as_ref().and_then(|d| d.get(k).copied()));
+        line(&s.recording, on, s.measurements, s.temp_c, s.mean_mm, changed)
+    }));
+    rows
+}
+
+/// Mean errors over the sessions; nothing for a single one.
+fn over_sessions(over: &str, points: Vec<(f64, f64)>) -> Result<Vec<Figure>> {
+    if points.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let what = "mean position error, mm";
+    let series = [Series { name: "sessions", color: AFTER, points }];
+    Ok(vec![Figure { caption: capital(what), svg: plots::scatter(over, what, true, true, &series)? }])
+}
+
+/// Points over the sessions with a band; nothing for a single one.
+fn drawn(
+    what: &str,
+    over: &str,
+    points: Vec<(f64, f64)>,
+    band: impl Iterator<Item = (f64, f64, f64, f64)>,
+) -> Result<Option<Figure>> {
+    if points.len() < 2 || points.iter().all(|p| p.0 == points[0].0) {
+        return Ok(None);
+    }
+    let series = [Series { name: "sessions", color: AFTER, points }];
+    let band = Band { name: "95 %".into(), color: BEFORE, points: band.collect() };
+    Ok(Some(Figure { caption: capital(what), svg: plots::curve_over_data(over, what, &series, &band)? }))
+}
+
+fn capital(text: &str) -> String {
+    trical_diagnose::verdict::capital(text) + "."
+}

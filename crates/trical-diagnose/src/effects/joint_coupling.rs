@@ -37,5 +37,11 @@ fn ask(r: &Covariates<'_>) -> Asked {
         )
     };
     let first = usize::from(r.model.robot.is_on_rail());
-    PAIRS.into_iter().map(|(joint, from)| (joint + first, from + first)).filter(|p| p.0 <= r.dof()).map(of).collect::<Vec<_>>().into()
+    PAIRS
+        .into_iter()
+        .map(|(joint, from)| (joint + first, from + first))
+        .filter(|p| p.0 <= r.dof())
+        .map(of)
+        .collect::<Vec<_>>()
+        .into()
 }

@@ -166,7 +166,7 @@ fn a_run_is_printed_whole_without_go_even_without_devices() {
     );
     let (out, err) = (text(&o.stdout), text(&o.stderr));
     assert!(o.status.success(), "{err}");
-    for touch in 0..6 {
+    for touch in 1..=6 {
         assert!(out.contains(&format!("touch {touch} (ball")), "{out}");
     }
     assert!(out.contains("Nothing has moved") && !place.path("run.mcap").exists());

@@ -46,7 +46,8 @@ fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>)
         with(&root)?;
         root.present().map_err(failed)?;
     }
-    let svg = svg.replace(" opacity=\"1\"", "").replace('\n', "");
+    // a label at -1e-17 is at zero
+    let svg = svg.replace(" opacity=\"1\"", "").replace('\n', "").replace(">-0.0<", ">0.0<");
     // scale with the page
     let (w, h) = size;
     Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &format!("width=\"100%\" style=\"max-width:{w}px\""), 1))

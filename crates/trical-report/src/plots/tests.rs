@@ -122,3 +122,11 @@ fn a_staircase_begins_with_what_was_before() {
     let (before, after) = (bar("fill=\"#C85C46\""), bar("fill=\"#2666A5\""));
     assert!(before.0 < after.0 && (before.1 / after.1 - 2.0).abs() < 0.05, "{before:?} {after:?}");
 }
+
+#[test]
+fn zero_has_no_sign_on_an_axis() {
+    for high in [0.11, 0.26, 0.43] {
+        let svg = scatter("x", "y", false, false, &[series(&[(0.0, -high), (1.0, high)])]).unwrap();
+        assert!(svg.contains(">0.0<") && !svg.contains(">-0.0<"), "{high}: {svg}");
+    }
+}

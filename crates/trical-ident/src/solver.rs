@@ -256,8 +256,9 @@ impl Solver {
         }
         self.held.fill(false);
         evaluate(forward, data, noise, known, params.huber, &mut self.at);
-        // of steps that are refused one after the other each raises the damping by more (Nielsen 1999)
-        let (mut lambda, mut rise) = (LAMBDA, 10.0);
+        // where tries cost much, each of several steps refused in a row raises the damping by more (Nielsen 1999)
+        let many = p > MANY;
+        let (mut lambda, mut rise, faster) = (LAMBDA, 10.0, if many { 10.0 } else { 1.0 });
         let mut report = LmReport { iterations: 0, cost: self.at.cost, gradient: 0.0, ended: Ended::Iterations };
         if !self.at.cost.is_finite() {
             return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
@@ -266,7 +267,7 @@ impl Solver {
             report.ended = Ended::Step;
             return Ok(report);
         }
-        let (mut fresh, many) = (true, p > MANY);
+        let mut fresh = true;
         while report.iterations < params.max_iterations {
             trical_model::interrupt::checkpoint()?;
             report.iterations += 1;
@@ -280,7 +281,7 @@ impl Solver {
             }
             if !self.step(lambda, &x, known) {
                 lambda = (lambda * rise).max(1e-9);
-                rise *= 10.0;
+                rise *= faster;
                 fresh = false;
                 if lambda > 1e6 {
                     report.ended = Ended::Stuck;
@@ -300,7 +301,7 @@ impl Solver {
                 predicted = self.stop_at_targets(&x);
                 if predicted <= 0.0 && size >= params.step_tolerance {
                     lambda = (lambda * rise).max(1e-9);
-                    rise *= 10.0;
+                    rise *= faster;
                     fresh = false;
                     continue;
                 }
@@ -352,7 +353,7 @@ impl Solver {
                     break;
                 }
                 lambda = (lambda * rise).max(1e-9);
-                rise *= 10.0;
+                rise *= faster;
                 if lambda > 1e9 {
                     report.ended = Ended::Stuck;
                     break;

@@ -62,9 +62,6 @@ def test_the_real_arm_says_what_it_lacks_and_is_predicted_to_hundredths(shared: 
     np.testing.assert_allclose(found.model.inverse(positions, rotations, q + 0.01, seq=900.0), q, atol=1e-9)
 
 
-@pytest.mark.xfail(
-    reason="0.0373 mm held out, and encoder_error takes lost_motion_gravity's place at joint 2", strict=False
-)
 def test_the_real_arm_by_names_alone(shared: Path) -> None:
     """What has no name is told, not modelled."""
     d = shared / "irb120"

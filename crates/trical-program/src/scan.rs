@@ -348,13 +348,15 @@ impl Names {
         }
     }
 
-    /// Where the program sets the data of this name, if it does.
+    /// Where the program sets or changes the data of this name, if it does.
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
-        self.origins.get(&name)?.iter().find_map(|o| match o {
-            Origin::Name { at, .. } | Origin::Computed(at) => Some(*at as usize),
+        let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
+            Origin::Name { at, .. } | Origin::Computed(at) => Some(*at),
             Origin::Here => None,
-        })
+        });
+        let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
+        set.or_else(changed).map(|at| at as usize)
     }
 
     /// The program changes some coordinate of these data by an amount, here.

@@ -244,6 +244,17 @@ fn register(digits: &[u8]) -> u64 {
     hashed(&[b"pr", digits].concat())
 }
 
+/// Where the statement ends whose first line ends at `at`: lines that begin with `:` belong to the one above.
+fn continued(bytes: &[u8], mut at: usize, end: usize) -> usize {
+    for line in bytes[at..end].split_inclusive(|b| *b == b'\n') {
+        if !line.trim_ascii_start().starts_with(b":") {
+            break;
+        }
+        at += line.len();
+    }
+    at
+}
+
 /// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
     let mut at = main;
@@ -251,13 +262,22 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
         at += line.len();
+        if line.trim_ascii_start().starts_with(b":") {
+            // the end of a line that was too long
+            continue;
+        }
         let text = statement(line);
         if text.starts_with(b"!") || text.starts_with(b"//") || text.starts_with(b"--") {
             continue;
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
-        let upper = text.to_ascii_uppercase();
+        let upper = bytes[offset..continued(bytes, at, end)].to_ascii_uppercase();
         let all = places(&upper);
+        if upper.contains(&b'=') && (upper.starts_with(b"UTOOL[") || upper.starts_with(b"UFRAME[")) {
+            let what = "a tool or user frame is changed here while the program runs; its targets are corrected for where it is declared";
+            scan.problems.push((offset, what.into()));
+            continue;
+        }
         if let Some(equals) = upper.iter().position(|b| *b == b'=')
             && let Some((0, true, digits)) = all.first().copied()
         {
@@ -278,8 +298,11 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         if has(&upper, b"COORD") {
             scan.problems.push((offset, "goes to a place in the frame of another motion group (COORD)".into()));
         }
-        for (k, (place, is_register, digits)) in all.iter().enumerate() {
-            if *is_register && k > 0 {
+        if has(&upper, b"RTCP") {
+            scan.problems.push((offset, "moves with the tool standing still (RTCP), which is not supported".into()));
+        }
+        for (place, is_register, digits) in &all {
+            if *is_register && upper[..*place].contains(&b',') {
                 // Offset,PR[1]: how far from the target
                 continue;
             }

@@ -129,6 +129,8 @@ struct Aggregate {
     base: Option<Span>,
     /// The first field of these that has no value before the program runs.
     unread: Option<Span>,
+    /// Whether the tool stands still (`IPO_FRAME #TCP`).
+    fixed: bool,
     /// External axes.
     external: [Option<f64>; 6],
 }
@@ -211,7 +213,14 @@ impl Reader<'_> {
         if self.c.peek() != b'=' || self.c.bytes.get(self.c.at + 1) == Some(&b'=') {
             return;
         }
-        if mentions(self.c.until(b";\n\r"), word) {
+        let slot = match () {
+            () if word.eq_ignore_ascii_case(b"$TOOL") => Some(&mut self.now.tool),
+            () if word.eq_ignore_ascii_case(b"$BASE") => Some(&mut self.now.frame),
+            () => None,
+        };
+        if let Some(slot) = slot {
+            *slot = Some(format!("{}: (computed)", lower(word)));
+        } else if mentions(self.c.until(b";\n\r"), word) {
             self.names.changed(hashed(word), from);
         } else if !is_system(word) {
             self.names.set_from(hashed(word), Origin::Computed(from as u32));
@@ -238,16 +247,26 @@ impl Reader<'_> {
             self.c.at += 1;
             self.c.skip_blank();
         }
+        let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
+        let is_part = self.c.peek() == b'.';
+        let sets_frame = (is("TOOL_DATA") || is("BASE_DATA")) && self.c.until(b";\n\r").contains(&b'=');
+        if sets_frame && (is_part || !self.c.until(b";\n\r").contains(&b'{')) {
+            let what = "a tool or base is changed here while the program runs; its targets are corrected for where it is declared";
+            self.scan.problems.push((from, what.into()));
+        }
         if self.c.peek() != b'=' {
             return;
         }
         self.c.at += 1;
         self.c.skip_blank();
-        let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
         if is("$TOOL") || is("$BASE") {
             let name = self.current(is("$TOOL"));
             let slot = if is("$TOOL") { &mut self.now.tool } else { &mut self.now.frame };
             *slot = Some(name);
+        } else if is("$IPO_MODE") {
+            if mentions(self.c.until(b";\n\r"), b"TCP") {
+                self.now.tool = Some(self.fixed_tool());
+            }
         } else if self.c.peek() == b'{' {
             let found = self.aggregate();
             if is("TOOL_DATA") {
@@ -261,8 +280,7 @@ impl Reader<'_> {
                     self.scan.frames.frames.entry(n).or_insert(frame);
                 }
             } else if is("FDAT_ACT") {
-                let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
-                self.now = Setup { tool: text(found.tool), frame: text(found.base) };
+                self.now = self.said(&found);
             } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
                 self.define(&found, Span::new(from, from + word.len()));
             }
@@ -335,6 +353,20 @@ impl Reader<'_> {
         }
     }
 
+    /// The name of a tool that stands still while the robot carries the work.
+    fn fixed_tool(&mut self) -> String {
+        let what = "the tool stands still and the robot carries the work (#TCP), which is not supported";
+        self.scan.frames.tools.insert("#tcp".into(), Err(what.into()));
+        "#tcp".into()
+    }
+
+    /// Tool and base of motion data.
+    fn said(&mut self, found: &Aggregate) -> Setup {
+        let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
+        let (tool, frame) = (text(found.tool), text(found.base));
+        Setup { tool: if found.fixed { Some(self.fixed_tool()) } else { tool }, frame }
+    }
+
     fn motion_data(&mut self, name: &[u8]) {
         if self.c.peek() != b'{' {
             self.c.skip_blank();
@@ -343,8 +375,7 @@ impl Reader<'_> {
             return;
         }
         let found = self.aggregate();
-        let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
-        let setup = Setup { tool: text(found.tool), frame: text(found.base) };
+        let setup = self.said(&found);
         if setup != Setup::default() {
             let setup = self.scan.setup(setup);
             self.motion_data.insert(target_of(name), setup);
@@ -501,6 +532,9 @@ impl Reader<'_> {
                         if depth == 1 && self.c.peek() != b':' {
                             if let Some(k) = EXTERNAL.iter().position(|e| name.eq_ignore_ascii_case(e)) {
                                 out.external[k] = value.as_ref().ok().and_then(|v| self.scan.value(*v, self.c.bytes));
+                            }
+                            if name.eq_ignore_ascii_case(b"IPO_FRAME") {
+                                out.fixed = value.is_err_and(|s| mentions(s.text(self.c.bytes), b"TCP"));
                             }
                             out.put(name, value);
                         }

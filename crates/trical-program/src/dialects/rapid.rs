@@ -527,7 +527,10 @@ impl Reader<'_> {
                     self.c.skip_space();
                     match self.c.peek() {
                         b'(' => match self.relative(word) {
-                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {}
+                            // perhaps the tool, of which nobody knows which
+                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {
+                                tool = Some(Span::new(from, from + word.len()));
+                            }
                             place => places.push(place),
                         },
                         b'{' => {
@@ -540,6 +543,10 @@ impl Reader<'_> {
                             }
                             if whole.is_none() {
                                 self.c.eat(b'}');
+                            }
+                            if targets.is_some_and(|n| places.len() >= n) {
+                                tool = Some(Span::new(from, from + word.len()));
+                                continue;
                             }
                             let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
                             places.push(Place::Name { name: hashed(word), way, at: from });

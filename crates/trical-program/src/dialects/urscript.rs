@@ -190,6 +190,10 @@ impl Reader<'_> {
                 if self.c.eat(b'(') {
                     self.set_tcp(from);
                 }
+            } else if word.starts_with(b"mc_add_") && self.c.eat(b'(') {
+                let what = "moves with the tool that mc_initialize names, which is not read";
+                self.scan.problems.push((from, what.into()));
+                self.close();
             } else if word == b"def" || word == b"thread" {
                 self.c.skip_line();
             } else {
@@ -399,7 +403,10 @@ impl Reader<'_> {
             return true;
         }
         let inside = self.c;
-        if word == b"get_inverse_kin" && depth < DEEPEST {
+        if word == b"get_inverse_kin" && mentions(self.c.until(b"\n"), b"tcp") {
+            self.names.visit(Visit::Unknown);
+            self.scan.problems.push((at, "names a tool of its own (tcp=), which is not read".into()));
+        } else if word == b"get_inverse_kin" && depth < DEEPEST {
             self.nearest();
             self.place(frame, depth + 1);
         } else if word == b"pose_trans" || word == b"pose_add" {

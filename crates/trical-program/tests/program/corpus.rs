@@ -216,6 +216,18 @@ const RAPID: &[Case] = &[
         &[3],
         &[(2, "work object 'w'")],
     ),
+    case(
+        "a work object that is shifted against itself",
+        "PERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nw.oframe.trans.x:=w.oframe.trans.x+5;\nMoveL @0,v1,fine,tool0\\WObj:=w;\n",
+        &[3],
+        &[(2, "work object 'w'")],
+    ),
+    case(
+        "a tool that a function returns, or of a list",
+        "MoveL @0,v1,fine,Held(2);\nMoveL @1,v1,fine,tools{2};\nMoveL @2,v1,zones{1},tool0;\n",
+        &[3],
+        &[(1, "'held'"), (2, "'tools'")],
+    ),
 ];
 
 const KRL: &[Case] = &[
@@ -280,6 +292,24 @@ const KRL: &[Case] = &[
         &[3],
         &[(1, "singularity")],
     ),
+    case(
+        "a part of the base or the tool that is set",
+        "$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\nLIN {@0}\n$BASE.X=$BASE.X+5\nLIN {@1}\n$BASE=$NULLFRAME\n$TOOL.Z=100\nLIN {@2}\n",
+        &[2],
+        &[(4, "$base"), (7, "$tool")],
+    ),
+    case(
+        "data of a base that are set",
+        "BASE_DATA[1]={X 0,Y 0,Z 0,A 0,B 0,C 0}\nBASE_DATA[1].X=5\nBASE_DATA[1]=SEEN\n$BASE=BASE_DATA[1]\nLIN {@0}\n",
+        &[5],
+        &[(2, "changed"), (3, "changed")],
+    ),
+    case(
+        "a tool that stands still",
+        "LIN {@0}\n$IPO_MODE=#TCP\nLIN {@1}\nFDAT_ACT={TOOL_NO 0,BASE_NO 0,IPO_FRAME #TCP}\nLIN {@2}\n",
+        &[1],
+        &[(3, "stands still"), (5, "stands still")],
+    ),
 ];
 
 const FANUC: &[Case] = &[
@@ -343,6 +373,18 @@ const FANUC: &[Case] = &[
         &[16],
         &[(8, "UFRAME_NUM")],
     ),
+    case(
+        "lines that go on in the next",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE\n    :  Offset,PR[1] ;\n   2:L P[2] 200mm/sec FINE\n    :  INC ;\n   3:C PR[2]\n    :  PR[3] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n/END\n",
+        &[13],
+        &[(7, "register"), (8, "register")],
+    ),
+    case(
+        "frames that are set, and a tool that stands still",
+        "/PROG A\n/MN\n   1:UFRAME[1]=PR[4] ;\n   2:L P[1] 200mm/sec FINE RTCP ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[9],
+        &[(3, "user frame"), (4, "RTCP")],
+    ),
 ];
 
 const URSCRIPT: &[Case] = &[
@@ -403,6 +445,12 @@ const URSCRIPT: &[Case] = &[
         "movej(interpolate(3))\noptimovej(get_inverse_kin(p[@0]))\n",
         &[2],
         &[(1, "calculates")],
+    ),
+    case(
+        "tools that the motion names itself",
+        "movel(p[@0])\nmovej(get_inverse_kin(p[@1], [0.1,-1.5,1.2,-1.0,0.5,.3], tcp=p[0,0,0.1,0,0,0]))\nmc_add_linear(p[@2], 1.2, 0.25, 0)\n",
+        &[1],
+        &[(2, "tcp="), (3, "mc_initialize")],
     ),
 ];
 

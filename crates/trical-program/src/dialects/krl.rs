@@ -52,6 +52,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         frame_names,
         constants: Constants::with_degrees(),
         now: Setup::default(),
+        branches: Vec::new(),
         motion_data: HashMap::new(),
     };
     reader.scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
@@ -144,6 +145,8 @@ struct Reader<'a> {
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
+    /// Tool and base where each open branch began.
+    branches: Vec<Setup>,
     /// What FDAT data say of the targets that go with them.
     motion_data: HashMap<u64, u32>,
 }
@@ -183,6 +186,10 @@ impl Reader<'_> {
                 }
             } else if word.eq_ignore_ascii_case(b"BAS") {
                 self.bas();
+            } else if is_one_of(word, &[b"IF", b"SWITCH"]) {
+                self.branches.push(self.now.clone());
+            } else if is_one_of(word, &[b"ENDIF", b"ENDSWITCH"]) {
+                self.joined();
             } else {
                 self.assignment(from, word);
             }
@@ -350,6 +357,17 @@ impl Reader<'_> {
             } else if what.eq_ignore_ascii_case(b"BASE") {
                 self.now.frame = Some(n.unwrap_or_else(|| "(computed)".into()));
             }
+        }
+    }
+
+    /// Behind a branch nobody knows the tool or base that it sets.
+    fn joined(&mut self) {
+        let Some(before) = self.branches.pop() else { return };
+        if self.now.tool != before.tool {
+            self.now.tool = Some("$tool: (set in a branch)".into());
+        }
+        if self.now.frame != before.frame {
+            self.now.frame = Some("$base: (set in a branch)".into());
         }
     }
 

@@ -39,6 +39,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         constants: constants(bytes),
         moved_to: targets(bytes),
         tool: None,
+        blocks: Vec::new(),
         values: HashMap::new(),
         joints: HashMap::new(),
     };
@@ -158,6 +159,8 @@ struct Reader<'a> {
     constants: Constants,
     moved_to: HashSet<u64>,
     tool: Option<String>,
+    /// Open blocks, and of a branch the tool where it began.
+    blocks: Vec<Option<Option<String>>>,
     /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`; `None` where a name is assigned twice.
     values: HashMap<u64, Option<Pose>>,
     /// Joint values by name, for `qnear=name`; the latest.
@@ -195,7 +198,18 @@ impl Reader<'_> {
                 self.scan.problems.push((from, what.into()));
                 self.close();
             } else if word == b"def" || word == b"thread" {
+                self.blocks.push(None);
                 self.c.skip_line();
+            } else if word == b"if" || word == b"while" {
+                self.blocks.push((word == b"if").then(|| self.tool.clone()));
+            } else if word == b"end" {
+                if let Some(Some(before)) = self.blocks.pop()
+                    && before != self.tool
+                {
+                    let name = format!("set_tcp in a branch that ends at byte {from}");
+                    self.scan.frames.tools.insert(name.clone(), Err("its set_tcp stands in a branch".into()));
+                    self.tool = Some(name);
+                }
             } else {
                 self.assignment(from, word);
             }

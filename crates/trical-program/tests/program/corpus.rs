@@ -310,6 +310,12 @@ const KRL: &[Case] = &[
         &[1],
         &[(3, "stands still"), (5, "stands still")],
     ),
+    case(
+        "a tool or base that a branch sets",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nLIN {@0}\nIF A==1 THEN\nBAS(#TOOL,1)\nLIN {@1}\nELSE\nBAS(#TOOL,0)\nENDIF\nLIN {@2}\nBAS(#TOOL,1)\nSWITCH B\nCASE 1\n$BASE=$NULLFRAME\nENDSWITCH\nLIN {@3}\n",
+        &[2, 5],
+        &[(9, "branch"), (15, "branch")],
+    ),
 ];
 
 const FANUC: &[Case] = &[
@@ -451,6 +457,12 @@ const URSCRIPT: &[Case] = &[
         "movel(p[@0])\nmovej(get_inverse_kin(p[@1], [0.1,-1.5,1.2,-1.0,0.5,.3], tcp=p[0,0,0.1,0,0,0]))\nmc_add_linear(p[@2], 1.2, 0.25, 0)\n",
         &[1],
         &[(2, "tcp="), (3, "mc_initialize")],
+    ),
+    case(
+        "a tool that a branch sets",
+        "def a():\nmovel(p[@0])\nif big:\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nwhile True:\nmovel(p[@1])\nend\nend\nmovel(p[@2])\nend\n",
+        &[2, 6],
+        &[(9, "branch")],
     ),
 ];
 

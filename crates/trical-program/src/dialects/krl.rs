@@ -240,6 +240,10 @@ impl Reader<'_> {
             return self.part(from, word);
         }
         self.c.skip_blank();
+        if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) && self.changes_element() {
+            let what = "a tool or base is changed here while the program runs; its targets are corrected for where it is declared";
+            self.scan.problems.push((from, what.into()));
+        }
         let mut index = None;
         let start = self.c.at;
         if self.c.peek() == b'[' {
@@ -255,12 +259,6 @@ impl Reader<'_> {
             self.c.skip_blank();
         }
         let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
-        let is_part = self.c.peek() == b'.';
-        let sets_frame = (is("TOOL_DATA") || is("BASE_DATA")) && self.c.until(b";\n\r").contains(&b'=');
-        if sets_frame && (is_part || !self.c.until(b";\n\r").contains(&b'{')) {
-            let what = "a tool or base is changed here while the program runs; its targets are corrected for where it is declared";
-            self.scan.problems.push((from, what.into()));
-        }
         if self.c.peek() != b'=' {
             return;
         }
@@ -309,6 +307,18 @@ impl Reader<'_> {
                 self.now = setup.clone();
             }
         }
+    }
+
+    /// Whether `[1].X=...`, `[N]={...}` or `[1]=NAME` follows, and not numbers for an element that is known.
+    fn changes_element(&self) -> bool {
+        let text = self.c.until(b";\n\r");
+        let close = text.iter().position(|b| *b == b']').unwrap_or(0);
+        let (index, behind) = text.split_at(close);
+        let Some(equals) = behind.iter().position(|b| *b == b'=') else { return false };
+        let (part, value) = (behind[..equals].trim_ascii_end(), behind[equals + 1..].trim_ascii_start());
+        let is_comparison = value.starts_with(b"=") || part.iter().any(|b| b"<>".contains(b));
+        let is_known = part == b"]" && value.starts_with(b"{") && !index.iter().any(u8::is_ascii_alphabetic);
+        !is_comparison && !is_known
     }
 
     /// What is behind `$TOOL=` or `$BASE=`.

@@ -300,9 +300,9 @@ const KRL: &[Case] = &[
     ),
     case(
         "data of a base that are set",
-        "BASE_DATA[1]={X 0,Y 0,Z 0,A 0,B 0,C 0}\nBASE_DATA[1].X=5\nBASE_DATA[1]=SEEN\n$BASE=BASE_DATA[1]\nLIN {@0}\n",
+        "BASE_DATA[1]={X 0,Y 0,Z 0,A 0,B 0,C 0}\nBASE_DATA[1].X=5\nBASE_DATA[1]=SEEN\n$BASE=BASE_DATA[1]\nLIN {@0}\nBASE_DATA[N]={X 0,Y 0,Z 0,A 0,B 0,C 0}\nIF BASE_DATA[1].X>=5 THEN\nENDIF\nIF BASE_DATA[1].X==5 THEN\nENDIF\n",
         &[5],
-        &[(2, "changed"), (3, "changed")],
+        &[(2, "changed"), (3, "changed"), (6, "changed")],
     ),
     case(
         "a tool that stands still",

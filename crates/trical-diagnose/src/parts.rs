@@ -7,19 +7,19 @@ use trical_ident::identify::ErrorSummary;
 use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::findings::Group;
-use crate::linear::{Design, Partition};
+use crate::linear::{Design, Foreseen, Partition, Predictive};
 use crate::settings::{LAST_PERCENT, PAYS_ERRORS, UNNAMED_PRICE_NATS};
+
+/// Log score of each block where the fit fails: as bad as can be.
+const FAILED: f64 = -1e6;
 
 /// The joint fit of a set of candidates in parts.
 pub(crate) struct Parts<'a> {
     partition: Partition<'a>,
+    predictive: Predictive,
     /// The only part that is scored, if not all are.
     scored: Option<usize>,
-    /// `None` for rows that are not scored.
-    block_of_row: Vec<Option<usize>>,
     blocks: usize,
-    /// Of a row that the fit did not see.
-    variance: f64,
     temper: f64,
 }
 
@@ -52,74 +52,58 @@ impl<'a> Parts<'a> {
     ) -> Option<Self> {
         let partition = Partition::new(design, set, count, part_of)?;
         let is_scored = |pose: usize| scored.is_none_or(|part| part_of(pose) % count == part);
-        let block_of = |pose: &usize| is_scored(*pose).then(|| folds.block_of(*pose));
-        let block_of_row: Vec<Option<usize>> = partition.pose_of_row().iter().map(block_of).collect();
-        let rows = partition.instead(&[], None).into_iter().zip(&block_of_row);
-        let seen: Vec<f64> = rows.filter(|(r, block)| r.is_finite() && block.is_some()).map(|(r, _)| r).collect();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let variance = seen.iter().map(|r| r * r).sum::<f64>() / seen.len().max(1) as f64;
-        let blocks = folds.blocks();
-        (variance > 0.0).then_some(Self { partition, scored, block_of_row, blocks, variance, temper })
+        let block_of = |pose: usize| is_scored(pose).then(|| folds.block_of(pose));
+        let predictive = partition.predictive(folds.blocks(), &block_of)?;
+        predictive.of_blocks(&partition, &[], None)?;
+        Some(Self { partition, predictive, scored, blocks: folds.blocks(), temper })
     }
 
-    /// Log score of each block without the candidates `out` and with `add` in their place.
+    /// Log score of each block without the candidates `out` and with `add` in their place; the noise is what is left of all of them, so that
+    /// a set that foresees badly does not set its own measure. A fit that fails predicts nothing.
     pub(crate) fn scores(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
-        let mut scores = vec![0.0; self.blocks];
-        for (r, block) in self.partition.instead(out, add).iter().zip(&self.block_of_row) {
-            let Some(block) = block else { continue };
-            // a fit that failed predicts nothing: as bad as can be
-            let square = if r.is_finite() { r * r } else { 1e6 * self.variance };
-            scores[*block] -= 0.5 * self.temper * square / self.variance;
-        }
-        scores
+        let Some(blocks) = self.predictive.of_blocks(&self.partition, out, add) else {
+            return vec![FAILED; self.blocks];
+        };
+        let (rows, squares) = blocks.iter().fold((0.0, 0.0), |(n, sum), b| (n + b.rows, sum + b.square));
+        let variance: f64 = squares / rows;
+        let score =
+            |b: &Foreseen| -0.5 * self.temper * (b.square / variance + b.rows * variance.ln() + b.log_covariance);
+        blocks.iter().map(|b| if b.rows > 0.0 { score(b) } else { 0.0 }).collect()
     }
 
     /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
     pub(crate) fn errors(&self, out: &[usize], add: Option<usize>) -> ErrorSummary {
         ErrorSummary::of(&self.partition.position_errors(&self.partition.instead(out, add), self.scored))
     }
+}
 
-    /// Members of the groups without which what is scored is predicted better, by more than chance, the worst first.
-    pub(crate) fn what_harms(&self, mut groups: Vec<Group>) -> Vec<usize> {
-        let mut out: Vec<usize> = Vec::new();
-        let mut now = self.scores(&out, None);
-        while !groups.is_empty() {
-            let harms = |g: &Group| surely(&self.scores(&[&out[..], &g.members[..]].concat(), None), &now);
-            let worst = groups.iter().map(harms).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((worst, _)) = worst.filter(|(_, most)| *most > 0.0) else { break };
-            out.extend(groups.swap_remove(worst).members);
-            now = self.scores(&out, None);
-        }
-        out
+/// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance: what each
+/// block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
+/// has to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
+/// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
+pub(crate) fn what_does_not_pay(
+    proofs: &[Parts<'_>],
+    candidates: &[Candidate],
+    mut groups: Vec<Group>,
+    instead: &dyn Fn(&Group) -> Vec<usize>,
+) -> Vec<usize> {
+    let scores = |out: &[usize], add| -> Vec<f64> { proofs.iter().flat_map(|p| p.scores(out, add)).collect() };
+    let mut out: Vec<usize> = Vec::new();
+    let mut now = scores(&out, None);
+    while !groups.is_empty() {
+        let pays = |g: &Group| {
+            let without = [&out[..], &g.members[..]].concat();
+            let rivals = instead(g).into_iter().map(|c| surely(&now, &scores(&without, Some(c))));
+            let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
+            let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
+            rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min)
+        };
+        let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
+        out.extend(groups.swap_remove(worst).members);
+        now = scores(&out, None);
     }
-
-    /// Members of the groups that do not better the log score of unseen blocks beside those that stay, by more than chance: what each block
-    /// gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name has
-    /// to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
-    /// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
-    pub(crate) fn what_does_not_pay(
-        &self,
-        candidates: &[Candidate],
-        mut groups: Vec<Group>,
-        instead: &dyn Fn(&Group) -> Vec<usize>,
-    ) -> Vec<usize> {
-        let mut out: Vec<usize> = Vec::new();
-        let mut now = self.scores(&out, None);
-        while !groups.is_empty() {
-            let pays = |g: &Group| {
-                let without = [&out[..], &g.members[..]].concat();
-                let rivals = instead(g).into_iter().map(|c| surely(&now, &self.scores(&without, Some(c))));
-                let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
-                let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
-                rivals.fold(surely(&now, &self.scores(&without, None)) - price, f64::min)
-            };
-            let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
-            out.extend(groups.swap_remove(worst).members);
-            now = self.scores(&out, None);
-        }
-        out
-    }
+    out
 }
 
 /// By how much the log scores of blocks are better than others, less what may be chance.
@@ -175,7 +159,7 @@ mod tests {
         let all: Vec<usize> = (0..groups).collect();
         let parts = Parts::by_block(&design, &all, &Folds::of(&data), 1.0).unwrap();
         let instead: Vec<usize> = (groups..candidates.len()).collect();
-        parts.what_does_not_pay(&candidates, grouped(&candidates[..groups], &all), &|_| instead.clone())
+        what_does_not_pay(&[parts], &candidates, grouped(&candidates[..groups], &all), &|_| instead.clone())
     }
 
     fn of_joint_2(effect: EffectId, r: &Covariates<'_>) -> Vec<Candidate> {
@@ -236,8 +220,10 @@ mod tests {
         };
         let candidates = [drift];
         let design = Design::new(&fitted.model, &candidates, &data, &fitted.noise).unwrap();
-        let parts = Parts::forward(&design, &[0], &Folds::of(&data), 1.0).unwrap();
-        parts.what_harms(grouped(&candidates, &[0]))
+        let folds = Folds::of(&data);
+        let by_block = Parts::by_block(&design, &[0], &folds, 1.0).unwrap();
+        let forward = Parts::forward(&design, &[0], &folds, 1.0).unwrap();
+        what_does_not_pay(&[by_block, forward], &candidates, grouped(&candidates, &[0]), &|_| Vec::new())
     }
 
     #[test]

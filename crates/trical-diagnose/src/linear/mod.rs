@@ -21,5 +21,5 @@ pub mod state;
 pub(crate) use columns::Linear;
 pub use design::Design;
 pub use downdate::{Downdate, Downdated};
-pub use partition::Partition;
+pub use partition::{Foreseen, Partition, Predictive};
 pub use state::{Gain, RegressionState};

@@ -4,9 +4,14 @@
 //! With `H` the normal matrix of the fitted rows (priors included), `x` the solution and `E = X_t H^-1` for the rows `X_t` that are
 //! predicted, columns `o` are taken out by `x' = x - H^-1[:, o] y`, `y = H^-1[o, o]^-1 x[o]`, which changes the predicted residual by
 //! `-E[:, o] y`; columns `A` are added by the Schur complement of `H`. Another set costs what its difference costs.
+//!
+//! A fit knows how well it knows what it predicts: the covariance of the rows of a block, in units of the noise, is
+//! `S = I + X_t H^-1 X_t'`, less `E[:, o] H^-1[o, o]^-1 E[:, o]'` for what is taken out, plus the same of what is added. Log scores are those of this
+//! density (Gneiting & Raftery 2007): where nothing like a block was visited, a fit that is far off is no surprise.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::{DenseSolveCore, Solve};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
@@ -35,6 +40,29 @@ pub struct Partition<'a> {
     pushes: Vec<Vec<f64>>,
     /// The fit without each part.
     fits: Vec<Fit>,
+}
+
+/// Rows of one block in a part, and Cholesky's factor of the covariance with which the whole set predicts them.
+struct Block {
+    part: usize,
+    block: usize,
+    rows: Vec<usize>,
+    factor: Mat<f64>,
+}
+
+/// How well a joint fit in parts knows the blocks that it predicts.
+pub struct Predictive {
+    blocks: Vec<Block>,
+    count: usize,
+}
+
+/// The rows of a part as they are predicted, and how their covariance differs from that of the whole set: `- out out' + added added'`, or,
+/// where little of the set is left, `I + anew anew'` in its place.
+struct Predicted {
+    left: Mat<f64>,
+    out: Mat<f64>,
+    added: Mat<f64>,
+    anew: Option<Mat<f64>>,
 }
 
 /// A fit to the rows of the other parts.
@@ -163,11 +191,14 @@ impl<'a> Partition<'a> {
         Some(Fit { inverse, x, hat, left })
     }
 
-    /// Residual of a part's rows by the fit of some columns alone to the other parts.
-    fn predicted_by(&self, part: usize, columns: &[usize]) -> Option<Mat<f64>> {
+    /// A part's rows by the fit of some columns alone to the other parts.
+    fn predicted_by(&self, part: usize, columns: &[usize]) -> Option<Predicted> {
         let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), columns);
-        let x = h.llt(Side::Lower).ok()?.solve(&g);
-        Some(self.residual_of(part) + self.rows_of(part, columns) * x)
+        let factor = h.llt(Side::Lower).ok()?;
+        let rows = self.rows_of(part, columns);
+        let left = self.residual_of(part) + &rows * factor.solve(&g);
+        let none = Mat::zeros(left.nrows(), 0);
+        Some(Predicted { left, out: none.clone(), added: none, anew: Some(over_root(rows, factor.L())) })
     }
 
     /// Residual of a part's rows without any fit.
@@ -187,12 +218,37 @@ impl<'a> Partition<'a> {
         let added = add.map(|c| self.added(c));
         let mut all = vec![f64::INFINITY; self.linear.rows()];
         for (part, fit) in self.fits.iter().enumerate() {
-            let Some(left) = self.predicted(part, fit, &o, added.as_ref()) else { continue };
+            let Some(predicted) = self.predicted(part, fit, &o, added.as_ref()) else { continue };
             for (i, row) in self.rows[part].iter().enumerate() {
-                all[*row] = left[(i, 0)];
+                all[*row] = predicted.left[(i, 0)];
             }
         }
         all
+    }
+
+    /// How well it knows the blocks that it predicts: `block_of` says of each pose to which of `count` it belongs, or that it is not scored.
+    /// `None` where a covariance has no root.
+    #[must_use]
+    pub fn predictive(&self, count: usize, block_of: &dyn Fn(usize) -> Option<usize>) -> Option<Predictive> {
+        let mut blocks = Vec::new();
+        for (part, rows) in self.rows.iter().enumerate() {
+            let mut of: std::collections::BTreeMap<usize, Vec<usize>> = std::collections::BTreeMap::new();
+            for (i, row) in rows.iter().enumerate() {
+                if let Some(block) = block_of(self.linear.pose_of_row[*row]) {
+                    of.entry(block).or_default().push(i);
+                }
+            }
+            blocks.extend(of.into_iter().map(|(block, rows)| (part, block, rows)));
+        }
+        let one = |(part, block, rows): (usize, usize, Vec<usize>)| {
+            let (hat, x) = (some_rows(&self.fits[part].hat, &rows), some_rows(&self.columns[part], &rows));
+            let mut covariance = Mat::<f64>::identity(rows.len(), rows.len());
+            matmul(covariance.as_mut(), Accum::Add, &hat, x.transpose(), 1.0, Par::Seq);
+            let factor = covariance.llt(Side::Lower).ok()?.L().to_owned();
+            Some(Block { part, block, rows, factor })
+        };
+        let blocks: Option<Vec<Block>> = blocks.into_par_iter().map(one).collect();
+        Some(Predictive { blocks: blocks?, count })
     }
 
     /// Columns of a candidate, scaled, and their products over each part.
@@ -218,10 +274,11 @@ impl<'a> Partition<'a> {
         Added { precision, parts: (0..self.rows.len()).map(sums).collect() }
     }
 
-    fn predicted(&self, part: usize, fit: &Fit, o: &[usize], add: Option<&Added>) -> Option<Mat<f64>> {
+    fn predicted(&self, part: usize, fit: &Fit, o: &[usize], add: Option<&Added>) -> Option<Predicted> {
         let pick = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
+        let none = Mat::zeros(fit.left.nrows(), 0);
         if o.is_empty() && add.is_none() {
-            return Some(fit.left.clone());
+            return Some(Predicted { left: fit.left.clone(), out: none.clone(), added: none, anew: None });
         }
         if add.is_none() && 2 * o.len() > self.scale.len() {
             // what is left is less than what goes
@@ -234,7 +291,9 @@ impl<'a> Partition<'a> {
         let y = factor.solve(&x_out);
         let hat_out = pick(fit.hat.as_ref());
         let mut left = &fit.left - &hat_out * &y;
-        let Some(added) = add else { return Some(left) };
+        let Some(added) = add else {
+            return Some(Predicted { left, out: over_root(hat_out, factor.L()), added: none, anew: None });
+        };
         // sums over the rows that are fitted
         let (n, k) = (self.scale.len(), added.precision.len());
         let (mut a, mut aa, mut ar) = (Mat::<f64>::zeros(n, k), Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, 1));
@@ -251,12 +310,12 @@ impl<'a> Partition<'a> {
         let through = factor.solve(&(inverse_out.transpose() * &a));
         let solved = &fit.inverse * &a - &inverse_out * &through;
         let x = &fit.x - &inverse_out * &y;
-        let complement = &aa - a.transpose() * &solved;
+        let complement = (&aa - a.transpose() * &solved).llt(Side::Lower).ok()?;
         let push = &ar + a.transpose() * &x;
-        let value = complement.llt(Side::Lower).ok()?.solve(&push);
         let shown = &added.parts[part].columns - (&fit.hat * &a - &hat_out * &through);
-        left -= &shown * &value;
-        Some(left)
+        left -= &shown * complement.solve(&push);
+        let (out, added) = (over_root(hat_out, factor.L()), over_root(shown, complement.L()));
+        Some(Predicted { left, out, added, anew: None })
     }
 
     /// Pose of each row.
@@ -284,4 +343,81 @@ impl<'a> Partition<'a> {
         }
         squares.into_iter().map(|(_, s)| s.sqrt()).filter(|e| e.is_finite()).collect()
     }
+}
+
+/// A block by a fit that did not see it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Foreseen {
+    pub rows: f64,
+    /// Square of the residual's length in standard deviations of what is predicted.
+    pub square: f64,
+    /// Logarithm of the determinant of the covariance of what is predicted.
+    pub log_covariance: f64,
+}
+
+impl Predictive {
+    /// Each block by the joint fit without the candidates `out` and with `add` in their place; one that is not scored has no rows. `None` where
+    /// a fit fails.
+    #[must_use]
+    pub fn of_blocks(&self, fits: &Partition<'_>, out: &[usize], add: Option<usize>) -> Option<Vec<Foreseen>> {
+        let o = fits.columns_of(out);
+        let added = add.map(|c| fits.added(c));
+        let parts = fits.fits.iter().enumerate();
+        let predicted: Vec<Option<Predicted>> =
+            parts.map(|(part, fit)| fits.predicted(part, fit, &o, added.as_ref())).collect();
+        let mut all = vec![Foreseen::default(); self.count];
+        for b in &self.blocks {
+            all[b.block] = b.foreseen(predicted[b.part].as_ref()?)?;
+        }
+        Some(all)
+    }
+}
+
+impl Block {
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    fn foreseen(&self, predicted: &Predicted) -> Option<Foreseen> {
+        let rows = |m: &Mat<f64>| some_rows(m, &self.rows);
+        let square = |m: &Mat<f64>| m.squared_norm_l2();
+        if let Some(anew) = &predicted.anew {
+            let x = rows(anew);
+            let covariance = Mat::<f64>::identity(x.nrows(), x.nrows()) + &x * x.transpose();
+            let factor = covariance.llt(Side::Lower).ok()?;
+            let square = square(&under_root(rows(&predicted.left), factor.L()));
+            return Some(Foreseen { rows: self.rows.len() as f64, square, log_covariance: log_square(factor.L()) });
+        }
+        // in the measure of the whole set's covariance
+        let own = |m: &Mat<f64>| under_root(rows(m), self.factor.as_ref());
+        let (r, out, added) = (own(&predicted.left), own(&predicted.out), own(&predicted.added));
+        let mut of_out = Mat::<f64>::identity(out.ncols(), out.ncols());
+        matmul(of_out.as_mut(), Accum::Add, out.transpose(), &out, -1.0, Par::Seq);
+        let of_out = of_out.llt(Side::Lower).ok()?;
+        let (a, b) = (under_root(out.transpose() * &r, of_out.L()), under_root(out.transpose() * &added, of_out.L()));
+        let mut of_added = Mat::<f64>::identity(added.ncols(), added.ncols());
+        of_added += added.transpose() * &added + b.transpose() * &b;
+        let of_added = of_added.llt(Side::Lower).ok()?;
+        let c = under_root(added.transpose() * &r + b.transpose() * &a, of_added.L());
+        let log_covariance = log_square(self.factor.as_ref()) + log_square(of_out.L()) + log_square(of_added.L());
+        let square = square(&r) + square(&a) - square(&c);
+        Some(Foreseen { rows: self.rows.len() as f64, square, log_covariance })
+    }
+}
+
+fn some_rows(m: &Mat<f64>, rows: &[usize]) -> Mat<f64> {
+    Mat::from_fn(rows.len(), m.ncols(), |i, j| m[(rows[i], j)])
+}
+
+/// `L^-1 m`.
+fn under_root(mut m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
+    solve_lower_triangular_in_place(root, m.as_mut(), Par::Seq);
+    m
+}
+
+/// `m L'^-1`.
+fn over_root(m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
+    under_root(m.transpose().to_owned(), root).transpose().to_owned()
+}
+
+/// `ln det (L L')`.
+fn log_square(root: MatRef<'_, f64>) -> f64 {
+    2.0 * (0..root.nrows()).map(|i| root[(i, i)].ln()).sum::<f64>()
 }

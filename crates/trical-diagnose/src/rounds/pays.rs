@@ -9,7 +9,7 @@ use super::Rounds;
 use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
 use crate::findings::{Group, grouped};
-use crate::parts::Parts;
+use crate::parts::{Parts, what_does_not_pay};
 use crate::selection::Search;
 use crate::settings::TRIED_WITH_CURVES;
 
@@ -68,11 +68,11 @@ impl Rounds {
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..held.len() + self.chosen.len()).collect();
             let parts = Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper());
-            parts.map_or_else(Vec::new, |p| {
+            parts.map_or_else(Vec::new, |parts| {
                 let groups = grouped(&members[..held.len()], &all[..held.len()]);
                 let leaner = |curve: usize, wave: &usize| members[*wave].is_part_of(&members[curve]);
                 let instead = |g: &Group| (all.len()..members.len()).filter(|w| leaner(g.members[0], w)).collect();
-                p.what_does_not_pay(&members, groups, &instead)
+                what_does_not_pay(&[parts], &members, groups, &instead)
             })
         };
         let (let_go, held): (Vec<_>, Vec<_>) = held.into_iter().enumerate().partition(|(k, _)| dropped.contains(k));
@@ -87,17 +87,37 @@ impl Rounds {
         Ok(true)
     }
 
-    /// Held curves become as every other effect.
+    /// Held curves become as every other effect. What is lean is chosen once more beside them: a curve that was fitted before another effect was
+    /// known has taken its part, and gives it back only where both are free.
     pub(crate) fn release_curves(&mut self) -> Result<()> {
-        let mut held = std::mem::take(&mut self.held);
-        held.append(&mut self.chosen);
-        self.chosen = held;
+        let held = std::mem::take(&mut self.held);
+        if held.is_empty() {
+            return Ok(());
+        }
+        let before = [&held[..], &self.chosen[..]].concat();
+        let lean = std::mem::replace(&mut self.chosen, before.clone());
+        self.refit()?;
+        let chosen = {
+            let design = self.design(&self.searched(), &[], self.correlation)?;
+            let beside = design.absorbing(&self.searcher(&design).with(&design.start(), &held));
+            let curves: Vec<&Candidate> = held.iter().map(|c| &self.candidates[*c]).collect();
+            let said = said_by(&curves, &self.candidates);
+            let mut search = Search::new(&beside, &self.candidates, self.temper()).without_candidates(&said);
+            search.choose(&beside.start(), &lean)
+        };
+        if chosen != lean {
+            self.chosen = [held, chosen].concat();
+            if self.refit().is_err() {
+                self.chosen = before;
+                return self.refit();
+            }
+        }
         Ok(())
     }
 
-    /// Drops what does not pay at blocks of poses that the fit did not see, one finding after the other, the worst first; then what the last
-    /// quarter of the sessions is better foreseen without; and takes the
-    /// simpler of two nested effects where what tells them apart is nothing.
+    /// Drops what does not pay at blocks of poses that the fit did not see and in the last quarter of the sessions, foreseen by what came
+    /// before, one finding after the other, the worst first; and takes the simpler of two nested effects where what tells them apart is
+    /// nothing.
     pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
         let before = self.chosen.clone();
         self.simplify();
@@ -106,16 +126,9 @@ impl Rounds {
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..members.len()).collect();
             let folds = Folds::of(&self.kept);
-            let mut out = match Parts::by_block(&design, &all, &folds, self.temper()) {
-                Some(parts) => parts.what_does_not_pay(&members, grouped(&members, &all), &|_| Vec::new()),
-                None => Vec::new(),
-            };
-            // what was learnt on the first three quarters must not make the last one worse
-            let left: Vec<usize> = all.iter().copied().filter(|k| !out.contains(k)).collect();
-            if let Some(later) = Parts::forward(&design, &left, &folds, self.temper()) {
-                out.extend(later.what_harms(grouped(&members, &left)));
-            }
-            out
+            let of = [Parts::by_block, Parts::forward].map(|of| of(&design, &all, &folds, self.temper()));
+            let proofs: Vec<Parts<'_>> = of.into_iter().flatten().collect();
+            what_does_not_pay(&proofs, &members, grouped(&members, &all), &|_| Vec::new())
         };
         let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();
         self.chosen.retain(|c| !dropped.contains(c));

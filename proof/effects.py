@@ -704,6 +704,11 @@ CURVES: dict[str, tuple[str, Family]] = {
     "out_turn_curve": ("out_turn_curve", Family(turned, turn_curve, None)),
 }
 
+# an encoder's error that is there besides: each of its waves is free, and smaller the shorter it is
+REST_CURVE = Family(
+    joints(1, 2, 3, 4, 5, 6), None, lambda c, s: [[w for n in range(1, 21) for w in waves(0.06 * DEG / n, n)]]
+)
+
 # ---- families of effects, for what is sure when the name is not --------------------------------------------------
 
 FAMILIES_OF_EFFECTS = {

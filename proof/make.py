@@ -451,19 +451,20 @@ def _job(args):
 
 
 def on_real_backgrounds(binary: Path | None, names: list[str], seed: int, count: int, out: Path) -> list[tuple]:
-    """Cases to make: the scatter of each background is what the program reports of it as it is."""
+    """Cases to make, each with what the program says of its background as it is."""
     if binary is None:
-        raise SystemExit("real backgrounds need the program: their scatter is what it reports")
-    scatter = {}
+        raise SystemExit(
+            "real backgrounds need the program: their scatter, and what is there besides, is what it reports"
+        )
+    answers = {}
     for name in dict.fromkeys(names[:count]):
         said = real.answer_without(binary, real.write_background(name, out))
         if said["answer"] is None:
             print(f"{name}: left out: {said['error'][:200]}", file=sys.stderr)
             continue
-        final = said["answer"]["final"]
-        scatter[name] = (final.get("holdout_rms_mm") or final["rms_mm"]) * MM / np.sqrt(3)
-    names = [n for n in names if n in scatter]
-    return [("real", names[i % len(names)], scatter[names[i % len(names)]], seed, i) for i in range(count)]
+        answers[name] = said["answer"]
+    names = [n for n in names if n in answers]
+    return [("real", names[i % len(names)], answers[names[i % len(names)]], seed, i) for i in range(count)]
 
 
 def make(

@@ -24,9 +24,9 @@ import numpy as np
 
 import configurations
 import run
-from effects import CURVES, FAMILIES, log_uniform
+from effects import CURVES, FAMILIES, REST_CURVE, log_uniform
 from plant import DEG, MM, Arm, Session, simulate, triangle
-from visible import Design, Invisible, jacobian, parameters, survey
+from visible import Design, Invisible, context, jacobian, parameters, survey
 
 HERE = Path(__file__).resolve().parent
 CACHE = HERE / "runs" / "backgrounds"
@@ -373,11 +373,37 @@ def answers_without(binary: Path, out: Path) -> None:
 # ---- cases -----------------------------------------------------------------------------------------------------------
 
 
-def make_case(name: str, scatter: float, seed: int, index: int) -> tuple[str, dict[str, str], dict]:
-    """Id, files, truth of one effect added to a background whose scatter (one component, m) is known."""
+def beside(design: Design, effect: dict, findings: list[dict]) -> float:
+    """lambda of an effect beside what is said of its background without it.
+
+    `sqrt(s' (I + B B')^-1 s)` for the effect's signature `s` and the signatures `B` of what is said, each at the large
+    end of its typical sizes, as if that were the standard deviation of its size.
+    """
+    families = {**FAMILIES, "encoder_error": REST_CURVE}
+    ctx = context(design.arm, design.s)
+    columns = []
+    for f in findings:
+        family = families.get(f["effect"])
+        there = family and family.span and f["site"] in family.sites(ctx)
+        if (
+            there
+            and f["family_confidence"] >= 0.5
+            and not (f["effect"] == effect["effect"] and f["site"] == effect["site"])
+        ):
+            columns += design.columns(f["effect"], f["site"], family.span(ctx, f["site"]))
+    s = design.project(design.signature([effect])) / design.s.sigma
+    b = np.concatenate([np.zeros((len(s), 0)), *columns], axis=1)
+    bs = b.T @ s
+    return float(np.sqrt(max(s @ s - bs @ np.linalg.solve(np.eye(b.shape[1]) + b.T @ b, bs), 0.0)))
+
+
+def make_case(name: str, said: dict, seed: int, index: int) -> tuple[str, dict[str, str], dict]:
+    """Id, files, truth of one effect added to a background of which the program says `said`."""
     import make
 
     real = load(name)
+    final = said["final"]
+    scatter = (final.get("holdout_rms_mm") or final["rms_mm"]) * MM / np.sqrt(3)
     for attempt in range(20):
         rng = np.random.default_rng([seed, zlib.crc32(b"real"), index, attempt])
         s = replace(real.s, sigma=scatter)
@@ -400,6 +426,10 @@ def make_case(name: str, scatter: float, seed: int, index: int) -> tuple[str, di
     else:
         raise Invisible(f"{name}: nothing can be seen on it")
     _, alike = survey(design, [effect])
+    sizes = {
+        "lambda": round(design.lam([effect]), 3),
+        "lambda_apart": round(beside(design, effect, said["findings"]), 3),
+    }
     truth = {
         "kind": "real",
         "background": name,
@@ -415,7 +445,7 @@ def make_case(name: str, scatter: float, seed: int, index: int) -> tuple[str, di
         "noise": "real",
         "rows": {},
         "session": {},
-        "effects": [{**effect, "lambda": round(design.lam([effect]), 3), "alike": alike[0]}],
+        "effects": [{**effect, **sizes, "alike": alike[0]}],
         "unseen": [],
     }
     return make.name_of("real", seed, index), real.files(real.csv(displaced(real, s, [effect]))), truth

@@ -737,6 +737,60 @@ def test_an_effect_that_was_said_before_is_found_only_where_its_size_moves(tmp_p
     assert (elsewhere["role"], elsewhere["place_right"]) == ("false", 0)
 
 
+def test_what_was_said_before_of_another_wave_or_moment_is_another_effect(tmp_path: Path) -> None:
+    def ripple(located: str, *size: float) -> dict:
+        names = [f"ripple_{k}_4{n}" for n in ("", "_2") for k in ("sine", "cosine")]
+        told = [{"name": k, "value": v, "sd": 2e-4, "unit": "deg"} for k, v in zip(names, size, strict=False)]
+        return {**found(RIPPLE4, 0.9), "coefficients": told, "located": located}
+
+    def slipped(pose: int, x: float) -> dict:
+        told = [
+            {"name": f"tool_shift_{a}", "value": v, "sd": 2e-3, "unit": "mm"}
+            for a, v in zip("xyz", (x, 0, 0), strict=True)
+        ]
+        return {
+            **found({"effect": "tool_shift", "site": {"tool": True}}, 0.9),
+            "coefficients": told,
+            "located": f"changes at once at pose {pose}",
+        }
+
+    before = [ripple("100 cycles per turn of joint 4", 0.003, 0.003), slipped(41, 0.03)]
+    (tmp_path / "without").mkdir()
+    (tmp_path / "without" / "b.json").write_text(json.dumps({"answer": {"findings": before}}))
+
+    def line(effect: dict, p: dict, finding: dict) -> dict:
+        truth = {"kind": "real", "background": "b", "measurements": 150}
+        truth["effects"] = [{**effect, "lambda": 20.0, "alike": [], "p": p}]
+        answer = {"findings": [finding], "final": {"parameters": 31}}
+        (told,) = proper.told(score.Case("c", tmp_path, truth, answer, "", 1.0))
+        return told
+
+    added = {"n": 15, "sin": 0.006 * DEG, "cos": 0.002 * DEG}
+    both = ripple("15, 100 cycles per turn of joint 4", 0.006, 0.002, 0.003, 0.003)
+    assert line(RIPPLE4, added, both)["right"] == 1
+    assert line(RIPPLE4, added, before[0])["role"] == "background"
+    shift = {"at": 0.5, "by": [0.03 * MM, 0.0, 0.0]}
+    effect = {"effect": "tool_shift", "site": {"tool": True}}
+    assert line(effect, shift, slipped(75, 0.03))["right"] == 1
+    assert line(effect, shift, slipped(41, 0.03))["role"] == "background"
+
+
+def test_lambda_beside_the_rest_is_less_where_the_rest_says_the_same() -> None:
+    arm, s = arm_and_session(5, 150)
+    design = Design(arm, s)
+    ratio = {"effect": "gear_ratio", "site": {"joint": 2}, "p": {"k": 5e-4}}
+
+    def beside(effect: str, joint: int, sure: float = 0.9) -> float:
+        there = {"effect": effect, "site": {"joint": joint}, "family_confidence": sure}
+        return real.beside(design, ratio, [there])
+
+    alone = design.lam([ratio])
+    assert beside("encoder_error", 2) < 0.3 * alone
+    assert beside("encoder_error", 5) > 0.7 * alone
+    assert beside("encoder_error", 2, 0.4) == pytest.approx(alone)
+    assert beside("gear_ratio", 2) == pytest.approx(alone)
+
+
 def test_probabilities_are_scored_against_what_was_so() -> None:
     p, y = np.repeat([0.2, 0.8], 50), np.tile([0, 0, 0, 0, 1], 20)
     y[50:] = 1 - y[50:]

@@ -113,24 +113,18 @@ fn surely(better: &[f64], than: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "../../trical-ident/tests/common/arm.rs"]
-#[allow(clippy::unwrap_used)]
-mod arm;
-
-#[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use rand::{RngExt, SeedableRng};
-    use rand_pcg::Pcg64Mcg;
-    use trical_ident::{Aim, Choice, Dataset, JointSource, ParameterSet, Scatter, identify, simulate};
-    use trical_model::{Basis, Place, Shape, Site, State, Term, Variable};
+    use trical_ident::{Choice, Dataset, ParameterSet, identify};
+    use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
     use crate::covariates::Covariates;
     use crate::effect_id::EffectId;
     use crate::findings::grouped;
     use crate::locators::locators;
+    use crate::test_data::with_joint_2;
 
     /// What does not pay of the candidates that `set` makes for an arm with a hidden error of joint 2, each alone in its group but for those
     /// from `groups` on, which are what could stand instead.
@@ -140,19 +134,7 @@ mod tests {
         set: &dyn Fn(&Covariates<'_>, &Dataset) -> Vec<Candidate>,
         groups: usize,
     ) -> Vec<usize> {
-        let mut truth = arm::truth(ParameterSet::Compliance, 5);
-        let basis = Basis::new(Variable::Joint { joint: 2 }, hidden);
-        truth.terms.push(Term { value: size, ..Term::new("hidden", "hidden", Site::Joint { joint: 2 }, basis) });
-        let mut rng = Pcg64Mcg::seed_from_u64(8);
-        let pose = || {
-            let within = |j: &trical_model::Joint| rng.random_range(j.limits[0].max(-1.4)..j.limits[1].min(1.4));
-            State::at(&truth.robot.joints.iter().map(within).collect::<Vec<f64>>())
-        };
-        let rows: Vec<(State, Aim)> =
-            std::iter::repeat_with(pose).take(200).zip(0..).map(|(s, k)| (s, Aim::Ball(k % 3))).collect();
-        let scatter = Scatter { length: 1e-5, angle: 0.0, seed: 3 };
-        let recording = simulate(&truth, &rows, &scatter, None).unwrap();
-        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        let (truth, data) = with_joint_2(&[(Basis::new(Variable::Joint { joint: 2 }, hidden), size)]);
         let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
         let candidates = set(&Covariates::new(&fitted.model, &data, 1e-5), &data);
         let design = Design::new(&fitted.model, &candidates, &data, &fitted.noise).unwrap();
@@ -192,26 +174,14 @@ mod tests {
     /// What harms the last quarter of a recording, of a drift with the order of the rows that was fitted to all of it; joint 2 is off by
     /// `hidden` of that order (0 to 199).
     fn harming(hidden: Shape, size: f64) -> Vec<usize> {
-        let mut truth = arm::truth(ParameterSet::Compliance, 5);
         let order = |shape| Basis::new(Variable::Seq, shape);
-        let of_joint = |name: &str, basis| Term::new(name, "drift", Site::Joint { joint: 2 }, basis);
-        truth.terms.push(Term { value: size, ..of_joint("hidden", order(hidden)) });
-        let mut rng = Pcg64Mcg::seed_from_u64(8);
-        let rows: Vec<(State, Aim)> = (0..200)
-            .map(|k| {
-                let within = |j: &trical_model::Joint| rng.random_range(j.limits[0].max(-1.4)..j.limits[1].min(1.4));
-                let q: Vec<f64> = truth.robot.joints.iter().map(within).collect();
-                (State { seq: Some(f64::from(k)), ..State::at(&q) }, Aim::Ball(usize::try_from(k % 3).unwrap()))
-            })
-            .collect();
-        let recording = simulate(&truth, &rows, &Scatter { length: 1e-5, angle: 0.0, seed: 3 }, None).unwrap();
-        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        let (truth, data) = with_joint_2(&[(order(hidden), size)]);
         let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
         let drift = Candidate {
             cause: Cause::Unexplained,
             site: Place::Joint(2),
             behaviour: "drift".into(),
-            terms: vec![of_joint("drift", order(Shape::Linear))],
+            terms: vec![Term::new("drift", "drift", Site::Joint { joint: 2 }, order(Shape::Linear))],
             signs: vec![0],
             physical: crate::candidate::anything,
             typical: 0.0,

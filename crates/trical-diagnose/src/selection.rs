@@ -211,7 +211,7 @@ impl<'a> Search<'a> {
                 self.try_pairs(start, &mut chosen);
                 self.forward(start, &mut chosen);
             }
-            self.swap(start, &mut chosen);
+            self.swap(start, &mut chosen, &|_| true);
             self.merge(start, &mut chosen);
             self.merge_places(start, &mut chosen);
             self.backward(start, &mut chosen);
@@ -313,15 +313,19 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Replaces chosen candidates by better ones: one by one, or a rich one by two leaner ones that together say more (a
+    /// Replaces those chosen candidates that are `asked` by better ones: one by one, or a rich one by two leaner ones that together say more (a
     /// twist hides in a wobble, but is one number instead of four).
-    fn swap(&self, start: &RegressionState, chosen: &mut Vec<usize>) {
+    pub(crate) fn swap(&self, start: &RegressionState, chosen: &mut Vec<usize>, asked: &dyn Fn(usize) -> bool) {
         for _ in 0..2 {
             let set = chosen.clone();
             let mut downdate = Downdate::new(self.design, start, &set);
             let mut likes: Vec<(usize, RegressionState)> = Vec::new();
             self.among(start, &set, |few, start| {
-                few.without_each(start, &set, &mut |own, like| likes.push((own, like.clone())));
+                few.without_each(start, &set, &mut |own, like| {
+                    if asked(own) {
+                        likes.push((own, like.clone()));
+                    }
+                });
             });
             let members: Vec<Member> = likes
                 .into_par_iter()

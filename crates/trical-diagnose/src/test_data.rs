@@ -1,8 +1,13 @@
 //! Small data for the tests of single modules.
 #![allow(clippy::unwrap_used)]
 
-use trical_ident::{Dataset, JointSource};
-use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Row, State};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use trical_ident::{Aim, Dataset, JointSource, ParameterSet, Scatter, simulate};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Recording, Robot, Row, Site, State, Term};
+
+#[path = "../../trical-ident/tests/common/arm.rs"]
+mod arm;
 
 /// A small arm of six joints with masses, and a cell with three balls.
 pub(crate) fn arm() -> Model {
@@ -50,4 +55,24 @@ pub(crate) fn touched(truth: &Model, count: u32) -> Dataset {
     let rows = (0..count).map(row).collect();
     let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
+}
+
+/// An arm whose joint 2 is off by what the bases say, and 200 touches of it in order, with noise.
+pub(crate) fn with_joint_2(hidden: &[(Basis, f64)]) -> (Model, Dataset) {
+    let mut truth = arm::truth(ParameterSet::Compliance, 5);
+    for (k, (basis, value)) in hidden.iter().enumerate() {
+        let term = Term::new(format!("hidden_{k}"), "hidden", Site::Joint { joint: 2 }, basis.clone());
+        truth.terms.push(Term { value: *value, ..term });
+    }
+    let mut rng = Pcg64Mcg::seed_from_u64(8);
+    let rows: Vec<(State, Aim)> = (0..200_u32)
+        .map(|k| {
+            let within = |j: &trical_model::Joint| rng.random_range(j.limits[0].max(-1.4)..j.limits[1].min(1.4));
+            let q: Vec<f64> = truth.robot.joints.iter().map(within).collect();
+            (State { seq: Some(f64::from(k)), ..State::at(&q) }, Aim::Ball(k as usize % 3))
+        })
+        .collect();
+    let recording = simulate(&truth, &rows, &Scatter { length: 1e-5, angle: 0.0, seed: 3 }, None).unwrap();
+    let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+    (truth, data)
 }

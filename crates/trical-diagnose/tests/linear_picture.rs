@@ -308,6 +308,55 @@ fn held_out_errors_are_those_of_a_fit_without_their_rows_however_the_set_is_reac
     }
 }
 
+/// Squared length of what is left at the touches `block` by a fit to the touches `seen`, in the covariance `I + X H^-1 X'` with which that fit
+/// predicts them, and the logarithm of its determinant.
+fn foreseen(model: &Model, set: &[&Candidate], data: &Dataset, seen: &[usize], block: &[usize]) -> (f64, f64) {
+    let (j, r) = rows(model, set, data);
+    let of = |touches: &[usize]| touches.iter().flat_map(|k| 3 * k..3 * k + 3).collect::<Vec<usize>>();
+    let (fit, told) = (of(seen), of(block));
+    let mut x = j.clone();
+    let lengths: Vec<f64> = j.column_iter().map(|c| c.norm().max(1e-300)).collect();
+    lengths.iter().enumerate().for_each(|(k, length)| x.column_mut(k).scale_mut(1.0 / length));
+    let (some, x) = (x.select_rows(&fit), x.select_rows(&told));
+    let mut h = some.transpose() * &some;
+    let priors: Vec<f64> = set.iter().flat_map(|c| c.scales.iter().map(|s| 1.0 / s)).collect();
+    let first = lengths.len() - priors.len();
+    for (k, v) in priors.iter().enumerate() {
+        h[(first + k, first + k)] += (v / lengths[first + k]).powi(2);
+    }
+    let h = h.cholesky().unwrap();
+    let left = r.select_rows(&told) - &x * h.solve(&(some.transpose() * r.select_rows(&fit)));
+    let covariance = DMatrix::identity(told.len(), told.len()) + &x * h.solve(&x.transpose());
+    let root = covariance.cholesky().unwrap();
+    (left.dot(&root.solve(&left)), 2.0 * root.l().diagonal().map(f64::ln).sum())
+}
+
+#[test]
+fn unseen_blocks_are_foreseen_with_the_covariance_of_a_fit_without_them_however_the_set_is_reached() {
+    let (model, data, candidates) = made();
+    let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
+    let set: Vec<usize> = some(&candidates).into_iter().step_by(9).collect();
+    let partition = Partition::new(&design, &set, 2, &|p| p / 10 % 2).unwrap();
+    let predictive = partition.predictive(10, &|p| Some(p / 10)).unwrap();
+    let other = (0..candidates.len()).find(|c| !set.contains(c) && candidates[*c].terms.len() > 1).unwrap();
+    let most = &set[1..];
+    let sets: [(&[usize], Option<usize>); 5] =
+        [(&[], None), (&set[..1], None), (&set[..1], Some(other)), (&[], Some(other)), (most, None)];
+    for (out, add) in sets {
+        let left: Vec<usize> = set.iter().copied().filter(|c| !out.contains(c)).chain(add).collect();
+        let members: Vec<&Candidate> = left.iter().map(|k| &candidates[*k]).collect();
+        for (block, told) in predictive.of_blocks(&partition, out, add).unwrap().iter().enumerate() {
+            let touches = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
+                (0..data.observations.len()).filter(|k| wanted(data.observations[*k].pose / 10)).collect()
+            };
+            let (seen, here) = (touches(&|b| b % 2 != block % 2), touches(&|b| b == block));
+            let (square, log) = foreseen(&model, &members, &data, &seen, &here);
+            assert!((told.square - square).abs() < 1e-5 * square, "{} {square}", told.square);
+            assert!((told.log_covariance - log).abs() < 1e-5 * log.max(1.0), "{} {log}", told.log_covariance);
+        }
+    }
+}
+
 /// The same by the whole covariance matrix of all touches, in the device's axes.
 #[test]
 fn noise_that_remembers_itself_is_weighed_by_its_covariance() {

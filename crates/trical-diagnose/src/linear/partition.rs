@@ -348,6 +348,7 @@ impl<'a> Partition<'a> {
 /// A block by a fit that did not see it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Foreseen {
+    /// How many rows it has.
     pub rows: f64,
     /// Square of the residual's length in standard deviations of what is predicted.
     pub square: f64,

@@ -88,29 +88,39 @@ impl Rounds {
     }
 
     /// Held curves become as every other effect. What is lean is chosen once more beside them: a curve that was fitted before another effect was
-    /// known has taken its part, and gives it back only where both are free.
+    /// known has taken its part, and gives it back only where both are free. A curve that something leaner can replace goes.
     pub(crate) fn release_curves(&mut self) -> Result<()> {
-        let held = std::mem::take(&mut self.held);
-        if held.is_empty() {
-            return Ok(());
-        }
-        let before = [&held[..], &self.chosen[..]].concat();
-        let lean = std::mem::replace(&mut self.chosen, before.clone());
-        self.refit()?;
-        let chosen = {
-            let design = self.design(&self.searched(), &[], self.correlation)?;
-            let beside = design.absorbing(&self.searcher(&design).with(&design.start(), &held));
-            let curves: Vec<&Candidate> = held.iter().map(|c| &self.candidates[*c]).collect();
-            let said = said_by(&curves, &self.candidates);
-            let mut search = Search::new(&beside, &self.candidates, self.temper()).without_candidates(&said);
-            search.choose(&beside.start(), &lean)
-        };
-        if chosen != lean {
-            self.chosen = [held, chosen].concat();
+        while !self.held.is_empty() {
+            let before = [&self.held[..], &self.chosen[..]].concat();
+            let (mut held, lean) =
+                (std::mem::take(&mut self.held), std::mem::replace(&mut self.chosen, before.clone()));
+            self.refit()?;
+            let chosen = {
+                let design = self.design(&self.searched(), &[], self.correlation)?;
+                let search = self.searcher(&design);
+                let beside = design.absorbing(&search.with(&design.start(), &held));
+                let curves: Vec<&Candidate> = held.iter().map(|c| &self.candidates[*c]).collect();
+                let said = said_by(&curves, &self.candidates);
+                let mut leaner = Search::new(&beside, &self.candidates, self.temper()).without_candidates(&said);
+                let mut chosen = [&held[..], &leaner.choose(&beside.start(), &lean)[..]].concat();
+                search.swap(&design.start(), &mut chosen, &|c| held.contains(&c));
+                chosen
+            };
+            if chosen == before {
+                return Ok(());
+            }
+            self.chosen = chosen;
             if self.refit().is_err() {
                 self.chosen = before;
                 return self.refit();
             }
+            let curves = held.len();
+            held.retain(|c| self.chosen.contains(c));
+            if held.len() == curves {
+                return Ok(());
+            }
+            self.chosen.retain(|c| !held.contains(c));
+            self.held = held;
         }
         Ok(())
     }
@@ -159,5 +169,39 @@ impl Rounds {
                 self.chosen[k] = simpler;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::{Basis, Place, Shape, Variable};
+
+    use super::*;
+    use crate::effect_id::{Cause, EffectId};
+    use crate::options::Options;
+    use crate::test_data::with_joint_2;
+
+    /// What stands after release for joint 2, whose error is `hidden`, where an encoder's curve of it was held.
+    fn released(hidden: &[(Shape, f64)]) -> Vec<Cause> {
+        let of = |(shape, size): &(Shape, f64)| (Basis::new(Variable::Joint { joint: 2 }, shape.clone()), *size);
+        let (truth, data) = with_joint_2(&hidden.iter().map(of).collect::<Vec<_>>());
+        let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+        let curve = rounds.curves.iter().position(|c| c.site == Place::Joint(2)).unwrap();
+        rounds.held = vec![rounds.candidates.len()];
+        let curve = rounds.curves.swap_remove(curve);
+        rounds.candidates.push(curve);
+        rounds.refit().unwrap();
+        rounds.release_curves().unwrap();
+        let chosen = rounds.chosen.iter().map(|c| &rounds.candidates[*c]);
+        chosen.filter(|c| c.site == Place::Joint(2)).map(|c| c.cause).collect()
+    }
+
+    #[test]
+    fn a_held_curve_goes_where_something_leaner_says_as_much() {
+        assert_eq!(released(&[(Shape::Linear, 1e-3)]), [Cause::Effect(EffectId::GearRatio)]);
+        let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (Shape::Sine { cycles }, 2e-4));
+        assert_eq!(released(&curve), [Cause::Effect(EffectId::EncoderError)]);
     }
 }

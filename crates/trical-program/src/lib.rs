@@ -26,6 +26,7 @@
 //! | [`scan`] | what they find |
 //! | [`literal`] | numbers as poses and joint values, both ways |
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
+//! | [`flow`] | which of them routines, branches and loops leave |
 //! | [`frames`] | tools and work objects, `--frames` files |
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
@@ -38,6 +39,7 @@ pub mod dialects;
 pub mod error;
 pub mod expression;
 pub mod file;
+pub mod flow;
 pub mod frames;
 pub mod literal;
 pub mod options;

@@ -13,6 +13,7 @@ use trical_model::pose::rotation_zyx;
 
 use crate::branch::Configuration;
 use crate::expression::Constants;
+use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
@@ -44,26 +45,30 @@ pub fn header(bytes: &[u8]) -> usize {
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
     let (moved_to, frame_names) = targets(bytes);
-    let mut reader = Reader {
-        c: Cursor::new(bytes, b';'),
-        scan: Scan::default(),
-        names: Names::default(),
-        moved_to,
-        frame_names,
-        constants: Constants::with_degrees(),
-        now: Setup::default(),
-        branches: Vec::new(),
-        motion_data: HashMap::new(),
+    let pass = |flow: Flow| {
+        let mut reader = Reader {
+            c: Cursor::new(bytes, b';'),
+            scan: Scan::default(),
+            names: Names::default(),
+            moved_to: &moved_to,
+            frame_names: &frame_names,
+            constants: Constants::with_degrees(),
+            now: Setup::default(),
+            flow,
+            motion_data: HashMap::new(),
+        };
+        reader.scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
+        reader.scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
+        reader.file();
+        (std::mem::take(&mut reader.flow), reader)
     };
-    reader.scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
-    reader.scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
-    reader.file();
+    let mut reader = Flow::read(pass, |r| &mut r.scan);
     let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
     said.sort_unstable();
     for (name, setup) in said {
         reader.names.used(name, setup, Way::Said, 0);
     }
-    let Reader { mut scan, mut names, frame_names, .. } = reader;
+    let Reader { mut scan, mut names, .. } = reader;
     frame_names.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
@@ -140,13 +145,12 @@ struct Reader<'a> {
     c: Cursor<'a>,
     scan: Scan,
     names: Names,
-    moved_to: HashSet<u64>,
-    frame_names: HashSet<u64>,
+    moved_to: &'a HashSet<u64>,
+    frame_names: &'a HashSet<u64>,
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
-    /// Tool and base where each open branch began.
-    branches: Vec<Setup>,
+    flow: Flow,
     /// What FDAT data say of the targets that go with them.
     motion_data: HashMap<u64, u32>,
 }
@@ -186,15 +190,42 @@ impl Reader<'_> {
                 }
             } else if word.eq_ignore_ascii_case(b"BAS") {
                 self.bas();
-            } else if is_one_of(word, &[b"IF", b"SWITCH"]) {
-                self.branches.push(self.now.clone());
-            } else if is_one_of(word, &[b"ENDIF", b"ENDSWITCH"]) {
-                self.joined();
-            } else {
+            } else if before.eq_ignore_ascii_case(b"WAIT") || !self.block(from, word) {
                 self.assignment(from, word);
             }
             before = word;
         }
+    }
+
+    /// Words that begin or end routines, branches and loops, and calls.
+    fn block(&mut self, from: usize, word: &[u8]) -> bool {
+        let Self { flow, now, c, .. } = self;
+        let is = |words: &[&[u8]]| is_one_of(word, words);
+        if is(&[b"DEF", b"DEFFCT"]) {
+            flow.routine(before_bracket(c), now);
+        } else if is(&[b"END", b"ENDFCT"]) {
+            flow.end_routine(now);
+        } else if is(&[b"RETURN"]) {
+            flow.returns(now);
+        } else if is(&[b"INTERRUPT"]) {
+            flow.called(before_bracket(c), now);
+        } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
+            flow.repeat(from, now);
+        } else if is(&[b"IF", b"SWITCH"]) {
+            flow.branches(now, is(&[b"IF"]));
+        } else if is(&[b"ELSE", b"CASE", b"DEFAULT"]) {
+            flow.branch(now, !is(&[b"CASE"]));
+        } else if is(&[b"ENDIF", b"ENDSWITCH", b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]) {
+            flow.end(now);
+        } else {
+            let mut behind = *c;
+            behind.skip_blank();
+            if behind.peek() == b'(' {
+                flow.call(hashed(word), now);
+            }
+            return false;
+        }
+        true
     }
 
     /// `CONST REAL H=200`
@@ -367,17 +398,6 @@ impl Reader<'_> {
             } else if what.eq_ignore_ascii_case(b"BASE") {
                 self.now.frame = Some(n.unwrap_or_else(|| "(computed)".into()));
             }
-        }
-    }
-
-    /// Behind a branch nobody knows the tool or base that it sets.
-    fn joined(&mut self) {
-        let Some(before) = self.branches.pop() else { return };
-        if self.now.tool != before.tool {
-            self.now.tool = Some("$tool: (set in a branch)".into());
-        }
-        if self.now.frame != before.frame {
-            self.now.frame = Some("$base: (set in a branch)".into());
         }
     }
 
@@ -640,6 +660,14 @@ impl Reader<'_> {
             translation: Vector3::new(v[0], v[1], v[2]) * 1e-3,
         })
     }
+}
+
+/// The name before the next bracket of the line (`REAL F(X:IN)`, `DECL 3 WHEN $IN[1] DO STOP()`); the cursor is behind the name.
+fn before_bracket(c: &mut Cursor<'_>) -> u64 {
+    let line = c.until(b"(;\n\r").trim_ascii_end();
+    let name = line.iter().rev().take_while(|b| b.is_ascii_alphanumeric() || b"_$".contains(b)).count();
+    c.at += line.len();
+    hashed(&line[line.len() - name..])
 }
 
 /// XP1 goes with FP1.

@@ -11,6 +11,7 @@ use trical_model::{Joints, Pose};
 
 use crate::branch::Configuration;
 use crate::expression::Constants;
+use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::{Meant, Shape};
 use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
@@ -32,18 +33,23 @@ const DEEPEST: usize = 8;
 /// Reads a script.
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
-    let mut reader = Reader {
-        c: Cursor::new(bytes, b'#'),
-        scan: Scan::default(),
-        names: Names::default(),
-        constants: constants(bytes),
-        moved_to: targets(bytes),
-        tool: None,
-        blocks: Vec::new(),
-        values: HashMap::new(),
-        joints: HashMap::new(),
+    let (constants, moved_to) = (constants(bytes), targets(bytes));
+    let pass = |flow: Flow| {
+        let mut reader = Reader {
+            c: Cursor::new(bytes, b'#'),
+            scan: Scan::default(),
+            names: Names::default(),
+            constants: &constants,
+            moved_to: &moved_to,
+            now: Setup::default(),
+            flow,
+            values: HashMap::new(),
+            joints: HashMap::new(),
+        };
+        reader.file();
+        (std::mem::take(&mut reader.flow), reader)
     };
-    reader.file();
+    let reader = Flow::read(pass, |r| &mut r.scan);
     let Reader { mut scan, names, .. } = reader;
     names.resolve(&mut scan, bytes, &|name| {
         format!("goes to '{}', which the script does not give as numbers", String::from_utf8_lossy(name))
@@ -156,11 +162,10 @@ struct Reader<'a> {
     c: Cursor<'a>,
     scan: Scan,
     names: Names,
-    constants: Constants,
-    moved_to: HashSet<u64>,
-    tool: Option<String>,
-    /// Open blocks, and of a branch the tool where it began.
-    blocks: Vec<Option<Option<String>>>,
+    constants: &'a Constants,
+    moved_to: &'a HashSet<u64>,
+    now: Setup,
+    flow: Flow,
     /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`; `None` where a name is assigned twice.
     values: HashMap<u64, Option<Pose>>,
     /// Joint values by name, for `qnear=name`; the latest.
@@ -197,23 +202,36 @@ impl Reader<'_> {
                 let what = "moves with the tool that mc_initialize names, which is not read";
                 self.scan.problems.push((from, what.into()));
                 self.close();
-            } else if word == b"def" || word == b"thread" {
-                self.blocks.push(None);
-                self.c.skip_line();
-            } else if word == b"if" || word == b"while" {
-                self.blocks.push((word == b"if").then(|| self.tool.clone()));
-            } else if word == b"end" {
-                if let Some(Some(before)) = self.blocks.pop()
-                    && before != self.tool
-                {
-                    let name = format!("set_tcp in a branch that ends at byte {from}");
-                    self.scan.frames.tools.insert(name.clone(), Err("its set_tcp stands in a branch".into()));
-                    self.tool = Some(name);
-                }
-            } else {
+            } else if !self.block(from, word) {
                 self.assignment(from, word);
             }
         }
+    }
+
+    /// Words that begin or end routines, branches and loops, and calls.
+    fn block(&mut self, from: usize, word: &[u8]) -> bool {
+        let Self { flow, now, c, .. } = self;
+        match word {
+            b"def" | b"thread" => {
+                c.skip_blank();
+                flow.routine(hashed(c.word()), now);
+                c.skip_line();
+            }
+            b"return" => flow.returns(now),
+            b"while" => flow.repeat(from, now),
+            b"if" => flow.branches(now, true),
+            b"elif" | b"else" => flow.branch(now, word == b"else"),
+            b"end" => flow.end(now),
+            _ => {
+                let mut behind = *c;
+                behind.skip_blank();
+                if behind.peek() == b'(' {
+                    flow.call(hashed(word), now);
+                }
+                return false;
+            }
+        }
+        true
     }
 
     /// `name=p[...]`, `name=[...]`, `name=other`, `name=pose_trans(other,...)`, `name[2]=...`
@@ -371,7 +389,7 @@ impl Reader<'_> {
         });
         let key = known.map_or(key, |(k, _)| k.clone());
         self.scan.frames.tools.insert(key.clone(), frame.map(ToolFrame::massless));
-        self.tool = Some(key);
+        self.now.tool = Some(key);
     }
 
     /// The first argument of a motion, or the first two.
@@ -390,7 +408,7 @@ impl Reader<'_> {
     fn place(&mut self, frame: Option<&str>, depth: usize) -> bool {
         self.c.skip_space();
         let at = self.c.at;
-        let setup = Setup { tool: self.tool.clone(), frame: frame.map(str::to_owned) };
+        let setup = Setup { tool: self.now.tool.clone(), frame: frame.map(str::to_owned) };
         let setup = self.scan.setup(setup);
         match self.literal() {
             Literal::Numbers(shape, spans) => {

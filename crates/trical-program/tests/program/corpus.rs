@@ -316,6 +316,30 @@ const KRL: &[Case] = &[
         &[2, 5],
         &[(9, "branch"), (15, "branch")],
     ),
+    case(
+        "a base that another branch sets",
+        "LIN {@0}\nIF A==1 THEN\n$BASE=B1:B2\nELSE\nLIN {@1}\nENDIF\nSWITCH B\nCASE 1\n$BASE=$NULLFRAME\nDEFAULT\n$BASE=$NULLFRAME\nENDSWITCH\nLIN {@2}\n",
+        &[1, 5, 13],
+        &[],
+    ),
+    case(
+        "a tool that a loop sets",
+        "BAS(#TOOL,0)\nWAIT FOR $IN[1]\nLIN {@0}\nLOOP\nLIN {@1}\nBAS(#TOOL,7)\nBAS(#TOOL,0)\nENDLOOP\nFOR I=1 TO 3\nLIN {@2}\nBAS(#BASE,0)\nLIN {@3}\nENDFOR\nLIN {@4}\n",
+        &[3, 5, 12],
+        &[(10, "loop"), (14, "loop")],
+    ),
+    case(
+        "routines that leave another tool",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nBAS(#TOOL,0)\nLIN {@0}\nGRIP( )\nLIN {@1}\nDROP( )\nLIN {@2}\nBAS(#TOOL,1)\nNONE( )\nLIN {@3}\nEND\nDEF GRIP( )\nIF A THEN\nBAS(#TOOL,1)\nENDIF\nEND\nDEF DROP( )\nBAS(#TOOL,0)\nEND\nDEF NONE( )\nEND\n",
+        &[4, 8, 11],
+        &[(6, "branch")],
+    ),
+    case(
+        "routines that find the tool of their callers",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nBAS(#TOOL,0)\nTWICE( )\nONCE( )\nBAS(#TOOL,7)\nTWICE( )\nEND\nDEF TWICE( )\nLIN {@0}\nEND\nDEF ONCE( )\nLIN {@1}\nINNER( )\nEND\nDEF INNER( )\nLIN {@2}\nIF A THEN\nRETURN\nENDIF\nEND\nDEFFCT INT NEVER(I:IN)\nLIN {@3}\nENDFCT\n",
+        &[13, 17, 23],
+        &[(10, "called")],
+    ),
 ];
 
 const FANUC: &[Case] = &[
@@ -463,6 +487,18 @@ const URSCRIPT: &[Case] = &[
         "def a():\nmovel(p[@0])\nif big:\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nwhile True:\nmovel(p[@1])\nend\nend\nmovel(p[@2])\nend\n",
         &[2, 6],
         &[(9, "branch")],
+    ),
+    case(
+        "functions and loops that set the tool",
+        "def a():\ndef grip():\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nend\ndef go():\nmovel(p[@0])\nend\nmovel(p[@1])\ngo()\nif big:\ngrip()\nend\nmovel(p[@2])\ngrip()\nmovel(p[@3])\nwhile True:\nmovel(p[@4])\nset_tcp(tool())\nend\nend\n",
+        &[6, 8, 15],
+        &[(13, "branch"), (17, "loop")],
+    ),
+    case(
+        "a function that is called with several tools",
+        "def a():\ndef go():\nmovel(p[@0])\nend\ngo()\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\ngo()\nend\n",
+        &[],
+        &[(3, "called")],
     ),
 ];
 

@@ -1,0 +1,204 @@
+//! Tool and frame along a program: what a routine finds where it is called and leaves behind, and what a branch or a loop may have set.
+//!
+//! A reader goes through the text from its first line to its last, and tells of every block. It goes again with what the passes before saw until
+//! nothing changes, since a routine may stand behind its calls, and a loop begins as it ends.
+
+use std::collections::HashMap;
+
+use crate::scan::{Scan, Setup};
+
+/// More passes do not change what is left to recursion.
+const MOST_PASSES: usize = 8;
+
+/// How the names begin of what nobody knows.
+const UNKNOWN: &str = "an unknown";
+
+/// Why.
+const IN_BRANCH: &str = "set in a branch";
+const IN_LOOP: &str = "set in a loop";
+const BY_CALLER: &str = "not the same wherever the routine is called";
+const BY_ROUTINE: &str = "not the same wherever a routine returns";
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Block {
+    /// By its hashed name.
+    Routine(u64),
+    /// By the byte where it begins.
+    Loop(usize),
+}
+
+/// How a block was entered and left; a routine is entered by its calls.
+#[derive(Clone, Default, PartialEq, Eq)]
+struct Passage {
+    begins: Option<Setup>,
+    ends: Option<Setup>,
+}
+
+enum Open {
+    Routine {
+        name: u64,
+        outside: Setup,
+        ends: Option<Setup>,
+    },
+    Loop {
+        at: usize,
+        before: Setup,
+    },
+    /// `ends` is what the branches that are closed left; `complete` says that there is no way past them all.
+    Branches {
+        before: Setup,
+        ends: Option<Setup>,
+        begun: bool,
+        complete: bool,
+    },
+}
+
+/// What a reader has passed, and what the passes before saw.
+#[derive(Default)]
+pub struct Flow {
+    known: HashMap<Block, Passage>,
+    seen: HashMap<Block, Passage>,
+    open: Vec<Open>,
+}
+
+impl Flow {
+    /// The scan of the last pass that is needed.
+    pub fn read<T>(mut pass: impl FnMut(Self) -> (Self, T), scan: impl Fn(&mut T) -> &mut Scan) -> T {
+        let mut known = HashMap::new();
+        let mut passes = 0;
+        loop {
+            let (flow, mut made) = pass(Self { known, ..Self::default() });
+            passes += 1;
+            let Self { known: before, mut seen, .. } = flow;
+            // what is called and stands here, or changes something
+            seen.retain(|block, p| match block {
+                Block::Routine(_) => p.begins.is_some() && p.ends.is_some() && *p != Passage::of(Setup::default()),
+                Block::Loop(_) => p.begins != p.ends,
+            });
+            if seen == before || passes == MOST_PASSES {
+                declare_unknown(scan(&mut made));
+                return made;
+            }
+            known = seen;
+        }
+    }
+
+    /// At the beginning of a routine.
+    pub fn routine(&mut self, name: u64, now: &mut Setup) {
+        self.open.push(Open::Routine { name, outside: now.clone(), ends: None });
+        if let Some(begins) = self.known.get(&Block::Routine(name)).and_then(|p| p.begins.clone()) {
+            *now = begins;
+        }
+    }
+
+    /// Where a routine returns before its end.
+    pub fn returns(&mut self, now: &Setup) {
+        for open in self.open.iter_mut().rev() {
+            if let Open::Routine { ends, .. } = open {
+                *ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
+                return;
+            }
+        }
+    }
+
+    /// At the end of a routine; what it left open is closed.
+    pub fn end_routine(&mut self, now: &mut Setup) {
+        while self.open.iter().any(|o| matches!(o, Open::Routine { .. })) {
+            let is_routine = matches!(self.open.last(), Some(Open::Routine { .. }));
+            self.end(now);
+            if is_routine {
+                return;
+            }
+        }
+    }
+
+    /// At a call.
+    pub fn call(&mut self, name: u64, now: &mut Setup) {
+        self.called(name, now);
+        if let Some(Passage { begins: Some(begins), ends: Some(ends) }) = self.known.get(&Block::Routine(name)) {
+            if begins.tool != ends.tool {
+                now.tool.clone_from(&ends.tool);
+            }
+            if begins.frame != ends.frame {
+                now.frame.clone_from(&ends.frame);
+            }
+        }
+    }
+
+    /// Where a routine may be called from here, at any time (an interrupt).
+    pub fn called(&mut self, name: u64, now: &Setup) {
+        let passage = self.seen.entry(Block::Routine(name)).or_default();
+        passage.begins = Some(either(passage.begins.as_ref(), now, BY_CALLER));
+    }
+
+    /// At the beginning of a loop that stands at byte `at`.
+    pub fn repeat(&mut self, at: usize, now: &mut Setup) {
+        self.open.push(Open::Loop { at, before: now.clone() });
+        if let Some(ends) = self.known.get(&Block::Loop(at)).and_then(|p| p.ends.as_ref()) {
+            *now = either(Some(ends), now, IN_LOOP);
+        }
+    }
+
+    /// Before the first of some branches; `begun` where it begins here.
+    pub fn branches(&mut self, now: &Setup, begun: bool) {
+        self.open.push(Open::Branches { before: now.clone(), ends: None, begun, complete: false });
+    }
+
+    /// At the beginning of a further branch; `otherwise` says that it is taken where none before is.
+    pub fn branch(&mut self, now: &mut Setup, otherwise: bool) {
+        if let Some(Open::Branches { before, ends, begun, complete }) = self.open.last_mut() {
+            if std::mem::replace(begun, true) {
+                *ends = Some(either(ends.as_ref(), now, IN_BRANCH));
+            }
+            *complete |= otherwise;
+            now.clone_from(before);
+        }
+    }
+
+    /// At the end of the block that was opened last.
+    pub fn end(&mut self, now: &mut Setup) {
+        match self.open.pop() {
+            None => {}
+            Some(Open::Routine { name, outside, ends }) => {
+                self.seen.entry(Block::Routine(name)).or_default().ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
+                *now = outside;
+            }
+            Some(Open::Loop { at, before }) => {
+                let passage = Passage { begins: Some(before.clone()), ends: Some(now.clone()) };
+                self.seen.insert(Block::Loop(at), passage);
+                *now = either(Some(&before), now, IN_LOOP);
+            }
+            Some(Open::Branches { before, ends, complete, .. }) => {
+                let past = (!complete).then_some(&before);
+                let all = either(ends.as_ref(), now, IN_BRANCH);
+                *now = either(past, &all, IN_BRANCH);
+            }
+        }
+    }
+}
+
+impl Passage {
+    fn of(setup: Setup) -> Self {
+        Self { begins: Some(setup.clone()), ends: Some(setup) }
+    }
+}
+
+/// What was set where nobody knows it stands for nothing usable.
+fn declare_unknown(scan: &mut Scan) {
+    let Scan { setups, frames, .. } = scan;
+    let names = |of: fn(&Setup) -> Option<&String>| {
+        setups.iter().filter_map(of).filter(|n| n.starts_with(UNKNOWN)).cloned().collect::<Vec<_>>()
+    };
+    let why = |name: &String| format!("is meant with {name}");
+    frames.tools.extend(names(|s| s.tool.as_ref()).into_iter().map(|n| (n.clone(), Err(why(&n)))));
+    frames.frames.extend(names(|s| s.frame.as_ref()).into_iter().map(|n| (n.clone(), Err(why(&n)))));
+}
+
+/// What is set by one of two ways; `why` where they differ.
+fn either(a: Option<&Setup>, b: &Setup, why: &str) -> Setup {
+    let Some(a) = a else { return b.clone() };
+    let of = |what: &str, a: &Option<String>, b: &Option<String>| {
+        if a == b { a.clone() } else { Some(format!("{UNKNOWN} {what} ({why})")) }
+    };
+    Setup { tool: of("tool", &a.tool, &b.tool), frame: of("frame", &a.frame, &b.frame) }
+}

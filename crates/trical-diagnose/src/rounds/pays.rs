@@ -87,42 +87,58 @@ impl Rounds {
         Ok(true)
     }
 
-    /// Held curves become as every other effect. What is lean is chosen once more beside them: a curve that was fitted before another effect was
-    /// known has taken its part, and gives it back only where both are free. A curve that something leaner can replace goes.
+    /// Held curves become as every other effect.
     pub(crate) fn release_curves(&mut self) -> Result<()> {
-        while !self.held.is_empty() {
-            let before = [&self.held[..], &self.chosen[..]].concat();
-            let (mut held, lean) =
-                (std::mem::take(&mut self.held), std::mem::replace(&mut self.chosen, before.clone()));
-            self.refit()?;
-            let chosen = {
-                let design = self.design(&self.searched(), &[], self.correlation)?;
-                let search = self.searcher(&design);
-                let beside = design.absorbing(&search.with(&design.start(), &held));
-                let curves: Vec<&Candidate> = held.iter().map(|c| &self.candidates[*c]).collect();
-                let said = said_by(&curves, &self.candidates);
-                let mut leaner = Search::new(&beside, &self.candidates, self.temper()).without_candidates(&said);
-                let mut chosen = [&held[..], &leaner.choose(&beside.start(), &lean)[..]].concat();
-                search.swap(&design.start(), &mut chosen, &|c| held.contains(&c));
-                chosen
-            };
-            if chosen == before {
-                return Ok(());
-            }
-            self.chosen = chosen;
+        let held = std::mem::take(&mut self.held);
+        if held.is_empty() { Ok(()) } else { self.choose_beside(&held) }
+    }
+
+    /// Chooses what is lean once more beside free curves: a curve that was fitted before another effect was known has taken its part, and gives it
+    /// back only where both are free.
+    fn choose_beside(&mut self, curves: &[usize]) -> Result<()> {
+        let before = [curves, &self.chosen[..]].concat();
+        let lean = std::mem::replace(&mut self.chosen, before.clone());
+        self.refit()?;
+        let chosen = {
+            let design = self.design(&self.searched(), &[], self.correlation)?;
+            let beside = design.absorbing(&self.searcher(&design).with(&design.start(), curves));
+            let long: Vec<&Candidate> = curves.iter().map(|c| &self.candidates[*c]).collect();
+            let said = said_by(&long, &self.candidates);
+            let mut search = Search::new(&beside, &self.candidates, self.temper()).without_candidates(&said);
+            search.choose(&beside.start(), &lean)
+        };
+        if chosen != lean {
+            self.chosen = [curves, &chosen[..]].concat();
             if self.refit().is_err() {
                 self.chosen = before;
                 return self.refit();
             }
-            let curves = held.len();
-            held.retain(|c| self.chosen.contains(c));
-            if held.len() == curves {
-                return Ok(());
-            }
-            self.chosen.retain(|c| !held.contains(c));
-            self.held = held;
         }
         Ok(())
+    }
+
+    /// Takes something leaner that has a name in the place of a long curve, if it says more. Whether it did.
+    pub(crate) fn trade_curves(&mut self) -> Result<bool> {
+        let is_long = |c: &usize| self.candidates[*c].is_long_curve();
+        let curves: Vec<usize> = self.chosen.iter().copied().filter(is_long).collect();
+        if curves.is_empty() {
+            return Ok(false);
+        }
+        let mut chosen = self.chosen.clone();
+        {
+            let design = self.design(&self.searched(), &[], self.correlation)?;
+            let unnamed = |c: &usize| self.candidates[*c].cause.effect().is_none();
+            let unnamed: Vec<usize> = (0..self.candidates.len()).filter(unnamed).collect();
+            let search = Search::new(&design, &self.candidates, self.temper()).without_candidates(&unnamed);
+            search.swap(&design.start(), &mut chosen, &|c| curves.contains(&c));
+        }
+        if chosen == self.chosen {
+            return Ok(false);
+        }
+        let (left, lean): (Vec<usize>, Vec<usize>) = chosen.into_iter().partition(|c| curves.contains(c));
+        self.chosen = lean;
+        self.choose_beside(&left)?;
+        Ok(true)
     }
 
     /// Drops what does not pay at blocks of poses that the fit did not see and in the last quarter of the sessions, foreseen by what came
@@ -194,6 +210,7 @@ mod tests {
         rounds.candidates.push(curve);
         rounds.refit().unwrap();
         rounds.release_curves().unwrap();
+        rounds.trade_curves().unwrap();
         let chosen = rounds.chosen.iter().map(|c| &rounds.candidates[*c]);
         chosen.filter(|c| c.site == Place::Joint(2)).map(|c| c.cause).collect()
     }

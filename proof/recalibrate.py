@@ -4,9 +4,10 @@
 
 prints `settings::RECALIBRATION` for cases that a program answered whose curves were the identity, and how well the
 curves do on cases that they were not learnt on: drawn ones in five folds of cases, real ones without any of their arm.
-A curve is constant + a logit(share) + b logit(found) + c log10(error) (1 - found): found is the share of the halves of
-the data that say the same, error the share of the explained error that the finding takes. What halves do not find is
-less probable the smaller it is beside the other findings: what the models of these leave looks like something small.
+A curve is constant + a logit(share) + b logit(found) + c ln(findings) (1 - found): found is the share of the halves of
+the data that say the same, findings how many names the recording has. What halves do not find is less probable the more
+there are: what the models of many effects leave looks like further ones. Drawn findings are many and easy, real ones
+few and hard; weights let the real ones count for a third.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ WHAT = [
 LEAST, LARGEST = 1e-4, 0.99
 # pull towards the identity, as so many findings would
 RIDGE = 1.0
+# weight of all findings on real backgrounds beside that of all drawn ones
+REAL = 0.5
 
 
 def features(lines: list[dict], stated: str, found: str) -> np.ndarray:
@@ -38,9 +41,9 @@ def features(lines: list[dict], stated: str, found: str) -> np.ndarray:
     parts = np.array([(x["replicated"] or {"parts": 0})["parts"] for x in lines])
     some = np.array([x["replicated"][found] if n else 0 for x, n in zip(lines, parts, strict=True)])
     share = np.where(parts > 0, some / np.maximum(parts, 1), 0.5)
-    error = np.log10(np.maximum([x["share"] for x in lines], LEAST))
+    many = np.log([x["findings"] for x in lines])
     half = np.log((some + 0.5) / (parts - some + 0.5))
-    return np.stack([np.ones(len(lines)), np.log(p / (1 - p)), half, error * (1 - share)], 1)
+    return np.stack([np.ones(len(lines)), np.log(p / (1 - p)), half, many * (1 - share)], 1)
 
 
 def fold_of(line: dict) -> str:
@@ -48,14 +51,16 @@ def fold_of(line: dict) -> str:
     return line["background"].split(".")[0] if line["kind"] == "real" else str(zlib.crc32(line["case"].encode()) % 5)
 
 
-def learn(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Penalised maximum likelihood by Newton's method."""
+def learn(x: np.ndarray, y: np.ndarray, real: np.ndarray) -> np.ndarray:
+    """Penalised maximum likelihood by Newton's method; all real findings weigh `REAL` times all drawn ones."""
+    both = real.any() and not real.all()
+    weight = np.where(real, REAL * (~real).sum() / real.sum(), 1.0) if both else np.ones(len(y))
     prior = np.array([0.0, 1.0, 0.0, 0.0])
     c = prior.copy()
     for _ in range(100):
         p = 1 / (1 + np.exp(-np.clip(x @ c, -30, 30)))
-        slope = x.T @ (y - p) - RIDGE * (c - prior)
-        step = np.linalg.solve(x.T @ (x * (p * (1 - p))[:, None]) + RIDGE * np.eye(4), slope)
+        slope = x.T @ (weight * (y - p)) - RIDGE * (c - prior)
+        step = np.linalg.solve(x.T @ (x * (weight * p * (1 - p))[:, None]) + RIDGE * np.eye(4), slope)
         largest = np.abs(step).max()
         c = c + step * min(1.0, 2.0 / max(largest, 1e-12))
         if largest < 1e-10:
@@ -78,10 +83,10 @@ def main() -> int:
         real = np.array([x["kind"] == "real" for x in lines])
         print(f"{len(lines)} findings, {real.sum()} of them on real backgrounds")
         x, y = features(lines, stated, found), np.array([v[right] for v in lines], float)
-        curves.append(learn(x, y))
+        curves.append(learn(x, y, real))
         p = np.empty(len(y))
         for k in sorted(set(fold)):
-            c = learn(x[fold != k], y[fold != k])
+            c = learn(x[fold != k], y[fold != k], real[fold != k])
             p[fold == k] = np.minimum(1 / (1 + np.exp(-x[fold == k] @ c)), LARGEST)
         was = np.array([v[stated] for v in lines])
         for name, some in (("drawn", ~real), ("real", real), *((k, fold == k) for k in sorted(set(fold[real])))):

@@ -67,7 +67,7 @@ def test_the_real_arm_by_names_alone(shared: Path) -> None:
     d = shared / "irb120"
     files = {"robot": d / "robot.toml", "cell": d / "cell.toml"}
     named = trical.diagnose(d / "tracker.csv", **files, names_only=True)
-    assert named.answer["final"]["holdout_mean_mm"] < 0.036 and named.answer["final"]["forward_mean_mm"] < 0.04
+    assert named.answer["final"]["holdout_mean_mm"] < 0.038 and named.answer["final"]["forward_mean_mm"] < 0.04
     assert 'effect = "unexplained"' not in named.model.to_toml() and named.unexplained
     # gravity's torque about joint 2 changes its sign near -32 deg, below which the error grows
     if not any(f["effect"] == "lost_motion_gravity" and f["site"] == {"joint": 2} for f in named.findings):

@@ -109,25 +109,24 @@ fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }
 
-/// A probability from the share `evidence` of the alternatives, from how many of the halves found the same, and from what the finding takes of
-/// the error that can be explained. What halves do not find is the less probable the smaller it is beside the other findings: what the models
-/// of these leave looks like something small.
+/// A probability from the share `evidence` of the alternatives, from how many of the halves found the same, and from the number of `findings`. What
+/// halves do not find is the less probable the more findings there are: what the models of many effects leave looks like further ones.
 #[must_use]
-pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), error: f64, curve: &[f64; 4]) -> f64 {
-    let [constant, by_evidence, by_found, by_error] = curve;
+pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), findings: usize, curve: &[f64; 4]) -> f64 {
+    let [constant, by_evidence, by_found, by_findings] = curve;
     #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let (found, halves) = (found as f64, halves as f64);
+    let (found, halves, findings) = (found as f64, halves as f64, findings.max(1) as f64);
     let share = if halves > 0.0 { found / halves } else { 0.5 };
     let of_found = ((found + 0.5) / (halves - found + 0.5)).ln();
-    let small = error.max(LEAST_SHARE).log10() * (1.0 - share);
-    let x = constant + by_evidence * logit(evidence) + by_found * of_found + by_error * small;
+    let among_many = findings.ln() * (1.0 - share);
+    let x = constant + by_evidence * logit(evidence) + by_found * of_found + by_findings * among_many;
     (1.0 / (1.0 + (-x).exp())).min(LARGEST_CONFIDENCE)
 }
 
-/// All three, none larger than the one before it; `error` is the share of the error that the finding takes.
+/// All three, none larger than the one before it; `findings` is how many the recording has.
 #[must_use]
-pub fn probabilities(shares: &Shares, found: &Replicated, error: f64) -> Shares {
-    let of = |evidence, some, curve| recalibrated(evidence, (some, found.parts), error, curve);
+pub fn probabilities(shares: &Shares, found: &Replicated, findings: usize) -> Shares {
+    let of = |evidence, some, curve| recalibrated(evidence, (some, found.parts), findings, curve);
     let place = of(shares.place, found.place, &RECALIBRATION[0]);
     let family = of(shares.family, found.family, &RECALIBRATION[1]).min(place);
     let effect = of(shares.effect, found.agree, &RECALIBRATION[2]).min(family);
@@ -165,22 +164,23 @@ mod tests {
     #[test]
     fn probabilities_fall_from_place_to_effect() {
         let r = Replicated { parts: 8, agree: 8, family: 8, place: 8 };
-        let p = probabilities(&Shares { place: 0.9, family: 0.95, effect: 0.99 }, &r, 0.1);
+        let p = probabilities(&Shares { place: 0.9, family: 0.95, effect: 0.99 }, &r, 3);
         assert!(p.place >= p.family && p.family >= p.effect);
     }
 
     #[test]
-    fn what_halves_do_not_find_is_less_probable_and_the_less_the_smaller_it_is() {
+    fn what_halves_do_not_find_is_less_probable_and_the_less_the_more_there_is() {
         let shares = Shares { place: 0.95, family: 0.95, effect: 0.95 };
-        let of =
-            |agree, error| probabilities(&shares, &Replicated { parts: 8, agree, family: 8, place: 8 }, error).effect;
-        assert!(of(8, 0.01) > of(4, 0.01) && of(4, 0.01) > of(0, 0.01));
-        assert!(of(0, 1.0) > of(0, 0.001));
-        // what every half finds is believed however small it is
-        assert_eq!(of(8, 0.001), of(8, 1.0));
-        assert!(of(8, 0.001) > 0.9 && of(0, 0.001) < 0.1, "{} {}", of(8, 0.001), of(0, 0.001));
+        let of = |agree, findings| {
+            probabilities(&shares, &Replicated { parts: 8, agree, family: 8, place: 8 }, findings).effect
+        };
+        assert!(of(8, 5) > of(4, 5) && of(4, 5) > of(0, 5));
+        assert!(of(0, 1) > of(0, 20));
+        // what every half finds is believed among many too
+        assert_eq!(of(8, 1), of(8, 20));
+        assert!(of(8, 20) > 0.9 && of(0, 20) < 0.2, "{} {}", of(8, 20), of(0, 20));
         // halves that were not searched say nothing either way
-        let none = probabilities(&shares, &Replicated::default(), 0.01).effect;
-        assert!(none > of(0, 0.01) && none < of(8, 0.01), "{none}");
+        let none = probabilities(&shares, &Replicated::default(), 5).effect;
+        assert!(none > of(0, 5) && none < of(8, 5), "{none}");
     }
 }

@@ -198,6 +198,7 @@ impl<'a> Proving<'a> {
         let mut so_far: Vec<usize> = Vec::new();
         let (mut before, mut left) = (none, start.ss);
         let explained = (start.ss - full.ss).max(1e-300);
+        let named = groups.iter().filter(|g| candidates[g.members[0]].cause.effect().is_some()).count();
         for (k, group) in groups.iter().enumerate() {
             #[expect(clippy::cast_precision_loss, reason = "counts")]
             task.step(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving")?;
@@ -212,7 +213,7 @@ impl<'a> Proving<'a> {
                 let members: Vec<&Candidate> = group.members.iter().map(|m| &candidates[*m]).collect();
                 f.replicated = self.halves.found(&members, &fitted.model.terms);
                 let shares = self.shares(group, effect, &others, &state);
-                let probability = probabilities(&shares, &f.replicated, share);
+                let probability = probabilities(&shares, &f.replicated, named);
                 let round = |p: f64| (p * 1e4).round() / 1e4;
                 f.place_confidence = round(probability.place);
                 f.family_confidence = round(probability.family);

@@ -61,7 +61,7 @@ pub(crate) fn touched(truth: &Model, count: u32) -> Dataset {
 pub(crate) fn with_joint_2(hidden: &[(Basis, f64)]) -> (Model, Dataset) {
     let mut truth = arm::truth(ParameterSet::Compliance, 5);
     for (k, (basis, value)) in hidden.iter().enumerate() {
-        let term = Term::new(format!("hidden_{k}"), "hidden", Site::Joint { joint: 2 }, basis.clone());
+        let term = Term::new(format!("hidden_{k}"), "hidden", Site::Joint { joint: 2 }, *basis);
         truth.terms.push(Term { value: *value, ..term });
     }
     let mut rng = Pcg64Mcg::seed_from_u64(8);

@@ -201,7 +201,7 @@ mod tests {
 
     /// What stands after release for joint 2, whose error is `hidden`, where an encoder's curve of it was held.
     fn released(hidden: &[(Shape, f64)]) -> Vec<Cause> {
-        let of = |(shape, size): &(Shape, f64)| (Basis::new(Variable::Joint { joint: 2 }, shape.clone()), *size);
+        let of = |(shape, size): &(Shape, f64)| (Basis::new(Variable::Joint { joint: 2 }, *shape), *size);
         let (truth, data) = with_joint_2(&hidden.iter().map(of).collect::<Vec<_>>());
         let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
         let curve = rounds.curves.iter().position(|c| c.site == Place::Joint(2)).unwrap();

@@ -5,7 +5,7 @@
 //! others are scored, or it is taken as the model has it.
 
 use trical_model::{
-    Basis, Cell, Forward, JointKind, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Term,
+    Basis, Cell, Forward, JointKind, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Support, Term,
 };
 
 use crate::ball_places::{self, place_of, training_poses};
@@ -145,10 +145,8 @@ impl Validation {
     #[must_use]
     pub fn beyond_in_words(&self) -> Option<String> {
         self.beyond.filter(|n| *n > 0).map(|n| {
-            format!(
-                "{n} of {} measurements are more than 3 deg away from all joint angles that the model was fitted at.",
-                self.n
-            )
+            let beyond = Support::of(&self.model.robot, &[]).beyond_in_words();
+            format!("{n} of {} measurements are {beyond}.", self.n)
         })
     }
 

@@ -111,6 +111,16 @@ impl Support {
         self.joints.is_empty()
     }
 
+    /// What is not visited, in words: `{n} targets are` this.
+    #[must_use]
+    pub fn beyond_in_words(&self) -> &'static str {
+        if self.joints.iter().all(|v| v.turns) {
+            "more than 3 deg away from all joint angles that the model was fitted at"
+        } else {
+            "more than 3 deg (30 mm on a linear axis) away from all joint positions that the model was fitted at"
+        }
+    }
+
     /// The first joint (from 1) whose angle was not visited; `None` where all were, or nothing is known.
     #[must_use]
     pub fn beyond(&self, q: &Joints) -> Option<usize> {
@@ -159,5 +169,13 @@ mod tests {
         assert_eq!(Support::from_stretches(&robot(), &both.stretches()), both);
         assert_eq!(Support::default().with(&a), a);
         assert_eq!(Support::default().beyond(&at(3.0)), None);
+    }
+
+    #[test]
+    fn words_give_the_reach_of_slides_only_where_there_are_some() {
+        let mut with_rail = robot();
+        assert!(!Support::of(&with_rail, &[]).beyond_in_words().contains("linear"));
+        with_rail.joints[0].kind = JointKind::Prismatic;
+        assert!(Support::of(&with_rail, &[]).beyond_in_words().contains("30 mm on a linear axis"));
     }
 }

@@ -339,9 +339,10 @@ impl<'a> Tally<'a> {
             let first: Vec<String> = self.report.first_beyond.iter().map(ToString::to_string).collect();
             let more = if self.report.beyond > first.len() { ", and more" } else { "" };
             self.report.cautions.push(format!(
-                "{} of {} targets are more than 3 deg away from all joint angles that the model was fitted at: {}{more}",
+                "{} of {} targets are {}: {}{more}",
                 self.report.beyond,
                 self.report.rewritten,
+                self.options.visited.beyond_in_words(),
                 first.join(", ")
             ));
         }

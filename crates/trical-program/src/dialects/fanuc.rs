@@ -258,7 +258,7 @@ fn continued(bytes: &[u8], mut at: usize, end: usize) -> usize {
 /// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
     let mut at = main;
-    let mut shifts = Vec::new();
+    let mut no_targets = Vec::new();
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
         at += line.len();
@@ -295,20 +295,20 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         if relative && !increment {
             scan.relative.push(u32::try_from(offset).unwrap_or(u32::MAX));
         }
-        if has(&upper, b"COORD") {
-            scan.problems.push((offset, "goes to a place in the frame of another motion group (COORD)".into()));
-        }
-        if has(&upper, b"RTCP") {
-            scan.problems.push((offset, "moves with the tool standing still (RTCP), which is not supported".into()));
-        }
+        let other = [
+            (&b"COORD"[..], "goes to a place in the frame of another motion group (COORD)"),
+            (b"RTCP", "moves with the tool standing still (RTCP), which is not supported"),
+        ];
+        let other = other.into_iter().find(|(word, _)| has(&upper, word));
+        scan.problems.extend(other.map(|(_, what)| (offset, what.into())));
         for (place, is_register, digits) in &all {
             if *is_register && upper[..*place].contains(&b',') {
                 // Offset,PR[1]: how far from the target
                 continue;
             }
-            if increment {
+            if increment || other.is_some() {
                 names.visit(Visit::Unknown);
-                shifts.push(hashed(digits));
+                no_targets.push(hashed(digits));
             } else if *is_register {
                 names.used(register(digits), OWN_SETUP, Way::To, offset + place);
             } else if !digits.is_empty() {
@@ -320,7 +320,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             }
         }
     }
-    shifts.into_iter().for_each(|name| names.no_target(name));
+    no_targets.into_iter().for_each(|name| names.no_target(name));
 }
 
 /// `PR[1]=P[3]`, `PR[1]=PR[2]+PR[3]`, `PR[1,3]=PR[1,3]+50`, `PR[1]=LPOS`.

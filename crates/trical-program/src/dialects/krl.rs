@@ -5,7 +5,8 @@
 //!
 //! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use nalgebra::Vector3;
 use trical_model::Pose;
@@ -54,6 +55,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
             frame_names: &frame_names,
             constants: Constants::with_degrees(),
             now: Setup::default(),
+            spline: None,
             flow,
             motion_data: HashMap::new(),
         };
@@ -150,6 +152,8 @@ struct Reader<'a> {
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
+    /// Before the spline that the program is in.
+    spline: Option<Setup>,
     flow: Flow,
     /// What FDAT data say of the targets that go with them.
     motion_data: HashMap<u64, u32>,
@@ -176,7 +180,19 @@ impl Reader<'_> {
             if is_one_of(word, &[b"REAL", b"INT"]) && before.eq_ignore_ascii_case(b"CONST") {
                 self.constant();
             } else if is_one_of(word, &MOTIONS) {
+                let before = self.now.clone();
+                self.with();
                 self.motion();
+                if self.now != before {
+                    self.now = before;
+                    self.c.skip_line();
+                }
+            } else if is_one_of(word, &[b"SPLINE", b"PTP_SPLINE"]) {
+                self.spline = Some(self.now.clone());
+                self.with();
+                self.c.skip_line();
+            } else if is_one_of(word, &[b"ENDSPLINE"]) {
+                self.now = self.spline.take().unwrap_or_else(|| self.now.clone());
             } else if is_one_of(word, &RELATIVE) {
                 self.names.visit(Visit::Unknown);
                 self.c.skip_line();
@@ -195,6 +211,26 @@ impl Reader<'_> {
             }
             before = word;
         }
+    }
+
+    /// What `WITH $TOOL=..., $BASE=...` at the end of this line sets, for the motion before it; the cursor stays.
+    fn with(&mut self) {
+        let start = self.c;
+        let line = self.c.until(b";\n\r");
+        let end = start.at + line.len();
+        if mentions(line, b"WITH") {
+            while self.c.at < end {
+                self.c.at += self.c.until(b"$;\n\r").len();
+                let from = self.c.at;
+                let word = self.c.word();
+                if is_one_of(word, &[b"$TOOL", b"$BASE", b"$IPO_MODE"]) {
+                    self.assignment(from, word);
+                } else {
+                    self.c.at += usize::from(word.is_empty());
+                }
+            }
+        }
+        self.c = start;
     }
 
     /// Words that begin or end routines, branches and loops, and calls.
@@ -308,12 +344,12 @@ impl Reader<'_> {
             if is("TOOL_DATA") {
                 if let Some(n) = index {
                     let tool = self.frame(&found).map(ToolFrame::massless);
-                    self.scan.frames.tools.entry(n).or_insert(tool);
+                    declare(&mut self.scan.frames.tools, n, tool);
                 }
             } else if is("BASE_DATA") {
                 if let Some(n) = index {
                     let frame = self.frame(&found);
-                    self.scan.frames.frames.entry(n).or_insert(frame);
+                    declare(&mut self.scan.frames.frames, n, frame);
                 }
             } else if is("FDAT_ACT") {
                 self.now = self.said(&found);
@@ -659,6 +695,19 @@ impl Reader<'_> {
             rotation: rotation_zyx(v[3].to_radians(), v[4].to_radians(), v[5].to_radians()),
             translation: Vector3::new(v[0], v[1], v[2]) * 1e-3,
         })
+    }
+}
+
+/// Keeps an element of `TOOL_DATA` or `BASE_DATA`; one that the program sets twice is known only while it runs.
+fn declare<T: PartialEq>(known: &mut BTreeMap<String, Result<T, String>>, number: String, new: Result<T, String>) {
+    match known.entry(number) {
+        Entry::Vacant(e) => {
+            e.insert(new);
+        }
+        Entry::Occupied(mut e) if *e.get() != new => {
+            *e.get_mut() = Err("is set to different frames at several places of the program".into());
+        }
+        Entry::Occupied(_) => {}
     }
 }
 

@@ -438,6 +438,7 @@ impl Reader<'_> {
         if word == b"get_inverse_kin" && mentions(self.c.until(b"\n"), b"tcp") {
             self.names.visit(Visit::Unknown);
             self.scan.problems.push((at, "names a tool of its own (tcp=), which is not read".into()));
+            self.names.no_target(hashed(self.c.word()));
         } else if word == b"get_inverse_kin" && depth < DEEPEST {
             self.nearest();
             self.place(frame, depth + 1);

@@ -340,6 +340,18 @@ const KRL: &[Case] = &[
         &[13, 17, 23],
         &[(10, "called")],
     ),
+    case(
+        "tools of one motion and of a spline",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nBAS(#TOOL,7)\nSLIN {@0} WITH $VEL.CP=0.2, $TOOL=TOOL_DATA[1]\nSLIN {@1}\nSPLINE WITH $TOOL=TOOL_DATA[1]\nSPL {@2}\nENDSPLINE\nLIN {@3}\nBAS(#TOOL,1)\nSLIN {@4} WITH $TOOL=TOOL_DATA[7]\n",
+        &[3, 6],
+        &[(4, "7"), (8, "7"), (10, "7")],
+    ),
+    case(
+        "a base that is set to other numbers",
+        "BASE_DATA[1]={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\n$BASE=BASE_DATA[1]\nLIN {@0}\nBASE_DATA[1]={X 100.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\n$BASE=BASE_DATA[1]\nLIN {@1}\nBASE_DATA[2]={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nBASE_DATA[2]={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\n$BASE=BASE_DATA[2]\nLIN {@2}\n",
+        &[10],
+        &[(3, "several places"), (6, "several places")],
+    ),
 ];
 
 const FANUC: &[Case] = &[
@@ -412,7 +424,7 @@ const FANUC: &[Case] = &[
     case(
         "frames that are set, and a tool that stands still",
         "/PROG A\n/MN\n   1:UFRAME[1]=PR[4] ;\n   2:L P[1] 200mm/sec FINE RTCP ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
-        &[9],
+        &[],
         &[(3, "user frame"), (4, "RTCP")],
     ),
 ];
@@ -478,9 +490,9 @@ const URSCRIPT: &[Case] = &[
     ),
     case(
         "tools that the motion names itself",
-        "movel(p[@0])\nmovej(get_inverse_kin(p[@1], [0.1,-1.5,1.2,-1.0,0.5,.3], tcp=p[0,0,0.1,0,0,0]))\nmc_add_linear(p[@2], 1.2, 0.25, 0)\n",
+        "movel(p[@0])\nmovej(get_inverse_kin(p[@1], [0.1,-1.5,1.2,-1.0,0.5,.3], tcp=p[0,0,0.1,0,0,0]))\nmc_add_linear(p[@2], 1.2, 0.25, 0)\nw=p[@3]\nmovej(get_inverse_kin(w, tcp=p[0,0,0.1,0,0,0]))\nv=p[@4]\nmc_add_linear(v, 1.2, 0.25, 0)\n",
         &[1],
-        &[(2, "tcp="), (3, "mc_initialize")],
+        &[(2, "tcp="), (3, "mc_initialize"), (5, "tcp="), (7, "mc_initialize")],
     ),
     case(
         "a tool that a branch sets",

@@ -4,9 +4,10 @@
 
 prints `settings::RECALIBRATION` for cases that a program answered whose curves were the identity, and how well the
 curves do on cases that they were not learnt on: drawn ones in five folds of cases, real ones without any of their arm.
-A curve is constant + a logit(share) + b logit(found) + c ln(findings) (1 - found): found is the share of the halves of
-the data that say the same, findings how many names the recording has. What halves do not find is less probable the more
-there are: what the models of many effects leave looks like further ones. Drawn findings are many and easy, real ones
+Where halves of the data were searched, a curve is constant + a logit(share) + b logit(found) + c ln(findings) (1 -
+found): found is the share of them that say the same, findings how many names the recording has. What halves do not
+find is less probable the more there are: what the models of many effects leave looks like further ones. Where a
+recording is too short for halves, a curve is constant + d logit(share). Drawn findings are many and easy, real ones
 few and hard; weights let the real ones count for a third.
 """
 
@@ -29,7 +30,7 @@ WHAT = [
     ("confidence", "right", "agree"),
 ]
 # as the program has it
-LEAST, LARGEST = 1e-4, 0.99
+LEAST, LARGEST = 0.01, 0.99
 # pull towards the identity, as so many findings would
 RIDGE = 1.0
 # weight of all findings on real backgrounds beside that of all drawn ones
@@ -38,12 +39,13 @@ REAL = 0.5
 
 def features(lines: list[dict], stated: str, found: str) -> np.ndarray:
     p = np.clip([x[stated] for x in lines], LEAST, 1 - LEAST)
+    logit = np.log(p / (1 - p))
     parts = np.array([(x["replicated"] or {"parts": 0})["parts"] for x in lines])
     some = np.array([x["replicated"][found] if n else 0 for x, n in zip(lines, parts, strict=True)])
-    share = np.where(parts > 0, some / np.maximum(parts, 1), 0.5)
-    many = np.log([x["findings"] for x in lines])
+    among_many = np.log([x["findings"] for x in lines]) * (1 - some / np.maximum(parts, 1))
     half = np.log((some + 0.5) / (parts - some + 0.5))
-    return np.stack([np.ones(len(lines)), np.log(p / (1 - p)), half, many * (1 - share)], 1)
+    searched = np.stack([logit, half, among_many]) * (parts > 0)
+    return np.stack([np.ones(len(lines)), *searched, logit * (parts == 0)], 1)
 
 
 def fold_of(line: dict) -> str:
@@ -55,12 +57,12 @@ def learn(x: np.ndarray, y: np.ndarray, real: np.ndarray) -> np.ndarray:
     """Penalised maximum likelihood by Newton's method; all real findings weigh `REAL` times all drawn ones."""
     both = real.any() and not real.all()
     weight = np.where(real, REAL * (~real).sum() / real.sum(), 1.0) if both else np.ones(len(y))
-    prior = np.array([0.0, 1.0, 0.0, 0.0])
+    prior = np.array([0.0, 1.0, 0.0, 0.0, 1.0])
     c = prior.copy()
     for _ in range(100):
         p = 1 / (1 + np.exp(-np.clip(x @ c, -30, 30)))
         slope = x.T @ (weight * (y - p)) - RIDGE * (c - prior)
-        step = np.linalg.solve(x.T @ (x * (weight * p * (1 - p))[:, None]) + RIDGE * np.eye(4), slope)
+        step = np.linalg.solve(x.T @ (x * (weight * p * (1 - p))[:, None]) + RIDGE * np.eye(5), slope)
         largest = np.abs(step).max()
         c = c + step * min(1.0, 2.0 / max(largest, 1e-12))
         if largest < 1e-10:
@@ -100,7 +102,7 @@ def main() -> int:
                     f"{hits[0]} -> {hits[1]}, wrong {sure[0]} -> {sure[1]} of {some.sum()}"
                 )
     text = ", ".join("[" + ", ".join(f"{v:.2f}" for v in c) + "]" for c in curves)
-    print(f"pub const RECALIBRATION: [[f64; 4]; 3] = [{text}];")
+    print(f"pub const RECALIBRATION: [[f64; 5]; 3] = [{text}];")
     return 0
 
 

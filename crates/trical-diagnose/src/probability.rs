@@ -101,26 +101,30 @@ pub struct Replicated {
     pub place: usize,
 }
 
-/// Smaller shares are all the same.
-const LEAST_SHARE: f64 = 1e-4;
+/// Smaller shares are all the same, and so are larger ones than one less this.
+const LEAST_SHARE: f64 = 0.01;
 
 fn logit(p: f64) -> f64 {
     let p = p.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
     (p / (1.0 - p)).ln()
 }
 
-/// A probability from the share `evidence` of the alternatives, from how many of the halves found the same, and from the number of `findings`. What
-/// halves do not find is the less probable the more findings there are: what the models of many effects leave looks like further ones.
+/// A probability from the share `evidence` of the alternatives; where halves were searched, also from how many of them found the same, and from
+/// the number of `findings`: what halves do not find is the less probable the more findings there are, since what the models of many effects
+/// leave looks like further ones.
 #[must_use]
-pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), findings: usize, curve: &[f64; 4]) -> f64 {
-    let [constant, by_evidence, by_found, by_findings] = curve;
+pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), findings: usize, curve: &[f64; 5]) -> f64 {
+    let [constant, by_evidence, by_found, by_findings, by_evidence_alone] = curve;
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let (found, halves, findings) = (found as f64, halves as f64, findings.max(1) as f64);
-    let share = if halves > 0.0 { found / halves } else { 0.5 };
-    let of_found = ((found + 0.5) / (halves - found + 0.5)).ln();
-    let among_many = findings.ln() * (1.0 - share);
-    let x = constant + by_evidence * logit(evidence) + by_found * of_found + by_findings * among_many;
-    (1.0 / (1.0 + (-x).exp())).min(LARGEST_CONFIDENCE)
+    let x = if halves > 0.0 {
+        let of_found = ((found + 0.5) / (halves - found + 0.5)).ln();
+        let among_many = findings.ln() * (1.0 - found / halves);
+        by_evidence * logit(evidence) + by_found * of_found + by_findings * among_many
+    } else {
+        by_evidence_alone * logit(evidence)
+    };
+    (1.0 / (1.0 + (-(constant + x)).exp())).min(LARGEST_CONFIDENCE)
 }
 
 /// All three, none larger than the one before it; `findings` is how many the recording has.
@@ -179,8 +183,8 @@ mod tests {
         // what every half finds is believed among many too
         assert_eq!(of(8, 1), of(8, 20));
         assert!(of(8, 20) > 0.9 && of(0, 20) < 0.2, "{} {}", of(8, 20), of(0, 20));
-        // halves that were not searched say nothing either way
-        let none = probabilities(&shares, &Replicated::default(), 5).effect;
-        assert!(none > of(0, 5) && none < of(8, 5), "{none}");
+        // where no halves were searched the shares count for more
+        let alone = |effect| probabilities(&Shares { effect, ..shares }, &Replicated::default(), 5).effect;
+        assert!(alone(0.95) > of(4, 5) && alone(0.05) < 0.2, "{} {}", alone(0.95), alone(0.05));
     }
 }

@@ -13,7 +13,7 @@ use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
-use crate::table::{self, number, two_digits};
+use crate::table;
 use crate::verdict_told;
 
 /// Findings with a figure of their own.
@@ -165,15 +165,7 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         Series { name: "without it", color: BEFORE, points: points(&before) },
         Series { name: "with it", color: AFTER, points: points(&after) },
     ];
-    let values: Vec<String> = f
-        .coefficients
-        .iter()
-        .map(|c| {
-            let (value, sd, unit) = table::in_percent(c.value, c.sd, &c.unit);
-            let n = number(&c.name, value, unit);
-            sd.map_or_else(|| n.clone(), |sd| format!("{n} (standard deviation {})", two_digits(sd)))
-        })
-        .collect();
+    let values: Vec<String> = f.coefficients.iter().map(|c| table::estimate(&c.name, c.value, c.sd, &c.unit)).collect();
     let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
     let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
     if !f.rivals.is_empty() {

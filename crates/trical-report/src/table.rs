@@ -48,17 +48,25 @@ pub fn wrapped(text: &str, width: usize, indent: &str) -> Vec<String> {
     lines
 }
 
-/// A ratio in percent, as people read it; any other number as it is.
-pub fn in_percent(value: f64, sd: Option<f64>, unit: &str) -> (f64, Option<f64>, &str) {
-    if unit == "1" { (100.0 * value, sd.map(|sd| 100.0 * sd), "%") } else { (value, sd, unit) }
-}
-
-/// "beta_2 = 0.0255 deg"; numbers of no dimension have no unit.
-pub fn number(name: &str, value: f64, unit: &str) -> String {
+/// "ratio_2 = 0.0255 % (sd 0.0018)": a ratio in percent, and no more digits than the standard deviation leaves meaningful.
+pub fn estimate(name: &str, value: f64, sd: Option<f64>, unit: &str) -> String {
+    let (value, sd, unit) = if unit == "1" { (100.0 * value, sd.map(|sd| 100.0 * sd), "%") } else { (value, sd, unit) };
     let size = value.abs();
-    let digits =
-        if size != 0.0 && !(1e-3..1e4).contains(&size) { format!("{value:.3e}") } else { format!("{value:.4}") };
-    if unit == "1" { format!("{name} = {digits}") } else { format!("{name} = {digits} {unit}") }
+    let is_plain = size == 0.0 || (1e-3..1e4).contains(&size);
+    let digits = match sd.filter(|sd| sd.is_finite() && *sd > 0.0) {
+        None if is_plain => format!("{value:.4}"),
+        None => format!("{value:.3e}"),
+        Some(sd) if is_plain => format!("{value:.0$}", decimals_for(sd)),
+        Some(sd) => {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+            let d = (1.0 + size.log10().floor() - sd.log10().floor()).clamp(0.0, 12.0) as usize;
+            format!("{value:.d$e}")
+        }
+    };
+    let sd = sd.map_or_else(String::new, |sd| {
+        format!(" (sd {})", if is_plain { two_digits(sd) } else { format!("{sd:.1e}") })
+    });
+    format!("{name} = {digits} {unit}{sd}")
 }
 
 /// A number with two significant digits.
@@ -105,8 +113,11 @@ mod tests {
         assert_eq!([0.0123, 1.23, 12.3, 1230.0].map(decimals_for), [3, 1, 0, 0]);
         assert_eq!([0.0, f64::NAN, -1.0].map(decimals_for), [4, 4, 4]);
         assert_eq!([0.0126, -0.126, 0.0].map(two_digits), ["0.013", "-0.13", "0.0000"]);
-        assert_eq!(number("a_1", 0.5, "mm"), "a_1 = 0.5000 mm");
-        assert_eq!(number("g", -2.0e-4, "1"), "g = -2.000e-4");
-        assert_eq!(number("c", 1e4, "N"), "c = 1.000e4 N");
+        assert_eq!(estimate("a_1", 0.5, None, "mm"), "a_1 = 0.5000 mm");
+        assert_eq!(estimate("a_1", -11.7038, Some(2.91), "mm"), "a_1 = -11.7 mm (sd 2.9)");
+        assert_eq!(estimate("lag", 0.995301, Some(0.0009), "1"), "lag = 99.530 % (sd 0.090)");
+        assert_eq!(estimate("soft", 12345.6, Some(210.0), "N"), "soft = 1.235e4 N (sd 2.1e2)");
+        assert_eq!(estimate("drift", -2.0778e-5, Some(7.1e-7), "mm/s"), "drift = -2.078e-5 mm/s (sd 7.1e-7)");
+        assert_eq!(estimate("g", -2.0e-6, None, "1"), "g = -2.000e-4 %");
     }
 }

@@ -346,11 +346,7 @@ fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
 
 /// An effect, where, and how large.
 fn in_words(effect: EffectId, place: Place, coefficients: &[Coefficient]) -> String {
-    let values = coefficients.iter().take(COEFFICIENTS).map(|c| {
-        let (value, sd, unit) = table::in_percent(c.value, c.sd, &c.unit);
-        let sd = sd.map_or_else(String::new, |sd| format!(" (sd {})", table::two_digits(sd)));
-        format!("{}{sd}", table::number(&c.name, value, unit))
-    });
+    let values = coefficients.iter().take(COEFFICIENTS).map(|c| table::estimate(&c.name, c.value, c.sd, &c.unit));
     let more = if coefficients.len() > COEFFICIENTS { ", ..." } else { "" };
     format!("{}: {}{more}", verdict::named(effect, place), values.collect::<Vec<_>>().join(", "))
 }

@@ -5,7 +5,8 @@
 
 use std::collections::HashMap;
 
-use crate::scan::{Scan, Setup};
+use crate::scan::{Scan, Setup, hashed};
+use crate::text::Cursor;
 
 /// More passes do not change what is left to recursion.
 const MOST_PASSES: usize = 8;
@@ -112,8 +113,17 @@ impl Flow {
         }
     }
 
+    /// Behind a word, which is a call where a bracket follows.
+    pub fn perhaps_called(&mut self, word: &[u8], behind: &Cursor<'_>, now: &mut Setup) {
+        let mut behind = *behind;
+        behind.skip_blank();
+        if behind.peek() == b'(' {
+            self.call(hashed(word), now);
+        }
+    }
+
     /// At a call.
-    pub fn call(&mut self, name: u64, now: &mut Setup) {
+    fn call(&mut self, name: u64, now: &mut Setup) {
         self.called(name, now);
         if let Some(Passage { begins: Some(begins), ends: Some(ends) }) = self.known.get(&Block::Routine(name)) {
             if begins.tool != ends.tool {

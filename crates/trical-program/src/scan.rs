@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use trical_model::Joints;
 
 use crate::branch::Configuration;
+use crate::expression::Constants;
 use crate::frames::Frames;
 use crate::literal::Shape;
 use crate::text::{Cursor, Span};
@@ -161,9 +162,24 @@ impl Scan {
         }
     }
 
-    /// Keeps the value of a number that is written as an expression.
-    pub fn calculated(&mut self, span: Span, value: f64) {
-        self.expressions.insert(span.at, value);
+    /// A number that stands at the cursor before one of `ends`, plain or calculated; what is none is not passed.
+    pub fn number(&mut self, c: &mut Cursor<'_>, constants: &Constants, ends: &[u8]) -> Option<Span> {
+        let start = *c;
+        let ends_here = |c: &Cursor<'_>| {
+            let mut behind = *c;
+            behind.skip_space();
+            ends.contains(&behind.peek())
+        };
+        if let Some(span) = c.number().filter(|_| ends_here(c)) {
+            return Some(span);
+        }
+        *c = start;
+        if let Some((span, value)) = constants.expression(c).filter(|_| ends_here(c)) {
+            self.expressions.insert(span.at, value);
+            return Some(span);
+        }
+        *c = start;
+        None
     }
 
     /// The number at a place of the file, calculated where it is an expression.
@@ -300,6 +316,12 @@ enum Use {
         at: u32,
     },
     Direct(Visit),
+}
+
+/// What is wrong with a tool or frame that the program changes.
+#[must_use]
+pub fn changed_here(what: &str) -> String {
+    format!("{what} is changed here while the program runs; its targets are corrected for where it is declared")
 }
 
 /// 64 bits that stand for a name, letters in lower case.

@@ -12,7 +12,7 @@ use trical_model::Pose;
 use crate::branch::Configuration;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::scan::{Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
 use crate::text::{Cursor, Span, lower};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
@@ -274,8 +274,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         let upper = bytes[offset..continued(bytes, at, end)].to_ascii_uppercase();
         let all = places(&upper);
         if upper.contains(&b'=') && (upper.starts_with(b"UTOOL[") || upper.starts_with(b"UFRAME[")) {
-            let what = "a tool or user frame is changed here while the program runs; its targets are corrected for where it is declared";
-            scan.problems.push((offset, what.into()));
+            scan.problems.push((offset, changed_here("a tool or user frame")));
             continue;
         }
         if let Some(equals) = upper.iter().position(|b| *b == b'=')

@@ -17,7 +17,7 @@ use crate::expression::Constants;
 use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
 use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
@@ -254,11 +254,7 @@ impl Reader<'_> {
         } else if is(&[b"ENDIF", b"ENDSWITCH", b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]) {
             flow.end(now);
         } else {
-            let mut behind = *c;
-            behind.skip_blank();
-            if behind.peek() == b'(' {
-                flow.call(hashed(word), now);
-            }
+            flow.perhaps_called(word, c, now);
             return false;
         }
         true
@@ -308,8 +304,7 @@ impl Reader<'_> {
         }
         self.c.skip_blank();
         if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) && self.changes_element() {
-            let what = "a tool or base is changed here while the program runs; its targets are corrected for where it is declared";
-            self.scan.problems.push((from, what.into()));
+            self.scan.problems.push((from, changed_here("a tool or base")));
         }
         let mut index = None;
         let start = self.c.at;
@@ -636,23 +631,8 @@ impl Reader<'_> {
 
     /// A field's number, plain or calculated; `Err` is where something stands that has no value.
     fn value(&mut self) -> Result<Span, Span> {
-        let start = self.c;
-        if let Some(span) = self.c.number().filter(|_| self.field_ends()) {
-            return Ok(span);
-        }
-        self.c = start;
-        if let Some((span, value)) = self.constants.expression(&mut self.c).filter(|_| self.field_ends()) {
-            self.scan.calculated(span, value);
-            return Ok(span);
-        }
-        self.c = start;
-        Err(Span::new(start.at, start.at + start.until(b",}{\n\r").len()))
-    }
-
-    fn field_ends(&self) -> bool {
-        let mut c = self.c;
-        c.skip_blank();
-        matches!(c.peek(), b',' | b'}')
+        let Self { c, scan, constants, .. } = self;
+        scan.number(c, constants, b",}").ok_or_else(|| Span::new(c.at, c.at + c.until(b",}{\n\r").len()))
     }
 
     fn target(&mut self, found: &Aggregate, name: Span) -> Option<u32> {

@@ -11,7 +11,7 @@ use crate::branch::Configuration;
 use crate::expression::Constants;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
 use crate::text::{Cursor, Span, lower, mentions, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
@@ -57,10 +57,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
                 && !told.contains(&at)
             {
                 told.push(at);
-                let what = format!(
-                    "the {what} '{name}' is changed here while the program runs; its targets are corrected for where it is declared"
-                );
-                scan.problems.push((at, what));
+                scan.problems.push((at, changed_here(&format!("the {what} '{name}'"))));
             }
         }
     }
@@ -317,16 +314,10 @@ impl Reader<'_> {
 
     /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
     fn item(&mut self) -> Result<Span, Span> {
+        if let Some(span) = self.scan.number(&mut self.c, &self.constants, b",]") {
+            return Ok(span);
+        }
         let start = self.c;
-        if let Some(span) = self.c.number().filter(|_| self.ends()) {
-            return Ok(span);
-        }
-        self.c = start;
-        if let Some((span, value)) = self.constants.expression(&mut self.c).filter(|_| self.ends()) {
-            self.scan.calculated(span, value);
-            return Ok(span);
-        }
-        self.c = start;
         let mut depth = 0;
         while !self.c.done() {
             match self.c.peek() {
@@ -342,12 +333,6 @@ impl Reader<'_> {
     }
 
     /// Whether a number's text is over here: `1+2` is none.
-    fn ends(&self) -> bool {
-        let mut c = self.c;
-        c.skip_space();
-        matches!(c.peek(), b',' | b']')
-    }
-
     fn target(&mut self, pieces: &[Piece]) {
         let bytes = self.c.bytes;
         let is_one = matches!(

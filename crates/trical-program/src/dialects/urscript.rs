@@ -223,11 +223,7 @@ impl Reader<'_> {
             b"elif" | b"else" => flow.branch(now, word == b"else"),
             b"end" => flow.end(now),
             _ => {
-                let mut behind = *c;
-                behind.skip_blank();
-                if behind.peek() == b'(' {
-                    flow.call(hashed(word), now);
-                }
+                flow.perhaps_called(word, c, now);
                 return false;
             }
         }
@@ -521,21 +517,11 @@ impl Reader<'_> {
             self.c.skip_space();
             let end = if k == 5 { b']' } else { b',' };
             let at = self.c;
-            if let Some(span) = self.c.number() {
+            if let Some(span) = self.scan.number(&mut self.c, self.constants, &[end]) {
                 *to = span;
-                if self.c.eat(end) {
-                    continue;
-                }
-            }
-            self.c = at;
-            if let Some((span, value)) = self.constants.expression(&mut self.c)
-                && self.c.eat(end)
-            {
-                self.scan.calculated(span, value);
-                *to = span;
+                self.c.eat(end);
                 continue;
             }
-            self.c = at;
             let mut depth = 0;
             for b in self.c.until(b"\n") {
                 match b {

@@ -4,6 +4,7 @@
 
 use std::collections::HashMap;
 
+use crate::scan::Scan;
 use crate::text::{Cursor, Span};
 
 /// Parentheses inside parentheses, at most.
@@ -55,6 +56,26 @@ impl Constants {
             *c = start;
         }
         found.map(|(end, value)| (Span::new(start.at, end), value))
+    }
+
+    /// A number that stands at the cursor before one of `ends`, plain or calculated; what is none is not passed.
+    pub fn number(&self, c: &mut Cursor<'_>, ends: &[u8], scan: &mut Scan) -> Option<Span> {
+        let start = *c;
+        let ends_here = |c: &Cursor<'_>| {
+            let mut behind = *c;
+            behind.skip_space();
+            ends.contains(&behind.peek())
+        };
+        if let Some(span) = c.number().filter(|_| ends_here(c)) {
+            return Some(span);
+        }
+        *c = start;
+        if let Some((span, value)) = self.expression(c).filter(|_| ends_here(c)) {
+            scan.calculated(span, value);
+            return Some(span);
+        }
+        *c = start;
+        None
     }
 
     /// The end of the text, and the value.

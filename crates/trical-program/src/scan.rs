@@ -8,7 +8,6 @@ use nalgebra::Vector3;
 use trical_model::Joints;
 
 use crate::branch::Configuration;
-use crate::expression::Constants;
 use crate::frames::Frames;
 use crate::literal::Shape;
 use crate::text::{Cursor, Span};
@@ -162,24 +161,9 @@ impl Scan {
         }
     }
 
-    /// A number that stands at the cursor before one of `ends`, plain or calculated; what is none is not passed.
-    pub fn number(&mut self, c: &mut Cursor<'_>, constants: &Constants, ends: &[u8]) -> Option<Span> {
-        let start = *c;
-        let ends_here = |c: &Cursor<'_>| {
-            let mut behind = *c;
-            behind.skip_space();
-            ends.contains(&behind.peek())
-        };
-        if let Some(span) = c.number().filter(|_| ends_here(c)) {
-            return Some(span);
-        }
-        *c = start;
-        if let Some((span, value)) = constants.expression(c).filter(|_| ends_here(c)) {
-            self.expressions.insert(span.at, value);
-            return Some(span);
-        }
-        *c = start;
-        None
+    /// Keeps the value of a number that is written as an expression.
+    pub fn calculated(&mut self, span: Span, value: f64) {
+        self.expressions.insert(span.at, value);
     }
 
     /// The number at a place of the file, calculated where it is an expression.

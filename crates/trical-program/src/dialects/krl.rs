@@ -632,7 +632,7 @@ impl Reader<'_> {
     /// A field's number, plain or calculated; `Err` is where something stands that has no value.
     fn value(&mut self) -> Result<Span, Span> {
         let Self { c, scan, constants, .. } = self;
-        scan.number(c, constants, b",}").ok_or_else(|| Span::new(c.at, c.at + c.until(b",}{\n\r").len()))
+        constants.number(c, b",}", scan).ok_or_else(|| Span::new(c.at, c.at + c.until(b",}{\n\r").len()))
     }
 
     fn target(&mut self, found: &Aggregate, name: Span) -> Option<u32> {

@@ -314,7 +314,7 @@ impl Reader<'_> {
 
     /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
     fn item(&mut self) -> Result<Span, Span> {
-        if let Some(span) = self.scan.number(&mut self.c, &self.constants, b",]") {
+        if let Some(span) = self.constants.number(&mut self.c, b",]", &mut self.scan) {
             return Ok(span);
         }
         let start = self.c;

@@ -517,7 +517,7 @@ impl Reader<'_> {
             self.c.skip_space();
             let end = if k == 5 { b']' } else { b',' };
             let at = self.c;
-            if let Some(span) = self.scan.number(&mut self.c, self.constants, &[end]) {
+            if let Some(span) = self.constants.number(&mut self.c, &[end], &mut self.scan) {
                 *to = span;
                 self.c.eat(end);
                 continue;

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import make
 import trical
 from conftest import program
 
@@ -72,6 +73,24 @@ def test_the_real_arm_by_names_alone(shared: Path) -> None:
     # gravity's torque about joint 2 changes its sign near -32 deg, below which the error grows
     if not any(f["effect"] == "lost_motion_gravity" and f["site"] == {"joint": 2} for f in named.findings):
         pytest.xfail("by names alone, other effects of joint 2 take the place of lost_motion_gravity")
+
+
+def test_what_one_session_is_worth_for_the_others_is_said_of_the_plain_and_of_the_whole_model(tmp_path: Path) -> None:
+    _, files, truth = make._job(("sessions", 3, 0, [60]))
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    sessions = sorted(tmp_path.glob("case.s*.csv"))
+    assert len(sessions) == truth["sessions"] == 4
+    known = {"robot": tmp_path / "robot.toml", "cell": tmp_path / "cell.toml"}
+    answer = trical.diagnose(sessions, **known).answer
+    plain, whole = answer["baseline"]["by_session"], answer["final"]["held_out"]["by_session"]
+    # each session has its own tool and balls: without the first, those of the second are everybody's
+    assert plain["rms_mm"] == pytest.approx(
+        trical.identify(sessions, **known).held_out["by_session"]["rms_mm"], rel=0.02
+    )
+    assert whole["rms_mm"] < 0.7 * plain["rms_mm"]
+    assert not any("one session is worth" in c for c in answer["cautions"])
+    assert trical.diagnose(sessions[0], **known).answer["baseline"]["by_session"] is None
 
 
 def test_the_catalogue_is_that_of_the_program() -> None:

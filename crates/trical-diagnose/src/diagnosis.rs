@@ -3,6 +3,7 @@
 use serde::Serialize;
 use trical_ident::HeldOut;
 use trical_ident::dataset::{Dataset, Rejected};
+use trical_ident::identify::ErrorSummary;
 use trical_ident::known::Known;
 use trical_ident::model_file::{ModelFile, Uncertainty};
 use trical_ident::noise::Noise;
@@ -225,6 +226,8 @@ pub struct Baseline {
     pub lack_of_fit_p: f64,
     /// Held-out error.
     pub holdout_rms_mm: f64,
+    /// Of several sessions, the errors of each by the arm that the others say.
+    pub by_session: Option<ErrorSummary>,
     /// What the readings' own noise made the fit do, in words.
     pub reading_noise: Vec<String>,
 }

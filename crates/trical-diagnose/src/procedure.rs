@@ -46,12 +46,14 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let proving = Proving::new(&rounds, &design, &probes, &start)?;
     let folds = &proving.folds;
     let whole = |parts: &Option<Parts<'_>>| parts.as_ref().map(|p| p.errors(&[], None));
+    let of_sessions = rounds.by_session();
+    let [plain_by_session, by_session] = *of_sessions.as_ref().unwrap_or(&[None; 2]);
     let held_out = HeldOut {
         by_pose: whole(&Parts::by_pose(&design, chosen, folds, rounds.temper())),
         by_block: whole(&proving.blocks),
         forward: whole(&proving.later),
         by_place: None,
-        by_session: rounds.by_session().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e)),
+        by_session,
     };
     let usual = held_out.by_block.unwrap_or(ErrorSummary::of(&fitted.errors()?));
     let none = proving.prove(&[]);
@@ -76,6 +78,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             noise_mm: noise_of(fitted, &errors),
             lack_of_fit_p: lack_of_fit_p(&start),
             holdout_rms_mm: none.blocks,
+            by_session: plain_by_session,
             reading_noise: rounds.reading_noise().map(Candidate::located).collect(),
         },
         blind_to: proving.blind_to(&findings),
@@ -98,6 +101,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .into_iter()
             .chain(too_many(effective, folds))
             .chain(rounds.correlation.caution())
+            .chain(no_better_elsewhere(plain_by_session, by_session))
+            .chain(of_sessions.err().map(|e| format!("what one session is worth for the others is not known: {e}")))
             .collect(),
         rejected: kept.rejected.clone(),
         model: fitted.model.clone(),
@@ -113,6 +118,17 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     };
     task.step(1.0, "done")?;
     Ok(diagnosis)
+}
+
+/// What to say where an arm as other sessions say it is not better with what was found.
+fn no_better_elsewhere(plain: Option<ErrorSummary>, whole: Option<ErrorSummary>) -> Option<String> {
+    let (plain, whole) = (plain?.mean_mm, whole?.mean_mm);
+    (whole >= plain).then(|| {
+        format!(
+            "in a session that it was not fitted to, the whole model is off by {whole:.3} mm (mean), the plain one by {plain:.3} mm: \
+             use the plain one there, or diagnose a session that visits the same angles with these"
+        )
+    })
 }
 
 /// Selection until nothing changes; then with rows restored that one number explains, then with more to choose from where names do

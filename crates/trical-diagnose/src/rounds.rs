@@ -2,18 +2,20 @@
 
 mod pays;
 
+use std::collections::BTreeSet;
+
 use trical_ident::calibration::{own_setup, score_sessions};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{Identified, fit_model_knowing, fit_some, prepared};
+use trical_ident::identify::{ErrorSummary, Identified, fit_model_knowing, fit_some, prepared};
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
@@ -563,17 +565,25 @@ impl Rounds {
             .sum()
     }
 
-    /// Errors (m) of each session by the arm that the others say, with what was chosen; `None` for one session.
-    pub(crate) fn by_session(&self) -> Option<Vec<f64>> {
-        (self.kept.names.len() > 1).then(|| {
-            let fit = |data: &Dataset| self.fit_of_sessions(data);
-            score_sessions(&self.kept, &fit).unwrap_or_default()
-        })
+    /// Errors of each session by the arm that the others say, by the plain model and with what was chosen; `None` for one session.
+    ///
+    /// # Errors
+    /// Sessions that do not determine the arm without one of them.
+    pub(crate) fn by_session(&self) -> Result<[Option<ErrorSummary>; 2]> {
+        if self.kept.names.len() < 2 {
+            return Ok([None; 2]);
+        }
+        let of = |terms: usize| -> Result<Option<ErrorSummary>> {
+            let errors = score_sessions(&self.kept, &|data: &Dataset| self.fit_of_sessions(data, terms))?;
+            Ok((!errors.is_empty()).then(|| ErrorSummary::of(&errors)))
+        };
+        Ok([of(self.of_baseline())?, of(self.fitted.model.terms.len())?])
     }
 
-    /// The fit of some of the sessions, with those of the terms that act there.
-    fn fit_of_sessions(&self, data: &Dataset) -> Result<Identified> {
-        let model = &self.fitted.model;
+    /// The fit of some of the sessions, with those of the first `terms` that act there.
+    fn fit_of_sessions(&self, data: &Dataset, terms: usize) -> Result<Identified> {
+        let mut model = self.fitted.model.clone();
+        model.terms.truncate(terms);
         let forward = Forward::new(model.clone(), (0..model.terms.len()).collect())?;
         let (mut ws, p) = (forward.workspace(), model.terms.len());
         let mut jacobian = vec![0.0; 6 * p];
@@ -590,9 +600,10 @@ impl Rounds {
             .terms
             .iter()
             .zip(acts)
-            .map(|(t, acts)| acts && !(optical && matches!(t.site, Site::Base(_))))
+            .map(|(t, acts)| {
+                acts && !(optical && matches!(t.site, Site::Base(_))) && !stands_for_shared(t, &model, data)
+            })
             .collect();
-        let mut model = self.fitted.model.clone();
         let mut at = kept.iter();
         model.terms.retain(|_| at.next().copied().unwrap_or(false));
         let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
@@ -655,4 +666,17 @@ fn longest_recording(data: &Dataset) -> usize {
 fn temper(data: &Dataset) -> f64 {
     let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
     (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
+}
+
+/// Whether a session's own tool or balls are the first of these recordings and all have their own: the shared ones then are its.
+fn stands_for_shared(t: &Term, model: &Model, data: &Dataset) -> bool {
+    let of_balls = |t: &Term| matches!(t.site, Site::Fixture(_));
+    let is_own = |t: &Term, session: u32| {
+        t.basis == Basis::CONSTANT.in_session(session)
+            && matches!(t.site, Site::Tool(_) | Site::Target { .. } | Site::Fixture(_))
+    };
+    let sessions: BTreeSet<u32> = data.observations.iter().filter_map(|o| o.state.session).collect();
+    let all_own =
+        || sessions.iter().all(|s| model.terms.iter().any(|other| is_own(other, *s) && of_balls(other) == of_balls(t)));
+    sessions.first().is_some_and(|first| is_own(t, *first) && all_own())
 }

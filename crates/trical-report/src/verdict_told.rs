@@ -89,7 +89,9 @@ fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
 /// What the whole model is worth in a session that it was not fitted to, where that is much worse.
 fn elsewhere(d: &Diagnosis) -> Option<String> {
     let other = d.after.held_out.by_session.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
-    Some(format!("; in a session that it was not fitted to, {:.1$} mm", other.rms_mm, decimals(d)))
+    let decimals = decimals(d);
+    let plain = d.baseline.by_session.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
+    Some(format!("; in a session that it was not fitted to, {:.decimals$} mm{plain}", other.rms_mm))
 }
 
 /// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.

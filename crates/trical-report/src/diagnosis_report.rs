@@ -322,6 +322,7 @@ pub fn verdict_section(d: &Diagnosis) -> Section {
         text: std::iter::once(
             "Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into(),
         )
+        .chain(verdict_told::elsewhere(d).map(|e| format!("Whole model {e}.")))
         .chain(d.cautions.iter().map(|c| format!("Caution: {c}.")))
         .chain(d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")))
         .collect(),

@@ -87,11 +87,12 @@ fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
 }
 
 /// What the whole model is worth in a session that it was not fitted to, where that is much worse.
-fn elsewhere(d: &Diagnosis) -> Option<String> {
+#[must_use]
+pub fn elsewhere(d: &Diagnosis) -> Option<String> {
     let other = d.after.held_out.by_session.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
     let decimals = decimals(d);
     let plain = d.baseline.by_session.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
-    Some(format!("; in a session that it was not fitted to, {:.decimals$} mm{plain}", other.rms_mm))
+    Some(format!("in a session that it was not fitted to: {:.decimals$} mm{plain}", other.rms_mm))
 }
 
 /// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.
@@ -111,7 +112,7 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         let mut rows = d.verdict.shortened(claims);
         rows.retain(|r| shows(r, decimals));
         if let Some(whole) = rows.last_mut() {
-            whole.text += &elsewhere(d).unwrap_or_default();
+            whole.text += &elsewhere(d).map_or_else(String::new, |e| format!("; {e}"));
             if !d.findings.is_empty() {
                 whole.text += &format!("; {USES}");
             }

@@ -10,7 +10,7 @@ use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{ErrorSummary, Identified, fit_model_knowing, fit_some, prepared};
+use trical_ident::identify::{ErrorSummary, Identified, fit_model_knowing, fit_near_nominal, fit_some, prepared};
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_ident::solver::LmParams;
@@ -607,8 +607,7 @@ impl Rounds {
         let mut at = kept.iter();
         model.terms.retain(|_| at.next().copied().unwrap_or(false));
         let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
-        let free = (0..model.terms.len()).collect();
-        fit_some(model, free, data, &self.fitted.noise, &known, Vec::new(), &LmParams::WITHIN_NOISE)
+        fit_near_nominal(&model, data, &self.kept, &self.fitted.noise, &known, Vec::new(), &LmParams::WITHIN_NOISE)
     }
 
     /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.

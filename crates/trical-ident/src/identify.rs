@@ -477,27 +477,44 @@ fn identify_as_said(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice)
     let (model, dependent) = prepared(robot, cell, data, choice)?;
     let known = known(&model, data, choice)?;
     let (noise, params) = manner(&model, data);
+    fit_near_nominal(&model, data, data, &noise, &known, dependent, &params)
+}
+
+/// The fit of all terms of a model. Where the data do not determine them, or leave parameters of the arm more uncertain than they are without
+/// any data, these are held near nominal by weak priors; the loads of `all` that was measured of the arm say how soft its joints may be.
+///
+/// # Errors
+/// As [`fit_model`].
+pub fn fit_near_nominal(
+    model: &Model,
+    data: &Dataset,
+    all: &Dataset,
+    noise: &Noise,
+    known: &[Known],
+    dependent: Vec<Dependent>,
+    params: &LmParams,
+) -> Result<Identified> {
     let free: Vec<usize> = (0..model.terms.len()).collect();
-    let fit = |known: &[Known]| fit_some(model.clone(), free.clone(), data, &noise, known, dependent.clone(), &params);
-    let found = fit(&known);
+    let fit = |known: &[Known]| fit_some(model.clone(), free.clone(), data, noise, known, dependent.clone(), params);
+    let found = fit(known);
     if !ball_places::unknown_places(&model.cell, data).is_empty() {
         return found;
     }
-    let plausible = plausible(&model, data);
+    let plausible = plausible(model, all);
     let again = match &found {
         Ok(found) => wanders(&found.model, &plausible),
         Err(IdentError::NotEnough(_) | IdentError::NotConverged(_)) => {
-            different_numbers(robot, data) >= model.terms.len()
+            different_numbers(&model.robot, data) >= model.terms.len()
         }
         Err(_) => false,
     };
     if !again || plausible.iter().all(Option::is_none) {
         return found;
     }
-    match fit(&with_priors(&plausible, &known)) {
+    match fit(&with_priors(&plausible, known)) {
         // no arm is so far from nominal: it is another one, or its data are wrong
         Ok(kept) if found.is_err() && median(&kept.errors()?) > IMPLAUSIBLE => found,
-        Ok(kept) => Ok(Identified { weak: by_prior(&kept.model, &plausible, &known), ..kept }),
+        Ok(kept) => Ok(Identified { weak: by_prior(&kept.model, &plausible, known), ..kept }),
         Err(_) => found,
     }
 }

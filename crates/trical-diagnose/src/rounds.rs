@@ -667,7 +667,8 @@ fn temper(data: &Dataset) -> f64 {
     (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
 }
 
-/// Whether a session's own tool or balls are the first of these recordings and all have their own: the shared ones then are its.
+/// Whether a term is the own tool (or balls) of the first of these sessions, while each of them has its own: what is shared stands for the
+/// first one's then.
 fn stands_for_shared(t: &Term, model: &Model, data: &Dataset) -> bool {
     let of_balls = |t: &Term| matches!(t.site, Site::Fixture(_));
     let is_own = |t: &Term, session: u32| {

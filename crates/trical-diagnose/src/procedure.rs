@@ -368,3 +368,17 @@ fn arm_parameters(model: &Model) -> usize {
     };
     model.terms.iter().filter(of_arm).count()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_is_no_better_in_another_session_is_told_with_both_errors() {
+        let of = |mm: f64| Some(ErrorSummary::of(&[mm * 1e-3; 4]));
+        assert_eq!(no_better_elsewhere(of(0.5), of(0.4)), None);
+        assert_eq!(no_better_elsewhere(None, None), None);
+        let said = no_better_elsewhere(of(0.4), of(0.5)).unwrap_or_default();
+        assert!(said.contains("off by 0.500 mm (mean), the plain one by 0.400 mm"), "{said}");
+    }
+}

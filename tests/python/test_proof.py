@@ -801,6 +801,13 @@ def test_probabilities_are_scored_against_what_was_so() -> None:
     assert proper.auroc(y, y) == 1.0
 
 
+def test_sizes_of_another_simulator_are_not_compared() -> None:
+    truth = {"effect": "load_friction", "site": {"joint": 2}, "p": {"per_n": 1.0}}
+    assert proper.expected(truth, {"kind": "mujoco"}) is None
+    closed = {**truth, "p": {"gap": 2.0 * DEG, "per_nm": DEG}}
+    assert proper.expected(closed, {"kind": "single"}) == {"friction_2": 1.0, "friction_by_load_2": 1.0}
+
+
 def test_a_session_has_its_own_effects_and_the_arm_has_the_rest(tmp_path: Path) -> None:
     case_id, files, truth = make._job(("sessions", 3, 0, [60]))
     recordings = [f for f in files if f.endswith(".csv")]

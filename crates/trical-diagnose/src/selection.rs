@@ -32,8 +32,8 @@ pub struct Search<'a> {
     pub candidates: &'a [Candidate],
     /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm.
     pub temper: f64,
-    /// Candidates that turned out to be no physics.
-    banned: Vec<usize>,
+    /// Whether each candidate is out of the question: it turned out to be no physics, or what was chosen says it.
+    banned: Vec<bool>,
 }
 
 /// A candidate with its evidence.
@@ -54,13 +54,14 @@ impl<'a> Search<'a> {
     /// Among all candidates.
     #[must_use]
     pub fn new(design: &'a Design, candidates: &'a [Candidate], temper: f64) -> Self {
-        Self { design, candidates, temper, banned: Vec::new() }
+        Self { design, candidates, temper, banned: vec![false; candidates.len()] }
     }
 
     /// The same without some candidates.
     #[must_use]
-    pub fn without_candidates(self, out: &[usize]) -> Self {
-        Self { banned: out.to_vec(), ..self }
+    pub fn without_candidates(mut self, out: &[usize]) -> Self {
+        out.iter().for_each(|c| self.banned[*c] = true);
+        self
     }
 
     /// `initial` with the first `count` candidates at most that forward selection takes beside it, less those of all that do not earn their
@@ -122,6 +123,7 @@ impl<'a> Search<'a> {
         let mut all: Vec<Ranked> = (0..self.candidates.len())
             .into_par_iter()
             .with_min_len(256)
+            .filter(|c| !self.banned[*c])
             .filter_map(|c| self.evidence(state, c))
             .collect();
         let order = |a: &Ranked, b: &Ranked| {
@@ -141,7 +143,7 @@ impl<'a> Search<'a> {
             all.get(at - 1).map(|r| (at - 1, *r))
         })
         // plausibility costs a solve: only where it matters
-        .filter(|(k, r)| !self.banned.contains(&r.candidate) && (*k > 200 || self.plausible(state, r.candidate)))
+        .filter(|(k, r)| *k > 200 || self.plausible(state, r.candidate))
         .map(|(_, r)| r)
     }
 
@@ -238,7 +240,7 @@ impl<'a> Search<'a> {
         });
         if let Some(bad) = bad {
             chosen.retain(|c| *c != bad);
-            self.banned.push(bad);
+            self.banned[bad] = true;
         }
         bad.is_some()
     }

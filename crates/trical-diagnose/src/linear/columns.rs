@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -415,6 +416,19 @@ impl Linear {
         };
         spans.iter().map(of).collect()
     }
+}
+
+/// `X'X`.
+pub(super) fn gram(x: &Mat<f64>) -> Mat<f64> {
+    let mut all = Mat::<f64>::zeros(x.ncols(), x.ncols());
+    let (lower, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    triangular::matmul(all.as_mut(), lower, Accum::Replace, x.transpose(), whole, x, whole, 1.0, Par::Seq);
+    for j in 0..all.ncols() {
+        for i in j + 1..all.ncols() {
+            all[(j, i)] = all[(i, j)];
+        }
+    }
+    all
 }
 
 /// Columns whose terms are at one site and of one kind stand together.

@@ -15,7 +15,7 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
-use super::columns::Linear;
+use super::columns::{Linear, gram};
 use super::design::Design;
 
 /// Keeps columns that the data absorb from doing harm: beside a length of one.
@@ -36,10 +36,17 @@ pub struct Partition<'a> {
     /// All columns, scaled, in the rows of each part.
     columns: Vec<Mat<f64>>,
     /// Products of the columns, and with the residual, over each part.
-    grams: Vec<Mat<f64>>,
-    pushes: Vec<Vec<f64>>,
+    sums: Vec<Sums>,
+    /// The same over all rows.
+    whole: Sums,
     /// The fit without each part.
     fits: Vec<Fit>,
+}
+
+/// Products of the columns with each other, and with the residual.
+struct Sums {
+    gram: Mat<f64>,
+    push: Mat<f64>,
 }
 
 /// Rows of one block in a part, and Cholesky's factor of the covariance with which the whole set predicts them.
@@ -54,24 +61,39 @@ struct Block {
 pub struct Predictive {
     blocks: Vec<Block>,
     count: usize,
+    /// The rows of each part in the measure of these covariances: `L^-1` of each block's.
+    measured: Vec<Tested>,
 }
 
-/// The rows of a part as they are predicted, and how their covariance differs from that of the whole set: `- out out' + added added'`, or,
-/// where little of the set is left, `I + anew anew'` in its place.
+/// The rows of a part as they are predicted, and how their covariance differs from that of the whole set, in whose measure they are, or, if
+/// they are predicted `anew`, from `I`: by `- out out' + added added'`.
 struct Predicted {
     left: Mat<f64>,
     out: Mat<f64>,
     added: Mat<f64>,
-    anew: Option<Mat<f64>>,
+    anew: bool,
+}
+
+/// What is asked of rows that are predicted: their residuals alone, or with their covariance.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Asked {
+    Residuals,
+    Covariance,
 }
 
 /// A fit to the rows of the other parts.
 struct Fit {
     inverse: Mat<f64>,
     x: Mat<f64>,
+    tested: Tested,
+}
+
+/// The rows that it predicts.
+#[derive(Clone)]
+struct Tested {
     /// `X_t H^-1`.
     hat: Mat<f64>,
-    /// Residual of the predicted rows.
+    /// Residual.
     left: Mat<f64>,
 }
 
@@ -139,19 +161,19 @@ impl<'a> Partition<'a> {
             precision,
             rows,
             columns,
-            grams: Vec::new(),
-            pushes: Vec::new(),
+            sums: Vec::new(),
+            whole: Sums { gram: Mat::zeros(n, n), push: Mat::zeros(n, 1) },
             fits: Vec::new(),
         };
         let sums = |part: usize| {
             let x = &this.columns[part];
-            let r = this.residual_of(part);
-            let mut gram = Mat::<f64>::zeros(n, n);
-            matmul(gram.as_mut(), Accum::Replace, x.transpose(), x, 1.0, Par::Seq);
-            let push = x.transpose() * &r;
-            (gram, (0..n).map(|j| push[(j, 0)]).collect())
+            Sums { gram: gram(x), push: x.transpose() * this.residual_of(part) }
         };
-        (this.grams, this.pushes) = (0..count).into_par_iter().map(sums).unzip();
+        this.sums = (0..count).into_par_iter().map(sums).collect();
+        for sums in &this.sums {
+            this.whole.gram += &sums.gram;
+            this.whole.push += &sums.push;
+        }
         let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
         this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;
         Some(this)
@@ -162,25 +184,24 @@ impl<'a> Partition<'a> {
         Mat::from_fn(self.rows[part].len(), columns.len(), |i, j| self.columns[part][(i, columns[j])])
     }
 
-    /// Normal matrix and right side of some columns over some parts, with the priors.
-    fn normal(&self, parts: impl Iterator<Item = usize>, columns: &[usize]) -> (Mat<f64>, Mat<f64>) {
+    /// Normal matrix and right side of some columns over the other parts, with the priors.
+    fn normal(&self, part: usize, columns: &[usize]) -> (Mat<f64>, Mat<f64>) {
         let n = columns.len();
-        let (mut h, mut g) = (Mat::<f64>::zeros(n, n), Mat::<f64>::zeros(n, 1));
-        for k in parts {
-            h += Mat::from_fn(n, n, |i, j| self.grams[k][(columns[i], columns[j])]);
-            for (i, j) in columns.iter().enumerate() {
-                g[(i, 0)] -= self.pushes[k][*j];
-            }
-        }
+        let (whole, own) = (&self.whole, &self.sums[part]);
+        let mut h = Mat::from_fn(n, n, |i, j| {
+            let at = (columns[i], columns[j]);
+            whole.gram[at] - own.gram[at]
+        });
         for (i, j) in columns.iter().enumerate() {
             h[(i, i)] += self.precision[*j];
         }
+        let g = Mat::from_fn(n, 1, |i, _| own.push[(columns[i], 0)] - whole.push[(columns[i], 0)]);
         (h, g)
     }
 
     fn without_part(&self, part: usize) -> Option<Fit> {
         let all: Vec<usize> = (0..self.scale.len()).collect();
-        let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), &all);
+        let (h, g) = self.normal(part, &all);
         let factor = h.llt(Side::Lower).ok()?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
         let tested = &self.columns[part];
@@ -188,17 +209,17 @@ impl<'a> Partition<'a> {
         matmul(left.as_mut(), Accum::Add, tested, x.as_ref(), 1.0, Par::Seq);
         let mut hat = Mat::<f64>::zeros(tested.nrows(), inverse.ncols());
         matmul(hat.as_mut(), Accum::Replace, tested, inverse.as_ref(), 1.0, Par::Seq);
-        Some(Fit { inverse, x, hat, left })
+        Some(Fit { inverse, x, tested: Tested { hat, left } })
     }
 
     /// A part's rows by the fit of some columns alone to the other parts.
-    fn predicted_by(&self, part: usize, columns: &[usize]) -> Option<Predicted> {
-        let (h, g) = self.normal((0..self.rows.len()).filter(|k| *k != part), columns);
+    fn predicted_by(&self, part: usize, columns: &[usize], asked: Asked) -> Option<Predicted> {
+        let (h, g) = self.normal(part, columns);
         let factor = h.llt(Side::Lower).ok()?;
         let rows = self.rows_of(part, columns);
         let left = self.residual_of(part) + &rows * factor.solve(&g);
-        let none = Mat::zeros(left.nrows(), 0);
-        Some(Predicted { left, out: none.clone(), added: none, anew: Some(over_root(rows, factor.L())) })
+        let out = Mat::zeros(left.nrows(), 0);
+        Some(Predicted { left, out, added: asked.over_root(rows, factor.L()), anew: true })
     }
 
     /// Residual of a part's rows without any fit.
@@ -214,12 +235,12 @@ impl<'a> Partition<'a> {
     /// and with `add` in their place. Rows of a fit that fails are not predicted at all (infinite).
     #[must_use]
     pub fn instead(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
-        let o = self.columns_of(out);
-        let added = add.map(|c| self.added(c));
         let mut all = vec![f64::INFINITY; self.linear.rows()];
-        for (part, fit) in self.fits.iter().enumerate() {
-            let Some(predicted) = self.predicted(part, fit, &o, added.as_ref()) else { continue };
-            for (i, row) in self.rows[part].iter().enumerate() {
+        let (o, added) = (self.columns_of(out), add.map(|c| self.added(c)));
+        let tested = |part: usize| &self.fits[part].tested;
+        for (rows, predicted) in self.rows.iter().zip(self.predicted(&o, added.as_ref(), &tested, Asked::Residuals)) {
+            let Some(predicted) = predicted else { continue };
+            for (i, row) in rows.iter().enumerate() {
                 all[*row] = predicted.left[(i, 0)];
             }
         }
@@ -241,14 +262,21 @@ impl<'a> Partition<'a> {
             blocks.extend(of.into_iter().map(|(block, rows)| (part, block, rows)));
         }
         let one = |(part, block, rows): (usize, usize, Vec<usize>)| {
-            let (hat, x) = (some_rows(&self.fits[part].hat, &rows), some_rows(&self.columns[part], &rows));
+            let (hat, x) = (some_rows(&self.fits[part].tested.hat, &rows), some_rows(&self.columns[part], &rows));
             let mut covariance = Mat::<f64>::identity(rows.len(), rows.len());
             matmul(covariance.as_mut(), Accum::Add, &hat, x.transpose(), 1.0, Par::Seq);
             let factor = covariance.llt(Side::Lower).ok()?.L().to_owned();
             Some(Block { part, block, rows, factor })
         };
         let blocks: Option<Vec<Block>> = blocks.into_par_iter().map(one).collect();
-        Some(Predictive { blocks: blocks?, count })
+        let measured = self.fits.iter().map(|fit| fit.tested.clone()).collect();
+        let mut this = Predictive { blocks: blocks?, count, measured };
+        for b in &this.blocks {
+            let Tested { hat, left } = &mut this.measured[b.part];
+            b.measure(hat);
+            b.measure(left);
+        }
+        Some(this)
     }
 
     /// Columns of a candidate, scaled, and their products over each part.
@@ -274,25 +302,45 @@ impl<'a> Partition<'a> {
         Added { precision, parts: (0..self.rows.len()).map(sums).collect() }
     }
 
-    fn predicted(&self, part: usize, fit: &Fit, o: &[usize], add: Option<&Added>) -> Option<Predicted> {
+    /// The rows of each part, `tested` by the fit to the others, of the set without the columns `o` and with others in their place.
+    fn predicted<'t>(
+        &self,
+        o: &[usize],
+        add: Option<&Added>,
+        tested: &(dyn Fn(usize) -> &'t Tested + Sync),
+        asked: Asked,
+    ) -> Vec<Option<Predicted>> {
+        let one = |part: usize| self.predicted_part(part, tested(part), o, add, asked);
+        (0..self.rows.len()).into_par_iter().map(one).collect()
+    }
+
+    fn predicted_part(
+        &self,
+        part: usize,
+        tested: &Tested,
+        o: &[usize],
+        add: Option<&Added>,
+        asked: Asked,
+    ) -> Option<Predicted> {
+        let fit = &self.fits[part];
         let pick = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
-        let none = Mat::zeros(fit.left.nrows(), 0);
+        let none = Mat::zeros(tested.left.nrows(), 0);
         if o.is_empty() && add.is_none() {
-            return Some(Predicted { left: fit.left.clone(), out: none.clone(), added: none, anew: None });
+            return Some(Predicted { left: tested.left.clone(), out: none.clone(), added: none, anew: false });
         }
         if add.is_none() && 2 * o.len() > self.scale.len() {
             // what is left is less than what goes
             let kept: Vec<usize> = (0..self.scale.len()).filter(|j| !o.contains(j)).collect();
-            return self.predicted_by(part, &kept);
+            return self.predicted_by(part, &kept, asked);
         }
         let of_out = Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]);
         let factor = of_out.llt(Side::Lower).ok()?;
         let x_out = Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]);
         let y = factor.solve(&x_out);
-        let hat_out = pick(fit.hat.as_ref());
-        let mut left = &fit.left - &hat_out * &y;
+        let hat_out = pick(tested.hat.as_ref());
+        let mut left = &tested.left - &hat_out * &y;
         let Some(added) = add else {
-            return Some(Predicted { left, out: over_root(hat_out, factor.L()), added: none, anew: None });
+            return Some(Predicted { left, out: asked.over_root(hat_out, factor.L()), added: none, anew: false });
         };
         // sums over the rows that are fitted
         let (n, k) = (self.scale.len(), added.precision.len());
@@ -312,10 +360,10 @@ impl<'a> Partition<'a> {
         let x = &fit.x - &inverse_out * &y;
         let complement = (&aa - a.transpose() * &solved).llt(Side::Lower).ok()?;
         let push = &ar + a.transpose() * &x;
-        let shown = &added.parts[part].columns - (&fit.hat * &a - &hat_out * &through);
+        let shown = &added.parts[part].columns - (&tested.hat * &a - &hat_out * &through);
         left -= &shown * complement.solve(&push);
-        let (out, added) = (over_root(hat_out, factor.L()), over_root(shown, complement.L()));
-        Some(Predicted { left, out, added, anew: None })
+        let (out, added) = (asked.over_root(hat_out, factor.L()), asked.over_root(shown, complement.L()));
+        Some(Predicted { left, out, added, anew: false })
     }
 
     /// Pose of each row.
@@ -361,45 +409,59 @@ impl Predictive {
     /// a fit fails.
     #[must_use]
     pub fn of_blocks(&self, fits: &Partition<'_>, out: &[usize], add: Option<usize>) -> Option<Vec<Foreseen>> {
-        let o = fits.columns_of(out);
-        let added = add.map(|c| fits.added(c));
-        let parts = fits.fits.iter().enumerate();
-        let predicted: Vec<Option<Predicted>> =
-            parts.map(|(part, fit)| fits.predicted(part, fit, &o, added.as_ref())).collect();
+        let mut added = add.map(|c| fits.added(c));
+        if let Some(added) = &mut added {
+            self.blocks.iter().for_each(|b| b.measure(&mut added.parts[b.part].columns));
+        }
+        let tested = |part: usize| &self.measured[part];
+        let predicted = fits.predicted(&fits.columns_of(out), added.as_ref(), &tested, Asked::Covariance);
+        let foreseen = self.blocks.par_iter().with_min_len(16).map(|b| b.foreseen(predicted[b.part].as_ref()?));
+        let foreseen: Option<Vec<Foreseen>> = foreseen.collect();
         let mut all = vec![Foreseen::default(); self.count];
-        for b in &self.blocks {
-            all[b.block] = b.foreseen(predicted[b.part].as_ref()?)?;
+        for (b, foreseen) in self.blocks.iter().zip(foreseen?) {
+            all[b.block] = foreseen;
         }
         Some(all)
     }
 }
 
 impl Block {
+    /// Its rows in the measure of its covariance.
+    fn measure(&self, rows: &mut Mat<f64>) {
+        let own = under_root(some_rows(rows, &self.rows), self.factor.as_ref());
+        for j in 0..own.ncols() {
+            for (i, row) in self.rows.iter().enumerate() {
+                rows[(*row, j)] = own[(i, j)];
+            }
+        }
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     fn foreseen(&self, predicted: &Predicted) -> Option<Foreseen> {
-        let rows = |m: &Mat<f64>| some_rows(m, &self.rows);
-        let square = |m: &Mat<f64>| m.squared_norm_l2();
-        if let Some(anew) = &predicted.anew {
-            let x = rows(anew);
-            let covariance = Mat::<f64>::identity(x.nrows(), x.nrows()) + &x * x.transpose();
-            let factor = covariance.llt(Side::Lower).ok()?;
-            let square = square(&under_root(rows(&predicted.left), factor.L()));
-            return Some(Foreseen { rows: self.rows.len() as f64, square, log_covariance: log_square(factor.L()) });
-        }
-        // in the measure of the whole set's covariance
-        let own = |m: &Mat<f64>| under_root(rows(m), self.factor.as_ref());
-        let (r, out, added) = (own(&predicted.left), own(&predicted.out), own(&predicted.added));
-        let mut of_out = Mat::<f64>::identity(out.ncols(), out.ncols());
-        matmul(of_out.as_mut(), Accum::Add, out.transpose(), &out, -1.0, Par::Seq);
-        let of_out = of_out.llt(Side::Lower).ok()?;
-        let (a, b) = (under_root(out.transpose() * &r, of_out.L()), under_root(out.transpose() * &added, of_out.L()));
-        let mut of_added = Mat::<f64>::identity(added.ncols(), added.ncols());
-        of_added += added.transpose() * &added + b.transpose() * &b;
-        let of_added = of_added.llt(Side::Lower).ok()?;
-        let c = under_root(added.transpose() * &r + b.transpose() * &a, of_added.L());
-        let log_covariance = log_square(self.factor.as_ref()) + log_square(of_out.L()) + log_square(of_added.L());
-        let square = square(&r) + square(&a) - square(&c);
-        Some(Foreseen { rows: self.rows.len() as f64, square, log_covariance })
+        let n = self.rows.len();
+        let [r, out, added] = [&predicted.left, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));
+        let before = if predicted.anew { 0.0 } else { log_square(self.factor.as_ref()) };
+        let less = |a: &Mat<f64>, by: MatRef<'_, f64>, sign: f64| {
+            let mut m = Mat::<f64>::identity(a.nrows(), a.nrows());
+            matmul(m.as_mut(), Accum::Add, a, by, sign, Par::Seq);
+            m
+        };
+        let (square, log_covariance) = if n <= out.ncols() + added.ncols() {
+            let mut covariance = less(&out, out.transpose(), -1.0);
+            matmul(covariance.as_mut(), Accum::Add, &added, added.transpose(), 1.0, Par::Seq);
+            let root = covariance.llt(Side::Lower).ok()?;
+            (under_root(r, root.L()).squared_norm_l2(), log_square(root.L()))
+        } else {
+            let of_out = less(&out.transpose().to_owned(), out.as_ref(), -1.0).llt(Side::Lower).ok()?;
+            let under = |m: Mat<f64>| under_root(m, of_out.L());
+            let (a, b) = (under(out.transpose() * &r), under(out.transpose() * &added));
+            let of_added = less(&added.transpose().to_owned(), added.as_ref(), 1.0) + b.transpose() * &b;
+            let of_added = of_added.llt(Side::Lower).ok()?;
+            let c = under_root(added.transpose() * &r + b.transpose() * &a, of_added.L());
+            let square = r.squared_norm_l2() + a.squared_norm_l2() - c.squared_norm_l2();
+            (square, log_square(of_out.L()) + log_square(of_added.L()))
+        };
+        Some(Foreseen { rows: n as f64, square, log_covariance: before + log_covariance })
     }
 }
 
@@ -413,12 +475,17 @@ fn under_root(mut m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
     m
 }
 
-/// `m L'^-1`.
-fn over_root(m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
-    under_root(m.transpose().to_owned(), root).transpose().to_owned()
-}
-
 /// `ln det (L L')`.
 fn log_square(root: MatRef<'_, f64>) -> f64 {
     2.0 * (0..root.nrows()).map(|i| root[(i, i)].ln()).sum::<f64>()
+}
+
+impl Asked {
+    /// `m L'^-1`, if the covariance is asked for.
+    fn over_root(self, m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
+        match self {
+            Self::Residuals => Mat::zeros(m.nrows(), 0),
+            Self::Covariance => under_root(m.transpose().to_owned(), root).transpose().to_owned(),
+        }
+    }
 }

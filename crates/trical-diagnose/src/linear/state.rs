@@ -400,16 +400,29 @@ impl pulp::NullaryFnOnce for Explain<'_> {
     }
 }
 
+/// Inner product by eight partial sums, which processors take at once.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(x, y)| x * y).sum();
+    for (a, b) in a.zip(b) {
+        for ((sum, x), y) in sums.iter_mut().zip(a).zip(b) {
+            *sum += x * y;
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
 /// Cholesky factor (k x k, lower, row by row) of a positive definite matrix.
 pub(crate) fn cholesky(g: &[f64], k: usize) -> Vec<f64> {
     let mut l = vec![0.0; k * k];
     for j in 0..k {
-        let d = g[j * k + j] - (0..j).map(|m| l[j * k + m] * l[j * k + m]).sum::<f64>();
+        let row = l[j * k..j * k + j].to_vec();
+        let d = g[j * k + j] - dot(&row, &row);
         // the prior's precision keeps it positive, but for rounding
         l[j * k + j] = d.max(1e-12 * g[j * k + j]).sqrt();
         for i in j + 1..k {
-            let s = g[i * k + j] - (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum::<f64>();
-            l[i * k + j] = s / l[j * k + j];
+            l[i * k + j] = (g[i * k + j] - dot(&l[i * k..i * k + j], &row)) / l[j * k + j];
         }
     }
     l
@@ -419,8 +432,7 @@ pub(crate) fn forward_substitution(l: &[f64], b: &[f64]) -> Vec<f64> {
     let k = b.len();
     let mut y = vec![0.0; k];
     for i in 0..k {
-        let s: f64 = (0..i).map(|j| l[i * k + j] * y[j]).sum();
-        y[i] = (b[i] - s) / l[i * k + i];
+        y[i] = (b[i] - dot(&l[i * k..i * k + i], &y[..i])) / l[i * k + i];
     }
     y
 }

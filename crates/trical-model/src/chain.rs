@@ -168,6 +168,22 @@ pub(crate) struct JointFrames {
 
 const NO_AXES: Axes = Axes { x: V3::new(1.0, 0.0, 0.0), y: V3::new(0.0, 1.0, 0.0), z: V3::new(0.0, 0.0, 1.0) };
 
+const NO_FRAMES: JointFrames = {
+    let zero = V3::new(0.0, 0.0, 0.0);
+    JointFrames {
+        x_before: zero,
+        o_before: zero,
+        y_beta: zero,
+        o_beta: zero,
+        bearing: NO_AXES,
+        y_tilt: zero,
+        z_tilted: zero,
+        origin: zero,
+        axes: NO_AXES,
+        turn: (0.0, 1.0),
+    }
+};
+
 /// Frames of all joints at one pose.
 #[derive(Clone, Debug)]
 pub(crate) struct Frames {
@@ -200,23 +216,11 @@ impl Place {
 impl Frames {
     pub fn new() -> Self {
         let zero = V3::zeros();
-        let joint = JointFrames {
-            x_before: zero,
-            o_before: zero,
-            y_beta: zero,
-            o_beta: zero,
-            bearing: NO_AXES,
-            y_tilt: zero,
-            z_tilted: zero,
-            origin: zero,
-            axes: NO_AXES,
-            turn: (0.0, 1.0),
-        };
         Self {
             base_axes: NO_AXES,
             base_origin: zero,
             base_turns: NO_AXES,
-            joints: [joint; MAX_JOINTS],
+            joints: [NO_FRAMES; MAX_JOINTS],
             flange: Place { origin: zero, axes: NO_AXES },
         }
     }
@@ -341,9 +345,27 @@ impl Chain {
 
     #[inline]
     fn run_from(&self, base: &Pose, q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
+        frames.base_axes = Axes::of(base);
+        frames.base_origin = base.translation;
+        frames.flange = self.walk(base, q, increments, Some(&mut frames.joints));
+    }
+
+    /// The flange alone at joint values `q`, the constant terms included.
+    #[inline]
+    pub fn flange(&self, q: &Joints) -> Place {
+        self.walk(&self.base, q, None, None)
+    }
+
+    /// From the base to the flange, which it returns; the frames of each joint are left in `joints`, where they are asked for.
+    #[inline(always)]
+    fn walk(
+        &self,
+        base: &Pose,
+        q: &Joints,
+        increments: Option<&Increments<'_>>,
+        mut joints: Option<&mut [JointFrames; MAX_JOINTS]>,
+    ) -> Place {
         let (mut axes, mut origin) = (Axes::of(base), base.translation);
-        frames.base_axes = axes;
-        frames.base_origin = origin;
         if let Some(root) = &self.root {
             let zero = Place::of(&base.compose(root));
             (axes, origin) = (zero.axes, zero.origin);
@@ -360,7 +382,6 @@ impl Chain {
         }
         for i in 0..self.n {
             let c = &self.joints[i];
-            let f = &mut frames.joints[i];
             let (mut theta, mut d) = if c.prismatic { (c.theta, c.d + q[i]) } else { (c.theta + q[i], c.d) };
             let (mut a, mut beta, mut tilt, mut alpha_sc, mut plain) = (c.a, c.beta, c.tilt, c.alpha_sc, c.plain);
             let mut known = all_known.then(|| turns[i]);
@@ -383,6 +404,8 @@ impl Chain {
                     plain = false;
                 }
             }
+            let mut unasked = NO_FRAMES;
+            let f = joints.as_deref_mut().map_or(&mut unasked, |all| &mut all[i]);
             f.turn = known.unwrap_or_else(|| sin_cos(theta));
             f.x_before = axes.x;
             f.o_before = origin;
@@ -408,9 +431,10 @@ impl Chain {
             f.origin = origin;
             f.axes = axes;
         }
-        frames.flange = Place { origin, axes };
-        if let Some(flange) = &self.flange {
-            frames.flange = Place::of(&frames.flange.pose().compose(flange));
+        let last = Place { origin, axes };
+        match &self.flange {
+            Some(flange) => Place::of(&last.pose().compose(flange)),
+            None => last,
         }
     }
 

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::axis::Axis;
 use crate::basis::{Basis, Variable};
 use crate::cell::Cell;
-use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, small_rotation};
+use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, Place, small_rotation};
 use crate::error::{ModelError, Result};
 use crate::ik::usual::Usual;
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
@@ -513,17 +513,37 @@ impl Forward {
 
     /// The pose of the tool's TCP in {w}: what the arm really does at `state`, by this model.
     pub fn world_from_tool(&self, state: &State, ws: &mut Workspace) -> Pose {
+        let flange = self.flange(state, ws);
+        self.tool_on(&flange, ws)
+    }
+
+    /// As [`Forward::world_from_tool`], and leaves the frames of all joints in `ws.moved`.
+    pub(crate) fn world_from_tool_and_frames(&self, state: &State, ws: &mut Workspace) -> Pose {
         self.frames_unmeasured(state, ws);
+        self.tool_on(&ws.moved.flange, ws)
+    }
+
+    #[inline]
+    fn tool_on(&self, flange: &Place, ws: &Workspace) -> Pose {
         let (rotation, _) = self.tool_at(ws);
-        let flange = &ws.moved.flange;
         let tcp = self.tcp_in_flange(ws);
         Pose { rotation: flange.axes.matrix() * rotation, translation: flange.origin + flange.axes.times(&tcp) }
     }
 
     /// The pose of the flange in {w}.
     pub fn world_from_flange(&self, state: &State, ws: &mut Workspace) -> Pose {
+        self.flange(state, ws).pose()
+    }
+
+    /// The flange in {w}, and the tool's motions in `ws`: without its other frames where nothing varies from pose to pose.
+    #[inline]
+    fn flange(&self, state: &State, ws: &mut Workspace) -> Place {
+        if self.varying.is_empty() {
+            ws.tool = self.tool;
+            return self.chain.flange(&state.q);
+        }
         self.frames_unmeasured(state, ws);
-        ws.moved.flange.pose()
+        ws.moved.flange
     }
 
     /// Poses of the base, of every joint's frame but the last, and of the flange in {w}, base first: for pictures and

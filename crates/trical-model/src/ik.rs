@@ -229,7 +229,7 @@ fn seeds(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Work
     let robot = &forward.model().robot;
     if robot.dof() == 6 && robot.joints.iter().all(|j| j.kind == JointKind::Revolute) {
         // where base and tool really are, so that only what is inside the arm separates seed and solution
-        let from_tool = forward.world_from_tool(state, ws);
+        let from_tool = forward.world_from_tool_and_frames(state, ws);
         let world_from_base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
         let flange_from_tool = ws.moved.flange.pose().inverse().compose(&from_tool);
         let base_from_flange = world_from_base.inverse().compose(&world_from_tool.compose(&flange_from_tool.inverse()));

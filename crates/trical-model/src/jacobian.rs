@@ -49,7 +49,7 @@ impl Forward {
     /// The pose of the tool in {w} and its Jacobian to the joints: rows x, y, z (m) and the angular velocity (rad) in {w},
     /// `jacobian[row * n + joint]`. Everything that depends on the joints is followed: torques, harmonics, couplings.
     pub fn joint_jacobian(&self, state: &State, ws: &mut Workspace, jacobian: &mut [f64]) -> Pose {
-        let pose = self.world_from_tool(state, ws);
+        let pose = self.world_from_tool_and_frames(state, ws);
         let target = Target { point: pose.translation, map: Map::Twist };
         self.all_columns(state, &NOTHING, usize::MAX, &target, ws);
         let n = self.chain.dof();

@@ -4,6 +4,8 @@
 
 use std::f64::consts::FRAC_2_PI;
 
+use pulp::{Arch, NullaryFnOnce};
+
 /// Beyond this (rad) quarter turns are counted by the C library.
 const FAR: f64 = 1e5;
 
@@ -65,15 +67,29 @@ pub(crate) fn sin_cos(x: f64) -> (f64, f64) {
     if x.abs() < FAR { near(x) } else { x.sin_cos() }
 }
 
-/// Of several angles, side by side.
+/// Of several angles, side by side, by the widest vectors that the processor has: each step is the same for any width, and so are the bits.
 #[inline]
 pub(crate) fn all_sin_cos(x: &[f64], turns: &mut [(f64, f64)]) {
-    for (x, turn) in x.iter().zip(turns.iter_mut()) {
-        *turn = near(*x);
-    }
+    Arch::new().dispatch(Near { x, turns });
     if !x.iter().all(|x| x.abs() < FAR) {
         for (x, turn) in x.iter().zip(turns) {
             *turn = sin_cos(*x);
+        }
+    }
+}
+
+struct Near<'a> {
+    x: &'a [f64],
+    turns: &'a mut [(f64, f64)],
+}
+
+impl NullaryFnOnce for Near<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (x, turn) in self.x.iter().zip(self.turns) {
+            *turn = near(*x);
         }
     }
 }
@@ -116,6 +132,13 @@ mod tests {
         assert_eq!(sin_cos(0.0), (0.0, 1.0));
         assert!(sin_cos(-0.0).0.is_sign_negative());
         assert!(sin_cos(f64::NAN).0.is_nan() && sin_cos(f64::INFINITY).1.is_nan());
+        // any number of them side by side has the bits of each alone
+        for n in 0..12 {
+            let near: Vec<f64> = (0..n).map(|k| f64::from(k) * 7.3 - 31.0).collect();
+            let mut turns = vec![(0.0, 0.0); near.len()];
+            all_sin_cos(&near, &mut turns);
+            assert!(near.iter().zip(&turns).all(|(x, turn)| *turn == sin_cos(*x)), "{turns:?}");
+        }
         let far = [0.3, 2e5, f64::NAN, -1.0];
         let mut turns = [(0.0, 0.0); 4];
         all_sin_cos(&far, &mut turns);

@@ -1,6 +1,7 @@
 """From results, one JSON object a line, to the tables of docs/benchmarks.md. Standard library only."""
 
 import math
+import statistics
 
 #: Rows in the order of the table, and what each asks for.
 ROWS = {
@@ -47,6 +48,39 @@ def title(row):
     return row.replace("boxs", "boxes").replace("1000000", "a million")
 
 
+def over_rounds(results):
+    """The lines of one program on one task in several rounds as one: the median of the times, and the time of each."""
+    merged = {}
+    for r in results:
+        line = merged.setdefault((r["row"], r["who"]), {**r, "rounds": {}})
+        if r.get("seconds"):
+            line["rounds"][r.get("round", 1)] = r["seconds"]
+            line["seconds"] = statistics.median(line["rounds"].values())
+    return list(merged.values())
+
+
+def times_ours(peer, ours):
+    """How many times ours is faster: the median of the rounds in which both took part, the least and the largest."""
+    every = [peer["rounds"][k] / ours["rounds"][k] for k in peer["rounds"] if k in ours["rounds"]]
+    every = every or [peer["seconds"] / ours["seconds"]]
+    return statistics.median(every), min(every), max(every)
+
+
+def spread(times):
+    """A median and its range in words: `1.5 (1.4 to 1.7)`, or the one where it says the same."""
+    median, low, high = map(ratio, times)
+    said = f"**{median}**" if times[0] < 1 else median
+    return said if low == high else f"{said} ({low} to {high})"
+
+
+def put_between(text, mark, told):
+    """A text with `told` in place of what stands between the comments `mark` and `end of the table`."""
+    before, rest = text.split(f"<!-- {mark} -->", 1)
+    end = "<!-- end of the table -->"
+    _, after = rest.split(end, 1)
+    return f"{before}<!-- {mark} -->\n\n{told}\n\n{end}{after}"
+
+
 def ours_of(results):
     """The line of ours that does the whole of the task: the first."""
     return next((r for r in results if r.get("ours") and r.get("seconds")), None)
@@ -64,7 +98,7 @@ def grouped(results):
     for r in results:
         if "row" in r:
             rows.setdefault(r["row"], []).append(r)
-    return {name: list_ for name, list_ in rows.items() if list_}
+    return {name: over_rounds(list_) for name, list_ in rows.items() if list_}
 
 
 def summary(results):
@@ -83,24 +117,20 @@ def summary(results):
             if peer is None:
                 cells += ["", ""]
             else:
-                times = peer["seconds"] / ours["seconds"]
-                cells += [
-                    f"{peer['who']}, {quantity(peer['seconds'])}",
-                    f"**{ratio(times)}**" if times < 1 else ratio(times),
-                ]
+                cells += [f"{peer['who']}, {quantity(peer['seconds'])}", spread(times_ours(peer, ours))]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
 def behind(results):
-    """Rows in which a peer is faster: (row, peer, ratio)."""
+    """Rows in which a peer is faster: (row, peer, median ratio)."""
     found = []
     for name, list_ in grouped(results).items():
         ours = ours_of(list_)
         for by_hand in (False, True):
             peer = best(list_, by_hand)
-            if ours and peer and peer["seconds"] < ours["seconds"]:
-                found.append((name, peer["who"], peer["seconds"] / ours["seconds"]))
+            if ours and peer and (times := times_ours(peer, ours)[0]) < 1:
+                found.append((name, peer["who"], times))
     return found
 
 
@@ -119,7 +149,7 @@ def details(results):
         timed = sorted((r for r in list_ if r.get("seconds")), key=lambda r: r["seconds"])
         for r in timed:
             who = f"**{r['who']}**" if r.get("ours") else r["who"]
-            times = "" if ours is None or r is ours else ratio(r["seconds"] / ours["seconds"])
+            times = "" if ours is None or r is ours else spread(times_ours(r, ours))
             version = f"trical {r['version']}" if r.get("ours") else r.get("version", "")
             out.append(f"| {who} | {version} | {quantity(r['seconds'])} | {times} | {r.get('accuracy') or ''} |")
         for r in list_:

@@ -12,7 +12,7 @@ import pytest
 import arm
 import scene
 import table
-from conftest import program
+from conftest import ROOT, program
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +88,28 @@ def test_the_table_tells_ratio_order_and_who_could_not_be_measured() -> None:
     text = table.details(results)
     assert text.index("fast by hand") < text.index("**TriCal**") < text.index("slow") < text.index("broken")
     assert "does not install" in text
+
+
+def test_a_ratio_is_the_median_of_the_rounds_and_says_its_range() -> None:
+    row = "forward kinematics"
+    results = [
+        {**result(row, who, 1e-7 * seconds[k], ours=who == "TriCal"), "round": k + 1}
+        for k in range(3)
+        for who, seconds in {"TriCal": (1.0, 2.0, 1.0), "peer": (1.5, 4.0, 1.1), "once": (9.0,)}.items()
+        if k < len(seconds)
+    ]
+    # the second round was slow for everybody
+    assert "| forward kinematics | 100 ns | peer, 150 ns | 1.5 (1.1 to 2.0) |" in table.summary(results)
+    text = table.details(results)
+    assert text.count("**TriCal**") == text.count("| peer |") == 1 and "900 ns | 9.0 |" in text
+    assert table.behind(results) == []
+
+
+def test_the_readme_has_a_place_for_its_table() -> None:
+    readme = (ROOT / "README.md").read_text()
+    new = table.put_between(readme, "./bench writes this table", "| a | b |")
+    assert "| a | b |" in new and "| forward kinematics |" not in new
+    assert new.split("\n\n")[0] == readme.split("\n\n")[0] and new.split("\n\n")[-1] == readme.split("\n\n")[-1]
 
 
 def test_a_slope_is_the_exponent() -> None:

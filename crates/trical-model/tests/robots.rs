@@ -106,3 +106,28 @@ fn fanuc_lr_mate_200id() {
     // x 465, and 365 above the world frame of the controller, which is 330 above the mounting face
     stands(file, [0.0; 6], [465.0, 0.0, 330.0 + 365.0], [180.0, -90.0, 0.0]);
 }
+
+#[test]
+fn a_link_without_mass_needs_no_centre_and_one_with_mass_does() {
+    let arm = include_str!("data/arm.toml");
+    let first = |mass: &str| arm.replacen("mass_kg = 3.0\ncog_mm = [0.0, 0.0, -50.0]", mass, 1);
+    let robot = Robot::parse(&first("mass_kg = 0.0"), "arm.toml").unwrap();
+    assert_eq!((robot.joints[0].mass, robot.joints[0].cog), (Some(0.0), Vector3::zeros()));
+    let error = Robot::parse(&first("mass_kg = 0.1"), "arm.toml").unwrap_err().to_string();
+    assert!(error.contains("cog_mm"), "{error}");
+}
+
+#[test]
+fn files_are_urdfs_by_their_ends_with_links_behind_a_hash() {
+    use trical_model::urdf::UrdfPath;
+    let of = |path: &str| UrdfPath::of(Path::new(path)).map(|u| (u.path.to_string_lossy().into_owned(), u.root, u.tip));
+    let some = |s: &str| Some(s.to_owned());
+    assert_eq!(of("arm.urdf"), Some(("arm.urdf".into(), None, None)));
+    assert_eq!(of("ARM.URDF"), Some(("ARM.URDF".into(), None, None)));
+    assert_eq!(of("arm.xml"), Some(("arm.xml".into(), None, None)));
+    assert_eq!(of("arm.urdf#base:tool0"), Some(("arm.urdf".into(), some("base"), some("tool0"))));
+    assert_eq!(of("arm.urdf#:tool0"), Some(("arm.urdf".into(), None, some("tool0"))));
+    assert_eq!(of("arm.xml#tool0"), Some(("arm.xml".into(), None, some("tool0"))));
+    assert_eq!(of("robot.toml"), None);
+    assert_eq!(of("robot.toml#tool0"), None);
+}

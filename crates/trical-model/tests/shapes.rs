@@ -3,7 +3,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use trical_model::{Basis, Cell, Forward, Model, Robot, Shape, Site, State, Term, Variable, inverse_kinematics};
+use trical_model::{
+    Basis, Cell, Forward, Measured, Model, Motion, Pose, Robot, Shape, Site, State, Term, Variable, inverse_kinematics,
+};
 
 #[test]
 fn slopes_are_those_of_the_values() {
@@ -67,4 +69,62 @@ fn every_whole_turn_is_solved_for_itself() {
         let off = (reached.translation - goal.translation).norm() + (reached.rotation - goal.rotation).amax();
         assert!(off < 1e-9, "joints {:?} are {off} off", s.joints);
     }
+}
+
+/// What a term needs and a recording lacks is said before the term is asked for its value.
+#[test]
+fn what_a_term_needs_is_named_where_it_is_missing() {
+    let joint = 2;
+    let bare = State::at(&[0.1; 6]);
+    let everything = State {
+        t: Some(1.0),
+        seq: Some(1.0),
+        torques: Some([1.0; trical_model::MAX_JOINTS]),
+        temp_c: Some(20.0),
+        dir: Some([1; trical_model::MAX_JOINTS]),
+        ..bare
+    };
+    let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+    let point = Measured::Point { target: 0, position: [0.0; 3] };
+    let needs = [
+        (Basis::new(Variable::Time, Shape::Linear), Some("time")),
+        (Basis::new(Variable::Seq, Shape::Linear), Some("seq")),
+        (Basis::measured_torque(joint), Some("tau1_nm")),
+        (Basis::new(Variable::Temperature { reference_c: 20.0 }, Shape::Linear), Some("temp_c")),
+        (Basis::direction(joint), Some("dir1")),
+        (Basis::new(Variable::Joint { joint }, Shape::Linear), None),
+    ];
+    for (basis, lacking) in needs {
+        let missing = basis.missing(&bare, &touch);
+        assert_eq!(missing.is_some(), lacking.is_some(), "{basis:?}: {missing:?}");
+        assert!(missing.is_none_or(|said| said.contains(lacking.unwrap())), "{basis:?}: {missing:?}");
+        assert_eq!(basis.missing(&everything, &touch), None);
+        assert_eq!(basis.in_session(7).missing(&bare, &touch), None, "of another session");
+    }
+    let reading = Basis::new(Variable::Reading { axis: trical_model::Axis::X }, Shape::Linear);
+    assert_eq!(reading.missing(&bare, &touch), None);
+    assert!(reading.missing(&bare, &point).is_some());
+}
+
+/// A measuring frame that drifts moves what was measured in it, and nothing that was measured in another.
+#[test]
+fn a_frame_that_drifts_leaves_other_frames_alone() {
+    let robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();
+    let mut model = Model::nominal(robot, Cell::bare());
+    model.cell.tool.targets = vec![nalgebra::Vector3::zeros()];
+    model.frames = vec![Pose::identity(); 2];
+    let still = Forward::new(model.clone(), Vec::new()).unwrap();
+    let basis = Basis::new(Variable::Time, Shape::Linear);
+    let site = Site::Frame { frame: 1, motion: Motion::ALL[0] };
+    model.terms.push(Term { value: 1e-3, ..Term::new("drift", "frame_drift", site, basis) });
+    let drifts = Forward::new(model, Vec::new()).unwrap();
+    let (state, seen) =
+        (State { t: Some(2.0), ..State::at(&[0.2; 6]) }, Measured::Point { target: 0, position: [0.0; 3] });
+    let predicted = |forward: &Forward, frame: usize| {
+        let mut ws = forward.workspace();
+        forward.residual(&state, &seen, frame, &mut ws);
+        nalgebra::Vector3::new(ws.residual()[0], ws.residual()[1], ws.residual()[2])
+    };
+    assert!(((predicted(&drifts, 0) - predicted(&still, 0)).norm() - 2e-3).abs() < 1e-12);
+    assert_eq!(predicted(&drifts, 1), predicted(&still, 1));
 }

@@ -36,3 +36,26 @@ pub(super) fn solve(m: &Matrix3<f64>, a1: Twist, a2: Twist, start: f64, mut foun
         found([t1, t2, y.dot(&left).atan2(x.dot(&left))]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    /// Near the straight wrist the cosine of its angle says nothing below 1e-8 rad.
+    #[test]
+    fn a_small_angle_of_the_wrist_keeps_its_digits() {
+        let about = |axis: Vector3<f64>, angle: f64| Rotation3::from_scaled_axis(axis * angle);
+        let right = std::f64::consts::FRAC_PI_2;
+        for t2 in [3e-9, 1e-6, 1e-3, 0.7, -0.7] {
+            let m = about(Vector3::z(), 0.4)
+                * about(Vector3::x(), right)
+                * about(Vector3::z(), t2)
+                * about(Vector3::x(), -right)
+                * about(Vector3::z(), -0.9);
+            let mut nearest = f64::INFINITY;
+            solve(m.matrix(), (1.0, 0.0), (-1.0, 0.0), 0.0, |t| nearest = nearest.min((t[1] - t2).abs()));
+            assert!(nearest < 1e-15, "{t2}: {nearest} off");
+        }
+    }
+}

@@ -1,11 +1,14 @@
 //! What a recording says comes back from CSV and from MCAP.
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::cast_precision_loss, missing_docs)]
 
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use trical_model::{Measured, Recording};
-use trical_recording::mcap::Header;
-use trical_recording::{CsvStream, RecordError, open, open_damaged, parse_csv, to_csv, write_recording};
+use trical_recording::mcap::{Header, each_row};
+use trical_recording::stream::SAMPLE;
+use trical_recording::visits::Visits;
+use trical_recording::{CsvStream, RecordError, open, open_damaged, open_large, parse_csv, to_csv, write_recording};
 
 /// A rail with an arm of two joints that senses torques, at two places.
 const RAIL: &str = "seq,place,q1_mm,q2_deg,q3_deg,qc1_mm,qc2_deg,qc3_deg,tau1_nm,tau2_nm,tau3_nm,ball,ix_mm,iy_mm,iz_mm\n\
@@ -184,4 +187,115 @@ fn radians_metres_angles_and_matrices_are_read_by_the_names_of_their_columns() {
     let mirrored =
         says("q1_deg,q2_deg,x_mm,y_mm,z_mm,r11,r12,r13,r21,r22,r23,r31,r32,r33\n1,2,3,4,5,-1,0,0,0,1,0,0,0,1\n");
     assert!(mirrored.contains("line 2, column r11: the nine numbers are no rotation matrix"), "{mirrored}");
+}
+
+/// Tracker points in rows that are all different, some of them without a time.
+fn points(rows: usize) -> String {
+    let mut text = "seq,t_s,temp_c,q1_deg,q2_deg,x_mm,y_mm,z_mm\n".to_owned();
+    for k in 0..rows {
+        let _ = writeln!(text, "{k},{},20.1,{},{},{k},1.5,-2", 0.5 * k as f64, k % 90, k % 37);
+    }
+    text
+}
+
+#[test]
+fn of_a_large_file_a_sample_is_kept_from_all_over_and_every_row_is_counted() {
+    let rows = 60_000;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("points.csv");
+    std::fs::write(&path, points(rows)).unwrap();
+    let sample = CsvStream::open(std::slice::from_ref(&path), 2).unwrap().sample().unwrap();
+    assert_eq!(sample.rows, rows);
+    let kept: Vec<usize> = sample.recordings[0].rows.iter().map(|r| r.line).collect();
+    assert!((SAMPLE / 2..2 * SAMPLE).contains(&kept.len()), "{} of {SAMPLE}", kept.len());
+    assert!(kept[..40].iter().enumerate().all(|(k, line)| *line == k + 2), "{:?}", &kept[..40]);
+    // by a hash of the line: each tenth of the file, each last digit, and each remainder by 16 has its share
+    let share = |of: &dyn Fn(usize) -> bool| kept.iter().filter(|line| of(**line)).count() as f64 / kept.len() as f64;
+    for k in 0..10 {
+        assert!((share(&|line| line * 10 / (rows + 2) == k) - 0.1).abs() < 0.02, "tenth {k}");
+        assert!((share(&|line| line % 10 == k) - 0.1).abs() < 0.02, "digit {k}");
+        assert!((share(&|line| line % 16 == k) - 1.0 / 16.0).abs() < 0.02, "remainder {k}");
+    }
+    // small files are read in passes where that is wanted, large ones where it is allowed
+    let opened =
+        |path: &PathBuf, wanted, allowed| open_large(std::slice::from_ref(path), 2, wanted, allowed).unwrap().is_some();
+    assert_eq!([opened(&path, false, true), opened(&path, true, false)], [false, true]);
+    let large = dir.path().join("large.csv");
+    std::fs::write(&large, points(10) + &"\n".repeat(33 << 20)).unwrap();
+    assert_eq!([opened(&large, false, true), opened(&large, false, false)], [true, false]);
+}
+
+#[test]
+fn times_and_all_digits_of_what_is_not_converted_come_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = "t_s,seq,q1_deg,q2_deg,x_mm,y_mm,z_mm,temp_c\n0.30000000000000004,1,10,20,1,2,3,20.1\n12.5,2,10.1,20,1,2,3,20.2\n";
+    let r = parse_csv(text.as_bytes(), "points.csv", 2).unwrap();
+    assert_eq!(String::from_utf8(to_csv(&r).unwrap()).unwrap(), text);
+    let path = dir.path().join("points.mcap");
+    write_recording(&path, &r, &Header::for_joints(2)).unwrap();
+    let times: Vec<f64> = open(&path, None).unwrap().rows.iter().map(|r| r.state.t.unwrap()).collect();
+    assert!((times[0] - 0.3).abs() < 1e-9 && (times[1] - 12.5).abs() < 1e-9, "{times:?}");
+}
+
+#[test]
+fn numbers_that_no_cell_has_are_refused() {
+    let says = |cells: &str| {
+        let text = format!("seq,q1_deg,q2_deg,target,x_mm,y_mm,z_mm\n{cells}\n");
+        parse_csv(text.as_bytes(), "points.csv", 2).map(|_| ()).map_err(|e| e.to_string())
+    };
+    assert_eq!(says("1,10,20,9999,1,2,3"), Ok(()));
+    assert!(says("1,10,20,10002,1,2,3").unwrap_err().contains("target"));
+    assert!(says("1,100001,20,1,1,2,3").unwrap_err().contains("q1_deg"));
+    assert!(says("1,10,20,1,1,1000001,3").unwrap_err().contains("y_mm"));
+}
+
+#[test]
+fn a_recording_that_is_cut_anywhere_is_not_read_piece_by_piece() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rail.mcap");
+    write_recording(&path, &rail(), &Header::for_joints(3)).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let rows = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        let mut rows = 0;
+        each_row(&path, &mut |_| {
+            rows += 1;
+            Ok(())
+        })
+        .map(|_| rows)
+    };
+    assert_eq!(rows(&bytes).unwrap(), 4);
+    // the end record and what is behind it may be missing as a whole, or not
+    for cut in (8..bytes.len() * 9 / 10).step_by(97) {
+        let message = rows(&bytes[..cut]).unwrap_err().to_string();
+        assert!(message.contains("rail.mcap: is cut") || message.contains("rail.mcap is cut"), "{cut}: {message}");
+    }
+}
+
+#[test]
+fn visits_go_on_with_their_numbers_where_the_file_ended() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("visits.csv");
+    let robot = include_str!("../../trical-model/tests/data/arm.toml");
+    let robot = trical_model::Robot::parse(robot, "arm.toml").unwrap();
+    let mut q = [0.0; trical_model::MAX_JOINTS];
+    q[0] = 0.5;
+    let (mut visits, said) = Visits::open(&path, &robot).unwrap();
+    assert_eq!((said, visits.push(&q, "left", 1).unwrap(), visits.push(&q, "left", 2).unwrap()), (None, 0, 1));
+    drop(visits);
+    // somebody took out the first row, and the last one was not written whole
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines.remove(1);
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    let (mut visits, said) = Visits::open(&path, &robot).unwrap();
+    assert!(said.unwrap().contains("line 2 did not end"));
+    assert_eq!(visits.push(&q, "right", 1).unwrap(), 2);
+    drop(visits);
+    let read = open(&path, Some(6)).unwrap();
+    assert_eq!(read.places, ["left", "right"]);
+    assert_eq!(read.rows.iter().map(|r| r.seq).collect::<Vec<_>>(), [Some(1), Some(2)]);
+    assert!((read.rows[1].state.q[0] - 0.5).abs() < 1e-12);
+    std::fs::write(&path, "seq,q1_deg\n").unwrap();
+    assert!(Visits::open(&path, &robot).unwrap_err().to_string().contains("another file, or another --out"));
 }

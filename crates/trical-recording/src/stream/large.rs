@@ -76,7 +76,8 @@ fn write_as_csv(recording: &Path, csv: &Path, joints: usize) -> Result<()> {
     })?;
     let error = |problem: String| RecordError::File { file: recording.display().to_string(), problem };
     if rows == 0 {
-        return Err(error("has no measurements".to_owned()));
+        let problem = "has no measurements as TriCal writes them; a bag of others is not read in passes, but at once";
+        return Err(error(problem.to_owned()));
     }
     if shared.joints != joints {
         return Err(error(format!("has {} joints, but the robot has {joints}", shared.joints)));

@@ -1,0 +1,129 @@
+//! ROS 2 bags of others, written here by hand: joint states while the arm goes from stop to stop, and what an instrument saw of the tool.
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+use trical_model::Measured;
+use trical_recording::mcap::cdr::{JointState, Stamped, StampedKind, string_from_cdr, string_to_cdr};
+use trical_recording::mcap::{joint_order, read_any};
+use trical_recording::open_large;
+
+/// Stops of the arm, one second each: the angle of joint 1.
+const STOPS: [f64; 3] = [0.1, 0.4, -0.2];
+
+/// A stamped message of `geometry_msgs` in CDR: its stamp, the frames, and the numbers.
+fn stamped(t: f64, frames: &[&str], numbers: &[f64]) -> Vec<u8> {
+    let mut out = vec![0, 1, 0, 0];
+    let align = |out: &mut Vec<u8>, to: usize| out.resize(4 + (out.len() - 4).next_multiple_of(to), 0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a test")]
+    for word in [t as u32, (t.fract() * 1e9).round() as u32] {
+        out.extend(word.to_le_bytes());
+    }
+    for frame in frames {
+        align(&mut out, 4);
+        out.extend((u32::try_from(frame.len()).unwrap() + 1).to_le_bytes());
+        out.extend(frame.bytes().chain([0]));
+    }
+    align(&mut out, 8);
+    numbers.iter().for_each(|x| out.extend(x.to_le_bytes()));
+    out
+}
+
+/// A bag with joint states at 50 Hz and sights at 10 Hz, which `message` writes of the time and joint 1.
+fn bag(path: &Path, schema: &str, message: &dyn Fn(f64, f64) -> Vec<u8>) {
+    let mut bag = mcap::WriteOptions::new().create(File::create(path).unwrap()).unwrap();
+    let mut channel = |topic: &str, schema: &str| {
+        let schema = bag.add_schema(schema, "ros2msg", b"").unwrap();
+        bag.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap()
+    };
+    let (states, sights) = (channel("/joint_states", "sensor_msgs/msg/JointState"), channel("/tracker/pose", schema));
+    let mut write = |channel_id, sequence, t: f64, data: &[u8]| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a test")]
+        let log_time = (t * 1e9) as u64;
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
+        bag.write_to_known_channel(&header, data).unwrap();
+    };
+    for k in 0..150_u32 {
+        let t = 100.0 + f64::from(k) * 0.02;
+        let angle = STOPS[usize::try_from(k / 50).unwrap()];
+        let names = ["elbow_joint_2", "elbow_joint_1"].map(str::to_owned).to_vec();
+        let seconds = 100 + i32::try_from(k / 50).unwrap();
+        let state = JointState {
+            seconds,
+            nanoseconds: (k % 50) * 20_000_000,
+            names,
+            position: vec![0.7, angle],
+            ..JointState::default()
+        };
+        write(states, k, t, &state.to_cdr());
+        if k % 5 == 2 {
+            write(sights, k, t, &message(t, angle));
+        }
+    }
+    bag.finish().unwrap();
+}
+
+#[test]
+fn a_bag_gives_one_row_for_each_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let pose = |t: f64, angle: f64| stamped(t, &["tracker"], &[angle, 2.0, -3.0, 0.0, 0.0, half, half]);
+    bag(&path, "geometry_msgs/msg/PoseStamped", &pose);
+    let read = read_any(&path, Some(2), None).unwrap().recording;
+    assert_eq!((read.joints, read.rows.len()), (2, 3), "{:?}", read.notes);
+    for (k, (row, angle)) in read.rows.iter().zip(STOPS).enumerate() {
+        // joint 1 is the second of the message, by the number in its name
+        assert!((row.state.q[0] - angle).abs() < 1e-12 && (row.state.q[1] - 0.7).abs() < 1e-12, "{:?}", row.state.q);
+        let Measured::Pose { position, quaternion } = row.measured else { panic!("a pose: {:?}", row.measured) };
+        assert!(position.iter().zip([angle, 2.0, -3.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{position:?}");
+        assert!(quaternion.iter().zip([half, 0.0, 0.0, half]).all(|(a, b)| (a - b).abs() < 1e-9), "{quaternion:?}");
+        assert_eq!((row.seq, row.line), (Some(k as u64), k + 2));
+        let t = row.state.t.unwrap();
+        assert!(t > 0.9 * f64::from(u32::try_from(k).unwrap()) - 0.1 && t < f64::from(u32::try_from(k).unwrap()) + 1.0);
+    }
+    assert_eq!(read.rows[1].state.dir.unwrap()[0], 1);
+    assert_eq!(read.rows[2].state.dir.unwrap()[0], -1);
+    let said = read.notes.join("\n");
+    for part in ["joints 1 to 2 are elbow_joint_1, elbow_joint_2", "by the stamps", "/tracker/pose", "frame 'tracker'"]
+    {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    let message = open_large(std::slice::from_ref(&path), 2, true, true).unwrap_err().to_string();
+    assert!(message.contains("run.mcap: has no measurements as TriCal writes them; a bag of others"), "{message}");
+}
+
+#[test]
+fn points_and_transforms_are_read_and_other_topics_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    bag(&path, "geometry_msgs/msg/PointStamped", &|t, angle| stamped(t, &["tracker"], &[angle, 2.0, -3.0]));
+    let rows = read_any(&path, Some(2), None).unwrap().recording.rows;
+    assert!(matches!(rows[2].measured, Measured::Point { position, .. } if (position[0] - STOPS[2]).abs() < 1e-12));
+    let message = read_any(&path, Some(2), Some("/other")).unwrap_err().to_string();
+    assert!(message.contains("/tracker/pose"), "{message}");
+
+    let one = stamped(100.5, &["tracker", "probe"], &[0.25, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0]);
+    let read = Stamped::from_cdr(&one, StampedKind::Transform).unwrap();
+    assert_eq!((read[0].frame.as_str(), read[0].child.as_str(), read[0].stamp()), ("tracker", "probe", 100.5));
+    assert_eq!((read[0].position, read[0].quaternion), ([0.25, 2.0, -3.0], Some([1.0, 0.0, 0.0, 0.0])));
+    // twice as long is no rotation
+    let long = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
+    assert_eq!(Stamped::from_cdr(&long, StampedKind::Transform), None);
+    let skew = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.6, 0.0, 0.8, 0.0]);
+    assert!(Stamped::from_cdr(&skew, StampedKind::Transform).is_some());
+}
+
+#[test]
+fn texts_and_the_order_of_joints_are_what_the_message_says() {
+    assert_eq!(string_from_cdr(&string_to_cdr("<robot name='arm'/>")).as_deref(), Some("<robot name='arm'/>"));
+    assert_eq!(string_from_cdr(&[0, 1, 0, 0, 9, 0, 0, 0, b'a', 0]), None);
+    let names = ["b_2", "b_1", "b_3"].map(str::to_owned);
+    let (order, said) = joint_order(&names, Some(3)).unwrap();
+    assert_eq!(
+        (order, said),
+        (vec![1, 0, 2], vec!["joints 1 to 3 are b_1, b_2, b_3, by the numbers in their names".to_owned()])
+    );
+}

@@ -16,7 +16,7 @@ const WATCH: Duration = Duration::from_millis(400);
 /// Pause between two looks.
 const LOOK: Duration = Duration::from_millis(50);
 /// An arm that is held by hand stands still within this, rad.
-const STILL: f64 = 0.05 * std::f64::consts::PI / 180.0;
+const STILL: f64 = 0.05_f64.to_radians();
 /// What is read at one time, at most: a topic writes some hundred kB a second.
 const MOST: u64 = 4 << 20;
 

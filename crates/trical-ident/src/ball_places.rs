@@ -20,10 +20,10 @@ use crate::rigid::{median, robust_rigid_from_points};
 /// (rad/Nm), of each wave of a joint's error over its own angle (rad), and of the distance of printed sockets (m). They decide nothing that the touches can tell; they keep
 /// what three or four places leave open where arms usually are.
 const LENGTH: f64 = 3e-4;
-const TWIST: f64 = 0.1 * std::f64::consts::PI / 180.0;
-const ZERO: f64 = 0.3 * std::f64::consts::PI / 180.0;
+const TWIST: f64 = 0.1_f64.to_radians();
+const ZERO: f64 = 0.3_f64.to_radians();
 const SOFT: f64 = 2e-4;
-const WAVE: f64 = 0.07 * std::f64::consts::PI / 180.0;
+const WAVE: f64 = 0.07_f64.to_radians();
 const PRINTED: f64 = 3e-4;
 
 /// Touches of printed sockets are off by much so often that they count linearly beyond so many standard deviations (Huber 1964).

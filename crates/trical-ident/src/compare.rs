@@ -7,7 +7,8 @@
 //! number of explanations, is below [`FALSE_ALARMS`]; then the next one is sought beside it.
 
 use faer::linalg::solvers::Llt;
-use faer::{Mat, Side};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Mat, Par, Side};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term, residual_rows};
@@ -328,12 +329,10 @@ impl Whitened {
             IdentError::WrongModel("[uncertainty] of the model file: its correlations are of no real fit".into())
         })?;
         let lower = llt.L();
-        let white = |mut v: Vec<f64>| {
-            for i in 0..rows {
-                let sum: f64 = (0..i).map(|j| lower[(i, j)] * v[j]).sum();
-                v[i] = (v[i] - sum) / lower[(i, i)];
-            }
-            v
+        let white = |v: Vec<f64>| {
+            let mut column = Mat::from_fn(rows, 1, |i, _| v[i]);
+            solve_lower_triangular_in_place(lower, column.as_mut(), Par::Seq);
+            column.col_as_slice(0).to_vec()
         };
         let column = |c: usize| white((0..rows).map(|i| jacobian[(i, c)]).collect());
         let mut nuisance = Vec::new();

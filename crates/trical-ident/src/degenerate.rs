@@ -197,7 +197,7 @@ fn bin(robot: &Robot, o: &Observation) -> [i64; MAX_JOINTS] {
 
 /// A joint that moves by less hardly moves: over 1 deg (or 5 mm) an error of 1 mm (or 0.1 deg) shows as 0.02 mm (0.01 mm), which is
 /// noise.
-const HARDLY_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
+const HARDLY_RAD: f64 = 1.0_f64.to_radians();
 const HARDLY_M: f64 = 5e-3;
 
 /// Between which values each joint was, SI.

@@ -13,7 +13,7 @@ use crate::repeatability::{barycentre, scatter};
 pub const LIMITS_MM: [f64; 4] = [0.1, 0.2, 0.5, 1.0];
 
 /// Joints that were commanded (or read, where no command is known) alike to this (rad) are visits of one pose.
-const SAME_POSE: f64 = 0.05 * std::f64::consts::PI / 180.0;
+const SAME_POSE: f64 = 0.05_f64.to_radians();
 
 /// Distances between commanded poses below this (m) are not scored.
 const LEAST_DISTANCE: f64 = 0.01;

@@ -129,7 +129,7 @@ fn balls_in_one_place_or_on_one_line_or_too_few_are_named() {
     };
     let same = with("[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [150.0, 260.0, 0.0]]");
     refused(&same, touches(&same, &[0, 1, 2]), &["balls 1 and 2", "same place"]);
-    let line = with("[[0.0, 0.0, 0.0], [150.0, 0.0, 0.0], [300.0, 0.0, 0.0]]");
+    let line = with("[[10.0, 200.0, 5.0], [160.0, 200.0, 5.0], [310.0, 200.0, 5.0]]");
     refused(&line, touches(&line, &[0, 1, 2]), &["balls 1, 2, 3", "one line"]);
     // a ball that nobody touches does not matter
     let fourth = with("[[0.0, 0.0, 0.0], [300.0, 0.0, 0.0], [150.0, 260.0, 0.0], [0.0, 0.0, 0.0]]");

@@ -7,7 +7,7 @@ mod arm;
 use nalgebra::Vector3;
 use trical_ident::{ModelFile, Options, ParameterSet, calibrate, validate};
 use trical_model::pose::rotation_zyx;
-use trical_model::{Cell, Measured, Model, Pose, Recording, Site, Task};
+use trical_model::{Basis, Cell, Measured, Model, Pose, Recording, Shape, Site, Task, Term, Variable};
 
 /// Standard deviation of each coordinate, m; the mean length of such a vector, mm.
 const NOISE: f64 = 5e-5;
@@ -28,7 +28,13 @@ fn stood(place: usize) -> Pose {
 
 /// Touches by the true arm of balls that `cell` has, at the named places.
 fn touched(cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
+    touched_with(Vec::new(), cell, places, seed)
+}
+
+/// The same by an arm that has more terms.
+fn touched_with(more: Vec<Term>, cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
     let mut truth = arm::truth(ParameterSet::Geometry, 3);
+    truth.terms.extend(more);
     truth.terms.retain(|t| !matches!(t.site, Site::Base(_)));
     truth.cell.world_from_base = cell.world_from_base;
     let mut all = Recording { name: format!("sockets{seed}.csv"), joints: 6, ..Recording::default() };
@@ -83,6 +89,22 @@ fn two_sockets_at_unknown_places_calibrate_the_arm_to_their_noise() {
         v.before,
         v.after
     );
+}
+
+#[test]
+fn waves_of_the_joints_are_kept_where_places_that_were_held_out_show_them() {
+    let cell = cell("distances_mm = { d12 = 50.0 }");
+    let wave = |joint: usize| {
+        let basis = Basis::new(Variable::Joint { joint }, Shape::Sine { cycles: 2.0 });
+        Term { value: 1e-3, ..Term::new(format!("wave_{joint}"), "hidden", Site::Joint { joint }, basis) }
+    };
+    for (more, kept) in [(Vec::new(), "nothing"), ((1..=6).map(wave).collect(), "harmonics of each joint")] {
+        let (truth, recording) = touched_with(more, &cell, &[0, 1, 2, 3, 4], 21);
+        let c = calibrate(&truth.robot, &cell, &[recording], &Options::new(ParameterSet::Compliance), &Task::silent());
+        let tried = c.unwrap().tried;
+        let said: Vec<_> = tried.iter().map(|t| (t.added, t.mean_mm, t.kept)).collect();
+        assert!(tried.iter().all(|t| t.kept == (t.added == kept) && t.mean_mm.is_some()), "{kept}: {said:?}");
+    }
 }
 
 #[test]

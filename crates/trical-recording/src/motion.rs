@@ -26,7 +26,7 @@ impl MotionSense {
     /// Dead band in use where nothing else is known, rad: 0.0001 deg, ten times the last decimal of the wire.
     ///
     /// The noise of real joint readings is not known \[I\]; a noisier arm needs a larger value.
-    pub const DEAD_BAND: f64 = 0.0001 * std::f64::consts::PI / 180.0;
+    pub const DEAD_BAND: f64 = 0.0001_f64.to_radians();
 
     /// Nothing known yet: all senses are 0. `dead_band` in rad.
     #[must_use]

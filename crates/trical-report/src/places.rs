@@ -26,7 +26,7 @@ const POSES: usize = 150;
 
 /// Arms as they leave their makers: lengths, m, and angles, rad.
 const LENGTH: f64 = 0.3e-3;
-const ANGLE: f64 = 0.15 * std::f64::consts::PI / 180.0;
+const ANGLE: f64 = 0.15_f64.to_radians();
 
 /// By how much joints differ from touch to touch before the ball is in its socket, rad (m).
 const VARIED: f64 = 0.7;

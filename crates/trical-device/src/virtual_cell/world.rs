@@ -13,7 +13,7 @@ use crate::controller::largest_difference;
 use trical_recording::motion::{JointSample, MotionSense};
 
 /// No joint turns by more in a correction, rad: 10 deg; near a singular pose it would.
-const LARGEST_TURN: f64 = 10.0 * std::f64::consts::PI / 180.0;
+const LARGEST_TURN: f64 = 10.0_f64.to_radians();
 
 /// Never more joint samples in one motion.
 const MOST_SAMPLES: usize = 200;

@@ -11,7 +11,7 @@ use crate::scan::Spot;
 use crate::text::{Span, written};
 
 /// A correction of less than a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
-const MOST_JOINT_MOVE: f64 = 3.0 * std::f64::consts::PI / 180.0;
+const MOST_JOINT_MOVE: f64 = 3.0_f64.to_radians();
 /// A target that is rewritten.
 pub struct Done {
     /// New numbers.

@@ -197,4 +197,36 @@ mod tests {
         assert!(trend(&x, &noise).unwrap().p_value > 0.05);
         assert_eq!(trend(&x[..3], &grown[..3]), None);
     }
+
+    #[test]
+    fn the_next_calibration_is_due_when_the_trend_reaches_what_the_work_allows() {
+        let last = |mean_mm: f64, verdict: &'static str| {
+            vec![Comparison {
+                recording: "last.csv".into(),
+                hash: String::new(),
+                measurements: 12,
+                verdict,
+                summary: String::new(),
+                changes: Vec::new(),
+                visible: Vec::new(),
+                mean_mm,
+                noise_mm: 0.01,
+                more_noise: 1.0,
+                temp_c: None,
+                alone: Vec::new(),
+            }]
+        };
+        let grows = |p_value: f64| Some(Trend { mm_per_step: 0.002, sd: 0.0005, p_value });
+        let says = |sessions: &[Comparison], trend, need| due(sessions, &[0.0, 30.0], trend, need, "days");
+        // 0.1 mm are left, at 0.002 mm a day, or 0.003 at the most
+        let found = says(&last(0.2, "unchanged"), grows(0.001), Some(0.3));
+        assert!(found.starts_with("In 50 days after the last session (day 30 since the first), in 33 at"), "{found}");
+        let unchanged = last(0.2, "unchanged");
+        assert!(says(&unchanged, grows(0.5), Some(0.3)).contains("and does not grow"));
+        assert!(says(&unchanged, None, Some(0.3)).contains("fewer than four sessions"));
+        assert!(says(&unchanged, grows(0.001), Some(0.1)).starts_with("Now: the mean error is 0.200 mm"));
+        assert!(says(&unchanged, grows(0.001), None).starts_with("Not known"));
+        assert!(says(&last(0.2, "arm changed"), None, None).contains("not what it was (last.csv)"));
+        assert_eq!(says(&[], None, None), "");
+    }
 }

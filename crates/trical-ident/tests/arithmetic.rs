@@ -155,6 +155,8 @@ fn observability_and_covariance_of_a_matrix_done_by_hand() {
     assert!((o.o1 - 0.9_f64.powf(0.25) / 5.0).abs() < 1e-12, "{o:?}");
     let (large, small) = ((1.0 + 0.1_f64.sqrt()).sqrt(), (1.0 - 0.1_f64.sqrt()).sqrt());
     assert!((o.condition - large / small).abs() < 1e-12 && (o.o3 - small).abs() < 1e-12);
+    assert!((o.o2 - small / large).abs() < 1e-12 && (o.o4 - small * small / large).abs() < 1e-12, "{o:?}");
+    assert!((o.o5 - 1.0 / (1.0 / large + 1.0 / small)).abs() < 1e-12 && o.rows == 25, "{o:?}");
 }
 
 #[test]

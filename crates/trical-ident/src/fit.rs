@@ -53,7 +53,7 @@ pub(crate) fn evaluate(
     total.clear();
     sum_rows(forward, &data.observations, noise, limit, total);
     add_priors(forward, known, total);
-    total.finish();
+    total.flush();
 }
 
 /// Adds all observations: one after the other where they are few, else chunks in parallel that are added up in order.
@@ -75,7 +75,7 @@ fn sum_rows(forward: &Forward, observations: &[Observation], noise: &Noise, limi
             .map(|chunk| {
                 let mut rows = total.empty();
                 run(chunk, &mut rows);
-                rows.finish();
+                rows.flush();
                 rows
             })
             .collect();
@@ -99,7 +99,7 @@ pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[
     let mut total = Rows::new(forward.free().len(), Keep::Factor);
     sum_rows(forward, &data.observations, noise, f64::INFINITY, &mut total);
     add_priors(forward, known, &mut total);
-    total.finish();
+    total.flush();
     total.factor().unwrap_or_else(|| Mat::zeros(0, 0))
 }
 

@@ -1,6 +1,6 @@
 //! What measurements can and cannot tell: independent parameters, dependence in words, covariance, observability.
 
-use faer::Mat;
+use faer::{Mat, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::{Cell, Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
@@ -43,6 +43,14 @@ pub struct Observability {
     pub rows: usize,
 }
 
+/// Below this condition, what is reported needs no factor of the rows themselves: their products keep ten digits.
+pub(crate) const WELL_CONDITIONED: f64 = 1e3;
+
+/// Whether these singular values (columns of unit length, largest first) are within [`WELL_CONDITIONED`].
+pub(crate) fn is_well_conditioned(singular: &[f64]) -> bool {
+    singular.last().zip(singular.first()).is_some_and(|(small, large)| *large < WELL_CONDITIONED * small)
+}
+
 /// Lengths of the columns of `R`, and the singular values of `R` with columns of unit length, largest first. `None` where a
 /// column is zero or not finite, or the iteration for the values failed.
 #[must_use]
@@ -53,7 +61,11 @@ pub fn spectrum(r: &Mat<f64>) -> Option<(Vec<f64>, Vec<f64>)> {
     if scale.iter().any(|s| *s < 1e-12 * reference || *s <= 0.0 || !s.is_finite()) {
         return None;
     }
-    let s = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]).singular_values().ok()?;
+    let scaled = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]);
+    // half the work of singular values, which have all digits where columns are nearly dependent
+    let e = (scaled.transpose() * &scaled).self_adjoint_eigenvalues(Side::Lower).ok()?;
+    let of_products: Vec<f64> = e.iter().rev().map(|e| e.max(0.0).sqrt()).collect();
+    let s = if is_well_conditioned(&of_products) { of_products } else { scaled.singular_values().ok()? };
     Some((scale, s))
 }
 

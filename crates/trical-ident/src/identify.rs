@@ -12,9 +12,9 @@ use crate::degenerate::{
     check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
 };
 use crate::error::{IdentError, Result};
-use crate::fit::{check_count, check_observations, factor, position_errors, weighted_residuals};
+use crate::fit::{check_count, check_observations, position_errors, weighted_residuals};
 use crate::identifiability::{
-    Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, spectrum,
+    Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, r_factor,
     weakest_direction,
 };
 use crate::known::Known;
@@ -22,7 +22,7 @@ use crate::noise::Noise;
 use crate::normal::triangular;
 use crate::rigid::median;
 use crate::sample::sample;
-use crate::solver::{Ended, LmParams, LmReport, Solver};
+use crate::solver::{Ended, Factored, LmParams, LmReport, Solver};
 use crate::start::start;
 use crate::weak::{by_prior, plausible, wanders, with_priors};
 
@@ -256,9 +256,9 @@ pub fn fit_some(
         report = solver.minimize(&mut forward, data, &noise, known, params)?;
         residuals = weighted_residuals(&forward, data, &noise);
     }
-    let r = factor_of(&solver, &forward, data, &noise, known);
+    let factored = factor_of(&solver, &forward, data, &noise, known);
     let held = solver.held().to_vec();
-    let fitted = Fitted { r, held, residuals, noise: said, report, dependent };
+    let fitted = Fitted { factored, held, residuals, noise: said, report, dependent };
     finish(forward, data, fitted)
 }
 
@@ -268,23 +268,21 @@ fn near(solver: &mut Solver, forward: &mut Forward, sample: &Dataset, noise: &No
     let begin = forward.coefficients();
     let fitted = solver.minimize(forward, sample, noise, known, &LmParams::default());
     let good = fitted.is_ok_and(|report| !matches!(report.ended, Ended::Iterations | Ended::Stuck))
-        && spectrum(&factor_of(solver, forward, sample, noise, known)).is_some_and(|(_, s)| tells_apart(&s));
+        && factor_of(solver, forward, sample, noise, known).spectrum.is_some_and(|(_, s)| tells_apart(&s));
     if !good {
         forward.set_coefficients(&begin);
     }
 }
 
 /// The factor of `J` where `solver` ended.
-fn factor_of(solver: &Solver, forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat<f64> {
-    let p = forward.free().len();
-    let r = solver.factor().unwrap_or_else(|| factor(forward, data, noise, known));
-    r.submatrix(0, 0, p, p).to_owned()
+fn factor_of(solver: &Solver, forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Factored {
+    solver.factor().unwrap_or_else(|| Factored::of(r_factor(forward, data, noise, known)))
 }
 
 /// Where a fit ended.
 struct Fitted {
-    /// Factor of `J`.
-    r: Mat<f64>,
+    /// Of `J`.
+    factored: Factored,
     /// Coefficients that a limit stopped.
     held: Vec<bool>,
     /// In the same units.
@@ -295,13 +293,13 @@ struct Fitted {
 }
 
 fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified> {
-    let Fitted { r, held, residuals, noise, report, dependent } = fitted;
+    let Fitted { factored, held, residuals, noise, report, dependent } = fitted;
     let free = forward.free().to_vec();
     // what a limit holds is fixed, and tells nothing of the others
     let moved: Vec<usize> = (0..free.len()).filter(|k| !held[*k]).collect();
     let p = moved.len();
-    let r = if p == free.len() { r } else { triangular(&r, &moved) };
-    let spectrum = spectrum(&r);
+    let Factored { r, spectrum } =
+        if p == free.len() { factored } else { Factored::of(triangular(&factored.r, &moved)) };
     // first, since an iteration on data of deficient rank may also fail to converge
     if !spectrum.as_ref().is_some_and(|(_, s)| tells_apart(s)) {
         let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();

@@ -34,8 +34,6 @@ pub(crate) struct Rows {
     keep: Keep,
     /// Rows of the present block, one after the other.
     block: Vec<f64>,
-    /// All rows that were added are still in the block.
-    whole: bool,
     /// Lower triangle of the products, or the upper triangular factor; (p + 1) x (p + 1), column by column. Of a gradient the last row
     /// of the products alone.
     sum: Vec<f64>,
@@ -58,7 +56,6 @@ impl Rows {
             p,
             keep,
             block: Vec::with_capacity((BLOCK + 6) * width),
-            whole: true,
             sum: vec![0.0; if keep == Keep::Gradient { width } else { width * width }],
             cost: 0.0,
             jacobian: vec![0.0; 6 * p],
@@ -72,7 +69,6 @@ impl Rows {
 
     pub fn clear(&mut self) {
         self.block.clear();
-        self.whole = true;
         self.sum.fill(0.0);
         self.cost = 0.0;
     }
@@ -110,8 +106,8 @@ impl Rows {
         }
     }
 
-    /// Brings the rows of the block into the sum.
-    fn absorb(&mut self) {
+    /// Brings the rows of the block into the sum: what is left, after the last row.
+    pub fn flush(&mut self) {
         let width = self.p + 1;
         let n = self.block.len() / width;
         if n == 0 {
@@ -147,17 +143,7 @@ impl Rows {
                 }
             }
         }
-    }
-
-    fn flush(&mut self) {
-        self.absorb();
         self.block.clear();
-        self.whole = false;
-    }
-
-    /// Brings what is left into the sum; once, after the last row. Rows that were never more than a block stay for `factor`.
-    pub fn finish(&mut self) {
-        if self.keep == Keep::Products && self.whole { self.absorb() } else { self.flush() }
     }
 
     /// Adds the sums of another part of the data.
@@ -168,7 +154,6 @@ impl Rows {
                 for (a, b) in self.sum.iter_mut().zip(&other.sum) {
                     *a += b;
                 }
-                self.whole = false;
             }
             Keep::Factor => {
                 let width = self.p + 1;
@@ -185,7 +170,7 @@ impl Rows {
         for (column, g) in self.sum.chunks_exact_mut(self.p + 1).zip(&of.sum) {
             column[self.p] = *g;
         }
-        (self.cost, self.whole) = (of.cost, false);
+        self.cost = of.cost;
     }
 
     /// `J'J` at row `i` and column `j`.
@@ -201,24 +186,13 @@ impl Rows {
         self.sum[i * (self.p + 1) + self.p]
     }
 
-    /// The factor `R` of `[J r]`, (p + 1) x (p + 1): of the sum, or of the rows where they are all still there.
+    /// The factor `R` of `[J r]`, (p + 1) x (p + 1), where it was kept.
     pub fn factor(&self) -> Option<Mat<f64>> {
         let width = self.p + 1;
-        if self.keep == Keep::Factor {
-            return Some(Mat::from_fn(width, width, |i, j| if i <= j { self.sum[j * width + i] } else { 0.0 }));
-        }
-        if !self.whole {
-            return None;
-        }
-        let n = self.block.len() / width;
-        let rows = MatRef::from_row_major_slice(&self.block[..n * width], n, width);
-        let mut stacked = Mat::from_fn(n.max(width), width, |i, j| if i < n { rows[(i, j)] } else { 0.0 });
-        triangularize(&mut stacked);
-        Some(Mat::from_fn(width, width, |i, j| if i <= j { stacked[(i, j)] } else { 0.0 }))
+        let entry = |i: usize, j: usize| if i <= j { self.sum[j * width + i] } else { 0.0 };
+        (self.keep == Keep::Factor).then(|| Mat::from_fn(width, width, entry))
     }
-}
 
-impl Rows {
     /// The first p rows of the factor of `[J r]` from the sums of products. Squares double what rounding does, so that only a
     /// matrix that is far from losing rank keeps its digits that way: whether it is, is for the caller to see. `None` where it
     /// is not even positive.
@@ -281,7 +255,7 @@ mod tests {
                     sums.flush();
                 }
             }
-            sums.finish();
+            sums.flush();
             sums
         };
         (of(Keep::Products), of(Keep::Factor))

@@ -16,7 +16,7 @@ use trical_model::Forward;
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, evaluate};
-use crate::identifiability::spectrum;
+use crate::identifiability::{is_well_conditioned, spectrum};
 use crate::known::Known;
 use crate::noise::Noise;
 use crate::normal::{Keep, Rows};
@@ -28,18 +28,22 @@ const LAMBDA: f64 = 1e-8;
 /// fall either.
 const NEGLIGIBLE: f64 = 1e-3;
 
-/// Below this condition, what is reported needs no factor of the rows themselves: their products keep ten digits.
-pub(crate) const WELL_CONDITIONED: f64 = 1e3;
-
 /// More parameters than this are many: their products cost more than everything else, and are kept as long as they predict what steps do.
 const MANY: usize = 150;
 
 /// Steps whose gain differs from what was foreseen by no more than this leave the products as they are.
 const FORESEEN: f64 = 0.1;
 
-/// Whether these singular values (columns of unit length, largest first) are within [`WELL_CONDITIONED`].
-pub(crate) fn is_well_conditioned(singular: &[f64]) -> bool {
-    singular.last().zip(singular.first()).is_some_and(|(small, large)| *large < WELL_CONDITIONED * small)
+/// A triangular factor of `J` with what [`spectrum`] says of it.
+pub(crate) struct Factored {
+    pub r: Mat<f64>,
+    pub spectrum: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Factored {
+    pub fn of(r: Mat<f64>) -> Self {
+        Self { spectrum: spectrum(&r), r }
+    }
 }
 
 /// When to stop.
@@ -161,17 +165,15 @@ impl Solver {
         &self.held
     }
 
-    /// The factor of `[J r]` where the fit ended, or its first rows: of the rows where all are still there, of their products
-    /// where these have the digits; else the rows have to be asked again.
-    pub fn factor(&self) -> Option<Mat<f64>> {
-        self.at.factor().or_else(|| {
-            let of_products = self.at.factor_of_products()?;
-            let p = of_products.nrows();
-            let (_, s) = spectrum(&of_products.submatrix(0, 0, p, p).to_owned())?;
-            // of many parameters the rows would be asked for seconds, and at this condition six digits are left of what is reported
-            let many = p > MANY && s.last().zip(s.first()).is_some_and(|(small, large)| *large < 1e5 * small);
-            (many || is_well_conditioned(&s)).then_some(of_products)
-        })
+    /// The factor of `J` where the fit ended, of the products where these have the digits; else the rows have to be asked again.
+    pub fn factor(&self) -> Option<Factored> {
+        let of_products = self.at.factor_of_products()?;
+        let p = of_products.nrows();
+        let factored = Factored::of(of_products.submatrix(0, 0, p, p).to_owned());
+        let (_, s) = factored.spectrum.as_ref()?;
+        // of many parameters the rows would be asked for seconds, and at this condition six digits are left of what is reported
+        let many = p > MANY && s.last().zip(s.first()).is_some_and(|(small, large)| *large < 1e5 * small);
+        (many || is_well_conditioned(s)).then_some(factored)
     }
 
     /// The step from `x` at damping `lambda` into `rhs` (scaled), within the limits; false where the matrix is not positive.

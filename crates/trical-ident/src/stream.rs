@@ -17,11 +17,13 @@ use trical_recording::stream::BlockRows;
 use crate::dataset::{Dataset, JointSource, Observation, Rejected};
 use crate::error::{IdentError, Result};
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
-use crate::identifiability::{Choice, ParameterSet, covariance, indices, spectrum};
+use crate::identifiability::{
+    Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned, spectrum,
+};
 use crate::identify::{CONDITION_LIMIT, ErrorSummary, Identified, identify, rank_deficient, tells_apart};
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
-use crate::solver::{Ended, LmReport, WELL_CONDITIONED, is_well_conditioned};
+use crate::solver::{Ended, LmReport};
 
 /// Rejected rows that are named; the rest is counted.
 const NAMED: usize = 1000;
@@ -241,7 +243,7 @@ pub fn identify_stream(
             Ok(())
         })?;
         let known = verdict.get_or_insert(found);
-        sums.rows.finish();
+        sums.rows.flush();
         let whole = match keep {
             Keep::Factor => sums.rows.factor(),
             Keep::Products | Keep::Gradient => sums.rows.factor_of_products().filter(|r| {
@@ -405,7 +407,7 @@ fn add_up(pass: &Pass<'_>, index: usize, rows: &BlockRows<'_>) -> Result<Sums> {
         sums.count += 1;
         Ok(())
     })?;
-    sums.rows.finish();
+    sums.rows.flush();
     found.rows = number;
     sums.verdict = pass.known.is_none().then_some(found);
     Ok(sums)

@@ -159,6 +159,20 @@ fn observability_and_covariance_of_a_matrix_done_by_hand() {
     assert!((o.o5 - 1.0 / (1.0 / large + 1.0 / small)).abs() < 1e-12 && o.rows == 25, "{o:?}");
 }
 
+/// Up to a condition of a thousand singular values come from products, beyond from the factor itself.
+#[test]
+fn the_condition_is_right_for_nearly_dependent_columns_too() {
+    for apart in [0.5_f64, 4e-3, 1e-3, 1e-7] {
+        // two columns of length 1 at the angle `apart`: singular values sqrt(1 +- cos)
+        let r = Mat::from_fn(2, 2, |i, j| [[1.0, apart.cos()], [0.0, apart.sin()]][i][j]);
+        let (_, s) = trical_ident::identifiability::spectrum(&r).unwrap();
+        let small = 2.0_f64.sqrt() * (0.5 * apart).sin();
+        assert!((s[1] / small - 1.0).abs() < 1e-8, "{apart}: {s:?}, {small}");
+        assert!((s[0] - 2.0_f64.sqrt() * (0.5 * apart).cos()).abs() < 1e-12);
+    }
+    assert_eq!(trical_ident::identifiability::spectrum(&Mat::zeros(0, 0)), Some((vec![], vec![])));
+}
+
 #[test]
 fn a_bumped_reference_is_noticed_and_a_scattered_one_is_not() {
     let places = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

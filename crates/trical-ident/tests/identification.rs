@@ -11,10 +11,10 @@ use common::arm::{build, nominal, paper_terms, touch, truth};
 use trical_ident::identify::fit_model_knowing;
 use trical_ident::known::Known;
 use trical_ident::{
-    Choice, JointSource, ModelFile, Noise, Options, ParameterSet, calibrate, identify, load_csv, reject_gross_errors,
-    write_csv,
+    Choice, JointSource, ModelFile, Noise, Options, ParameterSet, calibrate, clean, identify, load_csv,
+    reject_gross_errors, write_csv,
 };
-use trical_model::{Basis, Cell, Forward, Measured, Model, Robot, Shape, Site, Task, Term, Variable};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Recording, Robot, Shape, Site, Task, Term, Variable};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
@@ -43,6 +43,35 @@ fn a_six_joint_arm_has_the_papers_31_parameters_and_one_more_geometric_one() {
     let complete = names(ParameterSet::Complete);
     assert_eq!(complete.len(), 32);
     assert!(complete.contains(&"beta_2".to_owned()));
+}
+
+/// Left to the data, those joints are taken that the arm explains better, and commanded ones only where every row has them.
+#[test]
+fn the_joints_that_fit_better_are_taken() {
+    let model = truth(ParameterSet::Geometry, 8);
+    let seen = touch(&model, 60, 8e-6, 9);
+    let q1 = |recording: &Recording, joints| {
+        let recordings = std::slice::from_ref(recording);
+        let data = clean(&model.robot, &model.cell, recordings, joints, ParameterSet::Geometry, false).unwrap();
+        data.observations[0].state.q[0]
+    };
+    let (right, off) = (seen.rows[0].state.q[0], 3e-4);
+    // read wrong by some 0.02 deg at every pose, and commanded right; and the other way round
+    let mut read_late = seen;
+    for (k, row) in read_late.rows.iter_mut().enumerate() {
+        row.state.q_commanded = Some(row.state.q);
+        row.state.q.iter_mut().for_each(|q| *q += if k % 2 == 0 { off } else { -off });
+    }
+    assert_eq!(q1(&read_late, None), right);
+    assert_eq!(q1(&read_late, Some(JointSource::Read)), right + off);
+    let mut read_well = read_late.clone();
+    for row in &mut read_well.rows {
+        let wrong = std::mem::replace(&mut row.state.q, row.state.q_commanded.unwrap());
+        row.state.q_commanded = Some(wrong);
+    }
+    assert_eq!(q1(&read_well, None), right);
+    read_late.rows[1].state.q_commanded = None;
+    assert_eq!(q1(&read_late, None), right + off);
 }
 
 #[test]

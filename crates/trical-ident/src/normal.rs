@@ -280,6 +280,30 @@ mod tests {
     }
 
     #[test]
+    fn parts_that_are_added_say_what_all_rows_together_say() {
+        let row = |k: usize| [(k as f64).sin(), 1.0, (0.1 * k as f64).cos(), (0.3 * k as f64).sin(), 0.5 - k as f64];
+        for keep in [Keep::Products, Keep::Factor] {
+            let of = |rows: std::ops::Range<usize>| {
+                let mut sums = Rows::new(4, keep);
+                rows.for_each(|k| sums.block.extend(row(k)));
+                sums.flush();
+                sums
+            };
+            let (mut parts, all) = (of(0..100), of(0..300));
+            parts.add(&of(100..150));
+            parts.add(&of(150..300));
+            let [parts, all] = [parts, all].map(|r| r.factor().or_else(|| r.factor_of_products()).unwrap());
+            for i in 0..4 {
+                let sign = (parts[(i, i)] * all[(i, i)]).signum();
+                assert!(
+                    (0..5).all(|j| (parts[(i, j)] - sign * all[(i, j)]).abs() < 1e-9 * all[(0, 4)].abs()),
+                    "{keep:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn products_of_columns_that_are_the_same_have_no_factor_and_neither_has_a_column_of_zeros() {
         let (same, _) = both(|k| [k as f64, 1.0, k as f64, (k * k) as f64, 0.5]);
         assert!(same.factor_of_products().is_none_or(|r| r[(2, 2)] < 1e-6 * r[(0, 2)]));

@@ -7,8 +7,10 @@ mod arm;
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use trical_ident::model_file::Uncertainty;
 use trical_ident::{
-    Aim, Calibration, ModelFile, Options, ParameterSet, Refit, Scatter, ToolSharing, calibrate, simulate, validate,
+    Aim, Calibration, Dataset, JointSource, ModelFile, Noise, Options, ParameterSet, Refit, Scatter, ToolSharing,
+    calibrate, fit_model, simulate, validate,
 };
 use trical_model::pose::rotation_zyx;
 use trical_model::{Basis, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
@@ -238,4 +240,30 @@ fn intervals_of_predictions_hold_what_they_promise_on_another_day() {
     // as far off as it says
     let found = v.after.rms_mm / 3.0_f64.sqrt();
     assert!((0.75..1.3).contains(&(found / p.sd_mm)), "{found} {p:?}");
+}
+
+/// What moved in the course of a session counts by how far it moved the measurements about their middle.
+#[test]
+fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
+    let mut truth = arm::nominal();
+    truth.cell.tool.targets = vec![Vector3::new(18e-3, -12e-3, 118e-3)];
+    let along_x = Site::Frame { frame: 1, motion: trical_model::Motion::ALL[0] };
+    let hour = Basis::new(Variable::Time, Shape::Linear);
+    truth.frames = vec![Pose::identity()];
+    truth.terms = vec![Term { value: 1e-7, ..Term::new("drift", "frame_drift", along_x, hour) }];
+    let states = (0..60).map(|k| {
+        let k = f64::from(k);
+        (State { t: Some(20.0 * k), ..State::at(&[k.sin(), 0.3 * k.cos(), 0.2, k, 0.5, 0.0]) }, Aim::Target(0))
+    });
+    let scatter = Scatter { length: NOISE, angle: 0.0, seed: 5 };
+    let recording = simulate(&truth, &states.collect::<Vec<_>>(), &scatter, None).unwrap();
+    let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+    let fitted = fit_model(truth, &data, &Noise::usual(1), Vec::new()).unwrap();
+    assert_eq!(fitted.model.terms[0].scope(), Scope::Course);
+    let of_file = Uncertainty::of(&fitted).unwrap();
+    // 60 steps of 2 um along one of three axes
+    let drift = fitted.model.terms[0].value * 20.0;
+    let expected = drift.abs() * ((60.0_f64.powi(2) - 1.0) / 12.0 / 3.0).sqrt();
+    assert!((of_file.course / expected - 1.0).abs() < 1e-6, "{} {expected}", of_file.course);
+    assert!((of_file.noise / NOISE - 1.0).abs() < 0.2, "{}", of_file.noise);
 }

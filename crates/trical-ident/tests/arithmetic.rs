@@ -174,6 +174,18 @@ fn the_condition_is_right_for_nearly_dependent_columns_too() {
 }
 
 #[test]
+fn what_cannot_be_told_apart_is_named() {
+    let names = ["a", "b", "c"].map(str::to_owned);
+    // the second column is the first, but for a hair, and the third by itself
+    let with = |hair: f64| Mat::from_fn(3, 3, |i, j| [[1.0, 2.0, 0.0], [0.0, 2.0 * hair, 0.0], [0.0, 0.0, 5.0]][i][j]);
+    let weakest = |hair| trical_ident::identifiability::weakest_direction(&with(hair), &names, 1e6);
+    assert_eq!(weakest(1e-8), Some(vec!["a".to_owned(), "b".to_owned()]));
+    assert_eq!(weakest(1e-5), None);
+    let none = Mat::from_fn(2, 2, |i, j| if i == 0 && j == 0 { 1.0 } else { 0.0 });
+    assert_eq!(trical_ident::identifiability::weakest_direction(&none, &names, 1e6), Some(vec!["b".to_owned()]));
+}
+
+#[test]
 fn a_bumped_reference_is_noticed_and_a_scattered_one_is_not() {
     let places = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let mut rng = Pcg64Mcg::seed_from_u64(2);

@@ -9,7 +9,7 @@ use rand_distr::Distribution;
 use rand_pcg::Pcg64Mcg;
 use trical_ident::identifiability::independent_terms;
 use trical_ident::{
-    Choice, CsvStream, Dataset, JointSource, ParameterSet, Streamed, identify, identify_stream, load_csv,
+    Choice, CsvStream, Dataset, ErrorSummary, JointSource, ParameterSet, Streamed, identify, identify_stream, load_csv,
     reject_gross_errors,
 };
 use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State};
@@ -111,6 +111,12 @@ fn compare(paths: &[PathBuf]) -> (f64, f64) {
     assert_eq!(parts.rejected, data.rejected.len());
     let lines = |r: &[trical_ident::Rejected]| r.iter().map(|r| (r.line, r.row)).collect::<Vec<_>>();
     assert_eq!(lines(&parts.named), lines(&data.rejected));
+    // all but the median, which is the sample's
+    let errors = ErrorSummary::of(&whole.errors().unwrap());
+    let four = |e: &ErrorSummary| [e.mean_mm, e.max_mm, e.sd_mm, e.rms_mm];
+    for (a, b) in four(&errors).iter().zip(four(&parts.errors)) {
+        assert!((b / a - 1.0).abs() < 1e-3, "{errors:?} {:?}", parts.errors);
+    }
     let (mut off, mut sd_off) = (0.0_f64, 0.0_f64);
     for k in &whole.free {
         let (a, b) = (&whole.model.terms[*k], &parts.identified.model.terms[*k]);

@@ -103,7 +103,15 @@ fn points_and_transforms_are_read_and_other_topics_named() {
     let rows = read_any(&path, Some(2), None).unwrap().recording.rows;
     assert!(matches!(rows[2].measured, Measured::Point { position, .. } if (position[0] - STOPS[2]).abs() < 1e-12));
     let message = read_any(&path, Some(2), Some("/other")).unwrap_err().to_string();
-    assert!(message.contains("/tracker/pose"), "{message}");
+    assert!(message.contains("has measurements (PoseStamped") && message.contains("/tracker/pose"), "{message}");
+    // an instrument with a clock of its own: the recorder's counts
+    bag(&path, "geometry_msgs/msg/PointStamped", &|t, angle| stamped(t + 1000.0, &["tracker"], &[angle, 2.0, -3.0]));
+    let read = read_any(&path, Some(2), None).unwrap().recording;
+    assert_eq!(read.rows.len(), 3);
+    assert!(read.notes.join("\n").contains("by when they were recorded"), "{:?}", read.notes);
+    bag(&path, "geometry_msgs/msg/PointStamped", &|_, angle| stamped(0.0, &["tracker"], &[angle, 2.0, f64::NAN]));
+    let message = read_any(&path, Some(2), None).unwrap_err().to_string();
+    assert!(message.contains("message 1") && message.contains("/tracker/pose"), "{message}");
 
     let one = stamped(100.5, &["tracker", "probe"], &[0.25, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0]);
     let read = Stamped::from_cdr(&one, StampedKind::Transform).unwrap();
@@ -112,8 +120,8 @@ fn points_and_transforms_are_read_and_other_topics_named() {
     // twice as long is no rotation
     let long = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
     assert_eq!(Stamped::from_cdr(&long, StampedKind::Transform), None);
-    let skew = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.6, 0.0, 0.8, 0.0]);
-    assert!(Stamped::from_cdr(&skew, StampedKind::Transform).is_some());
+    let skew = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5]);
+    assert_eq!(Stamped::from_cdr(&skew, StampedKind::Transform).unwrap()[0].quaternion, Some([0.5, 0.5, -0.5, 0.5]));
 }
 
 #[test]

@@ -16,6 +16,7 @@ use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recordin
 use crate::dataset::{Dataset, JointSource};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
+use crate::identifiability::dot;
 use crate::model_file::{ModelFile, Uncertainty};
 use crate::units::unit;
 use crate::validate::{Refit, adapted};
@@ -262,10 +263,6 @@ struct Whitened {
     /// Scalars, and how many of them what is new has taken up.
     rows: usize,
     new: usize,
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// Takes out of `v` what lies along the orthonormal `basis`, twice for the digits.

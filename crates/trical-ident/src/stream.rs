@@ -17,13 +17,11 @@ use trical_recording::stream::BlockRows;
 use crate::dataset::{Dataset, JointSource, Observation, Rejected};
 use crate::error::{IdentError, Result};
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
-use crate::identifiability::{
-    Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned, spectrum,
-};
+use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
 use crate::identify::{CONDITION_LIMIT, ErrorSummary, Identified, identify, rank_deficient, tells_apart};
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
-use crate::solver::{Ended, LmReport};
+use crate::solver::{Ended, Factored, LmReport};
 
 /// Rejected rows that are named; the rest is counted.
 const NAMED: usize = 1000;
@@ -244,14 +242,11 @@ pub fn identify_stream(
         })?;
         let known = verdict.get_or_insert(found);
         sums.rows.flush();
-        let whole = match keep {
-            Keep::Factor => sums.rows.factor(),
-            Keep::Products | Keep::Gradient => sums.rows.factor_of_products().filter(|r| {
-                let of_parameters = r.submatrix(0, 0, p, p).to_owned();
-                spectrum(&of_parameters).is_some_and(|(_, s)| is_well_conditioned(&s))
-            }),
-        };
-        let Some(whole) = whole else {
+        let whole = sums.rows.factor().or_else(|| sums.rows.factor_of_products());
+        let factored = whole.map(|whole| (Factored::of(whole.submatrix(0, 0, p, p).to_owned()), whole));
+        let digits =
+            |f: &Factored| keep == Keep::Factor || f.spectrum.as_ref().is_some_and(|(_, s)| is_well_conditioned(s));
+        let Some((Factored { r, spectrum }, whole)) = factored.filter(|(f, _)| digits(f)) else {
             if keep == Keep::Factor {
                 return Err(not_converged("no rows"));
             }
@@ -259,8 +254,7 @@ pub fn identify_stream(
             keep = Keep::Factor;
             continue;
         };
-        let r = whole.submatrix(0, 0, p, p).to_owned();
-        let Some((scale, singular)) = spectrum(&r).filter(|(_, s)| tells_apart(s)) else {
+        let Some((scale, singular)) = spectrum.filter(|(_, s)| tells_apart(s)) else {
             let names: Vec<String> = start.free.iter().map(|k| fit.model().terms[*k].name.clone()).collect();
             let weak = crate::identifiability::weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
             return Err(rank_deficient(robot, data, &weak));

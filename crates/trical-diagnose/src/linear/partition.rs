@@ -263,9 +263,7 @@ impl<'a> Partition<'a> {
         }
         let one = |(part, block, rows): (usize, usize, Vec<usize>)| {
             let (hat, x) = (some_rows(&self.fits[part].tested.hat, &rows), some_rows(&self.columns[part], &rows));
-            let mut covariance = Mat::<f64>::identity(rows.len(), rows.len());
-            matmul(covariance.as_mut(), Accum::Add, &hat, x.transpose(), 1.0, Par::Seq);
-            let factor = covariance.llt(Side::Lower).ok()?.L().to_owned();
+            let factor = identity_and(1.0, hat.as_ref(), x.transpose()).llt(Side::Lower).ok()?.L().to_owned();
             Some(Block { part, block, rows, factor })
         };
         let blocks: Option<Vec<Block>> = blocks.into_par_iter().map(one).collect();
@@ -441,21 +439,16 @@ impl Block {
         let n = self.rows.len();
         let [r, out, added] = [&predicted.left, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));
         let before = if predicted.anew { 0.0 } else { log_square(self.factor.as_ref()) };
-        let less = |a: &Mat<f64>, by: MatRef<'_, f64>, sign: f64| {
-            let mut m = Mat::<f64>::identity(a.nrows(), a.nrows());
-            matmul(m.as_mut(), Accum::Add, a, by, sign, Par::Seq);
-            m
-        };
         let (square, log_covariance) = if n <= out.ncols() + added.ncols() {
-            let mut covariance = less(&out, out.transpose(), -1.0);
+            let mut covariance = identity_and(-1.0, out.as_ref(), out.transpose());
             matmul(covariance.as_mut(), Accum::Add, &added, added.transpose(), 1.0, Par::Seq);
             let root = covariance.llt(Side::Lower).ok()?;
             (under_root(r, root.L()).squared_norm_l2(), log_square(root.L()))
         } else {
-            let of_out = less(&out.transpose().to_owned(), out.as_ref(), -1.0).llt(Side::Lower).ok()?;
+            let of_out = identity_and(-1.0, out.transpose(), out.as_ref()).llt(Side::Lower).ok()?;
             let under = |m: Mat<f64>| under_root(m, of_out.L());
             let (a, b) = (under(out.transpose() * &r), under(out.transpose() * &added));
-            let of_added = less(&added.transpose().to_owned(), added.as_ref(), 1.0) + b.transpose() * &b;
+            let of_added = identity_and(1.0, added.transpose(), added.as_ref()) + b.transpose() * &b;
             let of_added = of_added.llt(Side::Lower).ok()?;
             let c = under_root(added.transpose() * &r + b.transpose() * &a, of_added.L());
             let square = r.squared_norm_l2() + a.squared_norm_l2() - c.squared_norm_l2();
@@ -467,6 +460,13 @@ impl Block {
 
 fn some_rows(m: &Mat<f64>, rows: &[usize]) -> Mat<f64> {
     Mat::from_fn(rows.len(), m.ncols(), |i, j| m[(rows[i], j)])
+}
+
+/// `I + sign a b`.
+fn identity_and(sign: f64, a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    let mut m = Mat::<f64>::identity(a.nrows(), a.nrows());
+    matmul(m.as_mut(), Accum::Add, a, b, sign, Par::Seq);
+    m
 }
 
 /// `L^-1 m`.

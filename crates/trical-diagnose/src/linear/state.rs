@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use faer::Mat;
 use pulp::Arch;
+use trical_ident::identifiability::dot;
 
 use super::design::Design;
 use crate::settings::ABSORBED_SHARE;
@@ -398,19 +399,6 @@ impl pulp::NullaryFnOnce for Explain<'_> {
             *left -= sign * (x * x);
         }
     }
-}
-
-/// Inner product by eight partial sums, which processors take at once.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(x, y)| x * y).sum();
-    for (a, b) in a.zip(b) {
-        for ((sum, x), y) in sums.iter_mut().zip(a).zip(b) {
-            *sum += x * y;
-        }
-    }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// Cholesky factor (k x k, lower, row by row) of a positive definite matrix.

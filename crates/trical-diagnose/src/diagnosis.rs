@@ -228,6 +228,8 @@ pub struct Baseline {
     pub holdout_rms_mm: f64,
     /// Of several sessions, the errors of each by the arm that the others say.
     pub by_session: Option<ErrorSummary>,
+    /// The same of each unknown place of the balls.
+    pub by_place: Option<ErrorSummary>,
     /// What the readings' own noise made the fit do, in words.
     pub reading_noise: Vec<String>,
 }

@@ -10,11 +10,11 @@ use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::folds::Folds;
 use trical_ident::noise::Noise;
-use trical_model::{Model, Term};
+use trical_model::Term;
 
 use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
-use crate::linear::Design;
+use crate::linear::{Design, Fitted};
 use crate::probability::Replicated;
 use crate::selection::Search;
 use crate::settings::{HALF_ROWS, HALVED, TRIED_WITH_CURVES};
@@ -23,11 +23,10 @@ use crate::settings::{HALF_ROWS, HALVED, TRIED_WITH_CURVES};
 pub(crate) struct Halves(Vec<Vec<Candidate>>);
 
 impl Halves {
-    /// Searches halves of `data` among `candidates`, beside the first terms of `model`, which are fitted, and those up to the second number
-    /// of `baseline`, which stay as they are; its others, which are effects, are taken out of the residual.
+    /// Searches halves of `data` among `candidates`, beside what is fitted of the baseline.
     /// None are searched where a half has few rows beside the parameters.
     pub(crate) fn search(
-        (model, baseline): (&Model, [usize; 2]),
+        fitted: Fitted<'_>,
         candidates: &[Candidate],
         data: &Dataset,
         noise: &Noise,
@@ -38,7 +37,7 @@ impl Halves {
         folds.poses().iter().for_each(|pose| sizes[folds.block_of(*pose)] += 1);
         let one = |half: &Vec<bool>| {
             let part = data.filtered(|o| half[folds.block_of(o.pose)]);
-            let design = Design::weighted(model, baseline, candidates, &[], &part, noise, CorrelatedNoise::WHITE)?;
+            let design = Design::weighted(fitted, candidates, &[], &part, noise, CorrelatedNoise::WHITE)?;
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             if (design.rows as f64) < HALF_ROWS * design.parameters {
                 return Ok(None);

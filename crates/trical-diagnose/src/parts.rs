@@ -8,7 +8,7 @@ use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::findings::Group;
 use crate::linear::{Design, Foreseen, Partition, Predictive};
-use crate::settings::{LAST_PERCENT, PAYS_ERRORS, UNNAMED_PRICE_NATS};
+use crate::settings::{HARMS_ERRORS, LAST_PERCENT, PAYS_ERRORS, UNNAMED_PRICE_NATS};
 
 /// Log score of each block where the fit fails: as bad as can be.
 const FAILED: f64 = -1e6;
@@ -77,8 +77,8 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance: what each
-/// block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
+/// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance, or harm
+/// those of one proof by more than chance: what each block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
 /// has to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
 /// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
 pub(crate) fn what_does_not_pay(
@@ -87,7 +87,7 @@ pub(crate) fn what_does_not_pay(
     mut groups: Vec<Group>,
     instead: &dyn Fn(&Group) -> Vec<usize>,
 ) -> Vec<usize> {
-    let scores = |out: &[usize], add| -> Vec<f64> { proofs.iter().flat_map(|p| p.scores(out, add)).collect() };
+    let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
     let mut out: Vec<usize> = Vec::new();
     let mut now = scores(&out, None);
     while !groups.is_empty() {
@@ -106,10 +106,17 @@ pub(crate) fn what_does_not_pay(
     out
 }
 
-/// By how much the log scores of blocks are better than others, less what may be chance.
-fn surely(better: &[f64], than: &[f64]) -> f64 {
-    let gains: Vec<f64> = better.iter().zip(than).map(|(a, b)| a - b).collect();
-    gains.iter().sum::<f64>() - PAYS_ERRORS * gains.iter().map(|g| g * g).sum::<f64>().sqrt()
+/// By how much the log scores of the blocks of all proofs are better than others, less what may be chance; negative where one of the proofs
+/// says that they are worse, by more than chance.
+fn surely(better: &[Vec<f64>], than: &[Vec<f64>]) -> f64 {
+    let gains = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
+    let gains: Vec<Vec<f64>> = better.iter().zip(than).map(gains).collect();
+    let sum = |gains: &[f64]| gains.iter().sum::<f64>();
+    let error = |gains: &[f64]| gains.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let all = gains.concat();
+    let worst = gains.iter().map(|own| sum(own) + HARMS_ERRORS * error(own)).fold(f64::INFINITY, f64::min);
+    let pays = sum(&all) - PAYS_ERRORS * error(&all);
+    if worst < 0.0 { pays.min(worst) } else { pays }
 }
 
 #[cfg(test)]
@@ -194,6 +201,17 @@ mod tests {
         let by_block = Parts::by_block(&design, &[0], &folds, 1.0).unwrap();
         let forward = Parts::forward(&design, &[0], &folds, 1.0).unwrap();
         what_does_not_pay(&[by_block, forward], &candidates, grouped(&candidates, &[0]), &|_| Vec::new())
+    }
+
+    #[test]
+    fn a_gain_over_all_blocks_does_not_make_up_for_a_sure_loss_in_one_of_the_proofs() {
+        let gains = |first: &[f64], second: &[f64]| {
+            let nothing = [vec![0.0; first.len()], vec![0.0; second.len()]];
+            surely(&[first.to_vec(), second.to_vec()], &nothing)
+        };
+        assert!((gains(&[5.0; 20], &[1.0; 4]) - (104.0 - 504.0_f64.sqrt())).abs() < 1e-9);
+        assert!((gains(&[5.0; 20], &[-1.0; 16]) + 8.0).abs() < 1e-9, "16 less what may be chance, twice 4");
+        assert!(gains(&[5.0; 20], &[-3.0, -2.0, -1.0, 1.0]) > 0.0, "a loss of 5 known to 4 is none");
     }
 
     #[test]

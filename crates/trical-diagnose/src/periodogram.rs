@@ -12,7 +12,7 @@ use crate::candidate::{Candidate, anything};
 use crate::covariates::name;
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::effects::ripple;
-use crate::linear::Linear;
+use crate::linear::{Fitted, Linear};
 use crate::settings::{FINEST_CYCLES, GEAR_CYCLES, PEAKS_PER_JOINT, UNNAMED_PRICE_NATS, UNNAMED_SIZE_RAD};
 
 /// A joint's apparent angle error, pose by pose: `sum c r` and `sum c^2` over the rows of a pose, with `c` the joint's column.
@@ -101,7 +101,8 @@ fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
             log_prior: 0.0,
         })
         .collect();
-    let linear = Linear::new(&fitted.model, [0, fitted.model.terms.len()], &columns, &[], data, &fitted.noise)?;
+    let linear =
+        Linear::new(Fitted { parameters: 0, ..Fitted::all(&fitted.model) }, &columns, &[], data, &fitted.noise)?;
     let poses = data.used_poses();
     let mut angles = vec![[0.0; trical_model::MAX_JOINTS]; poses.len()];
     for o in &data.observations {

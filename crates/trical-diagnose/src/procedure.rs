@@ -1,14 +1,15 @@
 //! The procedure: rejection, baseline, rounds of selection and exact refit, proof, findings.
 
 use trical_ident::HeldOut;
-use trical_ident::caution::{cautions, too_many};
+use trical_ident::caution::{EVEN_MASSES, cautions, too_many, without_masses};
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
 use trical_ident::folds::Folds;
+use trical_ident::identifiability::Choice;
 use trical_ident::identify::ErrorSummary;
 use trical_ident::model_file::Uncertainty;
-use trical_model::{Cell, Forward, Model, Place, Robot, Site, Task};
+use trical_model::{Cell, Forward, Model, Place, Robot, Task};
 
 use crate::candidate::Candidate;
 use crate::catalogue::Untestable;
@@ -23,7 +24,7 @@ use crate::linear::{Design, Downdate, RegressionState};
 use crate::options::Options;
 use crate::parts::Parts;
 use crate::probability::{Alternative, Says, Shares, probabilities, shares};
-use crate::rounds::Rounds;
+use crate::rounds::{BASELINE, Rounds, is_of_arm};
 use crate::selection::Search;
 use crate::settings::{ALTERNATIVES, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
 use crate::specification_test::{Probes, SpecificationTest};
@@ -48,11 +49,13 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let whole = |parts: &Option<Parts<'_>>| parts.as_ref().map(|p| p.errors(&[], None));
     let of_sessions = rounds.by_session();
     let [plain_by_session, by_session] = *of_sessions.as_ref().unwrap_or(&[None; 2]);
+    let of_places = rounds.by_place();
+    let [plain_by_place, by_place] = *of_places.as_ref().unwrap_or(&[None; 2]);
     let held_out = HeldOut {
         by_pose: whole(&Parts::by_pose(&design, chosen, folds, rounds.temper())),
         by_block: whole(&proving.blocks),
         forward: whole(&proving.later),
-        by_place: None,
+        by_place,
         by_session,
     };
     let usual = held_out.by_block.unwrap_or(ErrorSummary::of(&fitted.errors()?));
@@ -65,12 +68,13 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, kept);
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
     let effective = rounds.effective_parameters();
+    let elasticity = Choice::from(BASELINE).elasticity(robot, kept)?;
     let diagnosis = Diagnosis {
         verdict: verdict::of(
             &findings,
             &unexplained,
             [(arm_parameters(&baseline), none.blocks), (arm_parameters(&fitted.model), usual.rms_mm)],
-            verdict::Given { robot: &baseline.robot, several: kept.names.len() > 1 },
+            verdict::Given { robot, several: kept.names.len() > 1 },
         ),
         baseline: Baseline {
             parameters: arm_parameters(&baseline),
@@ -79,6 +83,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             lack_of_fit_p: lack_of_fit_p(&start),
             holdout_rms_mm: none.blocks,
             by_session: plain_by_session,
+            by_place: plain_by_place,
             reading_noise: rounds.reading_noise().map(Candidate::located).collect(),
         },
         blind_to: proving.blind_to(&findings),
@@ -99,10 +104,17 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         more_unexplained: unexplained,
         cautions: cautions(&fitted.model, fitted.observability.rows, fitted.free.len())
             .into_iter()
+            .chain(if baseline.robot == *robot {
+                without_masses(elasticity, &baseline)
+            } else {
+                Some(EVEN_MASSES.into())
+            })
             .chain(too_many(effective, folds))
             .chain(rounds.correlation.caution())
-            .chain(no_better_elsewhere(plain_by_session, by_session))
+            .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
+            .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
             .chain(of_sessions.err().map(|e| format!("what one session is worth for the others is not known: {e}")))
+            .chain(of_places.err().map(|e| format!("what one place is worth for the others is not known: {e}")))
             .collect(),
         rejected: kept.rejected.clone(),
         model: fitted.model.clone(),
@@ -120,12 +132,12 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     Ok(diagnosis)
 }
 
-/// What to say where an arm as other sessions say it is not better with what was found.
-fn no_better_elsewhere(plain: Option<ErrorSummary>, whole: Option<ErrorSummary>) -> Option<String> {
+/// What to say where an arm as other sessions, or places, say it is not better with what was found.
+fn no_better_elsewhere(at: &str, plain: Option<ErrorSummary>, whole: Option<ErrorSummary>) -> Option<String> {
     let (plain, whole) = (plain?.mean_mm, whole?.mean_mm);
-    (whole >= plain).then(|| {
+    (whole > plain).then(|| {
         format!(
-            "in a session that it was not fitted to, the whole model is off by {whole:.3} mm (mean), the plain one by {plain:.3} mm: \
+            "{at} that it was not fitted to, the whole model is off by {whole:.3} mm (mean), the plain one by {plain:.3} mm: \
              use the plain one there, or diagnose a session that visits the same angles with these"
         )
     })
@@ -361,12 +373,9 @@ impl<'a> Proving<'a> {
 /// What terms about the readings' own noise have for the name of their effect.
 const READING_NOISE: [&str; 2] = [Cause::ReadingNoise.name(), Cause::JointReadingNoise.name()];
 
-/// Parameters of the arm, without those of measuring frames, targets and the readings' own noise.
+/// Parameters of the arm, without those of the readings' own noise.
 fn arm_parameters(model: &Model) -> usize {
-    let of_arm = |t: &&trical_model::Term| {
-        !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && !READING_NOISE.contains(&t.effect.as_str())
-    };
-    model.terms.iter().filter(of_arm).count()
+    model.terms.iter().filter(|t| is_of_arm(t) && !READING_NOISE.contains(&t.effect.as_str())).count()
 }
 
 #[cfg(test)]
@@ -376,9 +385,13 @@ mod tests {
     #[test]
     fn a_model_that_is_no_better_in_another_session_is_told_with_both_errors() {
         let of = |mm: f64| Some(ErrorSummary::of(&[mm * 1e-3; 4]));
-        assert_eq!(no_better_elsewhere(of(0.5), of(0.4)), None);
-        assert_eq!(no_better_elsewhere(None, None), None);
-        let said = no_better_elsewhere(of(0.4), of(0.5)).unwrap_or_default();
-        assert!(said.contains("off by 0.500 mm (mean), the plain one by 0.400 mm"), "{said}");
+        let told = |plain, whole| no_better_elsewhere("in a session", plain, whole);
+        assert_eq!([told(of(0.5), of(0.4)), told(of(0.5), of(0.5)), told(None, None)], [None, None, None]);
+        let said = told(of(0.4), of(0.5)).unwrap_or_default();
+        assert!(
+            said.starts_with("in a session that it was not fitted to")
+                && said.contains("off by 0.500 mm (mean), the plain one by 0.400 mm"),
+            "{said}"
+        );
     }
 }

@@ -4,15 +4,15 @@ mod pays;
 
 use std::collections::BTreeSet;
 
+use trical_ident::by_place::{choose, score_places};
 use trical_ident::calibration::{own_setup, score_sessions};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{ErrorSummary, Identified, fit_model_knowing, fit_near_nominal, fit_some, prepared};
+use trical_ident::identify::{ErrorSummary, Fit, Identified, fit_near_nominal, fit_some, identify, manner};
 use trical_ident::known::Known;
-use trical_ident::noise::Noise;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
 use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
@@ -23,7 +23,7 @@ use crate::correlated_noise::CorrelatedNoise;
 use crate::covariates::{Covariates, gives_way};
 use crate::effect_id::{Cause, EffectId};
 use crate::halves::Halves;
-use crate::linear::Design;
+use crate::linear::{Design, Fitted};
 use crate::locators::locators;
 use crate::options::Options;
 use crate::refine::finer;
@@ -35,6 +35,9 @@ use crate::settings::{
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
 
+/// What the baseline has: the twist of near-parallel axes and errors of a rail are effects here.
+pub(crate) const BASELINE: ParameterSet = ParameterSet::Compliance;
+
 pub(crate) struct Rounds {
     /// All rows, outliers included.
     pub(crate) all: Dataset,
@@ -42,15 +45,12 @@ pub(crate) struct Rounds {
     pub(crate) kept: Dataset,
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
     pub(crate) fitted: Identified,
-    /// Of its terms.
+    /// What was known of its terms beforehand.
     pub(crate) known: Vec<Known>,
-    /// How many of its terms are the baseline's, and are fitted in the linear picture.
+    /// How many of its terms are the baseline's.
     baseline_terms: usize,
-    /// How many terms of the baseline stand behind those: they are known beforehand, more surely than the measurements say them, and the
-    /// linear picture takes them as they are.
-    well_known: usize,
-    /// What is known of terms of the baseline beforehand, by name.
-    said: Vec<(String, Known)>,
+    /// How exactly, and how robustly, it is fitted.
+    params: LmParams,
     /// What can be tried; grows as frequencies are found.
     pub(crate) candidates: Vec<Candidate>,
     /// Indices into the candidates.
@@ -111,24 +111,22 @@ impl Rounds {
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
         refuse_stuck_stems(robot, cell, data)?;
         let all = rejection::without_stale(data);
-        // the twist of near-parallel axes is an effect here
-        let set = ParameterSet::Compliance;
         let all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
-        let choice = Choice::from(set).knowing(options.known.clone());
+        let choice = Choice::from(BASELINE).knowing(options.known.clone());
         let own = own_setup(robot, cell, &all, &choice, options.tool)?;
         let choice = choice.with_own(own);
-        let (start, _) = prepared(robot, cell, &all, &choice)?;
-        let known = options.known.of(&start)?;
-        let fitted = fit_model_knowing(start, &all, &Noise::usual(all.names.len()), &known, Vec::new())?;
+        let (robot, choice, _) = choose(robot, cell, &all, &choice)?;
+        let fitted = identify(&robot, cell, &all, choice)?;
+        let known = fitted.known.clone();
+        let params = LmParams { huber: manner(&fitted.model, &all).1.huber, ..LmParams::WITHIN_NOISE };
         let sigma = touch_sigma(&fitted);
         let nuisances = reading_noise(&Covariates::new(&fitted.model, &all, sigma));
         let mut rounds = Self {
             kept: all.clone(),
             all,
             baseline_terms: fitted.model.terms.len(),
-            well_known: 0,
-            said: Vec::new(),
             known,
+            params,
             candidates: Vec::new(),
             chosen: Vec::new(),
             held: Vec::new(),
@@ -142,11 +140,8 @@ impl Rounds {
             nuisances,
             fitted,
         };
-        rounds.take_as_known()?;
         if let Some(term) = device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma)) {
-            rounds.fitted.model.terms.insert(rounds.baseline_terms, term);
-            rounds.baseline_terms += 1;
-            rounds.refit()?;
+            rounds.add_to_baseline(vec![term])?;
         }
         rounds.fit_reading_noise()?;
         let of_sessions = Covariates::of_sessions(&rounds.fitted.model, &rounds.all, sigma);
@@ -158,28 +153,6 @@ impl Rounds {
         }
         rounds.resize();
         Ok(rounds)
-    }
-
-    /// Moves terms that are known beforehand more surely than the measurements say them behind the others of the baseline.
-    fn take_as_known(&mut self) -> Result<()> {
-        let terms = self.fitted.model.terms.iter().zip(&self.known);
-        self.said = terms.filter(|(_, k)| !k.is_nothing()).map(|(t, k)| (t.name.clone(), *k)).collect();
-        if self.said.is_empty() {
-            return Ok(());
-        }
-        // as sure as prior and measurements together, where both are alike
-        let surer = |t: &Term, prior: f64| t.sd.is_none_or(|sd| sd > std::f64::consts::FRAC_1_SQRT_2 * prior);
-        let known = |t: &Term| said_of(&self.said, t).prior.is_some_and(|p| surer(t, p.sd));
-        let (behind, mut terms): (Vec<Term>, Vec<Term>) = self.fitted.model.terms.iter().cloned().partition(known);
-        (self.baseline_terms, self.well_known) = (terms.len(), behind.len());
-        terms.extend(behind);
-        self.fitted.model.terms = terms;
-        self.refit()
-    }
-
-    /// How many terms the baseline has, those that are well known among them.
-    fn of_baseline(&self) -> usize {
-        self.baseline_terms + self.well_known
     }
 
     /// Sizes that are a share of something fitted (a soft joint's, of its compliance), as it is fitted now, with a standard deviation
@@ -443,7 +416,7 @@ impl Rounds {
     /// The baseline at the joint optimum, chosen effects taken out: the search puts them back.
     fn bare(&self) -> Model {
         let mut bare = self.fitted.model.clone();
-        bare.terms.truncate(self.of_baseline());
+        bare.terms.truncate(self.baseline_terms);
         bare
     }
 
@@ -457,6 +430,12 @@ impl Rounds {
         self.design_at(&self.fitted.model, candidates, weights, correlation)
     }
 
+    /// A fit of baseline and effects, for linearization.
+    fn baseline_of<'a>(&'a self, model: &'a Model) -> Fitted<'a> {
+        let n = self.baseline_terms;
+        Fitted { model, known: &self.known[..n], parameters: n, effects: n }
+    }
+
     /// The same where another fit of baseline and effects is.
     fn design_at(
         &self,
@@ -466,8 +445,8 @@ impl Rounds {
         correlation: CorrelatedNoise,
     ) -> Result<Design> {
         let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
-        let effects = [self.baseline_terms, self.of_baseline() + held];
-        Design::weighted(model, effects, candidates, weights, &self.kept, &self.fitted.noise, correlation)
+        let fitted = Fitted { effects: self.baseline_terms + held, ..self.baseline_of(model) };
+        Design::weighted(fitted, candidates, weights, &self.kept, &self.fitted.noise, correlation)
     }
 
     /// With all candidates, and probes behind them.
@@ -505,11 +484,11 @@ impl Rounds {
     /// The same; with `curves` of held curves too.
     fn refit_with(&mut self, curves: bool) -> Result<()> {
         let mut model = self.bare();
-        let mut known: Vec<Known> = model.terms.iter().map(|t| said_of(&self.said, t)).collect();
+        let mut known = self.known[..self.baseline_terms].to_vec();
         for c in self.held.iter().chain(&self.chosen).map(|c| &self.candidates[*c]) {
             for (t, sd) in c.terms.iter().zip(&c.scales) {
                 let mut term: Term = t.clone();
-                if let Some(fitted) = self.fitted.model.terms[self.of_baseline()..].iter().find(|m| m.does_as(t)) {
+                if let Some(fitted) = self.fitted.model.terms[self.baseline_terms..].iter().find(|m| m.does_as(t)) {
                     (term.value, term.sd) = (fitted.value, fitted.sd);
                 }
                 if !c.is_long_curve() && model.terms.iter().any(|o| o.name == term.name) {
@@ -521,11 +500,11 @@ impl Rounds {
             }
         }
         let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
-        let fixed = self.of_baseline()..self.of_baseline() + if curves { 0 } else { held };
+        let fixed = self.baseline_terms..self.baseline_terms + if curves { 0 } else { held };
         let free: Vec<usize> = (0..model.terms.len()).filter(|k| !fixed.contains(k)).collect();
         let of_free: Vec<Known> = free.iter().map(|k| known[*k]).collect();
         let noise = &self.fitted.noise;
-        self.fitted = fit_some(model, free, &self.kept, noise, &of_free, Vec::new(), &LmParams::WITHIN_NOISE)?;
+        self.fitted = fit_some(model, free, &self.kept, noise, &of_free, Vec::new(), &self.params)?;
         self.known = known;
         Ok(())
     }
@@ -543,8 +522,13 @@ impl Rounds {
     pub(crate) fn halves(&self) -> Result<Halves> {
         let asked = |c: &usize| self.chosen.contains(c) || !(self.last_idle.contains(c) || self.let_go.contains(c));
         let some: Vec<usize> = (0..self.candidates.len()).filter(asked).collect();
-        let fitted = (&self.fitted.model, [self.baseline_terms, self.of_baseline()]);
-        Halves::search(fitted, &self.members(&some), &self.kept, &self.fitted.noise, self.temper())
+        Halves::search(
+            self.baseline_of(&self.fitted.model),
+            &self.members(&some),
+            &self.kept,
+            &self.fitted.noise,
+            self.temper(),
+        )
     }
 
     /// Share of the rows that is independent.
@@ -555,8 +539,7 @@ impl Rounds {
     /// How many of the fitted coefficients of the arm the data determine: one for each without a prior, for each with one the share of
     /// its prior's variance that the data removed.
     pub(crate) fn effective_parameters(&self) -> f64 {
-        let of_arm = |t: &Term| !matches!(t.site, Site::Frame { .. } | Site::Target { .. });
-        let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| of_arm(t));
+        let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| is_of_arm(t));
         terms
             .map(|(t, k)| match (k.prior, t.sd) {
                 (Some(prior), Some(sd)) => 1.0 - (sd / prior.sd).powi(2).min(1.0),
@@ -573,15 +556,28 @@ impl Rounds {
         if self.kept.names.len() < 2 {
             return Ok([None; 2]);
         }
-        let of = |terms: usize| -> Result<Option<ErrorSummary>> {
-            let errors = score_sessions(&self.kept, &|data: &Dataset| self.fit_of_sessions(data, terms))?;
-            Ok((!errors.is_empty()).then(|| ErrorSummary::of(&errors)))
-        };
-        Ok([of(self.of_baseline())?, of(self.fitted.model.terms.len())?])
+        self.plain_and_whole(&|fit| score_sessions(&self.kept, fit))
     }
 
-    /// The fit of some of the sessions, with those of the first `terms` that act there.
-    fn fit_of_sessions(&self, data: &Dataset, terms: usize) -> Result<Identified> {
+    /// The same of each place of the balls; `None` where none is unknown.
+    ///
+    /// # Errors
+    /// Places that do not determine the arm without one of them.
+    pub(crate) fn by_place(&self) -> Result<[Option<ErrorSummary>; 2]> {
+        self.plain_and_whole(&|fit| Ok(score_places(&self.fitted.model.cell, &self.kept, fit)?.errors))
+    }
+
+    /// What is said of errors by fits to some of the data, of the plain model and with what was chosen.
+    fn plain_and_whole(&self, score: &dyn Fn(Fit<'_>) -> Result<Vec<f64>>) -> Result<[Option<ErrorSummary>; 2]> {
+        let of = |terms: usize| -> Result<Option<ErrorSummary>> {
+            let errors = score(&|data: &Dataset| self.fit_of_some(data, terms))?;
+            Ok((!errors.is_empty()).then(|| ErrorSummary::of(&errors)))
+        };
+        Ok([of(self.baseline_terms)?, of(self.fitted.model.terms.len())?])
+    }
+
+    /// The fit of some of the sessions or places, with those of the first `terms` that act there.
+    fn fit_of_some(&self, data: &Dataset, terms: usize) -> Result<Identified> {
         let mut model = self.fitted.model.clone();
         model.terms.truncate(terms);
         let forward = Forward::new(model.clone(), (0..model.terms.len()).collect())?;
@@ -607,7 +603,16 @@ impl Rounds {
         let mut at = kept.iter();
         model.terms.retain(|_| at.next().copied().unwrap_or(false));
         let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
-        fit_near_nominal(&model, data, &self.kept, &self.fitted.noise, &known, Vec::new(), &LmParams::WITHIN_NOISE)
+        fit_near_nominal(&model, data, &self.kept, &self.fitted.noise, &known, Vec::new(), &self.params)
+    }
+
+    /// Puts terms behind those of the baseline, and fits again.
+    fn add_to_baseline(&mut self, terms: Vec<Term>) -> Result<()> {
+        let at = self.baseline_terms;
+        self.baseline_terms += terms.len();
+        self.known.splice(at..at, vec![Known::NOTHING; terms.len()]);
+        self.fitted.model.terms.splice(at..at, terms);
+        self.refit()
     }
 
     /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
@@ -618,26 +623,24 @@ impl Rounds {
                 continue;
             }
             let one = std::slice::from_ref(&self.nuisances[k]);
-            let design = Design::new(&self.fitted.model, one, &self.fitted.data, &self.fitted.noise)?;
+            let all = Fitted { known: &self.known, ..Fitted::all(&self.fitted.model) };
+            let Identified { data, noise, .. } = &self.fitted;
+            let design = Design::weighted(all, one, &[], data, noise, CorrelatedNoise::WHITE)?;
             let temper = temper(&self.fitted.data);
             let search = Search::new(&design, one, temper);
             if search.rank(&design.start()).first().is_some_and(|r| r.evidence > EVIDENCE_NATS) {
-                let new = self.nuisances[k].terms.clone();
-                let at = self.baseline_terms;
-                self.baseline_terms += new.len();
-                self.fitted.model.terms.splice(at..at, new);
+                self.add_to_baseline(self.nuisances[k].terms.clone())?;
                 self.fitted_nuisances[k] = true;
                 any = true;
-                self.refit()?;
             }
         }
         Ok(any)
     }
 }
 
-/// What is known of a term beforehand.
-fn said_of(said: &[(String, Known)], term: &Term) -> Known {
-    said.iter().find(|(name, _)| *name == term.name).map_or(Known::NOTHING, |(_, known)| *known)
+/// Whether a term is of the arm, its base and its tool: not a measuring frame, a target, or where balls stood.
+pub(crate) fn is_of_arm(t: &Term) -> bool {
+    !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && t.effect != "place"
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.

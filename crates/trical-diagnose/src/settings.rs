@@ -217,6 +217,9 @@ pub const HALF_ROWS: f64 = 3.0;
 /// effect of lambda 6 gains 18 nats, known to 6.
 pub const PAYS_ERRORS: f64 = 1.0;
 
+/// A loss by so many standard errors in one proof (blocks, the last quarter, places) is more than chance, whatever the others gain.
+pub const HARMS_ERRORS: f64 = 2.0;
+
 /// Logistic curves from shares to probabilities, of place, of place and family, of place and effect: constant; factors of the share's logit, of
 /// the logit of the halves that found it, of the logarithm of the number of findings where they did not; factor of the share's logit where no
 /// halves were searched (see `probability`). Learnt by `proof/recalibrate.py` on 654 findings of 388 cases, 160 of them on real recordings (seeds

@@ -303,6 +303,7 @@ fn before(data: &Dataset, joint: usize, history: &MoveHistory) -> Vec<f64> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::linear::Fitted;
     use crate::test_data::{arm, states, touches};
     use trical_model::State;
 
@@ -375,10 +376,9 @@ mod tests {
         let zero = |joint| Term::new(format!("zero_{joint}"), "geometry", Site::Joint { joint }, Basis::CONSTANT);
         model.terms.extend((1..=6).map(zero));
         let (probes, noise) = (probes(&model, &data), trical_ident::Noise::usual(1));
-        let n = model.terms.len();
         let white = crate::correlated_noise::CorrelatedNoise::WHITE;
-        let design =
-            Design::weighted(&model, [n; 2], &probes.candidates, &probes.weights, &data, &noise, white).unwrap();
+        let all = Fitted::all(&model);
+        let design = Design::weighted(all, &probes.candidates, &probes.weights, &data, &noise, white).unwrap();
         let state = design.start();
         let test = SpecificationTest { design: &design, probes: &probes, first: 0, temper: 1.0 };
         assert!((test.freedom(&state) - (180.0 - state.parameters)).abs() < 1e-9);

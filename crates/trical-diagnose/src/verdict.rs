@@ -31,7 +31,7 @@ const MOST_NAMED_IN_REST: usize = 3;
 
 /// What to do about curves without a name: where the robot has no masses, ...
 const GIVE_MASSES: &str =
-    "Give the masses of the links in the robot file: without them nothing that gravity does has a name.";
+    "Give the masses of the links in the robot file: without them little of what gravity does has a name.";
 /// ... where a joint's error goes with its own angle, of one session and of several, ...
 const OWN_ANGLE: [&str; 2] = [
     "Have the joint's gear and encoder checked; only what a second session shows again belongs to the arm.",

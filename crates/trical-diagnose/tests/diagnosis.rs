@@ -8,7 +8,7 @@ use arm::{build, touch, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};
-use trical_ident::{KnownParameters, ParameterSet};
+use trical_ident::{ErrorSummary, KnownParameters, ParameterSet, identify};
 use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Site, Task, Term};
 
 /// The truth with one more term, which the baseline does not have.
@@ -164,4 +164,26 @@ fn what_is_known_beforehand_stays_known_in_a_diagnosis() {
     assert!((a_2(&weak).0 - a_2(&plain).0).abs() < 1e-9 && weak.findings.is_empty());
     let e = with(known("a_9", 1.0, 1.0)).unwrap_err().to_string();
     assert!(e.starts_with("known.toml: parameter a_9 is not among those that are identified here"), "{e}");
+}
+
+#[test]
+fn the_plain_model_of_an_arm_without_masses_has_its_sag_as_identify_has() {
+    let model = truth(ParameterSet::Compliance, 80);
+    let data = build(touch(&model, 150, 8e-6, 81));
+    let mut robot = model.robot.clone();
+    robot.joints.iter_mut().for_each(|joint| joint.mass = None);
+    let d = diagnose(&robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap();
+    let rms = |set| {
+        let errors = identify(&robot, &model.cell, &data, set).unwrap().errors().unwrap();
+        ErrorSummary::of(&errors).rms_mm
+    };
+    assert!((d.baseline.rms_mm / rms(ParameterSet::Compliance) - 1.0).abs() < 0.02, "{}", d.baseline.rms_mm);
+    assert!(
+        d.baseline.rms_mm < 0.7 * rms(ParameterSet::Geometry),
+        "{} {}",
+        d.baseline.rms_mm,
+        rms(ParameterSet::Geometry)
+    );
+    assert!(!d.findings.iter().any(|f| matches!(f.site, Place::Joint(2 | 3))), "{:?}", d.findings);
+    assert!(d.cautions.iter().any(|c| c.contains("give way to gravity")), "{:?}", d.cautions);
 }

@@ -9,10 +9,11 @@ use trical_diagnose::candidate::Candidate;
 use trical_diagnose::catalogue::catalogue;
 use trical_diagnose::correlated_noise::CorrelatedNoise;
 use trical_diagnose::covariates::Covariates;
-use trical_diagnose::linear::{Design, Downdate, Partition, RegressionState};
+use trical_diagnose::linear::{Design, Downdate, Fitted, Partition, RegressionState};
 use trical_diagnose::locators::locators;
 use trical_diagnose::selection::Search;
 use trical_diagnose::{Cause, EffectId};
+use trical_ident::known::Known;
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
     Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
@@ -215,7 +216,15 @@ fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
     let terms = both.iter().flat_map(|c| &c.terms).zip(values);
     with.terms.extend(terms.map(|(t, value)| Term { value, ..t.clone() }));
     let p = model.terms.len();
-    let design = Design::weighted(&with, [p; 2], &both, &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap();
+    let design = Design::weighted(
+        Fitted { parameters: p, effects: p, ..Fitted::all(&with) },
+        &both,
+        &[],
+        &data,
+        &Noise::usual(1),
+        CorrelatedNoise::WHITE,
+    )
+    .unwrap();
 
     // the same by hand: rows of the whole model, without the part that its effects have in them by their columns
     let (j, r) = rows(&with, &[], &data);
@@ -249,8 +258,7 @@ fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
         .collect();
     let both = [wave.clone(), weighed];
     let design = Design::weighted(
-        &model,
-        [model.terms.len(); 2],
+        Fitted::all(&model),
         &both,
         &[Vec::new(), weights],
         &data,
@@ -357,6 +365,44 @@ fn unseen_blocks_are_foreseen_with_the_covariance_of_a_fit_without_them_however_
     }
 }
 
+/// A candidate's coefficient has a prior about zero too: what is known of a parameter is the same, said in another place.
+#[test]
+fn what_is_known_of_a_parameter_weighs_as_the_prior_of_a_candidate_does() {
+    let (mut model, data, candidates) = made();
+    let sd = 3e-5;
+    let own = model.terms.remove(3);
+    let none = Term { value: 0.0, ..own.clone() };
+    let candidate = Candidate { terms: vec![none], scales: vec![sd], signs: vec![0], ..candidates[0].clone() };
+    model.terms.push(own);
+    let p = model.terms.len();
+    let known: Vec<Known> = (1..p).map(|_| Known::NOTHING).chain([Known::about_zero(sd)]).collect();
+    let others: Vec<Candidate> = some(&candidates).into_iter().step_by(5).map(|k| candidates[k].clone()).collect();
+    let design = |fitted: Fitted<'_>, candidates: &[Candidate]| {
+        Design::weighted(fitted, candidates, &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap()
+    };
+    let all = Fitted::all(&model);
+    let inside = design(Fitted { known: &known, ..all }, &others);
+    let with_candidate = [std::slice::from_ref(&candidate), &others[..]].concat();
+    let beside = design(Fitted { parameters: p - 1, effects: p - 1, ..all }, &with_candidate);
+
+    let (a, mut b) = (inside.start(), beside.start());
+    beside.add(&mut b, 0);
+    assert!(near(a.ss, b.ss, b.ss), "{} {}", a.ss, b.ss);
+    #[expect(clippy::cast_precision_loss, reason = "a count")]
+    let p = p as f64;
+    assert!((a.parameters - b.parameters).abs() < 1e-8 && a.parameters < p - 0.05, "{}", a.parameters);
+    for (k, c) in others.iter().enumerate() {
+        let [one, other] = [inside.gain(&a, k), beside.gain(&b, k + 1)];
+        assert!((one.dss - other.dss).abs() < 1e-6 * b.ss, "{}: {} {}", c.located(), one.dss, other.dss);
+    }
+    let part_of = |pose: usize| pose % 4;
+    let [one, other] = [
+        Partition::new(&inside, &[0], 4, &part_of).unwrap().instead(&[], None),
+        Partition::new(&beside, &[0, 1], 4, &part_of).unwrap().instead(&[], None),
+    ];
+    assert!(one.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-5 * b.abs().max(1.0)));
+}
+
 /// The same by the whole covariance matrix of all touches, in the device's axes.
 #[test]
 fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
@@ -388,9 +434,7 @@ fn noise_that_remembers_itself_is_weighed_by_its_covariance() {
         }
         (all.columns(0, p).into_owned(), all.column(p).into_owned())
     };
-    let design =
-        Design::weighted(&model, [model.terms.len(); 2], &candidates, &[], &data, &Noise::usual(1), correlation)
-            .unwrap();
+    let design = Design::weighted(Fitted::all(&model), &candidates, &[], &data, &Noise::usual(1), correlation).unwrap();
     let start = design.start();
     let (before, _) = least(whitened(&[]), &[]);
     assert!(near(start.ss, before, before), "{} {before}", start.ss);
@@ -409,8 +453,7 @@ fn held_out_errors_do_not_go_with_the_memory_of_the_noise() {
     let set: Vec<usize> = some(&candidates).into_iter().step_by(9).collect();
     let told = [CorrelatedNoise::WHITE, CorrelatedNoise { kept: 0.8, white: 0.25 }].map(|correlation| {
         let design =
-            Design::weighted(&model, [model.terms.len(); 2], &candidates, &[], &data, &Noise::usual(1), correlation)
-                .unwrap();
+            Design::weighted(Fitted::all(&model), &candidates, &[], &data, &Noise::usual(1), correlation).unwrap();
         let partition = Partition::new(&design, &set, 4, &|p| p % 4).unwrap();
         partition.position_errors(&partition.instead(&[], None), Some(0))
     });

@@ -7,7 +7,7 @@ use trical_recording::CsvStream;
 
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{ByPlace, MeasuredDistance, TriedByPlace, choose, score_places};
-use crate::caution::{beyond_limits, cautions, held, near_nominal, too_many, without_masses};
+use crate::caution::{EVEN_MASSES, beyond_limits, cautions, held, near_nominal, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{orientation_errors, position_errors};
@@ -206,11 +206,7 @@ impl Calibration {
         let mut out = cautions(&f.model, f.observability.rows, f.free.len());
         out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
-            out.push(
-                "the robot has no masses: its links are assumed to have the same mass (2.5 kg, halfway to the next joint), so that compliance is \
-                 right in shape but not in size"
-                    .into(),
-            );
+            out.push(EVEN_MASSES.into());
         } else {
             out.extend(without_masses(self.elasticity, &f.model));
         }

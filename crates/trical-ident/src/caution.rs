@@ -75,6 +75,10 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
     out
 }
 
+/// What to say where links without masses are taken to weigh alike.
+pub const EVEN_MASSES: &str = "the robot has no masses: its links are assumed to have the same mass (2.5 kg, halfway to the next joint), so that \
+                               compliance is right in shape but not in size";
+
 /// What to say of an arm of which neither masses nor torques are known.
 #[must_use]
 pub fn without_masses(elasticity: Elasticity, model: &Model) -> Option<String> {

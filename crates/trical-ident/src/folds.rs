@@ -8,8 +8,9 @@ use nalgebra::SVector;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64Mcg;
-use trical_model::MAX_JOINTS;
+use trical_model::{Cell, MAX_JOINTS};
 
+use crate::ball_places::{place_of, unknown_places};
 use crate::dataset::Dataset;
 
 /// Folds of cross-validation.
@@ -56,6 +57,24 @@ impl Folds {
             }
         }
         Self { block: blocks(&joints), poses, session }
+    }
+
+    /// The same poses, those at one unknown place of the balls as one block, and all others as one more. `None` where fewer than three places are
+    /// unknown.
+    #[must_use]
+    pub fn at_places(&self, cell: &Cell, data: &Dataset) -> Option<Self> {
+        let places = unknown_places(cell, data);
+        if places.len() < 3 {
+            return None;
+        }
+        let mut block = vec![places.len(); self.poses.len()];
+        for o in &data.observations {
+            let place = place_of(o).and_then(|here| places.iter().position(|p| *p == here));
+            if let Some(place) = place {
+                block[self.at(o.pose)] = place;
+            }
+        }
+        Some(Self { block, ..self.clone() })
     }
 
     /// Poses that have observations, in order.
@@ -252,9 +271,12 @@ fn usual_distance(joints: &[Joints]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use rand::RngExt;
+    use trical_model::{Measured, Recording, Row, State};
 
     use super::*;
+    use crate::dataset::JointSource;
 
     fn random(count: usize, seed: u64) -> Vec<Joints> {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -301,6 +323,32 @@ mod tests {
         // pieces are connected: neighbours along the path change block as rarely as can be
         let changes = folds.block.windows(2).filter(|w| w[0] != w[1]).count();
         assert_eq!(changes + 1, folds.blocks());
+    }
+
+    #[test]
+    fn poses_at_one_place_of_the_balls_are_one_block_and_two_places_are_too_few() {
+        let touch = |place: usize| Measured::Touch { ball: place % 2, reading: [0.0; 3] };
+        let at = |places: &[usize]| {
+            let row = |(k, place): (usize, &usize)| Row {
+                state: State { place: Some(*place), ..State::at(&[0.1 * f64::from(u8::try_from(k).unwrap()); 6]) },
+                measured: touch(k),
+                seq: None,
+                line: k + 2,
+            };
+            let rows = places.iter().enumerate().map(row).collect();
+            let places = (1..=4).map(|p| format!("p{p}")).collect();
+            let recording = Recording { name: "r".into(), joints: 6, rows, places, ..Recording::default() };
+            Dataset::build(&[recording], JointSource::Read, None).unwrap()
+        };
+        let text = "[base]\nxyz_mm = [0.0, 0.0, 0.0]\nzyx_deg = [0.0, 0.0, 0.0]\n[tool]\ntcp_mm = [0.0, 0.0, 100.0]\n\
+                    [balls]\ndistances_mm = { d12 = 50.0 }\n";
+        let cell = Cell::parse(text, "cell.toml").unwrap();
+        let data = at(&[0, 0, 1, 1, 0, 2, 2]);
+        let folds = Folds::of(&data);
+        let places = folds.at_places(&cell, &data).map(|f| f.block);
+        assert_eq!(places, Some(vec![0, 0, 1, 1, 0, 2, 2]));
+        let two = at(&[0, 0, 1, 1]);
+        assert_eq!(Folds::of(&two).at_places(&cell, &two), None);
     }
 
     #[test]

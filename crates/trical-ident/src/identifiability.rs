@@ -394,19 +394,21 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
     Ok(terms)
 }
 
-/// Groups of terms of which the measurements decide whether they are needed: what gravity does to an arm without masses, and errors of a rail over
-/// its length.
+/// Groups of terms of which the measurements decide whether they are needed: what gravity does to an arm without masses where compliance is
+/// asked for, and errors of a rail over its length where everything is.
 ///
 /// # Errors
 /// As [`Choice::elasticity`].
 pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Vec<Term>>> {
     // sockets at unknown places: what else there is to know, errors at places held out decide
-    if choice.set != ParameterSet::Complete || !unknown_places(&model.cell, data).is_empty() {
+    if choice.set < ParameterSet::Compliance || !unknown_places(&model.cell, data).is_empty() {
         return Ok(Vec::new());
     }
     let sags = choice.elasticity(&model.robot, data)? == Elasticity::Inclination;
     let mut groups = if sags { vec![sag(model)] } else { Vec::new() };
-    groups.extend(rail(model, data));
+    if choice.set == ParameterSet::Complete {
+        groups.extend(rail(model, data));
+    }
     groups.retain(|g| !g.is_empty());
     Ok(groups)
 }

@@ -48,6 +48,8 @@ pub struct Identified {
     pub observability: Observability,
     /// Parameters that could not be told from others, and those.
     pub dependent: Vec<Dependent>,
+    /// What was known of the free terms beforehand, in their order (nothing beyond its end), weak priors included.
+    pub known: Vec<Known>,
     /// Indices of those terms that the measurements say so little of that they were kept near nominal.
     pub weak: Vec<usize>,
     /// How the iteration went.
@@ -259,7 +261,7 @@ pub fn fit_some(
     let factored = factor_of(&solver, &forward, data, &noise, known);
     let held = solver.held().to_vec();
     let fitted = Fitted { factored, held, residuals, noise: said, report, dependent };
-    finish(forward, data, fitted)
+    Ok(Identified { known: known.to_vec(), ..finish(forward, data, fitted)? })
 }
 
 /// Brings the coefficients to where a sample of the data has them, so that all of the data is asked twice and not five times.
@@ -340,8 +342,8 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     }
     let observability = indices(&singular, rows);
     let data = data.clone();
-    let weak = Vec::new();
-    Ok(Identified { model, free, at_limit, data, noise, covariance, observability, dependent, weak, report })
+    let (known, weak) = (Vec::new(), Vec::new());
+    Ok(Identified { model, free, at_limit, data, noise, covariance, observability, dependent, known, weak, report })
 }
 
 /// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.
@@ -536,7 +538,8 @@ pub type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
 
 /// How a fit begins and what it minimizes: plain least squares; where places of balls are unknown, as with printed sockets, with their
 /// play as noise and a robust loss.
-pub(crate) fn manner(model: &Model, data: &Dataset) -> (Noise, LmParams) {
+#[must_use]
+pub fn manner(model: &Model, data: &Dataset) -> (Noise, LmParams) {
     let recordings = data.names.len();
     if ball_places::unknown_places(&model.cell, data).is_empty() {
         (Noise::usual(recordings), LmParams::default())

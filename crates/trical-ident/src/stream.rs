@@ -305,6 +305,7 @@ pub fn identify_stream(
                     covariance,
                     observability: indices(&singular, scalars),
                     dependent: start.dependent,
+                    known: start.known,
                     weak: start.weak,
                     report,
                 },

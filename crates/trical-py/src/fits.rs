@@ -164,8 +164,11 @@ pub fn _diagnose<'py>(
     let known = known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
     let options = trical_diagnose::Options { joints: source(joints)?, names_only, tool: sharing(tool)?, known };
     let (robot, cell) = read(&robot, &cell)?;
-    if next.is_some() && cell.balls.is_empty() {
-        return Err(bad("next: found no [balls] in the cell, expected balls that can be touched").into());
+    if next.is_some() && !cell.balls_fix_base(|_| true) {
+        return Err(bad(
+            "next: expected three [balls] in the cell that are not on one line; where others stand is not known beforehand",
+        )
+        .into());
     }
     if next.is_some_and(|n| !(1..=1000).contains(&n)) {
         return Err(bad("next: expected 1 to 1000 touches").into());

@@ -166,7 +166,12 @@ impl Errors<'_> {
     /// The arm, the balls, and where the tool was at each measurement.
     pub fn pictures(&self) -> Result<Vec<Section>> {
         let heading = "Where it was measured".to_owned();
-        let solids = match CollisionModel::new(&self.model.robot, &self.model.cell) {
+        let mut cell = self.model.cell.clone();
+        if !cell.balls_fix_base(|_| true) {
+            // such as sockets, which stood anywhere
+            cell.balls.clear();
+        }
+        let solids = match CollisionModel::new(&self.model.robot, &cell) {
             Ok(solids) => solids,
             Err(e) => {
                 return Ok(vec![Section { heading, text: vec![format!("No picture: {e}.")], ..Section::default() }]);

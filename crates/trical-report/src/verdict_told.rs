@@ -2,6 +2,7 @@
 
 use trical_diagnose::{Diagnosis, RowKind, VerdictRow};
 use trical_ident::JointSource;
+use trical_ident::identify::ErrorSummary;
 
 use crate::error::Result;
 use crate::table;
@@ -86,13 +87,21 @@ fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
     lines
 }
 
-/// What the whole model is worth in a session that it was not fitted to, where that is much worse.
+/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse.
 #[must_use]
 pub fn elsewhere(d: &Diagnosis) -> Option<String> {
-    let other = d.after.held_out.by_session.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
+    let (whole, plain) = (&d.after.held_out, &d.baseline);
+    let all = [
+        ("in a session", whole.by_session, plain.by_session),
+        ("at a place of the balls", whole.by_place, plain.by_place),
+    ];
     let decimals = decimals(d);
-    let plain = d.baseline.by_session.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
-    Some(format!("in a session that it was not fitted to: {:.decimals$} mm{plain}", other.rms_mm))
+    let told = |(at, whole, plain): (&str, Option<ErrorSummary>, Option<ErrorSummary>)| {
+        let whole = whole.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
+        let plain = plain.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
+        Some(format!("{at} that it was not fitted to: {:.decimals$} mm{plain}", whole.rms_mm))
+    };
+    all.into_iter().find_map(told)
 }
 
 /// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.

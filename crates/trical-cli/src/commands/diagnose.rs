@@ -58,8 +58,10 @@ pub fn run(args: &Args) -> Result<()> {
         input::check_output(file, input::files(&args.recordings, &args.cell, args.known.as_deref()))?;
     }
     let (robot, cell) = args.cell.load()?;
-    if args.next.is_some() && cell.balls.is_empty() {
-        return Err(CliError::Input("--next: found no [balls] in the cell, expected balls that can be touched".into()));
+    if args.next.is_some() && !cell.balls_fix_base(|_| true) {
+        return Err(CliError::Input(
+            "--next: expected three [balls] in the cell that are not on one line; where others stand is not known beforehand".into(),
+        ));
     }
     let recordings = input::recordings(&args.recordings, robot.dof())?;
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();

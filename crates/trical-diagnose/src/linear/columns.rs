@@ -12,6 +12,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
+use trical_ident::known::Known;
 use trical_ident::noise::Noise;
 use trical_model::{Basis, Forward, Measured, Model, Site, Term, residual_rows};
 
@@ -30,6 +31,47 @@ const ROUNDING: f64 = 1e-13;
 /// Most rows of a measurement.
 const MOST_ROWS: usize = 6;
 
+/// A fit that is linearized.
+#[derive(Clone, Copy)]
+pub struct Fitted<'a> {
+    /// Where.
+    pub model: &'a Model,
+    /// What was known of its terms beforehand, in their order; nothing beyond its end.
+    pub known: &'a [Known],
+    /// Terms before this one are fitted; those from here up to `effects` stay as they are.
+    pub parameters: usize,
+    /// Terms from here on are effects: the model is linearized with them, and they are taken out of the residual again by their own columns.
+    pub effects: usize,
+}
+
+impl<'a> Fitted<'a> {
+    /// A model whose terms are all fitted, with nothing known beforehand.
+    #[must_use]
+    pub fn all(model: &'a Model) -> Self {
+        Self { model, known: &[], parameters: model.terms.len(), effects: model.terms.len() }
+    }
+
+    /// Priors of what is fitted.
+    fn priors(&self) -> Vec<PriorRow> {
+        let of = |(column, (t, k)): (usize, (&Term, &Known))| {
+            let prior = k.prior?;
+            Some(PriorRow { column, weight: 1.0 / prior.sd, residual: (t.value - prior.value) / prior.sd })
+        };
+        self.model.terms[..self.parameters].iter().zip(self.known).enumerate().filter_map(of).collect()
+    }
+}
+
+/// What is known of a fitted parameter beforehand, as a row beside those of the measurements.
+#[derive(Clone, Copy)]
+pub(super) struct PriorRow {
+    /// Which parameter.
+    pub(super) column: usize,
+    /// One standard deviation's part.
+    pub(super) weight: f64,
+    /// How far it is from what was expected, standard deviations.
+    pub(super) residual: f64,
+}
+
 /// A fit, linearized: all weighted by the noise.
 #[derive(Clone)]
 pub(crate) struct Linear {
@@ -44,6 +86,8 @@ pub(crate) struct Linear {
     pub sigma_of_row: Vec<(f64, usize)>,
     /// Derivatives to the fitted parameters, `rows x parameters`.
     pub jacobian: Mat<f64>,
+    /// What is known of these beforehand.
+    pub(super) priors: Vec<PriorRow>,
     /// First row of each observation, and one past the last.
     first_row: Vec<usize>,
     /// How many candidate columns.
@@ -65,19 +109,17 @@ pub(crate) struct Linear {
 }
 
 impl Linear {
-    /// Linearizes `model` with the terms of the candidates at zero. Of its own terms those before `parameters` have a Jacobian, those from
-    /// `effects` on are taken out of the residual again, by their columns: what is left where the others stay as they are. A candidate
-    /// with weights has them multiplied in, for each of its columns one for each observation.
+    /// Linearizes a fit with the terms of the candidates at zero. A candidate with weights has them multiplied in, for each of its columns
+    /// one for each observation.
     pub fn new(
-        model: &Model,
-        [parameters, effects]: [usize; 2],
+        fitted: Fitted<'_>,
         candidates: &[Candidate],
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
     ) -> Result<Self> {
+        let Fitted { model, parameters: p, effects, .. } = fitted;
         let own = model.terms.len();
-        let p = parameters;
         let values: Vec<f64> = model.terms[effects..].iter().map(|t| t.value).collect();
         let terms: Vec<_> = candidates.iter().flat_map(|c| &c.terms).collect();
         let width = terms.len();
@@ -98,6 +140,7 @@ impl Linear {
             pose_of_row: vec![0; rows],
             sigma_of_row: Vec::with_capacity(rows),
             jacobian: Mat::zeros(rows, p),
+            priors: fitted.priors(),
             first_row: vec![0],
             width,
             place,

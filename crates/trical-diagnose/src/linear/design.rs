@@ -9,7 +9,7 @@ use trical_ident::error::Result;
 use trical_ident::noise::Noise;
 use trical_model::Model;
 
-use super::columns::{Linear, gram};
+use super::columns::{Fitted, Linear, gram};
 use crate::candidate::Candidate;
 use crate::correlated_noise::{CorrelatedNoise, Filter};
 
@@ -48,32 +48,29 @@ pub struct Design {
 }
 
 impl Design {
-    /// Linearizes `model` (fitted, all terms free) with the candidates at zero.
+    /// Linearizes `model` (all terms fitted, nothing known beforehand) with the candidates at zero.
     ///
     /// # Errors
     /// A candidate at a site that the arm does not have.
     pub fn new(model: &Model, candidates: &[Candidate], data: &Dataset, noise: &Noise) -> Result<Self> {
-        Self::weighted(model, [model.terms.len(); 2], candidates, &[], data, noise, CorrelatedNoise::WHITE)
+        Self::weighted(Fitted::all(model), candidates, &[], data, noise, CorrelatedNoise::WHITE)
     }
 
-    /// As [`Design::new`], of a model whose terms before `parameters` are fitted, whose terms from there up to `effects` are held as they are, and
-    /// whose terms from `effects` on are effects: it is linearized with them, and they are taken out of
-    /// the residual again by their own columns, so that with them in it the picture is exact. A candidate with weights (for each of its
+    /// As [`Design::new`], of any fit: with its own effects among the candidates the picture is exact. A candidate with weights (for each of its
     /// columns, one for each observation) has them multiplied in. Correlated noise is made white: rows are then what could
     /// not be foreseen from those before.
     ///
     /// # Errors
     /// As [`Design::new`].
     pub fn weighted(
-        model: &Model,
-        [parameters, effects]: [usize; 2],
+        fitted: Fitted<'_>,
         candidates: &[Candidate],
         weights: &[Vec<Vec<f64>>],
         data: &Dataset,
         noise: &Noise,
         correlation: CorrelatedNoise,
     ) -> Result<Self> {
-        let linear = Linear::new(model, [parameters, effects], candidates, weights, data, noise)?;
+        let linear = Linear::new(fitted, candidates, weights, data, noise)?;
         let spans = spans(candidates.iter().map(|c| c.terms.len()));
         let precision: Vec<f64> = candidates.iter().flat_map(|c| c.scales.iter().map(|s| s.powi(-2))).collect();
         Ok(Self::of(linear, spans, precision, Filter::new(correlation, data)))
@@ -97,10 +94,18 @@ impl Design {
         let mut residual = linear.residual.clone();
         linear.filter.apply_to_all(&mut jacobian);
         linear.filter.apply(&mut residual);
+        let priors = &linear.priors;
+        let all_rows = rows + priors.len();
+        jacobian.resize_with(
+            all_rows,
+            p,
+            |i, j| if priors[i - rows].column == j { priors[i - rows].weight } else { 0.0 },
+        );
+        residual.extend(priors.iter().map(|prior| prior.residual));
         let qr = jacobian.qr();
         let of_parameters = (0..p).map(|j| qr.R()[(j, j)].abs().max(1e-300).ln()).sum();
         let q = qr.compute_thin_Q();
-        let mut basis = Mat::from_fn(rows, p + 1, |i, j| if j < p { q[(i, j)] } else { residual[i] });
+        let mut basis = Mat::from_fn(all_rows, p + 1, |i, j| if j < p { q[(i, j)] } else { residual[i] });
         for _ in 0..2 {
             for j in 0..p {
                 let column = q.col_as_slice(j);
@@ -112,6 +117,8 @@ impl Design {
             }
         }
         let ss = basis.col_as_slice(p).iter().map(|v| v * v).sum();
+        let by_priors = q.get(rows.., ..).squared_norm_l2();
+        basis.resize_with(rows, p + 1, |_, _| 0.0);
         let columns = (width <= FEW).then(|| linear.columns());
         let products = match &columns {
             Some(x) => x.transpose() * &basis,
@@ -144,7 +151,7 @@ impl Design {
             }
         }
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let parameters = p as f64;
+        let parameters = p as f64 - by_priors;
         let design = Self {
             rows,
             parameters,

@@ -18,6 +18,7 @@ pub mod downdate;
 pub mod partition;
 pub mod state;
 
+pub use columns::Fitted;
 pub(crate) use columns::Linear;
 pub use design::Design;
 pub use downdate::{Downdate, Downdated};

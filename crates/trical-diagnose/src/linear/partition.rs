@@ -37,7 +37,7 @@ pub struct Partition<'a> {
     columns: Vec<Mat<f64>>,
     /// Products of the columns, and with the residual, over each part.
     sums: Vec<Sums>,
-    /// The same over all rows.
+    /// The same over all rows, and of the push also what is known beforehand.
     whole: Sums,
     /// The fit without each part.
     fits: Vec<Fit>,
@@ -133,6 +133,9 @@ impl<'a> Partition<'a> {
             entries[j * m..(j + 1) * m].copy_from_slice(linear.jacobian.col_as_slice(j));
         }
         let mut precision = vec![0.0; n];
+        for prior in &linear.priors {
+            precision[prior.column] = prior.weight.powi(2);
+        }
         for (c, range) in &set {
             let (from, to) = design.span(*c);
             for (a, j) in (from..to).zip(range.clone()) {
@@ -173,6 +176,9 @@ impl<'a> Partition<'a> {
         for sums in &this.sums {
             this.whole.gram += &sums.gram;
             this.whole.push += &sums.push;
+        }
+        for prior in &linear.priors {
+            this.whole.push[(prior.column, 0)] += this.scale[prior.column] * prior.weight * prior.residual;
         }
         let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
         this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;

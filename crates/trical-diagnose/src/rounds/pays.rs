@@ -141,9 +141,9 @@ impl Rounds {
         Ok(true)
     }
 
-    /// Drops what does not pay at blocks of poses that the fit did not see and in the last quarter of the sessions, foreseen by what came
-    /// before, one finding after the other, the worst first; and takes the simpler of two nested effects where what tells them apart is
-    /// nothing.
+    /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,
+    /// and at places of the balls that it did not see, one finding after the other, the worst first; and takes the simpler of two nested
+    /// effects where what tells them apart is nothing.
     pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
         let before = self.chosen.clone();
         self.simplify();
@@ -153,7 +153,10 @@ impl Rounds {
             let all: Vec<usize> = (0..members.len()).collect();
             let folds = Folds::of(&self.kept);
             let of = [Parts::by_block, Parts::forward].map(|of| of(&design, &all, &folds, self.temper()));
-            let proofs: Vec<Parts<'_>> = of.into_iter().flatten().collect();
+            // where the balls stand need not be known for it: what a fit says of a new place it says with that uncertainty
+            let places = folds.at_places(&self.fitted.model.cell, &self.kept);
+            let of_places = places.and_then(|places| Parts::by_block(&design, &all, &places, self.temper()));
+            let proofs: Vec<Parts<'_>> = of.into_iter().flatten().chain(of_places).collect();
             what_does_not_pay(&proofs, &members, grouped(&members, &all), &|_| Vec::new())
         };
         let dropped: Vec<usize> = dropped.into_iter().map(|k| self.chosen[k]).collect();

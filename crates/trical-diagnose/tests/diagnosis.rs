@@ -4,12 +4,12 @@
 #[path = "../../trical-ident/tests/common/arm.rs"]
 mod arm;
 
-use arm::{build, touch, truth};
+use arm::{build, touch, touch_in_sockets, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};
 use trical_ident::{ErrorSummary, KnownParameters, ParameterSet, identify};
-use trical_model::{Basis, Forward, Measured, Model, Place, Pose, Site, Task, Term};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Pose, Site, Task, Term};
 
 /// The truth with one more term, which the baseline does not have.
 fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
@@ -186,4 +186,26 @@ fn the_plain_model_of_an_arm_without_masses_has_its_sag_as_identify_has() {
     );
     assert!(!d.findings.iter().any(|f| matches!(f.site, Place::Joint(2 | 3))), "{:?}", d.findings);
     assert!(d.cautions.iter().any(|c| c.contains("give way to gravity")), "{:?}", d.cautions);
+}
+
+#[test]
+fn in_sockets_at_unknown_places_a_gap_is_named_and_nothing_where_nothing_is() {
+    let text = "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\n[balls]\ndistances_mm = { d12 = 50.0 }";
+    let cell = Cell::parse(text, "cell.toml").unwrap();
+    let of = |half_gap: f64| {
+        let mut model = truth(ParameterSet::Compliance, 3);
+        let gap = Term::new("hidden", "hidden", Site::Joint { joint: 2 }, Basis::direction(2));
+        model.terms.push(Term { value: -half_gap, ..gap });
+        let recording = touch_in_sockets(&mut model, &cell, &[0, 1, 2, 3, 4], 5e-5, 5);
+        let mut d = diagnose(&model.robot, &cell, &build(recording), &Options::default(), &Task::silent()).unwrap();
+        d.findings.retain(|f| f.confidence >= 0.5);
+        (d.findings.iter().map(|f| (f.effect, f.site)).collect::<Vec<_>>(), d)
+    };
+    let (found, d) = of(0.03_f64.to_radians());
+    assert_eq!(found, [(EffectId::LostMotionDirection, Place::Joint(2))]);
+    assert!((d.findings[0].coefficients[0].value - 0.03).abs() < 5.0 * d.findings[0].coefficients[0].sd.unwrap());
+    let [plain, whole] = [d.baseline.by_place, d.after.held_out.by_place].map(Option::unwrap);
+    assert!(whole.mean_mm < 0.8 * plain.mean_mm, "{plain:?} {whole:?}");
+    assert_eq!(d.after.held_out.forward, None, "the last quarter is a place that was not seen before");
+    assert_eq!(of(0.0).0, []);
 }

@@ -55,13 +55,14 @@ pub struct TriedByPlace {
     pub kept: bool,
 }
 
-/// Scores every place by `fit` to the others.
+/// Scores every place by `fit` to the others; nothing where there are none.
 ///
 /// # Errors
 /// As the fit.
 pub fn score_places(cell: &Cell, data: &Dataset, fit: Fit<'_>) -> Result<ByPlace> {
     let mut out = ByPlace::default();
-    for place in unknown_places(cell, data) {
+    let places = unknown_places(cell, data);
+    for place in places.iter().copied().filter(|_| places.len() > 1) {
         let others = fit(&data.filtered(|o| place_of(o) != Some(place)))?;
         let here = data.filtered(|o| place_of(o) == Some(place));
         out.errors.extend(score_place(&others.model, &here, place)?);

@@ -6,7 +6,7 @@ use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
 use crate::ball_places::{place_of, unknown_places};
-use crate::by_place::{ByPlace, MeasuredDistance, TriedByPlace, choose, score_places};
+use crate::by_place::{MeasuredDistance, TriedByPlace, choose, score_places};
 use crate::caution::{EVEN_MASSES, beyond_limits, cautions, held, near_nominal, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
@@ -628,12 +628,8 @@ fn held_out(
     let later = summary(forward_in_time(robot, cell, data, choice.clone(), LAST));
     task.step(0.9, "scoring sessions")?;
     let by_session = (data.names.len() > 1).then(|| summary(score_sessions(data, &fit))).flatten();
-    let places = if unknown_places(cell, data).len() > 1 {
-        task.step(0.95, "scoring places")?;
-        score_places(cell, data, &fit).unwrap_or_default()
-    } else {
-        ByPlace::default()
-    };
+    task.step(0.95, "scoring places")?;
+    let places = score_places(cell, data, &fit).unwrap_or_default();
     let by_place = summary(Ok(places.errors));
     Ok((HeldOut { by_pose: pose, by_block: block, forward: later, by_session, by_place }, places.distances))
 }

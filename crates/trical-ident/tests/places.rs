@@ -6,25 +6,11 @@ mod arm;
 
 use nalgebra::Vector3;
 use trical_ident::{ModelFile, Options, ParameterSet, calibrate, validate};
-use trical_model::pose::rotation_zyx;
-use trical_model::{Basis, Cell, Measured, Model, Pose, Recording, Shape, Site, Task, Term, Variable};
+use trical_model::{Basis, Cell, Model, Recording, Shape, Site, Task, Term, Variable};
 
 /// Standard deviation of each coordinate, m; the mean length of such a vector, mm.
 const NOISE: f64 = 5e-5;
 const LEAST_MM: f64 = 0.08;
-
-/// Where the set stood, in {w}: height, turn and tilt differ.
-fn stood(place: usize) -> Pose {
-    let k = [
-        [0.35, -0.2, 0.1, 0.4, 0.0],
-        [0.3, 0.25, 0.3, -0.9, 0.3],
-        [0.1, 0.4, 0.05, 2.1, -0.2],
-        [0.4, 0.0, 0.45, 1.2, 0.5],
-        [0.2, -0.35, 0.2, 2.8, 0.25],
-    ];
-    let [x, y, z, turn, tilt] = k[place];
-    Pose { rotation: rotation_zyx(turn, tilt, 0.1), translation: Vector3::new(x, y, z) }
-}
 
 /// Touches by the true arm of balls that `cell` has, at the named places.
 fn touched(cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
@@ -35,23 +21,8 @@ fn touched(cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
 fn touched_with(more: Vec<Term>, cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
     let mut truth = arm::truth(ParameterSet::Geometry, 3);
     truth.terms.extend(more);
-    truth.terms.retain(|t| !matches!(t.site, Site::Base(_)));
-    truth.cell.world_from_base = cell.world_from_base;
-    let mut all = Recording { name: format!("sockets{seed}.csv"), joints: 6, ..Recording::default() };
-    for (k, place) in places.iter().enumerate() {
-        let mut here = truth.clone();
-        here.cell.balls = cell.balls.iter().map(|b| stood(*place).apply(b)).collect();
-        let mut rows = arm::touch(&here, 40, NOISE, seed + *place as u64).rows;
-        // one socket after the other, as by hand
-        rows.sort_by_key(|r| matches!(r.measured, Measured::Touch { ball, .. } if ball > 0));
-        for r in &mut rows {
-            r.state.place = Some(k);
-            r.line = all.rows.len() + 2;
-            all.rows.push(*r);
-        }
-        all.places.push(format!("place {place}"));
-    }
-    (truth, all)
+    let recording = arm::touch_in_sockets(&mut truth, cell, places, NOISE, seed);
+    (truth, recording)
 }
 
 fn cell(balls: &str) -> Cell {

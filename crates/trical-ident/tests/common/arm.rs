@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::identifiability::independent_terms;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet};
-use trical_model::{Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Recording, Robot, Row, State, Term};
+use trical_model::{Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Recording, Robot, Row, Site, State, Term};
 
 const ROBOT: &str = include_str!("../../../trical-model/tests/data/arm.toml");
 const CELL: &str = include_str!("../../../trical-model/tests/data/cell.toml");
@@ -75,6 +75,40 @@ pub fn touch(model: &Model, count: usize, noise: f64, seed: u64) -> Recording {
         rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: rows.len() + 2 });
     }
     Recording { name: "touches".into(), joints: 6, rows, ..Recording::default() }
+}
+
+/// Where a set of balls stood, in {w}: height, turn and tilt differ.
+fn stood(place: usize) -> Pose {
+    let k = [
+        [0.35, -0.2, 0.1, 0.4, 0.0],
+        [0.3, 0.25, 0.3, -0.9, 0.3],
+        [0.1, 0.4, 0.05, 2.1, -0.2],
+        [0.4, 0.0, 0.45, 1.2, 0.5],
+        [0.2, -0.35, 0.2, 2.8, 0.25],
+    ];
+    let [x, y, z, turn, tilt] = k[place];
+    Pose { rotation: trical_model::pose::rotation_zyx(turn, tilt, 0.1), translation: nalgebra::Vector3::new(x, y, z) }
+}
+
+/// Touches by the true arm, which then stands where `cell` has its base, of the balls of `cell`, forty at each of the named places.
+pub fn touch_in_sockets(truth: &mut Model, cell: &Cell, places: &[usize], noise: f64, seed: u64) -> Recording {
+    truth.terms.retain(|t| !matches!(t.site, Site::Base(_)));
+    truth.cell.world_from_base = cell.world_from_base;
+    let mut all = Recording { name: format!("sockets{seed}.csv"), joints: 6, ..Recording::default() };
+    for (k, place) in places.iter().enumerate() {
+        let mut here = truth.clone();
+        here.cell.balls = cell.balls.iter().map(|b| stood(*place).apply(b)).collect();
+        let mut rows = touch(&here, 40, noise, seed + *place as u64).rows;
+        // one socket after the other, as by hand
+        rows.sort_by_key(|r| matches!(r.measured, Measured::Touch { ball, .. } if ball > 0));
+        for r in &mut rows {
+            r.state.place = Some(k);
+            r.line = all.rows.len() + 2;
+            all.rows.push(*r);
+        }
+        all.places.push(format!("place {place}"));
+    }
+    all
 }
 
 pub fn build(r: Recording) -> Dataset {

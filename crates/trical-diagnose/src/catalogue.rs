@@ -99,3 +99,67 @@ pub fn device_orientation(recorded: &Covariates<'_>) -> Option<Term> {
     let term = || Term::new("device_z", "geometry", Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT);
     (recorded.spread[0] || recorded.spread[1]).then(term)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_data::{arm, states};
+    use trical_model::State;
+
+    fn joints(k: f64) -> State {
+        State::at(&[0.1 * k])
+    }
+
+    #[test]
+    fn every_effect_is_as_likely_as_another_and_so_are_its_places() {
+        let (model, data) = (arm(), states(9, joints));
+        let all = catalogue(&Covariates::new(&model, &data, 1e-5), &[]).0;
+        let likely =
+            |of: &dyn Fn(&Candidate) -> bool| all.iter().filter(|c| of(c)).map(|c| c.log_prior.exp()).sum::<f64>();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let one = 1.0 / EFFECTS.len() as f64;
+        for id in [EffectId::GearRatio, EffectId::AxisWobble, EffectId::JointHarmonic] {
+            let together = likely(&|c| c.cause == id.into());
+            let at_joint_2 = likely(&|c| c.cause == id.into() && c.site == Place::Joint(2));
+            assert!(
+                (together - one).abs() < 1e-12 && (at_joint_2 - one / 6.0).abs() < 1e-12,
+                "{id}: {together} {at_joint_2}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_goes_with_time_is_asked_of_each_session_and_of_none_without_an_order() {
+        let (model, data) = (arm(), states(40, |k| State { t: Some(20.0 * k), ..joints(k) }));
+        let r = || Covariates::new(&model, &data, 1e-5);
+        let count = |sessions: &[(u32, Covariates<'_>)], of: Option<u32>| {
+            let all = catalogue(&r(), sessions).0;
+            all.iter().filter(|c| c.is_course() && c.session() == of).count()
+        };
+        let alone = count(&[], None);
+        assert!(alone > 0);
+        let two = [(1, r()), (2, r())];
+        assert_eq!([count(&two, None), count(&two, Some(1)), count(&two, Some(2))], [0, alone, alone]);
+        let (_, untestable) = catalogue(&Covariates::new(&model, &states(40, joints), 1e-5), &[]);
+        let lacks = |id| untestable.iter().find(|u| u.effect == id).map(|u| u.lacks);
+        assert!(lacks(EffectId::JointZeroShift).is_some_and(|l| l.starts_with("time (t_s)")));
+        assert_eq!(lacks(EffectId::GearRatio), None);
+    }
+
+    #[test]
+    fn readings_are_taken_for_noise_where_each_touch_was_nulled_and_the_device_turns_where_none_was() {
+        let (model, data) = (arm(), states(9, joints));
+        let mut r = Covariates::new(&model, &data, 1e-5);
+        assert_eq!(reading_noise(&r).iter().map(|c| c.cause).collect::<Vec<_>>(), [Cause::ReadingNoise]);
+        assert!(device_orientation(&r).is_none());
+        r.spread = [false, true, false];
+        assert!(reading_noise(&r).is_empty());
+        assert_eq!(device_orientation(&r).map(|t| t.site), Some(Site::Tool(Motion::About(Axis::Z))));
+        r.spread = [false, false, true];
+        assert!(device_orientation(&r).is_none(), "along the axis nothing turns");
+        r.commanded = true;
+        assert_eq!(reading_noise(&r).iter().map(|c| c.cause).collect::<Vec<_>>(), [Cause::JointReadingNoise]);
+        r.lags = true;
+        assert!(reading_noise(&r).is_empty());
+    }
+}

@@ -320,3 +320,123 @@ pub(crate) fn noise_of(fitted: &Identified, errors: &[f64]) -> f64 {
     let p = fitted.free.len() as f64;
     ErrorSummary::of(errors).rms_mm * (rows / (rows - p).max(1.0)).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_ident::{Choice, ParameterSet, identify};
+    use trical_model::{Basis, Shape, Site, Variable};
+
+    use super::*;
+    use crate::candidate::anything;
+    use crate::linear::Design;
+    use crate::test_data::with_joint_2;
+
+    fn of(cause: Cause, joint: usize, shape: Shape) -> Candidate {
+        let basis = Basis::new(Variable::Joint { joint }, shape);
+        Candidate {
+            cause,
+            site: Place::Joint(joint),
+            behaviour: format!("joint {joint} is off"),
+            terms: vec![Term::new("t", cause.name(), Site::Joint { joint }, basis)],
+            signs: vec![0],
+            physical: anything,
+            typical: 1e-4,
+            scales: vec![1e-3],
+            log_prior: 0.0,
+        }
+    }
+
+    fn ripple(joint: usize, cycles: f64) -> Candidate {
+        of(EffectId::GearRipple.into(), joint, Shape::Sine { cycles })
+    }
+
+    #[test]
+    fn what_one_effect_does_at_one_place_is_one_group_and_ripples_are_told_by_their_numbers_in_order() {
+        let all = [ripple(2, 102.0), ripple(3, 100.0), ripple(2, 100.0), of(Cause::Unexplained, 2, Shape::Linear)];
+        let groups = grouped(&all, &[3, 0, 1, 2]);
+        let members: Vec<&[usize]> = groups.iter().map(|g| &g.members[..]).collect();
+        assert_eq!(members, [&[3][..], &[0, 2], &[1]]);
+        assert_eq!(located(&groups[1], &all), "100, 102 cycles per turn of joint 2");
+        assert_eq!(located(&groups[2], &all), "joint 3 is off", "one wave is told as itself");
+    }
+
+    #[test]
+    fn a_coefficient_has_the_unit_of_its_site_and_a_gap_is_positive() {
+        let mut term = ripple(2, 100.0).terms.remove(0);
+        (term.value, term.sd) = (1e-3, Some(1e-4));
+        let told = coefficient(&term);
+        assert_eq!((told.unit.as_str(), told.sd), ("deg", Some(1e-4_f64.to_degrees())));
+        assert!((told.value - 1e-3_f64.to_degrees()).abs() < 1e-12);
+        term.basis = Basis::direction(2);
+        assert!((coefficient(&term).value + 1e-3_f64.to_degrees()).abs() < 1e-12);
+    }
+
+    /// Of an arm whose joint 2 is off by a large and a small wave of its angle: what `ask` says of waves of joints 2 and 3.
+    fn asked<T>(ask: impl Fn(&Search<'_>, &RegressionState, &Identified) -> T) -> T {
+        let wave = |cycles| Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles });
+        let (truth, data) = with_joint_2(&[(wave(9.0), 1e-4), (wave(14.0), 5e-4)]);
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let mut all = vec![ripple(2, 9.0), ripple(2, 14.0), ripple(3, 23.0), ripple(6, 40.0)];
+        // far too small to be seen
+        all[3].typical = 1e-9;
+        let design = Design::new(&fitted.model, &all, &data, &fitted.noise).unwrap();
+        ask(&Search::new(&design, &all, 1.0), &design.start(), &fitted)
+    }
+
+    #[test]
+    fn groups_are_told_in_the_order_of_what_each_removes_beside_those_before() {
+        let order = asked(|search, start, _| {
+            let groups = [0, 2, 1].map(|c| Group { members: vec![c] }).into();
+            ordered(search, start, groups).into_iter().map(|g| g.members[0]).collect::<Vec<_>>()
+        });
+        assert_eq!(order, [1, 0, 2]);
+    }
+
+    #[test]
+    fn a_finding_is_as_large_as_its_trace_in_the_data_and_names_what_comes_near() {
+        let proof = |blocks| Proof { blocks, forward: 2.0 * blocks };
+        let (f, rivals) = asked(|search, start, fitted| {
+            let others = [1];
+            let state = search.with(start, &others);
+            let group = Group { members: vec![0] };
+            finding(EffectId::GearRipple, search, &state, &group, &others, &fitted.model, [proof(0.3), proof(0.2)])
+        });
+        // 600 scalars, each moved by 1e-4 rad times some 0.4 m, noise of 1e-5 m: three of them a touch, in one direction
+        assert!((20.0..80.0).contains(&f.lambda), "{}", f.lambda);
+        assert!(f.evidence.delta_bic > 100.0 && f.evidence.p_value < 1e-20, "{:?}", f.evidence);
+        assert_eq!([f.evidence.holdout_rms_before_mm, f.evidence.forward_rms_after_mm], [0.3, 0.4]);
+        assert!(f.rivals.is_empty() && rivals.is_empty() && f.next_measurements.is_none(), "{:?}", f.rivals);
+        assert_eq!((f.scope, f.family, f.site), (Scope::Arm, crate::effects::Family::Transmission, Place::Joint(2)));
+    }
+
+    #[test]
+    fn what_leaves_no_trace_at_its_typical_size_is_declared_and_what_was_found_is_not() {
+        let blind_at = asked(|search, start, _| {
+            blind(search, start, &[0, 1]).into_iter().map(|b| (b.effect, b.site, b.lambda < 0.01)).collect::<Vec<_>>()
+        });
+        assert_eq!(blind_at, [(EffectId::GearRipple, Place::Joint(6), true)]);
+    }
+
+    #[test]
+    fn a_fit_lacks_what_a_candidate_removes_and_nothing_when_it_is_there() {
+        let [bare, with] = asked(|search, start, _| {
+            let all = [0, 1];
+            [lack_of_fit(search, start, &[]), lack_of_fit(search, &search.with(start, &all), &all)]
+        });
+        assert!(bare < 1e-50 && with > 1e-3, "{bare} {with}");
+    }
+
+    #[test]
+    fn the_noise_of_a_position_pays_for_the_parameters() {
+        let (rms, told, rows, p) = asked(|_, _, fitted| {
+            let errors = fitted.errors().unwrap();
+            let rms = ErrorSummary::of(&errors).rms_mm;
+            (rms, noise_of(fitted, &errors), fitted.observability.rows, fitted.free.len())
+        });
+        assert_eq!(rows, 600);
+        let paid = (600.0 / (600.0 - f64::from(u8::try_from(p).unwrap()))).sqrt();
+        assert!((told - rms * paid).abs() < 1e-12 && paid > 1.02, "{told} {rms} {paid}");
+    }
+}

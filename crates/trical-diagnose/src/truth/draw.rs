@@ -102,3 +102,42 @@ fn set_up(model: &mut Model, mut rest: impl FnMut() -> f64) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::arm;
+
+    #[test]
+    fn a_seed_draws_one_arm_and_another_seed_another_of_the_size_of_real_ones() {
+        let values = |seed| -> Vec<(String, f64)> {
+            draw_truth(&arm(), seed).unwrap().terms.into_iter().map(|t| (t.name, t.value)).collect()
+        };
+        let (one, two) = (values(1), values(2));
+        assert_eq!(one, values(1));
+        assert!(one.iter().zip(&two).all(|(a, b)| a.0 == b.0 && a.1 != b.1));
+        let of =
+            |start: &str| one.iter().filter(|(n, _)| n.starts_with(start)).map(|(_, v)| v.abs()).collect::<Vec<_>>();
+        assert!(of("a_").iter().all(|v| (1e-7..2e-3).contains(v)), "{:?}", of("a_"));
+        assert!(of("alpha_").iter().all(|v| (1e-6..0.01).contains(v)), "{:?}", of("alpha_"));
+        assert!(of("c_").iter().all(|v| (0.002..0.0201).contains(&v.to_degrees())), "{:?}", of("c_"));
+    }
+
+    #[test]
+    fn a_cell_that_was_set_up_has_its_balls_where_the_arm_finds_them() {
+        let nominal = arm();
+        let truth = draw_truth(&nominal, 3).unwrap();
+        let [plain, real] = [&nominal, &truth].map(|m| Forward::new(m.clone(), Vec::new()).unwrap());
+        let (mut ws, mut real_ws) = (plain.workspace(), real.workspace());
+        let home = State::at(&[0.0; MAX_JOINTS]);
+        let mut off = Vec::new();
+        for ball in &nominal.cell.balls {
+            let down = Pose { rotation: rotation_x(std::f64::consts::PI), translation: *ball };
+            let Ok(q) = nearest_solution(&plain, &down, &home, &mut ws) else { continue };
+            off.push((real.world_from_tool(&State::at(&q), &mut real_ws).translation - ball).norm());
+        }
+        // a base that nobody had set up would leave a millimetre and more
+        assert!(!off.is_empty() && off.iter().all(|v| *v < 0.8e-3), "{off:?}");
+    }
+}

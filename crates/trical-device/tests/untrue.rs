@@ -80,8 +80,10 @@ fn joints_that_stay_where_they_were_after_a_correction_are_noticed() {
 #[test]
 fn joints_that_are_no_numbers_are_not_recorded() {
     let nan = |_: &Joints| [f64::NAN; 9];
-    error(nan, true);
-    error(nan, false);
+    for at_moves in [true, false] {
+        let error = error(nan, at_moves);
+        assert!(error.contains("\"joint 1 at NaN\"") && error.contains("expected an angle"), "{error}");
+    }
 }
 
 #[test]

@@ -364,7 +364,7 @@ fn ur_settings(url: &mut DeviceUrl) -> Result<UrSettings, UrlError> {
 /// Reads the joints until two readings agree, and gives the last.
 ///
 /// # Errors
-/// What [`Controller::joints`] says, joints that do not come to rest in time, or cancellation.
+/// What [`Controller::joints`] says, joints that are no numbers or do not come to rest in time, or cancellation.
 pub fn wait_settled(
     controller: &mut dyn Controller,
     settle: &JointSettle,
@@ -377,6 +377,14 @@ pub fn wait_settled(
             std::thread::sleep(settle.interval);
         }
         let now = controller.joints()?;
+        if let Some(joint) = now.iter().position(|q| !q.is_finite()) {
+            return Err(ControllerError::Garbage {
+                controller: controller.name(),
+                request: "where are the joints".into(),
+                found: format!("joint {} at {}", joint + 1, now[joint]),
+                expected: "an angle".into(),
+            });
+        }
         let (joint, moves) = largest_difference(&before, &now);
         if moves <= settle.tolerance {
             return Ok(now);

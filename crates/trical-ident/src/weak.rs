@@ -1,6 +1,8 @@
 //! Directions in which the measurements say little: how far an arm's parameters can plausibly be from nominal, and what a fit makes of that
 //! where the measurements alone would let them wander.
 
+use std::cell::LazyCell;
+
 use trical_model::{Forward, Model, Parameter, Scope, Site, Term, Variable};
 
 use crate::dataset::Dataset;
@@ -22,7 +24,7 @@ const BY_PRIOR: f64 = 0.5;
 /// For each of the model's terms: the standard deviation that it plausibly has about nominal, SI; `None` for what belongs to a session,
 /// of which nothing is known beforehand.
 pub(crate) fn plausible(model: &Model, data: &Dataset) -> Vec<Option<f64>> {
-    let loads = largest_loads(model, data);
+    let loads = LazyCell::new(|| largest_loads(model, data));
     let of = |t: &Term| match (t.site, t.basis.of) {
         _ if t.scope() != Scope::Arm => None,
         (Site::Link { parameter, .. }, _) if t.basis.is_constant() => match parameter {

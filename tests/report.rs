@@ -45,26 +45,25 @@ fn chromium() -> Option<&'static str> {
         .find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
 }
 
-/// The page as a browser has it after its scripts ran; nothing may have been written to the console.
-fn seen(chromium: &str, page: &Path) -> String {
+/// What a browser writes about a page after its scripts ran; nothing may have been written to the console.
+fn browse(chromium: &str, page: &Path, what: &str) -> String {
     let profile = tempfile::tempdir().unwrap();
-    let pdf = profile.path().join("page.pdf");
-    let browse = |what: &str| {
-        let o = Command::new(chromium)
-            .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"])
-            .args(["--disable-component-update", "--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND"])
-            .args(["--virtual-time-budget=4000", "--enable-logging=stderr", "--window-size=1100,3000", what])
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .arg(format!("file://{}", page.display()))
-            .output()
-            .unwrap();
-        let err = String::from_utf8_lossy(&o.stderr);
-        assert!(!err.contains("CONSOLE"), "{}: {err}", page.display());
-        String::from_utf8_lossy(&o.stdout).into_owned()
-    };
-    browse(&format!("--print-to-pdf={}", pdf.display()));
-    assert!(std::fs::read(&pdf).unwrap().starts_with(b"%PDF"), "{}", page.display());
-    browse("--dump-dom")
+    let o = Command::new(chromium)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"])
+        .args(["--disable-component-update", "--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND"])
+        .args(["--virtual-time-budget=4000", "--enable-logging=stderr", "--window-size=1100,3000", what])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("file://{}", page.display()))
+        .output()
+        .unwrap();
+    let err = String::from_utf8_lossy(&o.stderr);
+    assert!(!err.contains("CONSOLE"), "{}: {err}", page.display());
+    String::from_utf8_lossy(&o.stdout).into_owned()
+}
+
+/// The page as a browser has it.
+fn seen(chromium: &str, page: &Path) -> String {
+    browse(chromium, page, "--dump-dom")
 }
 
 /// No table or picture is cut off at the edge of an A4 page with its margins (688 pixels wide).
@@ -116,6 +115,9 @@ fn drawn(page: &Path) -> Option<usize> {
         return None;
     };
     let dom = seen(chromium, page);
+    let pdf = page.with_extension("pdf");
+    browse(chromium, page, &format!("--print-to-pdf={}", pdf.display()));
+    assert!(std::fs::read(&pdf).unwrap().starts_with(b"%PDF"), "{}", page.display());
     fits_on_paper(chromium, page);
     let html = std::fs::read_to_string(page).unwrap();
     let plots = html.matches("<div class=\"plot\">").count();

@@ -183,3 +183,28 @@ fn the_files_of_a_krl_program_belong_together() {
     assert_eq!(same.status.code(), Some(2), "{same:?}");
     assert!(String::from_utf8_lossy(&same.stderr).contains("another folder or name"));
 }
+
+/// What a routine of another file sets holds behind its call; one that is in no file is told of.
+#[test]
+fn routines_of_other_files_are_read_or_told() {
+    let p = Place::new();
+    std::fs::create_dir_all(p.path("R1/Program/cell")).unwrap();
+    let target = "LIN {X 350,Y 30,Z 320,A 106.26,B 0,C 180}";
+    let program = format!("DEF go()\nTAKE()\n{target}\nCWRITE(1)\nhold()\nx=abs(2)\nagain()\nEND\n");
+    p.write("R1/Program/go.src", program.as_bytes());
+    p.write("R1/Program/cell/go.src", program.as_bytes());
+    p.write("R1/Program/Take.SRC", b"DEF take()\nFDAT_ACT=FP1\ntools()\nEND\n");
+    p.write("R1/Program/Take.DAT", b"DEFDAT take\nDECL FDAT FP1={TOOL_NO 2,BASE_NO 0}\nENDDAT\n");
+    p.write("R1/Program/tools.src", b"DEF tools()\nBAS(#TOOL,1)\nEND\n");
+    p.write("R1/Program/again.src", b"DEF again()\ntake()\nagain()\nEND\n");
+    p.write("config.dat", b"TOOL_DATA[1]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nTOOL_DATA[2]={X 0,Y 0,Z 9,A 0,B 0,C 0}\n");
+    for place in ["R1/Program/go.src", "R1/Program/cell/go.src"] {
+        let done = p.json(place, &["--check", "--frames", "config.dat"]);
+        let read: Vec<_> = done["read_with"].as_array().unwrap().iter().map(|f| f.as_str().unwrap()).collect();
+        let read: Vec<_> = read.iter().map(|f| f.rsplit('/').next().unwrap()).collect();
+        assert_eq!(read, ["Take.DAT", "Take.SRC", "tools.src", "again.src"], "{done}");
+        assert_eq!(done["meant_with"], serde_json::json!([{ "tool_and_frame": "tool '1' in '0'", "targets": 1 }]));
+        let caution = done["cautions"][0].as_str().unwrap();
+        assert!(caution.contains(": hold (line 5); they are taken to leave"), "{caution}");
+    }
+}

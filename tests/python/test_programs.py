@@ -238,6 +238,9 @@ def test_each_motion_ends_where_it_was_meant_or_is_listed(
         program.with_suffix(".dat").write_text(parts["dat"])
     if "config" in parts:
         (tmp_path / "$config.dat").write_text(parts["config"])
+    if language == "krl":  # each routine is a file of its own
+        for name, routine in re.findall(r"(?ms)^DEF (\w+)(.*?^END$)", parts.get("elsewhere", "")):
+            (tmp_path / f"{name}.src").write_text(f"DEF {name}{routine}\n")
     if "frames" in parts:
         options["frames"] = tmp_path / "frames.mod"
         options["frames"].write_text(parts["frames"])

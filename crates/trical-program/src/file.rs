@@ -1,5 +1,7 @@
 //! Compensation from file to file.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -11,7 +13,8 @@ use crate::error::ProgramError;
 use crate::frames::Frames;
 use crate::options::Options;
 use crate::report::{Report, summarized};
-use crate::rewriting::{Part, compensate_together};
+use crate::rewriting::{Part, Program, compensate_together};
+use crate::scan::{Setup, hashed};
 
 /// What to do with which file.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +67,7 @@ impl Job<'_> {
         }
         let mut read_with = Vec::new();
         let files = if dialect == Dialect::Krl { together(self.program) } else { vec![self.program.to_owned()] };
-        if let Some(config) = config_of(self.program).filter(|_| dialect == Dialect::Krl) {
+        if let Some(config) = of_controller(self.program, "$config.dat").filter(|_| dialect == Dialect::Krl) {
             frames.or(&load_frames(&config)?);
             read_with.push(config.display().to_string());
         }
@@ -103,7 +106,11 @@ impl Job<'_> {
             .zip(names.iter().zip(&ends))
             .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
             .collect();
-        let mut report = compensate_together(&bytes, &mut parts, dialect, nominal, model, &frames, options)?;
+        let beside = Beside::of(self.program);
+        let elsewhere = |name: &str| beside.routine(name);
+        let program = Program { bytes: &bytes, parts: &mut parts, dialect, elsewhere: &elsewhere };
+        let mut report = compensate_together(program, nominal, model, &frames, options)?;
+        read_with.extend(beside.read.into_inner());
         report.read_with = read_with;
         if self.out.is_none() {
             return Ok(report);
@@ -163,14 +170,55 @@ fn together(program: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// The `$config.dat` that belongs to a KRL program: in its folder, or in `System` of the controller's files.
-fn config_of(program: &Path) -> Option<PathBuf> {
+/// A file of a KRL controller, by its name without regard to case: in the program's folder, or in `Program` or `System` of the
+/// controller's files.
+fn of_controller(program: &Path, name: &str) -> Option<PathBuf> {
     let whole = program.canonicalize().ok()?;
-    let folders = whole.parent()?.ancestors().take(5);
-    let places = folders.flat_map(|f| [f.to_owned(), f.join("System"), f.join("SYSTEM"), f.join("system")]);
-    let names = ["$config.dat", "$CONFIG.DAT", "$Config.dat", "$CONFIG.dat"];
-    let mut all = places.flat_map(|p| names.map(|n| p.join(n)));
-    all.find(|p| p.is_file() && *p != whole)
+    let mut places = whole.parent()?.ancestors().take(5).flat_map(|folder| {
+        std::iter::once(folder.to_owned()).chain(entry(folder, "Program")).chain(entry(folder, "System"))
+    });
+    places.find_map(|place| entry(&place, name).filter(|p| p.is_file() && *p != whole))
+}
+
+/// What is called so in a folder, without regard to case.
+fn entry(folder: &Path, name: &str) -> Option<PathBuf> {
+    let exact = folder.join(name);
+    let is_it = |e: &std::fs::DirEntry| e.file_name().to_string_lossy().eq_ignore_ascii_case(name);
+    let other = || std::fs::read_dir(folder).ok()?.flatten().find(is_it).map(|e| e.path());
+    if exact.exists() { Some(exact) } else { other() }
+}
+
+/// The routines of a KRL controller that a program calls: `NAME.src`, with the .dat beside it.
+struct Beside<'a> {
+    program: &'a Path,
+    /// What each leaves set; `None` as long as it is being read (it calls itself) and where it is in no file.
+    known: RefCell<HashMap<String, Option<Setup>>>,
+    /// Files.
+    read: RefCell<Vec<String>>,
+}
+
+impl<'a> Beside<'a> {
+    fn of(program: &'a Path) -> Self {
+        Self { program, known: RefCell::default(), read: RefCell::default() }
+    }
+
+    /// What the routine of this name leaves set.
+    fn routine(&self, name: &str) -> Option<Setup> {
+        if let Some(known) = self.known.borrow().get(name) {
+            return known.clone();
+        }
+        self.known.borrow_mut().insert(name.to_owned(), None);
+        let source = of_controller(self.program, &format!("{name}.src"))?;
+        let mut bytes = Vec::new();
+        for path in together(&source) {
+            bytes.extend(read_program(&path, &path.display().to_string(), bytes.len()).ok()?);
+            self.read.borrow_mut().push(path.display().to_string());
+        }
+        let scan = Dialect::Krl.scan_with(&bytes, &|name| self.routine(name)).ok()?;
+        let found = scan.routines.get(&hashed(name.as_bytes())).cloned();
+        self.known.borrow_mut().insert(name.to_owned(), found.clone());
+        found
+    }
 }
 
 /// The name of an output beside another, with the extension of its own input.

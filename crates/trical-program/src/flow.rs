@@ -5,8 +5,8 @@
 
 use std::collections::HashMap;
 
-use crate::scan::{Scan, Setup, hashed};
-use crate::text::Cursor;
+use crate::scan::{Call, Scan, Setup, hashed};
+use crate::text::{Cursor, lower};
 
 /// More passes do not change what is left to recursion.
 const MOST_PASSES: usize = 8;
@@ -19,6 +19,10 @@ const IN_BRANCH: &str = "set in a branch";
 const IN_LOOP: &str = "set in a loop";
 const BY_CALLER: &str = "not the same wherever the routine is called";
 const BY_ROUTINE: &str = "not the same wherever a routine returns";
+const ELSEWHERE: &str = "set by a routine of another file";
+
+/// What a routine of another file leaves set, by its name; `None` where no file has it.
+pub type Elsewhere<'a> = &'a dyn Fn(&str) -> Option<Setup>;
 
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Block {
@@ -60,24 +64,50 @@ pub struct Flow {
     known: HashMap<Block, Passage>,
     seen: HashMap<Block, Passage>,
     open: Vec<Open>,
+    /// By the hashed name; the first of each.
+    calls: HashMap<u64, Call>,
 }
 
 impl Flow {
-    /// The scan of the last pass that is needed.
-    pub fn read<T>(mut pass: impl FnMut(Self) -> (Self, T), scan: impl Fn(&mut T) -> &mut Scan) -> T {
+    /// The scan of the last pass that is needed. Routines that are not here are looked for `elsewhere`, if their language has files for them.
+    pub fn read<T>(
+        mut pass: impl FnMut(Self) -> (Self, T),
+        scan: impl Fn(&mut T) -> &mut Scan,
+        elsewhere: Option<Elsewhere<'_>>,
+    ) -> T {
         let mut known = HashMap::new();
         let mut passes = 0;
         loop {
             let (flow, mut made) = pass(Self { known, ..Self::default() });
             passes += 1;
-            let Self { known: before, mut seen, .. } = flow;
+            let Self { known: before, mut seen, calls, .. } = flow;
+            let is_here = |name: &u64| seen.get(&Block::Routine(*name)).is_some_and(|p| p.ends.is_some());
+            let mut calls: Vec<(u64, Call)> = calls.into_iter().filter(|(name, _)| !is_here(name)).collect();
+            // files are read in the order of the calls, whatever the order of hashes
+            calls.sort_unstable_by_key(|(_, call)| call.at);
+            let leaves = seen.iter().filter_map(|(block, p)| match block {
+                Block::Routine(name) => Some((*name, p.leaves()?)),
+                Block::Loop(_) => None,
+            });
+            scan(&mut made).routines = leaves.collect();
+            calls.retain(|(name, call)| match elsewhere.map(|find| find(&call.name)) {
+                Some(Some(ends)) => {
+                    let passage = Passage { begins: Some(Setup::default()), ends: Some(in_any_file(ends)) };
+                    seen.insert(Block::Routine(*name), passage);
+                    false
+                }
+                Some(None) => call.is_statement,
+                None => false,
+            });
             // what is called and stands here, or changes something
             seen.retain(|block, p| match block {
                 Block::Routine(_) => p.begins.is_some() && p.ends.is_some() && *p != Passage::of(Setup::default()),
                 Block::Loop(_) => p.begins != p.ends,
             });
             if seen == before || passes == MOST_PASSES {
-                declare_unknown(scan(&mut made));
+                let scan = scan(&mut made);
+                declare_unknown(scan);
+                scan.calls = calls.into_iter().map(|(_, call)| call).collect();
                 return made;
             }
             known = seen;
@@ -115,16 +145,19 @@ impl Flow {
 
     /// Behind a word, which is a call where a bracket follows.
     pub fn perhaps_called(&mut self, word: &[u8], behind: &Cursor<'_>, now: &mut Setup) {
+        let at = behind.at - word.len();
         let mut behind = *behind;
         behind.skip_blank();
-        if behind.peek() == b'(' {
-            self.call(hashed(word), now);
+        if behind.peek() != b'(' {
+            return;
         }
-    }
-
-    /// At a call.
-    fn call(&mut self, name: u64, now: &mut Setup) {
+        let name = hashed(word);
         self.called(name, now);
+        let call = self.calls.entry(name).or_insert_with(|| Call { name: lower(word), at, is_statement: false });
+        if !call.is_statement {
+            let mut before = behind.bytes[..at].iter().rev().take_while(|b| **b != b'\n');
+            call.is_statement = before.all(u8::is_ascii_whitespace);
+        }
         if let Some(Passage { begins: Some(begins), ends: Some(ends) }) = self.known.get(&Block::Routine(name)) {
             if begins.tool != ends.tool {
                 now.tool.clone_from(&ends.tool);
@@ -191,6 +224,23 @@ impl Passage {
     fn of(setup: Setup) -> Self {
         Self { begins: Some(setup.clone()), ends: Some(setup) }
     }
+
+    /// What it sets, whatever it finds; nothing of a routine that is not here.
+    fn leaves(&self) -> Option<Setup> {
+        let ends = self.ends.clone()?;
+        let begins = self.begins.clone().unwrap_or_default();
+        let set = |begins: Option<String>, ends: Option<String>| ends.filter(|e| begins.as_ref() != Some(e));
+        Some(Setup { tool: set(begins.tool, ends.tool), frame: set(begins.frame, ends.frame) })
+    }
+}
+
+/// What is set by its number means the same in all files.
+fn in_any_file(setup: Setup) -> Setup {
+    let known = |what: &str, name: String| match name.bytes().all(|b| b.is_ascii_digit()) {
+        true => name,
+        false => format!("{UNKNOWN} {what} ({ELSEWHERE})"),
+    };
+    Setup { tool: setup.tool.map(|t| known("tool", t)), frame: setup.frame.map(|f| known("frame", f)) }
 }
 
 /// What was set where nobody knows it stands for nothing usable.

@@ -274,6 +274,20 @@ impl<'a> Tally<'a> {
         (file, line, name)
     }
 
+    /// Routines that nobody has read, in one sentence.
+    pub fn called_elsewhere(&mut self) -> Option<String> {
+        const NAMED: usize = 8;
+        let scan = self.scan;
+        let named = scan.calls.iter().take(NAMED).map(|c| format!("{} (line {})", c.name, self.line(c.at).1));
+        let mut all = named.collect::<Vec<_>>().join(", ");
+        if let Some(more) = scan.calls.len().checked_sub(NAMED).filter(|n| *n > 0) {
+            all += &format!(" and {more} more");
+        }
+        (!all.is_empty()).then(|| {
+            format!("calls routines that are in none of the files read: {all}; they are taken to leave tool and base as they are")
+        })
+    }
+
     pub fn take(&mut self, spot: &Spot, done: Result<Done, String>) {
         let done = match done {
             Ok(done) => done,

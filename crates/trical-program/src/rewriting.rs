@@ -14,6 +14,7 @@ use crate::branch::Configuration;
 use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
 use crate::error::ProgramError;
+use crate::flow::Elsewhere;
 use crate::frames::Frames;
 use crate::options::Options;
 use crate::report::{Report, Tally};
@@ -42,7 +43,20 @@ pub fn compensate(
     sink: &mut dyn Write,
 ) -> Result<Report, ProgramError> {
     let mut whole = [Part { name: file, end: bytes.len(), sink }];
-    compensate_together(bytes, &mut whole, dialect, nominal, model, frames, options)
+    let program = Program { bytes, parts: &mut whole, dialect, elsewhere: &|_| None };
+    compensate_together(program, nominal, model, frames, options)
+}
+
+/// A program of several files that stand one behind the other in `bytes`: names and frames of each hold in all.
+pub struct Program<'a, 'b> {
+    /// The text of all.
+    pub bytes: &'a [u8],
+    /// Its files.
+    pub parts: &'a mut [Part<'b>],
+    /// Its language.
+    pub dialect: Dialect,
+    /// Routines that it calls in files that are not rewritten with it.
+    pub elsewhere: Elsewhere<'a>,
 }
 
 /// One file of a program.
@@ -55,20 +69,18 @@ pub struct Part<'a> {
     pub sink: &'a mut dyn Write,
 }
 
-/// As [`compensate`], of a program of several files that stand one behind the other in `bytes`: names and frames of each hold
-/// in all.
+/// As [`compensate`], of a program of several files.
 ///
 /// # Errors
 /// As there.
 pub fn compensate_together(
-    bytes: &[u8],
-    parts: &mut [Part<'_>],
-    dialect: Dialect,
+    program: Program<'_, '_>,
     nominal: &Model,
     model: &Model,
     frames: &Frames,
     options: &Options,
 ) -> Result<Report, ProgramError> {
+    let Program { bytes, parts, dialect, elsewhere } = program;
     let file = parts.iter().map(|p| p.name).collect::<Vec<_>>().join(" and ");
     let input = |e: String| ProgramError::Input(format!("{file}: {e}"));
     if u32::try_from(bytes.len()).is_err() {
@@ -84,7 +96,7 @@ pub fn compensate_together(
             "is compensated already (it has the mark '{MARK} ...'); compensate the original instead"
         )));
     }
-    let mut scan = dialect.scan(bytes).map_err(input)?;
+    let mut scan = dialect.scan_with(bytes, elsewhere).map_err(input)?;
     if scan.spots.is_empty() && scan.problems.is_empty() {
         return Err(input(format!("no targets found; expected {}", dialect.expected())));
     }
@@ -170,7 +182,9 @@ pub fn compensate_together(
         tally.relative(one.at, all.left(one, wanted, commanded, &mut ws));
     }
     scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
+    let called_elsewhere = tally.called_elsewhere();
     let mut report = tally.report();
+    report.cautions.extend(called_elsewhere);
     report.cautions.extend(configuration_unsaid(&scan));
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));

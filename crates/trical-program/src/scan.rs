@@ -90,6 +90,17 @@ pub enum Visit {
     Unknown,
 }
 
+/// A call of a routine.
+#[derive(Clone, Debug)]
+pub struct Call {
+    /// In lower case.
+    pub name: String,
+    /// Where it stands in the file.
+    pub at: usize,
+    /// Whether its line begins with it; else it may be a function of the language.
+    pub is_statement: bool,
+}
+
 /// What a dialect's reader found.
 #[derive(Debug, Default)]
 pub struct Scan {
@@ -101,6 +112,10 @@ pub struct Scan {
     /// Tools and frames that targets are used with.
     pub setups: Vec<Setup>,
     setup_indices: HashMap<Setup, u32>,
+    /// What each routine, by its hashed name, leaves set.
+    pub routines: HashMap<u64, Setup>,
+    /// Calls of routines that are in no file that was read.
+    pub calls: Vec<Call>,
     /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
     pub visits: Vec<Visit>,
     /// Joints that the program gives to choose a configuration by, rad.

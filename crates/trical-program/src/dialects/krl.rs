@@ -14,7 +14,7 @@ use trical_model::pose::rotation_zyx;
 
 use crate::branch::Configuration;
 use crate::expression::Constants;
-use crate::flow::Flow;
+use crate::flow::{Elsewhere, Flow};
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
@@ -27,6 +27,9 @@ const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC"
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
 /// Variables that say where the arm is.
 const HERE: [&[u8]; 5] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES", b"$AXIS_ACT_MEAS"];
+/// Statements of the language that look like calls.
+const BUILT_IN: [&[u8]; 9] =
+    [b"COPEN", b"CCLOSE", b"CREAD", b"CWRITE", b"CIOCTL", b"SREAD", b"SWRITE", b"MBX_REC", b"ERR_RAISE"];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
 /// Where the mark goes: behind the `&ACCESS` lines, which must come first.
@@ -42,9 +45,9 @@ pub fn header(bytes: &[u8]) -> usize {
     at
 }
 
-/// Reads a .src or .dat file.
+/// Reads a .src or .dat file, or both.
 #[must_use]
-pub fn scan(bytes: &[u8]) -> Scan {
+pub fn scan(bytes: &[u8], elsewhere: Elsewhere<'_>) -> Scan {
     let (moved_to, frame_names) = targets(bytes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
@@ -64,7 +67,8 @@ pub fn scan(bytes: &[u8]) -> Scan {
         reader.file();
         (std::mem::take(&mut reader.flow), reader)
     };
-    let mut reader = Flow::read(pass, |r| &mut r.scan);
+    let mut reader = Flow::read(pass, |r| &mut r.scan, Some(elsewhere));
+    reader.scan.calls.retain(|call| !is_one_of(call.name.as_bytes(), &BUILT_IN));
     let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
     said.sort_unstable();
     for (name, setup) in said {
@@ -206,6 +210,9 @@ impl Reader<'_> {
                 }
             } else if word.eq_ignore_ascii_case(b"BAS") {
                 self.bas();
+            } else if is_one_of(word, &[b"EXT", b"EXTFCT"]) {
+                // what the declared routine is called with
+                self.c.skip_line();
             } else if before.eq_ignore_ascii_case(b"WAIT") || !self.block(from, word) {
                 self.assignment(from, word);
             }
@@ -428,6 +435,10 @@ impl Reader<'_> {
                 self.now.tool = Some(n.unwrap_or_else(|| "(computed)".into()));
             } else if what.eq_ignore_ascii_case(b"BASE") {
                 self.now.frame = Some(n.unwrap_or_else(|| "(computed)".into()));
+            } else if what.eq_ignore_ascii_case(b"EX_BASE") {
+                let what = "the work stands on an external axis (#EX_BASE), which is not supported";
+                self.scan.frames.frames.insert("#ex_base".into(), Err(what.into()));
+                self.now.frame = Some("#ex_base".into());
             }
         }
     }

@@ -12,6 +12,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use trical_model::{Cell, Model, Pose, Robot};
 
+use crate::flow::Elsewhere;
 use crate::scan::Scan;
 
 /// What the comment says that keeps a program from being compensated twice.
@@ -43,7 +44,7 @@ struct Row {
     /// What a file is expected to hold.
     expected: &'static str,
     /// Targets, frames and order of a program.
-    scan: fn(&[u8]) -> Result<Scan, String>,
+    scan: fn(&[u8], Elsewhere<'_>) -> Result<Scan, String>,
     /// Offset of the line that gets the mark.
     header: fn(&[u8]) -> usize,
     /// What stands before and behind the mark in its line; the model's name is left out where lines are short.
@@ -58,7 +59,7 @@ const TABLE: [Row; 5] = [
         maker: "ABB",
         extensions: &["mod", "modx", "sys", "sysx", "prg"],
         expected: "ABB RAPID with robtarget or jointtarget data",
-        scan: |bytes| Ok(rapid::scan(bytes)),
+        scan: |bytes, _| Ok(rapid::scan(bytes)),
         header: rapid::header,
         comment: ("! ", ""),
         names_model: true,
@@ -69,7 +70,7 @@ const TABLE: [Row; 5] = [
         maker: "KUKA",
         extensions: &["src", "dat", "sub"],
         expected: "KUKA KRL with E6POS, POS, FRAME, E6AXIS or AXIS data",
-        scan: |bytes| Ok(krl::scan(bytes)),
+        scan: |bytes, elsewhere| Ok(krl::scan(bytes, elsewhere)),
         header: krl::header,
         comment: ("; ", ""),
         names_model: true,
@@ -80,7 +81,7 @@ const TABLE: [Row; 5] = [
         maker: "",
         extensions: &["ls"],
         expected: "a FANUC .ls listing with positions in /POS",
-        scan: |bytes| Ok(fanuc::scan(bytes)),
+        scan: |bytes, _| Ok(fanuc::scan(bytes)),
         header: fanuc::header,
         // a remark of a TP program holds 32 characters
         comment: ("   :  !", " ;"),
@@ -92,7 +93,7 @@ const TABLE: [Row; 5] = [
         maker: "",
         extensions: &["script", "urscript"],
         expected: "Universal Robots script with p[...] or joints in movej, movel, movep or movec",
-        scan: |bytes| Ok(urscript::scan(bytes)),
+        scan: |bytes, _| Ok(urscript::scan(bytes)),
         header: |_| 0,
         comment: ("# ", ""),
         names_model: true,
@@ -103,7 +104,7 @@ const TABLE: [Row; 5] = [
         maker: "",
         extensions: &["csv"],
         expected: "rows of x_mm,y_mm,z_mm,qw,qx,qy,qz or q1_deg,...",
-        scan: poses_csv::scan,
+        scan: |bytes, _| poses_csv::scan(bytes),
         header: |_| 0,
         comment: ("# ", ""),
         names_model: true,
@@ -157,7 +158,15 @@ impl Dialect {
     /// # Errors
     /// In words, where the file is none of this dialect.
     pub fn scan(self, bytes: &[u8]) -> Result<Scan, String> {
-        (self.row().scan)(bytes)
+        self.scan_with(bytes, &|_| None)
+    }
+
+    /// The same of a program that calls routines of other files.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn scan_with(self, bytes: &[u8], elsewhere: Elsewhere<'_>) -> Result<Scan, String> {
+        (self.row().scan)(bytes, elsewhere)
     }
 
     /// What a file of this dialect is expected to hold.

@@ -49,7 +49,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         reader.file();
         (std::mem::take(&mut reader.flow), reader)
     };
-    let reader = Flow::read(pass, |r| &mut r.scan);
+    let reader = Flow::read(pass, |r| &mut r.scan, None);
     let Reader { mut scan, names, .. } = reader;
     names.resolve(&mut scan, bytes, &|name| {
         format!("goes to '{}', which the script does not give as numbers", String::from_utf8_lossy(name))

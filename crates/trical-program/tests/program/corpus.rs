@@ -311,6 +311,12 @@ const KRL: &[Case] = &[
         &[(3, "stands still"), (5, "stands still")],
     ),
     case(
+        "work on an external axis",
+        "LIN {@0}\nBAS(#EX_BASE,17)\nLIN {@1}\nBAS(#BASE,0)\nLIN {@2}\n",
+        &[1, 5],
+        &[(3, "external axis")],
+    ),
+    case(
         "a tool or base that a branch sets",
         "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nLIN {@0}\nIF A==1 THEN\nBAS(#TOOL,1)\nLIN {@1}\nELSE\nBAS(#TOOL,0)\nENDIF\nLIN {@2}\nBAS(#TOOL,1)\nSWITCH B\nCASE 1\n$BASE=$NULLFRAME\nENDSWITCH\nLIN {@3}\n",
         &[2, 5],

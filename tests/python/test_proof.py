@@ -686,6 +686,23 @@ def test_what_is_added_to_a_real_recording_is_the_effect_alone(name: str, left: 
     assert [r[0] for r in turned] == [r[0] for r in background.text]
 
 
+@pytest.mark.skipif(real.data() is None, reason="recordings are not kept in this repository")
+def test_what_a_real_recording_has_already_is_not_added_to_it() -> None:
+    pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
+    plain = {"final": {"rms_mm": 0.2}, "findings": []}
+
+    def added(said: dict) -> dict:
+        return real.make_case("iiwa7", said, 7, 0)[2]["effects"][0]
+
+    def again(family_confidence: float) -> bool:
+        there = {**first, "family_confidence": family_confidence}
+        then = added({**plain, "findings": [there]})
+        return (then["effect"], then["site"]) == (first["effect"], first["site"])
+
+    first = added(plain)
+    assert again(0.4) and not again(0.5)
+
+
 def test_an_encoders_curve_is_the_same_on_every_turn_and_another_is_not() -> None:
     arm, s = arm_and_session(21, 12, touch=False)
     rng = np.random.default_rng(21)

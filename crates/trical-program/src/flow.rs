@@ -5,8 +5,8 @@
 
 use std::collections::HashMap;
 
-use crate::scan::{Call, Scan, Setup, hashed};
-use crate::text::{Cursor, lower};
+use crate::scan::{Call, Fork, Scan, Setup, hashed};
+use crate::text::{Cursor, begins_line, lower};
 
 /// More passes do not change what is left to recursion.
 const MOST_PASSES: usize = 8;
@@ -143,21 +143,19 @@ impl Flow {
         }
     }
 
-    /// Behind a word, which is a call where a bracket follows.
-    pub fn perhaps_called(&mut self, word: &[u8], behind: &Cursor<'_>, now: &mut Setup) {
+    /// Behind a word, which is a call where a bracket follows: whether it is one, and if so, whether its line begins with it.
+    pub fn perhaps_called(&mut self, word: &[u8], behind: &Cursor<'_>, now: &mut Setup) -> Option<bool> {
         let at = behind.at - word.len();
         let mut behind = *behind;
         behind.skip_blank();
         if behind.peek() != b'(' {
-            return;
+            return None;
         }
         let name = hashed(word);
         self.called(name, now);
-        let call = self.calls.entry(name).or_insert_with(|| Call { name: lower(word), at, is_statement: false });
-        if !call.is_statement {
-            let mut before = behind.bytes[..at].iter().rev().take_while(|b| **b != b'\n');
-            call.is_statement = before.all(u8::is_ascii_whitespace);
-        }
+        let is_statement = begins_line(behind.bytes, at);
+        let call = self.calls.entry(name).or_insert_with(|| Call { name: lower(word), at, is_statement });
+        call.is_statement |= is_statement;
         if let Some(Passage { begins: Some(begins), ends: Some(ends) }) = self.known.get(&Block::Routine(name)) {
             if begins.tool != ends.tool {
                 now.tool.clone_from(&ends.tool);
@@ -166,6 +164,7 @@ impl Flow {
                 now.frame.clone_from(&ends.frame);
             }
         }
+        Some(is_statement)
     }
 
     /// Where a routine may be called from here, at any time (an interrupt).
@@ -198,23 +197,25 @@ impl Flow {
         }
     }
 
-    /// At the end of the block that was opened last.
-    pub fn end(&mut self, now: &mut Setup) {
-        match self.open.pop() {
-            None => {}
-            Some(Open::Routine { name, outside, ends }) => {
+    /// At the end of the block that was opened last: from where the program comes behind it.
+    pub fn end(&mut self, now: &mut Setup) -> Option<Fork> {
+        match self.open.pop()? {
+            Open::Routine { name, outside, ends } => {
                 self.seen.entry(Block::Routine(name)).or_default().ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
                 *now = outside;
+                Some(Fork::Anywhere)
             }
-            Some(Open::Loop { at, before }) => {
+            Open::Loop { at, before } => {
                 let passage = Passage { begins: Some(before.clone()), ends: Some(now.clone()) };
                 self.seen.insert(Block::Loop(at), passage);
                 *now = either(Some(&before), now, IN_LOOP);
+                None
             }
-            Some(Open::Branches { before, ends, complete, .. }) => {
+            Open::Branches { before, ends, complete, .. } => {
                 let past = (!complete).then_some(&before);
                 let all = either(ends.as_ref(), now, IN_BRANCH);
                 *now = either(past, &all, IN_BRANCH);
+                Some(Fork::Closes)
             }
         }
     }

@@ -88,6 +88,21 @@ pub enum Visit {
     Like(u32),
     /// To a place that only the running program knows.
     Unknown,
+    /// No motion: the program need not come from the text above.
+    Fork(Fork),
+}
+
+/// From where the program comes to a place in the text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fork {
+    /// The first of some branches begins.
+    Opens,
+    /// From where the first of them began: another branch.
+    Other,
+    /// From the end of any of them, or past them all.
+    Closes,
+    /// From anywhere: a label, a routine, behind a call of one that moves the arm.
+    Anywhere,
 }
 
 /// A call of a routine.
@@ -292,6 +307,18 @@ pub struct Names {
     listed_at: HashSet<u32>,
     /// Where coordinates of data are changed by some amount, as in `p.trans.z:=p.trans.z+50`.
     changed: HashMap<u64, Vec<u32>>,
+    /// The routine that is being read, behind those around it.
+    within: Vec<u64>,
+    /// Routines of this file.
+    routines: HashMap<u64, Routine>,
+}
+
+#[derive(Debug, Default)]
+struct Routine {
+    /// Whether a motion stands in it.
+    moves: bool,
+    /// What it calls; not followed where it moves the arm itself.
+    calls: Vec<u64>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -315,6 +342,10 @@ enum Use {
         at: u32,
     },
     Direct(Visit),
+    Called {
+        name: u64,
+        elsewhere: bool,
+    },
 }
 
 /// What is wrong with a tool or frame that the program changes.
@@ -356,6 +387,9 @@ impl Names {
     /// A motion to a named target; the name stands at `at`.
     pub fn used(&mut self, name: u64, setup: u32, way: Way, at: usize) {
         let group = self.defined.get(&name).copied();
+        if !matches!(way, Way::Said) {
+            self.moves();
+        }
         self.uses.push(Use::Named { name, group, setup, way, at: u32::try_from(at).unwrap_or(u32::MAX) });
     }
 
@@ -405,7 +439,7 @@ impl Names {
             Some(g) => {
                 g.used = g.used.or(Some(OWN_SETUP));
                 let visit = if relative { Visit::Unknown } else { Visit::To(g.first) };
-                self.uses.push(Use::Direct(visit));
+                self.visit(visit);
             }
             None => self.used(name, OWN_SETUP, Way::To, at),
         }
@@ -413,16 +447,77 @@ impl Names {
 
     /// A motion that needs no name.
     pub fn visit(&mut self, visit: Visit) {
+        self.moves();
         self.uses.push(Use::Direct(visit));
+    }
+
+    /// From where the program comes to here.
+    pub fn fork(&mut self, fork: Fork) {
+        self.uses.push(Use::Direct(Visit::Fork(fork)));
+    }
+
+    /// A routine begins here.
+    pub fn routine(&mut self, name: u64) {
+        self.within.push(name);
+        self.routines.entry(name).or_default();
+        self.fork(Fork::Anywhere);
+    }
+
+    /// A block ends here; a routine, where the program comes to what is behind it from anywhere.
+    pub fn end(&mut self, fork: Option<Fork>) {
+        if fork == Some(Fork::Anywhere) {
+            self.within.pop();
+        }
+        fork.into_iter().for_each(|f| self.fork(f));
+    }
+
+    /// Something is called here; `elsewhere` says that it may move the arm if it is no routine of this file.
+    pub fn called(&mut self, name: u64, elsewhere: bool) {
+        if let Some(own) = self.own_routine().filter(|own| !own.moves) {
+            own.calls.push(name);
+        }
+        self.uses.push(Use::Called { name, elsewhere });
+    }
+
+    fn own_routine(&mut self) -> Option<&mut Routine> {
+        self.within.last().and_then(|name| self.routines.get_mut(name))
+    }
+
+    fn moves(&mut self) {
+        if let Some(own) = self.own_routine().filter(|own| !own.moves) {
+            *own = Routine { moves: true, calls: Vec::new() };
+        }
+    }
+
+    /// Which routines of this file move the arm, themselves or by what they call.
+    fn moving(&self) -> HashSet<u64> {
+        let mut callers: HashMap<u64, Vec<u64>> = HashMap::new();
+        for (name, own) in &self.routines {
+            own.calls.iter().for_each(|called| callers.entry(*called).or_default().push(*name));
+        }
+        let mut next: Vec<u64> = self.routines.iter().filter(|(_, own)| own.moves).map(|(name, _)| *name).collect();
+        let mut moving = HashSet::new();
+        while let Some(name) = next.pop() {
+            if moving.insert(name) {
+                next.extend(callers.get(&name).into_iter().flatten());
+            }
+        }
+        moving
     }
 
     /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
     /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
     pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
+        let moving = self.moving();
         for u in std::mem::take(&mut self.uses) {
             let (name, group, setup, way, at) = match u {
                 Use::Direct(v) => {
                     scan.visits.push(v);
+                    continue;
+                }
+                Use::Called { name, elsewhere } => {
+                    let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
+                    scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
                     continue;
                 }
                 Use::Named { name, group, setup, way, at } => (name, group, setup, way, at),

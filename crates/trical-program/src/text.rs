@@ -51,6 +51,12 @@ pub fn number(text: &[u8]) -> Option<f64> {
 /// Bytes that are looked at ahead, at most.
 const FARTHEST: usize = 1000;
 
+/// Whether nothing but blanks stands in the line before `at`.
+#[must_use]
+pub fn begins_line(bytes: &[u8], at: usize) -> bool {
+    bytes[..at].iter().rev().take_while(|b| **b != b'\n').all(u8::is_ascii_whitespace)
+}
+
 /// Whether a text has this name in it, in capitals or not.
 #[must_use]
 pub fn mentions(text: &[u8], name: &[u8]) -> bool {

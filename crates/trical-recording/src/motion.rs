@@ -15,7 +15,7 @@ pub struct JointSample {
 ///
 /// A joint changes its sense when it has moved by more than the dead band against it; smaller wiggles (resolver noise,
 /// rounding to five decimals of a degree) leave the sense as it is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MotionSense {
     dead_band: f64,
     reference: Option<Joints>,

@@ -7,7 +7,7 @@ use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
 use super::arms::Compensator;
 use crate::branch::Configuration;
 use crate::literal::Meant;
-use crate::scan::{Spot, Visit};
+use crate::scan::{Fork, Spot, Visit};
 use trical_recording::motion::MotionSense;
 
 /// Motions to shifted places that are looked at one by one, at most.
@@ -49,7 +49,10 @@ impl Compensator<'_> {
         let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
         let mut ws = self.workspaces();
         let mut last = [0.0; MAX_JOINTS];
-        let mut sense = MotionSense::new(MotionSense::DEAD_BAND);
+        let unknown = MotionSense::new(MotionSense::DEAD_BAND);
+        let mut sense = unknown.clone();
+        // of each branch that is open: before the first of them, and whether one moves the arm
+        let mut open: Vec<(MotionSense, bool)> = Vec::new();
         let unvisited = {
             let mut seen = vec![false; self.scan.spots.len()];
             for v in &self.scan.visits {
@@ -76,7 +79,19 @@ impl Compensator<'_> {
                 given += size;
             }
             match visit {
-                Visit::Unknown => sense = MotionSense::new(MotionSense::DEAD_BAND),
+                Visit::Unknown | Visit::Fork(Fork::Anywhere) => sense = unknown.clone(),
+                Visit::Fork(Fork::Opens) => open.push((sense.clone(), false)),
+                Visit::Fork(Fork::Other) => {
+                    if let Some((before, moves)) = open.last_mut() {
+                        *moves |= sense != *before;
+                        sense.clone_from(before);
+                    }
+                }
+                Visit::Fork(Fork::Closes) => {
+                    if open.pop().is_some_and(|(before, moves)| moves || sense != before) {
+                        sense = unknown.clone();
+                    }
+                }
                 Visit::Like(k) => last = self.scan.nearest.get(k as usize).copied().unwrap_or(last),
                 Visit::Near { spot, shift, in_tool, at } => {
                     match self.scan.spots.get(spot as usize).and_then(|s| self.near(s, &shift, in_tool, &last, &mut ws))
@@ -89,7 +104,7 @@ impl Compensator<'_> {
                                 shifted.push(Shifted { spot, at, shift, in_tool, start });
                             }
                         }
-                        None => sense = MotionSense::new(MotionSense::DEAD_BAND),
+                        None => sense = unknown.clone(),
                     }
                 }
                 Visit::To(k) => {

@@ -12,7 +12,7 @@ use trical_model::Pose;
 use crate::branch::Configuration;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::scan::{Fork, Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
 use crate::text::{Cursor, Span, lower};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
@@ -272,6 +272,17 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
         let upper = bytes[offset..continued(bytes, at, end)].to_ascii_uppercase();
+        let word = upper.split(|b| !b.is_ascii_alphabetic()).next().unwrap_or_default();
+        let fork = match word {
+            b"LBL" => Some(Fork::Anywhere),
+            b"ELSE" => Some(Fork::Other),
+            b"ENDIF" => Some(Fork::Closes),
+            b"IF" if has(&upper, b"THEN") => Some(Fork::Opens),
+            // what other programs do is not read
+            _ if has(&upper, b"CALL") => Some(Fork::Anywhere),
+            _ => None,
+        };
+        fork.into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
         if upper.contains(&b'=') && (upper.starts_with(b"UTOOL[") || upper.starts_with(b"UFRAME[")) {
             scan.problems.push((offset, changed_here("a tool or user frame")));

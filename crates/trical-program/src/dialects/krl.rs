@@ -17,8 +17,8 @@ use crate::expression::Constants;
 use crate::flow::{Elsewhere, Flow};
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
-use crate::text::{Cursor, Span, lower, mentions, moved_to};
+use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::text::{Cursor, Span, begins_line, lower, mentions, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
@@ -242,12 +242,15 @@ impl Reader<'_> {
 
     /// Words that begin or end routines, branches and loops, and calls.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
-        let Self { flow, now, c, .. } = self;
+        let Self { flow, now, c, names, .. } = self;
         let is = |words: &[&[u8]]| is_one_of(word, words);
         if is(&[b"DEF", b"DEFFCT"]) {
-            flow.routine(before_bracket(c), now);
+            let name = before_bracket(c);
+            flow.routine(name, now);
+            names.routine(name);
         } else if is(&[b"END", b"ENDFCT"]) {
             flow.end_routine(now);
+            names.end(Some(Fork::Anywhere));
         } else if is(&[b"RETURN"]) {
             flow.returns(now);
         } else if is(&[b"INTERRUPT"]) {
@@ -256,12 +259,19 @@ impl Reader<'_> {
             flow.repeat(from, now);
         } else if is(&[b"IF", b"SWITCH"]) {
             flow.branches(now, is(&[b"IF"]));
+            names.fork(Fork::Opens);
         } else if is(&[b"ELSE", b"CASE", b"DEFAULT"]) {
             flow.branch(now, !is(&[b"CASE"]));
+            names.fork(Fork::Other);
         } else if is(&[b"ENDIF", b"ENDSWITCH", b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]) {
-            flow.end(now);
+            names.end(flow.end(now));
+        } else if c.peek() == b':' && begins_line(c.bytes, from) {
+            // a label
+            names.fork(Fork::Anywhere);
         } else {
-            flow.perhaps_called(word, c, now);
+            if let Some(is_statement) = flow.perhaps_called(word, c, now) {
+                names.called(hashed(word), is_statement && !is_one_of(word, &BUILT_IN));
+            }
             return false;
         }
         true

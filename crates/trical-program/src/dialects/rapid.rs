@@ -11,8 +11,8 @@ use crate::branch::Configuration;
 use crate::expression::Constants;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
-use crate::text::{Cursor, Span, lower, mentions, number};
+use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::text::{Cursor, Span, begins_line, lower, mentions, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
 const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
@@ -162,11 +162,42 @@ impl Reader<'_> {
                 && ![&b"proc"[..], b"func", b"trap", b"module"].iter().any(|k| before.eq_ignore_ascii_case(k))
             {
                 self.motion(word);
-            } else {
+            } else if !self.block(word) {
                 self.assignment(from, word);
             }
             before = word;
         }
+    }
+
+    /// Words that begin or end routines and branches.
+    fn block(&mut self, word: &[u8]) -> bool {
+        let is = |words: &[&[u8]]| words.iter().any(|k| word.eq_ignore_ascii_case(k));
+        if is(&[b"proc", b"func", b"trap"]) {
+            if is(&[b"func"]) {
+                self.c.skip_space();
+                // the kind of its value
+                self.c.word();
+            }
+            self.c.skip_space();
+            let name = hashed(self.c.word());
+            self.names.routine(name);
+        } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
+            self.names.end(Some(Fork::Anywhere));
+        } else if is(&[b"if"]) {
+            // `IF c THEN ... ENDIF`, or one instruction behind the condition
+            if mentions(self.c.clone().until(b";"), b"THEN") {
+                self.names.fork(Fork::Opens);
+            }
+        } else if is(&[b"test"]) {
+            self.names.fork(Fork::Opens);
+        } else if is(&[b"elseif", b"else", b"case", b"default"]) {
+            self.names.fork(Fork::Other);
+        } else if is(&[b"endif", b"endtest"]) {
+            self.names.fork(Fork::Closes);
+        } else {
+            return false;
+        }
+        true
     }
 
     /// `CONST num h:=200;`
@@ -191,8 +222,14 @@ impl Reader<'_> {
             self.c.at += 1;
             is_part |= !self.c.word().is_empty();
         }
+        let label = self.c.peek() == b':' && !is_part && begins_line(self.c.bytes, from);
         if !(self.c.eat(b':') && self.c.eat(b'=')) {
             self.c = start;
+            if label {
+                self.names.fork(Fork::Anywhere);
+            } else if begins_line(self.c.bytes, from) {
+                self.names.called(hashed(word), false);
+            }
             return;
         }
         let name = hashed(word);

@@ -14,7 +14,7 @@ use crate::expression::Constants;
 use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::{Meant, Shape};
-use crate::scan::{Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, hashed};
 use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
@@ -210,20 +210,30 @@ impl Reader<'_> {
 
     /// Words that begin or end routines, branches and loops, and calls.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
-        let Self { flow, now, c, .. } = self;
+        let Self { flow, now, c, names, .. } = self;
         match word {
             b"def" | b"thread" => {
                 c.skip_blank();
-                flow.routine(hashed(c.word()), now);
+                let name = hashed(c.word());
+                flow.routine(name, now);
+                names.routine(name);
                 c.skip_line();
             }
             b"return" => flow.returns(now),
             b"while" => flow.repeat(from, now),
-            b"if" => flow.branches(now, true),
-            b"elif" | b"else" => flow.branch(now, word == b"else"),
-            b"end" => flow.end(now),
+            b"if" => {
+                flow.branches(now, true);
+                names.fork(Fork::Opens);
+            }
+            b"elif" | b"else" => {
+                flow.branch(now, word == b"else");
+                names.fork(Fork::Other);
+            }
+            b"end" => names.end(flow.end(now)),
             _ => {
-                flow.perhaps_called(word, c, now);
+                if flow.perhaps_called(word, c, now).is_some() {
+                    names.called(hashed(word), false);
+                }
                 return false;
             }
         }

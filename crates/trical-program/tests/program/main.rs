@@ -172,6 +172,65 @@ fn senses_matter_and_unknown_ones_are_zero() {
     assert!((q2(&lines[3]) - q2(&lines[1]) - 0.4e-3_f64.to_degrees()).abs() < 2e-4, "{lines:?}");
 }
 
+/// A program in which joint 2 goes to what stands behind each `@`, and whether it comes there from below (+), from above (-), or from nobody knows
+/// where (=); `motion` writes the k-th of them.
+fn senses(d: Dialect, text: &str, motion: &dyn Fn(usize, &str) -> String) -> (String, String) {
+    let nominal = nominal(IRB);
+    let gap = Term { value: 0.4e-3, ..Term::new("gap_2", "test", Site::Joint { joint: 2 }, Basis::direction(2)) };
+    let real = Model { terms: vec![gap], ..nominal.clone() };
+    let mut pieces = text.split('@');
+    let (mut program, mut told, mut going) = (pieces.next().unwrap().to_owned(), String::new(), Vec::new());
+    for (k, piece) in pieces.enumerate() {
+        let (q2, rest) = piece.split_at(2);
+        program += &motion(k + 1, q2);
+        told.push_str(&rest[..1]);
+        going.push(q2.parse::<f64>().unwrap().to_radians());
+        program += &rest[1..];
+    }
+    let positions: String = going
+        .iter()
+        .zip(1..)
+        .map(|(q2, k)| format!("P[{k}]{{\n GP1:\n\tUF : 0, UT : 0,\n\tJ1= 10 deg,\tJ2= {:.1} deg,\tJ3= {:.1} deg,\tJ4= 5 deg,\tJ5= 60 deg,\tJ6= -7 deg\n}};\n", q2.to_degrees(), 10.0 - q2.to_degrees()))
+        .collect();
+    let (_, report) = run(program.replace("POSITIONS", &positions).as_bytes(), d, &nominal, &real, &Frames::default());
+    assert_eq!((report.rows.len(), &report.problems[..]), (going.len(), &[][..]), "{program}");
+    let found = report.rows.iter().zip(&going).map(|(row, q2)| match q2 - row.joints[1] {
+        off if off.abs() < 1e-6 => '=',
+        off if off > 0.0 => '+',
+        _ => '-',
+    });
+    (found.collect(), told)
+}
+
+#[test]
+fn where_the_program_may_come_from_elsewhere_no_sense_is_taken_from_the_text_above() {
+    let rapid = "MODULE m\nPROC main()\n@20=\n@30+\nIF a THEN\n@20-\nELSEIF b THEN\n@25-\nELSE\n@25-\nENDIF\n@27=\n@20-\nIF b THEN\nSetDO x,1;\nENDIF\n@30+\n\
+        TEST k\nCASE 1:\n@20-\nDEFAULT:\n@25-\nENDTEST\n@27=\n@20-\nIF c SetDO x,1;\nwait 1;\n@30+\npick;\n@20=\n@30+\nopen;\n@20-\nagain:\n@30=\nfetch 3;\n@20=\n\
+        ENDPROC\nPROC fetch(num k)\npick;\nENDPROC\nPROC pick()\n@20=\n@30+\nENDPROC\nPROC open()\nSetDO x,0;\nENDPROC\nENDMODULE\n";
+    let krl = "DEF main()\n@20=\n@30+\nIF a THEN\n@20-\nELSE\n@25-\nENDIF\n@27=\n@20-\nIF b THEN\n$OUT[1]=TRUE\nENDIF\n@30+\n\
+        SWITCH k\nCASE 1\n@20-\nDEFAULT\n@25-\nENDSWITCH\n@27=\n@20-\npick()\n@30=\n@20-\nopen()\n@30+\nagain:\n@20=\n@30+\nother()\n@20=\n\
+        END\nDEF pick()\n@20=\n@30+\nEND\nDEF open()\n$OUT[1]=TRUE\nEND\n";
+    let ur = "def main():\ndef pick():\n@20=\n@30+\nend\ndef open():\nset_digital_out(1,True)\nend\ndef fetch():\npick()\nend\n@20=\n@30+\nif a:\n@20-\nelif b:\n@25-\n\
+        else:\n@25-\nend\n@27=\n@20-\nif b:\nopen()\nend\n@30+\nwhile a:\n@20-\n@30+\nend\n@20-\nfetch()\n@30=\n@20-\nopen()\n@30+\nend\n";
+    let fanuc = "/PROG A\n/MN\n1:@20=\n2:@30+\n3:IF (DI[1]=ON) THEN ;\n4:@20-\n5:ELSE ;\n6:@25-\n7:ENDIF ;\n8:@27=\n9:@20-\n10:IF DI[1]=ON,JMP LBL[1] ;\n11:@30+\n\
+        12:CALL PICK ;\n13:@20=\n14:@30+\n15:LBL[1:again] ;\n16:@20=\n17:IF DI[1]=ON,CALL PICK ;\n18:@30=\n19:DO[1]=ON ;\n20:@20-\n/POS\nPOSITIONS/END\n";
+    let third = |q2: &str| 10.0 - q2.parse::<f64>().unwrap();
+    let radians = |q2: &str| [10.0, q2.parse::<f64>().unwrap(), third(q2), 5.0, 60.0, -7.0].map(f64::to_radians);
+    let abb =
+        |_, q2: &str| format!("MoveAbsJ [[10,{q2},{},5,60,-7],[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;", third(q2));
+    let kuka = |_, q2: &str| format!("PTP {{A1 10,A2 {q2},A3 {},A4 5,A5 60,A6 -7}}", third(q2));
+    let teach: &dyn Fn(usize, &str) -> String = &|k, _| format!("J P[{k}] 100% FINE ;");
+    for (d, text, motion) in [
+        (Dialect::Rapid, rapid, &abb as &dyn Fn(usize, &str) -> String),
+        (Dialect::Krl, krl, &kuka),
+        (Dialect::UrScript, ur, &|_, q2| format!("movej({:?})", radians(q2))),
+        (Dialect::Fanuc, fanuc, teach),
+    ] {
+        let (found, told) = senses(d, text, motion);
+        assert_eq!(found, told, "{d:?}");
+    }
+}
+
 #[test]
 fn twice_is_refused_and_so_is_what_is_no_program() {
     for (d, text, frames, nominal, _) in programs() {

@@ -395,8 +395,8 @@ def beside(design: Design, effect: dict, findings: list[dict]) -> float:
 def make_case(name: str, said: dict, seed: int, index: int) -> tuple[str, dict[str, str], dict]:
     """Id, files, truth of one effect added to a background of which the program says `said`.
 
-    What is said of it already is not added: the recording then has the sum of the two, whose size nobody knows (a twist was
-    once taken out again to a twentieth), or has the name without what was added.
+    What is said of it already is not added: the recording would have the sum of the two, whose size nobody knows (a
+    twist was once taken out again to a twentieth), and the name without the addition.
     """
     import make
 

@@ -245,6 +245,31 @@ mod tests {
             .collect()
     }
 
+    /// Wherever the hill is, it is climbed to its top, and white noise stays where there is none.
+    #[test]
+    fn the_likeliest_is_found_wherever_it_is() {
+        let place = |c: CorrelatedNoise| {
+            let k = AUTOCORRELATIONS.iter().position(|kept| *kept == c.kept)?;
+            Some((k, WHITE_SHARES.iter().position(|white| *white == c.white)?))
+        };
+        for top in (0..AUTOCORRELATIONS.len()).flat_map(|k| (0..WHITE_SHARES.len()).map(move |w| (k, w))) {
+            let nats = |height: f64| {
+                move |c: CorrelatedNoise| {
+                    let apart = |p: (usize, usize)| (p.0.abs_diff(top.0).pow(2) + p.1.abs_diff(top.1).pow(2)) as f64;
+                    Ok::<_, ()>(place(c).map_or(0.0, |p| height - 0.5 * apart(p)))
+                }
+            };
+            let (found, most) = CorrelatedNoise::likeliest(100_000, nats(50.0)).unwrap();
+            assert_eq!((place(found), most), (Some(top), 50.0 - CORRELATED_NATS));
+            let (found, most) = CorrelatedNoise::likeliest(100_000, nats(0.9 * CORRELATED_NATS)).unwrap();
+            assert_eq!((found, most), (CorrelatedNoise::WHITE, 0.0));
+        }
+        // too few measurements for slow noise
+        let slow = |c: CorrelatedNoise| Ok::<_, ()>(100.0 * c.kept);
+        let (found, _) = CorrelatedNoise::likeliest(45, slow).unwrap();
+        assert!(found.kept > 0.7 && found.kept < 0.85, "{found:?}");
+    }
+
     /// As many points of two targets in turn.
     fn points(count: usize) -> Dataset {
         let row = |k| Row {

@@ -326,27 +326,11 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use trical_ident::{Choice, ParameterSet, identify};
-    use trical_model::{Basis, Shape, Site, Variable};
+    use trical_model::{Basis, Shape, Variable};
 
     use super::*;
-    use crate::candidate::anything;
     use crate::linear::Design;
-    use crate::test_data::with_joint_2;
-
-    fn of(cause: Cause, joint: usize, shape: Shape) -> Candidate {
-        let basis = Basis::new(Variable::Joint { joint }, shape);
-        Candidate {
-            cause,
-            site: Place::Joint(joint),
-            behaviour: format!("joint {joint} is off"),
-            terms: vec![Term::new("t", cause.name(), Site::Joint { joint }, basis)],
-            signs: vec![0],
-            physical: anything,
-            typical: 1e-4,
-            scales: vec![1e-3],
-            log_prior: 0.0,
-        }
-    }
+    use crate::test_data::{off as of, with_joint_2};
 
     fn ripple(joint: usize, cycles: f64) -> Candidate {
         of(EffectId::GearRipple.into(), joint, Shape::Sine { cycles })
@@ -409,6 +393,25 @@ mod tests {
         assert_eq!([f.evidence.holdout_rms_before_mm, f.evidence.forward_rms_after_mm], [0.3, 0.4]);
         assert!(f.rivals.is_empty() && rivals.is_empty() && f.next_measurements.is_none(), "{:?}", f.rivals);
         assert_eq!((f.scope, f.family, f.site), (Scope::Arm, crate::effects::Family::Transmission, Place::Joint(2)));
+    }
+
+    #[test]
+    fn what_has_no_name_is_as_large_as_what_the_model_without_it_leaves_at_poses() {
+        let (told, left) = asked(|search, start, fitted| {
+            let state = search.with(start, &[0]);
+            let data = with_joint_2(&[]).1;
+            let proof = |blocks| Proof { blocks, forward: blocks };
+            let group = Group { members: vec![1] };
+            // what is left at other data, of another arm: its size in mm is theirs
+            let told = unexplained_from(search, &state, &group, &fitted.model, [proof(0.3), proof(0.2)], &data);
+            let errors = position_errors(&Forward::new(fitted.model.clone(), Vec::new()).unwrap(), &data);
+            let share = 1.0 - search.with(&state, &[1]).ss / state.ss;
+            let square: f64 = errors.iter().map(|e| e * e * 1e6).sum();
+            (told, (square / 200.0 * share / (1.0 - share)).sqrt())
+        });
+        assert!((told.rms_mm / left - 1.0).abs() < 1e-9 && left > 0.1, "{} {left}", told.rms_mm);
+        assert_eq!((told.variable.as_str(), told.site), ("q2", Place::Joint(2)));
+        assert_eq!([told.holdout_rms_before_mm, told.holdout_rms_after_mm], [0.3, 0.2]);
     }
 
     #[test]

@@ -527,3 +527,76 @@ impl<'a> Search<'a> {
 fn whole(evidence: f64) -> f64 {
     (evidence / SAME_EVIDENCE_NATS).round()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_ident::{Choice, ParameterSet, identify};
+    use trical_model::{Basis, Shape, Variable};
+
+    use super::*;
+    use crate::effect_id::EffectId;
+    use crate::test_data::{off, with_joint_2};
+
+    const CYCLES: [(usize, f64); 5] = [(2, 9.0), (2, 14.0), (2, 14.3), (3, 23.0), (2, 40.0)];
+
+    /// Of an arm whose joint 2 is off by waves of 9, 14 and 40 cycles: what `ask` says of the [`CYCLES`], of which two are not there.
+    fn asked<T>(ask: impl Fn(Search<'_>, &RegressionState) -> T) -> T {
+        let wave = |cycles| Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles });
+        let (truth, data) = with_joint_2(&[(wave(9.0), 3e-4), (wave(14.0), 5e-4), (wave(40.0), -2e-4)]);
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let ripple = |(joint, cycles)| off(EffectId::GearRipple.into(), joint, Shape::Sine { cycles });
+        let all: Vec<Candidate> = CYCLES.map(ripple).into();
+        let design = Design::new(&fitted.model, &all, &data, &fitted.noise).unwrap();
+        ask(Search::new(&design, &all, 1.0), &design.start())
+    }
+
+    fn sorted(mut set: Vec<usize>) -> Vec<usize> {
+        set.sort_unstable();
+        set
+    }
+
+    #[test]
+    fn a_choice_ends_at_what_is_there_from_wherever_it_begins() {
+        for initial in [&[][..], &[2], &[2, 3], &[3, 0, 2]] {
+            let chosen = asked(|mut search, start| search.choose(start, initial));
+            assert_eq!(sorted(chosen), [0, 1, 4], "{initial:?}");
+        }
+    }
+
+    #[test]
+    fn one_is_replaced_by_a_better_one_only_where_that_is_asked_for() {
+        let swapped = |asked_of: bool| {
+            asked(|search, start| {
+                let mut chosen = vec![0, 2, 4];
+                search.swap(start, &mut chosen, &|c| asked_of || c != 2);
+                sorted(chosen)
+            })
+        };
+        assert_eq!((swapped(true), swapped(false)), (vec![0, 1, 4], vec![0, 2, 4]));
+    }
+
+    #[test]
+    fn what_is_of_no_use_beside_the_others_is_dropped_and_the_rest_has_its_size() {
+        let earned = asked(|search, start| search.each_beside_others(start, &[4, 3, 1, 0]));
+        let sizes: Vec<(usize, f64)> = earned.iter().map(|(c, coefficients)| (*c, coefficients[0])).collect();
+        for ((c, size), (there, true_size)) in sizes.iter().zip([(4, -2e-4), (1, 5e-4), (0, 3e-4)]) {
+            assert!(*c == there && (size - true_size).abs() < 1e-5, "{sizes:?}");
+        }
+        assert_eq!(sizes.len(), 3);
+        let first = asked(|search, start| search.first(start, &[3], 2));
+        assert_eq!(sorted(first), [0, 1], "of three that are there, the two largest");
+    }
+
+    #[test]
+    fn evidence_adds_up_and_the_best_comes_first() {
+        asked(|search, start| {
+            let ranked: Vec<usize> = search.rank(start).iter().map(|r| r.candidate).collect();
+            assert_eq!(ranked[..1], [1]);
+            let [nine, both] = [&[0][..], &[0, 1]].map(|set| search.total(start, set));
+            let beside = search.evidence(&search.with(start, &[0]), 1).unwrap().evidence;
+            assert!((nine + beside - both).abs() < 1e-6 && beside > 100.0, "{nine} {beside} {both}");
+        });
+    }
+}

@@ -4,7 +4,12 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::{Aim, Dataset, JointSource, ParameterSet, Scatter, simulate};
-use trical_model::{Basis, Cell, Forward, Measured, Model, Recording, Robot, Row, Site, State, Term};
+use trical_model::{
+    Basis, Cell, Forward, Measured, Model, Place, Recording, Robot, Row, Shape, Site, State, Term, Variable,
+};
+
+use crate::candidate::{Candidate, anything};
+use crate::effect_id::Cause;
 
 #[path = "../../trical-ident/tests/common/arm.rs"]
 mod arm;
@@ -75,4 +80,20 @@ pub(crate) fn with_joint_2(hidden: &[(Basis, f64)]) -> (Model, Dataset) {
     let recording = simulate(&truth, &rows, &Scatter { length: 1e-5, angle: 0.0, seed: 3 }, None).unwrap();
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     (truth, data)
+}
+
+/// A joint is off by what a shape of its own angle says, at sizes of 1 mrad.
+pub(crate) fn off(cause: Cause, joint: usize, shape: Shape) -> Candidate {
+    let basis = Basis::new(Variable::Joint { joint }, shape);
+    Candidate {
+        cause,
+        site: Place::Joint(joint),
+        behaviour: format!("joint {joint} is off"),
+        terms: vec![Term::new("t", cause.name(), Site::Joint { joint }, basis)],
+        signs: vec![0],
+        physical: anything,
+        typical: 1e-4,
+        scales: vec![1e-3],
+        log_prior: 0.0,
+    }
 }

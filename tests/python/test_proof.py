@@ -797,14 +797,12 @@ def test_lambda_beside_the_rest_is_less_where_the_rest_says_the_same() -> None:
     design = Design(arm, s)
     ratio = {"effect": "gear_ratio", "site": {"joint": 2}, "p": {"k": 5e-4}}
 
-    def beside(effect: str, joint: int, sure: float = 0.9) -> float:
-        there = {"effect": effect, "site": {"joint": joint}, "family_confidence": sure}
-        return real.beside(design, ratio, [there])
+    def beside(effect: str, joint: int) -> float:
+        return real.beside(design, ratio, [{"effect": effect, "site": {"joint": joint}}])
 
     alone = design.lam([ratio])
     assert beside("encoder_error", 2) < 0.3 * alone
     assert beside("encoder_error", 5) > 0.7 * alone
-    assert beside("encoder_error", 2, 0.4) == pytest.approx(alone)
     assert beside("gear_ratio", 2) == pytest.approx(alone)
 
 

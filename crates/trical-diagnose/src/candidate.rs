@@ -1,6 +1,6 @@
 //! One explanation of the residuals that can be tried.
 
-use trical_model::{Basis, Place, Shape, Term, Variable};
+use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
 use crate::covariates::{is_order, moment};
 use crate::effect_id::Cause;
@@ -146,6 +146,26 @@ impl Candidate {
         }
     }
 
+    /// Whether a wave of the joint's own angle is so steep that the joint would turn back where it is told to go on: no error of a joint does that, and
+    /// no target could be corrected for it.
+    #[must_use]
+    pub fn turns_back(&self, coefficients: &[f64]) -> bool {
+        let slope = |(t, c): (&Term, &f64)| match (t.site, t.basis) {
+            (
+                Site::Joint { joint: at },
+                Basis {
+                    of: Variable::Joint { joint },
+                    shape: Shape::Sine { cycles } | Shape::Cosine { cycles },
+                    sense: None,
+                    beside: None,
+                    ..
+                },
+            ) if at == joint => cycles * c,
+            _ => 0.0,
+        };
+        self.terms.iter().zip(coefficients).map(slope).fold(0.0, f64::hypot) >= 1.0
+    }
+
     /// Where on its axis a joint gives way, if it is between: the share of the way from its origin to its foot.
     #[must_use]
     pub fn share(&self) -> Option<f64> {
@@ -202,7 +222,6 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::effect_id::UNEXPLAINED;
-    use trical_model::Site;
 
     fn of(bases: &[Basis]) -> Candidate {
         let term = |b: &Basis| Term::new("t", UNEXPLAINED, Site::Joint { joint: 2 }, *b);
@@ -220,6 +239,20 @@ mod tests {
     }
 
     const Q2: Variable = Variable::Joint { joint: 2 };
+
+    #[test]
+    fn a_wave_turns_a_joint_back_where_it_falls_faster_than_the_angle_grows() {
+        let waves =
+            |angle, cycles| [Shape::Sine { cycles }, Shape::Cosine { cycles }].map(|shape| Basis::new(angle, shape));
+        let fast = of(&waves(Q2, 5000.0));
+        // 5000 cycles of 0.2 mrad: 1 rad for each
+        assert!(fast.turns_back(&[1.5e-4, 1.5e-4]) && !fast.turns_back(&[1.3e-4, 1.3e-4]));
+        assert!(fast.turns_back(&[0.0, -2.1e-4]) && !of(&waves(Q2, 100.0)).turns_back(&[5e-3, 5e-3]));
+        // another joint's angle, or the sense of its motion, is not its own
+        assert!(!of(&waves(Variable::Joint { joint: 3 }, 5000.0)).turns_back(&[1.0, 1.0]));
+        let sense = waves(Q2, 5000.0).map(|b| Basis { sense: Some(2), ..b });
+        assert!(!of(&sense).turns_back(&[1.0, 1.0]) && !of(&[Basis::CONSTANT]).turns_back(&[1e9]));
+    }
 
     #[test]
     fn what_a_candidate_may_be_asked_is_what_its_shape_has_and_can_be_put_elsewhere() {

@@ -107,6 +107,9 @@ impl<'a> Search<'a> {
             return true;
         }
         let c = self.design.coefficients(state, candidate);
+        if own.turns_back(&c) {
+            return false;
+        }
         let largest = c.iter().map(|v| v.abs()).fold(0.0, f64::max);
         // a coefficient of the wrong sign counts only if it is not a small part of the whole
         own.signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest) && (own.physical)(&c)

@@ -536,7 +536,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use trical_ident::{Choice, ParameterSet, identify};
-    use trical_model::{Basis, Shape, Variable};
+    use trical_model::{Basis, Shape, Term, Variable};
 
     use super::*;
     use crate::effect_id::EffectId;
@@ -590,6 +590,25 @@ mod tests {
         assert_eq!(sizes.len(), 3);
         let first = asked(|search, start| search.first(start, &[3], 2));
         assert_eq!(sorted(first), [0, 1], "of three that are there, the two largest");
+    }
+
+    #[test]
+    fn a_wave_that_would_turn_the_joint_back_is_not_chosen_however_well_it_fits() {
+        let chosen = |cycles: f64| {
+            let bases = [Shape::Sine { cycles }, Shape::Cosine { cycles }]
+                .map(|shape| Basis::new(Variable::Joint { joint: 2 }, shape));
+            let (truth, data) = with_joint_2(&[(bases[0], 4e-3), (bases[1], 3e-3)]);
+            let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+            let mut wave = off(EffectId::GearRipple.into(), 2, bases[0].shape);
+            let cosine = Term { basis: bases[1], ..wave.terms[0].clone() };
+            wave.terms.push(cosine);
+            (wave.signs, wave.scales) = (vec![0; 2], vec![5e-3; 2]);
+            let all = [wave];
+            let design = Design::new(&fitted.model, &all, &data, &fitted.noise).unwrap();
+            Search::new(&design, &all, 1.0).choose(&design.start(), &[])
+        };
+        // slopes of 0.5 and 1.5
+        assert_eq!((chosen(100.0), chosen(300.0)), (vec![0], vec![]));
     }
 
     #[test]

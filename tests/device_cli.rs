@@ -1,7 +1,7 @@
 //! Gauge, robot and measurement from the command line, against a virtual cell in a process of its own.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -400,15 +400,12 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
 /// A guided session in which a person types these lines; what it says, in one line.
 fn guided(place: &Place, cell: &Cell, more: &[&str], says: &[String]) -> (Output, String) {
     let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "led.mcap", "--guided"];
-    let mut child = place
+    std::fs::write(place.path("typed"), says.join("\n") + "\n").unwrap();
+    let o = place
         .command(&[&["measure"][..], &CELL_ARGS, &links, more].concat())
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
+        .stdin(std::fs::File::open(place.path("typed")).unwrap())
+        .output()
         .unwrap();
-    child.stdin.take().unwrap().write_all((says.join("\n") + "\n").as_bytes()).unwrap();
-    let o = child.wait_with_output().unwrap();
     let said = text(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
     (o, said)
 }

@@ -3,7 +3,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -35,18 +35,15 @@ impl Place {
     }
 
     fn record_from(&self, from: [&str; 2], out: &str, typed: &[&str]) -> Output {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_trical"))
+        // from a file: a program that refuses before it reads would break a pipe
+        std::fs::write(self.path("typed"), typed.iter().map(|t| format!("{t}\n")).collect::<String>()).unwrap();
+        Command::new(env!("CARGO_BIN_EXE_trical"))
             .args(["record", "--robot", "robot.toml", "--place", "front", "--out", out])
             .args(from)
             .current_dir(self.0.path())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let text: String = typed.iter().map(|t| format!("{t}\n")).collect();
-        child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
-        child.wait_with_output().unwrap()
+            .stdin(std::fs::File::open(self.path("typed")).unwrap())
+            .output()
+            .unwrap()
     }
 }
 

@@ -240,6 +240,18 @@ def calibration_error(p: np.ndarray, y: np.ndarray, equal_mass: bool) -> float:
     return float(sum(abs(p[b].mean() - y[b].mean()) * len(b) for b in bins if len(b)) / len(p))
 
 
+def largest_calibration_error(p: np.ndarray, y: np.ndarray) -> float:
+    return max(calibration_error(p, y, equal_mass) for equal_mass in (True, False))
+
+
+def calibration_error_by_chance(p: np.ndarray) -> tuple[float, float]:
+    """5 and 95 % of the larger calibration error if each is so as often as it is stated: even right probabilities
+    have one, and few of them a large one (Broecker & Smith 2007)."""
+    drawn = np.random.default_rng(1).random((1000, len(p))) < p
+    low, high = np.quantile([largest_calibration_error(p, y) for y in drawn.astype(float)], (0.05, 0.95))
+    return float(low), float(high)
+
+
 def auroc(p: np.ndarray, y: np.ndarray) -> float:
     """How often what is so has a higher number than what is not."""
     a, b = p[y == 1], p[y == 0]
@@ -277,9 +289,11 @@ def score_probabilities(lines: list[dict], title: str, t: Tables, limit: float |
             ]
         )
         if limit and stated == "confidence":
-            error = max(calibration_error(p, y, True), calibration_error(p, y, False))
+            error = largest_calibration_error(p, y)
             met = "met" if error <= limit else "**missed**"
-            t.targets.append((f"{title}: expected calibration error", f"<= {limit}", f"{error:.3f} of {len(p)}", met))
+            low, high = calibration_error_by_chance(p)
+            got = f"{error:.3f} of {len(p)} ({low:.3f}-{high:.3f} if all are as probable as stated)"
+            t.targets.append((f"{title}: expected calibration error", f"<= {limit}", got, met))
             wrong = int((1 - y[sure]).sum())
             met = "**missed**" if wrong else "met"
             t.targets.append((f"{title}: names at 0.9 or more that are wrong", "none", f"{wrong} of {len(p)}", met))

@@ -811,6 +811,14 @@ def test_probabilities_are_scored_against_what_was_so() -> None:
     for equal_mass in (True, False):
         assert proper.calibration_error(p, y, equal_mass) == pytest.approx(0.0, abs=1e-12)
         assert proper.calibration_error(np.full(100, 0.9), y, equal_mass) == pytest.approx(0.4, abs=1e-12)
+    low, high = proper.calibration_error_by_chance(p)
+    assert 0.0 < low < high
+    many = proper.calibration_error_by_chance(np.repeat(p, 25))
+    assert many[1] == pytest.approx(high / 5.0, rel=0.2), "it falls with the root of how many are judged"
+    drawn = (np.random.default_rng(3).random((200, len(p))) < p).astype(float)
+    within = [low <= proper.largest_calibration_error(p, of) <= high for of in drawn]
+    assert 0.82 < np.mean(within) < 0.97
+    assert proper.largest_calibration_error(np.full(100, 0.9), y) > proper.calibration_error_by_chance(np.full(100, 0.9))[1]
     assert proper.auroc(p, y) == pytest.approx(0.8)
     assert proper.auroc(y, y) == 1.0
 

@@ -110,9 +110,11 @@ impl<'a> Search<'a> {
         if own.turns_back(&c) {
             return false;
         }
-        let largest = c.iter().map(|v| v.abs()).fold(0.0, f64::max);
+        // each beside its usual size: an angle and an angle per load have no size in common
+        let sizes: Vec<f64> = c.iter().zip(&own.scales).map(|(v, scale)| v / scale).collect();
+        let largest = sizes.iter().map(|v| v.abs()).fold(0.0, f64::max);
         // a coefficient of the wrong sign counts only if it is not a small part of the whole
-        own.signs.iter().zip(&c).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest) && (own.physical)(&c)
+        own.signs.iter().zip(&sizes).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest) && (own.physical)(&c)
     }
 
     /// All candidates at a state, best first; those with forbidden signs left out.
@@ -609,6 +611,23 @@ mod tests {
         };
         // slopes of 0.5 and 1.5
         assert_eq!((chosen(100.0), chosen(300.0)), (vec![0], vec![]));
+    }
+
+    #[test]
+    fn a_part_of_the_wrong_sign_is_small_or_not_beside_its_own_usual_size() {
+        let chosen = |wrong: f64| {
+            let wave = |cycles| Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles });
+            let (truth, data) = with_joint_2(&[(wave(9.0), 1e-3), (wave(14.0), wrong)]);
+            let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+            let mut both = off(EffectId::LoadFriction.into(), 2, Shape::Sine { cycles: 9.0 });
+            both.terms.push(Term { basis: wave(14.0), ..both.terms[0].clone() });
+            // as in two units: the second part is usually ten times as small
+            (both.signs, both.scales) = (vec![1; 2], vec![1e-3, 1e-4]);
+            let all = [both];
+            let design = Design::new(&fitted.model, &all, &data, &fitted.noise).unwrap();
+            Search::new(&design, &all, 1.0).choose(&design.start(), &[])
+        };
+        assert_eq!([-1e-5, -1e-4, 1e-4].map(chosen), [vec![0], vec![], vec![0]]);
     }
 
     #[test]

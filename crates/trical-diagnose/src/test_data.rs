@@ -74,7 +74,9 @@ pub(crate) fn with_joint_2(hidden: &[(Basis, f64)]) -> (Model, Dataset) {
         .map(|k| {
             let within = |j: &trical_model::Joint| rng.random_range(j.limits[0].max(-1.4)..j.limits[1].min(1.4));
             let q: Vec<f64> = truth.robot.joints.iter().map(within).collect();
-            (State { seq: Some(f64::from(k)), ..State::at(&q) }, Aim::Ball(k as usize % 3))
+            // every joint came from either side, each in a rhythm of its own
+            let dir = std::array::from_fn(|j| if (k * (2 * j as u32 + 3) / 8).is_multiple_of(2) { 1 } else { -1 });
+            (State { seq: Some(f64::from(k)), dir: Some(dir), ..State::at(&q) }, Aim::Ball(k as usize % 3))
         })
         .collect();
     let recording = simulate(&truth, &rows, &Scatter { length: 1e-5, angle: 0.0, seed: 3 }, None).unwrap();

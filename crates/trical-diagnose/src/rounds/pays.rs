@@ -167,7 +167,7 @@ impl Rounds {
     }
 
     /// Nested effects (a gap within friction that grows with the load): where all that the larger one adds is within two standard
-    /// deviations of nothing, the smaller one takes its place.
+    /// deviations of nothing, or of a sign that physics forbids, the smaller one takes its place.
     fn simplify(&mut self) {
         for k in 0..self.chosen.len() {
             let own = &self.candidates[self.chosen[k]];
@@ -176,13 +176,15 @@ impl Rounds {
             }
             let is_part =
                 |o: &Candidate| o.terms.len() < own.terms.len() && o.cause.effect().is_some() && o.is_part_of(own);
-            let nothing = |t: &Term| {
+            let nothing = |(t, sign): (&Term, &i8)| {
                 let fitted = self.fitted.model.terms.iter().find(|m| m.does_as(t));
-                fitted.is_some_and(|m| m.sd.is_some_and(|sd| m.value.abs() < 2.0 * sd))
+                fitted.is_some_and(|m| {
+                    m.sd.is_some_and(|sd| m.value.abs() < 2.0 * sd) || f64::from(*sign) * m.value < 0.0
+                })
             };
             let simpler = self.candidates.iter().position(|o| {
-                let beside = |t: &&Term| !o.terms.iter().any(|u| u.site == t.site && u.basis == t.basis);
-                is_part(o) && own.terms.iter().filter(beside).all(nothing)
+                let beside = |t: &Term| !o.terms.iter().any(|u| u.site == t.site && u.basis == t.basis);
+                is_part(o) && own.terms.iter().zip(&own.signs).filter(|(t, _)| beside(t)).all(nothing)
             });
             if let Some(simpler) = simpler.filter(|s| !self.chosen.contains(s)) {
                 self.chosen[k] = simpler;
@@ -223,5 +225,23 @@ mod tests {
         assert_eq!(released(&[(Shape::Linear, 1e-3)]), [Cause::Effect(EffectId::GearRatio)]);
         let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (Shape::Sine { cycles }, 2e-4));
         assert_eq!(released(&curve), [Cause::Effect(EffectId::EncoderError)]);
+    }
+
+    #[test]
+    fn of_nested_effects_the_simpler_stands_where_what_tells_them_apart_is_nothing_or_of_the_wrong_sign() {
+        let simplified = |by_load: f64| {
+            let load = Basis { sense: Some(2), ..Basis::torque(2, Shape::Absolute) };
+            let (truth, data) = with_joint_2(&[(Basis::direction(2), -2e-4), (load, by_load)]);
+            let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+            let friction = |c: &Candidate| c.cause == EffectId::LoadFriction.into() && c.site == Place::Joint(2);
+            rounds.chosen = vec![rounds.candidates.iter().position(friction).unwrap()];
+            rounds.refit().unwrap();
+            rounds.simplify();
+            rounds.candidates[rounds.chosen[0]].cause
+        };
+        // rad/Nm: friction that grows with the load, that does not, and that would fall with it
+        let [grows, same, falls] = [-5e-5, 0.0, 5e-5].map(simplified);
+        assert_eq!(grows, EffectId::LoadFriction.into());
+        assert_eq!([same, falls], [EffectId::LostMotionDirection.into(); 2]);
     }
 }

@@ -818,7 +818,8 @@ def test_probabilities_are_scored_against_what_was_so() -> None:
     drawn = (np.random.default_rng(3).random((200, len(p))) < p).astype(float)
     within = [low <= proper.largest_calibration_error(p, of) <= high for of in drawn]
     assert 0.82 < np.mean(within) < 0.97
-    assert proper.largest_calibration_error(np.full(100, 0.9), y) > proper.calibration_error_by_chance(np.full(100, 0.9))[1]
+    sure = np.full(100, 0.9)
+    assert proper.largest_calibration_error(sure, y) > proper.calibration_error_by_chance(sure)[1]
     assert proper.auroc(p, y) == pytest.approx(0.8)
     assert proper.auroc(y, y) == 1.0
 

@@ -492,12 +492,12 @@ fn a_recording_of_a_wrong_clock_is_gone_on_with_today() {
             stops: None,
         };
         let mut warned = false;
-        let _ = session.perform(&mut |p| match p {
+        let ended = session.perform(&mut |p| match p {
             Progress::Warning(text) => warned |= text.contains("the clock was or is wrong"),
             Progress::Measured { done, .. } => cancel.store(done >= count, Ordering::Relaxed),
             _ => {}
         });
-        assert_eq!(warned, warns, "{start_ns}");
+        assert_eq!(warned, warns, "{start_ns}: {}", ended.map_or_else(|e| e.to_string(), |_| "complete".into()));
         let rows = read_recording(&path).unwrap().recording.rows;
         assert_eq!(rows.len(), count);
         let times: Vec<f64> = rows.iter().map(|row| row.state.t.unwrap()).collect();

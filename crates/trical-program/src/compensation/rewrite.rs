@@ -48,7 +48,8 @@ impl Compensator<'_> {
         let state = self.state(&start.q, start.dir);
         let before = apart(&arm.model.world_from_tool(&state, model_ws), &wanted);
         let joints = continue_from(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
-            IkError::Singular { .. } | IkError::NotConverged { .. } => {
+            // no iterations: there is a solution, but far away
+            IkError::Singular { .. } | IkError::NotConverged { iterations: 0, .. } => {
                 "at a singularity of the arm: no small change of the joints corrects it".into()
             }
             _ => e.to_string(),

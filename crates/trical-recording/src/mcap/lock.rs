@@ -6,6 +6,25 @@ use std::path::{Path, PathBuf};
 
 use crate::error::RecordError;
 
+/// A file that is kept from other writers until this is dropped. It is unlocked then, not only closed: a program that was being started meanwhile
+/// has all files of this one open for a moment, and so their locks.
+pub(super) struct Locked(File);
+
+impl std::ops::Deref for Locked {
+    type Target = File;
+
+    fn deref(&self) -> &File {
+        &self.0
+    }
+}
+
+impl Drop for Locked {
+    fn drop(&mut self) {
+        // closing it does the rest
+        let _ = self.0.unlock();
+    }
+}
+
 /// The file in which a recording is begun.
 pub(super) fn temporary_beside(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
@@ -21,18 +40,17 @@ pub fn check_not_written(path: &Path) -> Result<(), RecordError> {
     lock_existing(path).map(|_| ())
 }
 
-/// A recording that is there, kept from other writers while the file is open.
-pub(super) fn lock_existing(path: &Path) -> Result<Option<File>, RecordError> {
+/// A recording that is there.
+pub(super) fn lock_existing(path: &Path) -> Result<Option<Locked>, RecordError> {
     if !path.is_file() {
         return Ok(None);
     }
     let file = File::open(path).map_err(RecordError::io(path, "open"))?;
-    lock(&file, path)?;
-    Ok(Some(file))
+    lock(file, path).map(Some)
 }
 
-/// The file beside, empty, kept from other writers while it is open. Links are not followed: they could lead to any file.
-pub(super) fn begin_beside(path: &Path) -> Result<File, RecordError> {
+/// The file beside, empty. Links are not followed: they could lead to any file.
+pub(super) fn begin_beside(path: &Path) -> Result<Locked, RecordError> {
     let temporary = temporary_beside(path);
     let wrong = |problem: &str| RecordError::File {
         file: temporary.display().to_string(),
@@ -50,7 +68,7 @@ pub(super) fn begin_beside(path: &Path) -> Result<File, RecordError> {
         options.custom_flags((OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK).bits());
     }
     let file = options.open(&temporary).map_err(RecordError::io(&temporary, "create"))?;
-    lock(&file, path)?;
+    let file = lock(file, path)?;
     // whoever had it may have given it its name meanwhile
     if !is_at(&file, &temporary) {
         return Err(RecordError::Busy { path: path.to_owned() });
@@ -59,11 +77,11 @@ pub(super) fn begin_beside(path: &Path) -> Result<File, RecordError> {
     Ok(file)
 }
 
-fn lock(file: &File, path: &Path) -> Result<(), RecordError> {
+fn lock(file: File, path: &Path) -> Result<Locked, RecordError> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(RecordError::Busy { path: path.to_owned() }),
         // a file system without locks
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(Locked(file)),
     }
 }
 
@@ -78,4 +96,25 @@ fn is_at(file: &File, path: &Path) -> bool {
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.is_file()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn a_file_is_free_again_though_a_program_that_was_started_meanwhile_still_has_it_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        std::fs::write(&path, "x").unwrap();
+        let ours = lock_existing(&path).unwrap().unwrap();
+        // as between a program's start and its first instruction
+        let inherited = ours.try_clone().unwrap();
+        assert!(matches!(check_not_written(&path), Err(RecordError::Busy { .. })));
+        drop(ours);
+        check_not_written(&path).unwrap();
+        drop(inherited);
+    }
 }

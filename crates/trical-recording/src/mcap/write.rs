@@ -9,7 +9,7 @@ use mcap::records::{MessageHeader, Metadata};
 use trical_model::recording::{Recording, Row};
 
 use super::cdr::{self, JointState};
-use super::lock::{begin_beside, lock_existing, temporary_beside};
+use super::lock::{Locked, begin_beside, lock_existing, temporary_beside};
 use super::read::{interpret, read_raw};
 use super::walk::RawFile;
 use super::{Header, ReadRecording, RunLog, schema};
@@ -24,7 +24,8 @@ const PLAN: &str = "plan_sha256";
 /// Writes a recording; every accepted measurement is on disk before [`RunLog::measurement`] returns.
 pub struct RecordingWriter {
     mcap: mcap::Writer<BufWriter<File>>,
-    file: File,
+    // dropped after what writes to it
+    file: Locked,
     path: PathBuf,
     joint_names: Vec<String>,
     shared: Shared,
@@ -119,20 +120,20 @@ impl RecordingWriter {
     }
 
     fn write_head(
-        file: File,
+        file: Locked,
         path: &Path,
         header: &Header,
         shared: Shared,
         before: Option<&RawFile>,
     ) -> Result<Self, RecordError> {
         let failed = || RecordError::mcap(path);
-        let second = file.try_clone().map_err(RecordError::io(path, "write"))?;
+        let stream = file.try_clone().map_err(RecordError::io(path, "write"))?;
         // not compressed: a chunk that was cut still gives its messages, and the files are small
         let mut mcap = mcap::WriteOptions::new()
             .compression(None)
             .profile("ros2")
             .library(format!("trical {}", env!("CARGO_PKG_VERSION")))
-            .create(BufWriter::new(file))
+            .create(BufWriter::new(stream))
             .map_err(failed())?;
 
         let mut metadata = header.settings.clone();
@@ -195,7 +196,7 @@ impl RecordingWriter {
         };
         let mut writer = Self {
             mcap,
-            file: second,
+            file,
             path: path.to_owned(),
             joint_names: header.joint_names.clone(),
             shared,

@@ -1,9 +1,9 @@
 //! `trical record`: an arm guided into sockets, its joints from a file that grows.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-use std::io::Write;
+use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -230,4 +230,76 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     let done = place.record_from(["--controller", "rapid://127.0.0.1:1?timeout_s=0.2"], "no.csv", &[""]);
     assert_eq!(done.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&done.stderr).contains("127.0.0.1:1"), "{done:?}");
+}
+
+/// A program that is typed to, and what it says on standard error.
+struct Typed(std::process::Child, std::io::BufReader<std::process::ChildStderr>);
+
+impl Typed {
+    fn start(place: &Place, args: &[&str]) -> (Self, std::io::BufReader<std::process::ChildStdout>) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trical"));
+        command.args(args).args(["--robot", "robot.toml", "--cell", "cell.toml"]).current_dir(place.0.path());
+        let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = piped.spawn().unwrap();
+        let (out, err) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
+        (Self(child, std::io::BufReader::new(err)), std::io::BufReader::new(out))
+    }
+
+    fn says(&mut self) -> String {
+        let mut line = String::new();
+        self.1.read_line(&mut line).unwrap();
+        line
+    }
+
+    fn types(&mut self, line: &str) -> String {
+        writeln!(self.0.stdin.as_mut().unwrap(), "{line}").unwrap();
+        self.says()
+    }
+
+    fn ends(mut self) {
+        writeln!(self.0.stdin.as_mut().unwrap(), "q").unwrap();
+        assert!(self.0.wait().unwrap().success());
+    }
+}
+
+#[test]
+fn a_virtual_person_guides_an_arm_into_sockets_and_it_is_calibrated_from_what_was_taken_down() {
+    let place = Place::new();
+    let cell = "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\nmass_kg = 0.5\n\
+                cog_mm = [0, 0, 60]\n[balls]\ndistances_mm = { d12 = 50.0 }";
+    std::fs::write(place.path("cell.toml"), cell).unwrap();
+    let (mut person, mut links) =
+        Typed::start(&place, &["virtual-cell", "--sockets", "--port", "0", "--noise-mm", "0.05", "--json"]);
+    let mut line = String::new();
+    links.read_line(&mut line).unwrap();
+    let url = line.split('"').find(|word| word.starts_with("rapid://")).unwrap();
+    let (mut taken, _) = Typed::start(&place, &["record", "--controller", url, "--place", "1", "--out", "visits.csv"]);
+    // what they say at first: that the cell answers, and what to type
+    let first = (person.says(), person.says(), taken.says());
+    assert!(first.1.contains("p NAME") && first.2.contains("p NAME"), "{first:?}");
+    for at in 1..=4 {
+        if at > 1 {
+            assert_eq!(person.types(&format!("p {at}")), format!("the block stands at {at}\n"));
+            writeln!(taken.0.stdin.as_mut().unwrap(), "p {at}").unwrap();
+        }
+        for socket in ["1", "2"] {
+            for _ in 0..10 {
+                assert!(person.types(socket).contains(&format!("socket {socket}: the ball is in it")));
+                let row = taken.types(socket);
+                assert!(row.contains(&format!("{at}, socket {socket}, ")), "{row}");
+            }
+        }
+    }
+    assert!(person.types("3").contains("found socket 3, and the cell has 2"));
+    taken.ends();
+    person.ends();
+    let found = Command::new(env!("CARGO_BIN_EXE_trical"))
+        .args(["identify", "visits.csv", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "arm.toml", "--json"])
+        .current_dir(place.0.path())
+        .output()
+        .unwrap();
+    let found: serde_json::Value = serde_json::from_slice(&found.stdout).unwrap();
+    assert_eq!(found["poses"], 80);
+    let [nominal, identified] = ["mean_nominal_mm", "mean_mm"].map(|of| found[of].as_f64().unwrap());
+    assert!(nominal > 0.3 && identified < 0.1, "{nominal} {identified}");
 }

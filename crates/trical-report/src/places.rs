@@ -1,6 +1,7 @@
-//! What unknown places of one or two sockets are worth: arms drawn by chance are guided into sockets at more and more places, calibrated, and
-//! compared with themselves.
+//! Arms that are guided into sockets at places drawn by chance, and what unknown places are worth: arms drawn by chance are guided into sockets at
+//! more and more of them, calibrated, and compared with themselves.
 
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
@@ -124,6 +125,55 @@ fn drawn(robot: &Robot, rng: &mut Pcg64Mcg) -> Joints {
     q
 }
 
+/// A block of sockets that stands somewhere in an arm's reach.
+struct Block {
+    /// The arm with its tool at the block.
+    q: Joints,
+    world_from_block: Pose,
+}
+
+impl Block {
+    /// Where the tool is at joints drawn by chance; `None` where the tool does not point down there, or the place is too low.
+    fn drawn(arm: &Forward, rng: &mut Pcg64Mcg, ws: &mut Workspace) -> Option<Self> {
+        let q = drawn(&arm.model().robot, rng);
+        let at = arm.world_from_tool(&State::at(&q), ws);
+        let low = at.translation.z < arm.model().cell.world_from_base.translation.z - 0.2;
+        if -at.rotation[(2, 2)] < DOWN || low {
+            return None;
+        }
+        let rotation = rotation_zyx(rng.random_range(-3.0..3.0), 0.0, 0.0);
+        Some(Self { q, world_from_block: Pose { rotation, translation: at.translation } })
+    }
+
+    /// The arm with its ball in a socket (m, in the block's frame), turned by chance; `None` where it was not brought there.
+    fn visited(&self, arm: &Forward, socket: &Vector3<f64>, rng: &mut Pcg64Mcg, ws: &mut Workspace) -> Option<State> {
+        let translation = self.world_from_block.apply(socket);
+        let robot = &arm.model().robot;
+        (0..20).find_map(|_| {
+            let mut near = self.q;
+            near.iter_mut().take(robot.dof()).for_each(|q| *q += rng.random_range(-VARIED..VARIED));
+            let state = State::at(&near);
+            let rotation = arm.world_from_tool(&state, ws).rotation;
+            let q = continue_from(arm, &Pose { rotation, translation }, &state, ws).ok()?;
+            robot.within_limits(&q, 0.0).then(|| State::at(&q))
+        })
+    }
+}
+
+/// Centres of a cell's sockets, m, in a frame of their own.
+fn sockets(cell: &Cell) -> Vec<Vector3<f64>> {
+    if cell.balls.is_empty() { vec![Vector3::zeros()] } else { cell.balls.clone() }
+}
+
+fn no_place() -> Error {
+    Error::Input("the arm reaches no place at which sockets could stand, within its limits and pointing down".into())
+}
+
+/// A number with mean 0 and standard deviation 1; twelve even ones make a normal one.
+fn normal(rng: &mut Pcg64Mcg) -> f64 {
+    (0..12).map(|_| rng.random_range(0.0..1.0)).sum::<f64>() - 6.0
+}
+
 /// Touches of the sockets at one place, somewhere in reach.
 fn visits(
     truth: &Model,
@@ -135,53 +185,82 @@ fn visits(
 ) -> Result<Vec<Row>> {
     let forward = Forward::new(truth.clone(), Vec::new())?;
     let mut ws = forward.workspace();
-    let origin = [nalgebra::Vector3::zeros()];
-    let sockets: &[nalgebra::Vector3<f64>] = if cell.balls.is_empty() { &origin } else { &cell.balls };
+    let sockets = sockets(cell);
     'place: for _ in 0..DRAWS {
-        let q = drawn(&truth.robot, rng);
-        let at = forward.world_from_tool(&State::at(&q), &mut ws);
-        let low = at.translation.z < truth.cell.world_from_base.translation.z - 0.2;
-        if -at.rotation[(2, 2)] < DOWN || low {
-            continue;
-        }
-        let stands =
-            Pose { rotation: rotation_zyx(rng.random_range(-3.0..3.0), 0.0, 0.0), translation: at.translation };
+        let Some(block) = Block::drawn(&forward, rng, &mut ws) else { continue };
         let mut rows = Vec::with_capacity(sockets.len() * per_ball);
         for (ball, socket) in sockets.iter().enumerate() {
             for _ in 0..per_ball {
-                let Some(state) = touched(&forward, &q, &stands.apply(socket), rng, &mut ws) else { continue 'place };
-                let reading = std::array::from_fn(|_| {
-                    // twelve even numbers make a normal one
-                    noise * ((0..12).map(|_| rng.random_range(0.0..1.0)).sum::<f64>() - 6.0)
-                });
+                let Some(state) = block.visited(&forward, socket, rng, &mut ws) else { continue 'place };
+                let reading = std::array::from_fn(|_| noise * normal(rng));
                 let state = State { place: Some(place), ..state };
                 rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: 0 });
             }
         }
         return Ok(rows);
     }
-    Err(Error::Input(
-        "the arm reaches no place at which sockets could stand, within its limits and pointing down".into(),
-    ))
+    Err(no_place())
 }
 
-/// The arm with its ball in a socket, near `q`, turned by chance.
-fn touched(
-    forward: &Forward,
-    q: &Joints,
-    socket: &nalgebra::Vector3<f64>,
-    rng: &mut Pcg64Mcg,
-    ws: &mut Workspace,
-) -> Option<State> {
-    (0..20).find_map(|_| {
-        let mut near = *q;
-        near.iter_mut().take(forward.model().robot.dof()).for_each(|q| *q += rng.random_range(-VARIED..VARIED));
-        let state = State::at(&near);
-        let rotation = forward.world_from_tool(&state, ws).rotation;
-        let target = Pose { rotation, translation: *socket };
-        let q = continue_from(forward, &target, &state, ws).ok()?;
-        forward.model().robot.within_limits(&q, 0.0).then(|| State::at(&q))
-    })
+/// An arm that a person guides by hand into the sockets of a block, one place after the other.
+pub struct Guided {
+    arm: Forward,
+    sockets: Vec<Vector3<f64>>,
+    /// Standard deviation of a ball's centre in its socket, on each axis, m.
+    play: f64,
+    rng: Pcg64Mcg,
+    ws: Workspace,
+    block: Block,
+}
+
+impl Guided {
+    /// The true arm, and a block at a first place; `play` is the standard deviation of a ball's centre in its socket on each axis, m.
+    ///
+    /// # Errors
+    /// A model that makes no sense, or an arm that reaches no place at which sockets could stand.
+    pub fn new(truth: &Model, play: f64, seed: u64) -> Result<Self> {
+        let arm = Forward::new(truth.clone(), Vec::new())?;
+        let (mut rng, mut ws) = (Pcg64Mcg::seed_from_u64(seed), arm.workspace());
+        let sockets = sockets(&truth.cell);
+        let block = stand(&arm, &sockets, &mut rng, &mut ws)?;
+        Ok(Self { arm, sockets, play, rng, ws, block })
+    }
+
+    /// How many sockets the block has.
+    #[must_use]
+    pub fn sockets(&self) -> usize {
+        self.sockets.len()
+    }
+
+    /// Puts the block somewhere else.
+    ///
+    /// # Errors
+    /// As [`Guided::new`].
+    pub fn next_place(&mut self) -> Result<()> {
+        self.block = stand(&self.arm, &self.sockets, &mut self.rng, &mut self.ws)?;
+        Ok(())
+    }
+
+    /// Joints with the ball in a socket, counted from 1, turned by chance.
+    ///
+    /// # Errors
+    /// There is no such socket, or the arm was not brought there.
+    pub fn visit(&mut self, socket: usize) -> Result<Joints> {
+        let at = socket.checked_sub(1).and_then(|k| self.sockets.get(k));
+        let at =
+            at.ok_or_else(|| Error::Input(format!("found socket {socket}, and the cell has {}", self.sockets())))?;
+        let off = Vector3::from_fn(|_, _| self.play * normal(&mut self.rng));
+        let Self { arm, rng, ws, block, .. } = self;
+        (0..DRAWS).find_map(|_| block.visited(arm, &(at + off), rng, ws)).map(|s| s.q).ok_or_else(no_place)
+    }
+}
+
+/// A block at a place where every socket can be visited in several ways.
+fn stand(arm: &Forward, sockets: &[Vector3<f64>], rng: &mut Pcg64Mcg, ws: &mut Workspace) -> Result<Block> {
+    let suits = |block: &Block, rng: &mut Pcg64Mcg, ws: &mut Workspace| {
+        sockets.iter().all(|s| (0..5).all(|_| block.visited(arm, s, rng, ws).is_some()))
+    };
+    (0..DRAWS).find_map(|_| Block::drawn(arm, rng, ws).filter(|block| suits(block, rng, ws))).ok_or_else(no_place)
 }
 
 /// Mean distance of two arms' tools, mm, one laid over the other as well as it goes.
@@ -217,5 +296,30 @@ mod tests {
         assert!(at(8) < 0.6 * at(2) && at(4) < at(1), "{told:?}");
         assert!(at(8) < 0.3 && told[0].before_mm > 0.5, "{told:?}");
         assert_eq!(told, worth(&robot, &cell, 10, 5e-5, 3, &Task::silent()).unwrap());
+    }
+
+    #[test]
+    fn a_person_brings_the_ball_into_the_socket_that_is_asked_for_wherever_the_block_stands() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let cell = Cell::parse(
+            "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\n[balls]\ndistances_mm = { d12 = 50.0 }",
+            "cell.toml",
+        );
+        let arm = Model::nominal(robot, cell.unwrap());
+        let forward = Forward::new(arm.clone(), Vec::new()).unwrap();
+        let mut ws = forward.workspace();
+        let mut at = |q: &Joints| forward.world_from_tool(&State::at(q), &mut ws).translation;
+        let mut exact = Guided::new(&arm, 0.0, 7).unwrap();
+        let visits: Vec<Joints> = [1, 1, 2, 2].map(|socket| exact.visit(socket).unwrap()).into();
+        let balls: Vec<Vector3<f64>> = visits.iter().map(&mut at).collect();
+        assert!(visits[0] != visits[1] && (balls[0] - balls[1]).norm() < 1e-8 && (balls[2] - balls[3]).norm() < 1e-8);
+        assert!(((balls[0] - balls[2]).norm() - 0.05).abs() < 1e-8);
+        exact.next_place().unwrap();
+        assert!((at(&exact.visit(1).unwrap()) - balls[0]).norm() > 0.01);
+        assert!(exact.visit(0).is_err() && exact.visit(3).is_err());
+        let mut loose = Guided::new(&arm, 1e-4, 7).unwrap();
+        let scatter: f64 =
+            (0..200).map(|_| (at(&loose.visit(1).unwrap()) - balls[0]).norm_squared()).sum::<f64>() / 600.0;
+        assert!((scatter.sqrt() - 1e-4).abs() < 1e-5, "{scatter}");
     }
 }

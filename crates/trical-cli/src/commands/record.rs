@@ -63,6 +63,36 @@ impl Source {
     }
 }
 
+/// What a person types while an arm is guided.
+pub(super) enum Typed {
+    /// The ball is in this socket, counted from 1, or in the same as before.
+    Visit(Option<usize>),
+    /// The sockets stand at another place.
+    Place(String),
+    /// No more.
+    End,
+    /// None of these: what was found and what is expected.
+    Wrong(String),
+}
+
+impl Typed {
+    /// `sockets`: how many there are, where that is known.
+    pub(super) fn of(line: &str, sockets: Option<usize>) -> Self {
+        let line = line.trim();
+        if let Some(name) = line.strip_prefix("p ").map(str::trim) {
+            return check_place(name)
+                .map_or_else(|e| Self::Wrong(format!("place: {e}")), |()| Self::Place(name.into()));
+        }
+        match (line, line.parse()) {
+            ("", _) => Self::Visit(None),
+            ("q", _) => Self::End,
+            (_, Ok(k)) if k >= 1 && sockets.is_none_or(|most| k <= most) => Self::Visit(Some(k)),
+            (_, Ok(_)) => Self::Wrong(format!("found socket {line}, and the cell has {}", sockets.unwrap_or(1))),
+            _ => Self::Wrong(format!("found {line:?}. {HELP}")),
+        }
+    }
+}
+
 const HELP: &str = "Enter takes the joints at the same socket, 1, 2, ... at that socket; p NAME is the next place; q ends. A row that is taken is on the disk.";
 
 /// Runs the command.
@@ -83,28 +113,16 @@ pub fn run(args: &Args) -> Result<()> {
         let _ = write!(std::io::stderr(), "{place}, socket {socket}> ");
         let Some(line) = lines.next() else { break };
         let line = line.map_err(|e| CliError::Failed(format!("standard input cannot be read: {e}")))?;
-        let line = line.trim();
-        if line == "q" {
-            break;
-        }
-        if let Some(name) = line.strip_prefix("p ").map(str::trim) {
-            match check_place(name) {
-                Ok(()) => place = name.to_owned(),
-                Err(e) => note!("place: {e}"),
+        match Typed::of(&line, sockets) {
+            Typed::End => break,
+            Typed::Place(name) => {
+                place = name;
+                continue;
             }
-            continue;
-        }
-        if !line.is_empty() {
-            match line.parse() {
-                Ok(k) if k >= 1 && sockets.is_none_or(|most| k <= most) => socket = k,
-                Ok(_) => {
-                    note!("found socket {line}, and the cell has {}", sockets.unwrap_or(1));
-                    continue;
-                }
-                Err(_) => {
-                    note!("found {line:?}. {HELP}");
-                    continue;
-                }
+            Typed::Visit(at) => socket = at.unwrap_or(socket),
+            Typed::Wrong(what) => {
+                note!("{what}");
+                continue;
             }
         }
         let q = match source.joints() {

@@ -9,7 +9,9 @@ use trical_device::{ArmPlant, CellOptions, VirtualCell};
 use trical_diagnose::truth::{TruthError, draw_truth, hide};
 use trical_ident::{ModelFile, write_whole};
 use trical_model::{MAX_JOINTS, Model};
+use trical_report::places::Guided;
 
+use super::record::Typed;
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::say;
@@ -51,12 +53,15 @@ pub struct Args {
     /// constant S
     #[arg(long, value_name = "DEG,MM,S", value_delimiter = ',')]
     unsettled: Vec<f64>,
-    /// Standard deviation of each indicator
+    /// Standard deviation of each indicator, and of a ball in its socket
     #[arg(long, value_name = "MM", default_value_t = 0.0005)]
     noise_mm: f64,
     /// Standard deviation, on each axis, of where the arm comes to rest
     #[arg(long, value_name = "MM", default_value_t = 0.004)]
     placement_mm: f64,
+    /// A person guides the arm into the cell's sockets: lines typed here are those of `trical record`, which takes the visits down
+    #[arg(long)]
+    sockets: bool,
     /// Where the arm stands at first; all zero without it
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
@@ -151,6 +156,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.seal {
         seal(&truth, path)?;
     }
+    let person = if args.sockets { Some(Guided::new(&truth, args.noise_mm * 1e-3, args.seed)?) } else { None };
     let plant = ArmPlant::new(&truth)?;
     let options = args.options(&truth)?;
     let running = VirtualCell::start(Box::new(plant), options).map_err(|e| CliError::Input(e.to_string()))?;
@@ -161,8 +167,42 @@ pub fn run(args: &Args) -> Result<()> {
         format!("--gauge '{gauge}' --controller '{controller}'")
     })?;
     crate::note!("the virtual cell answers until it is ended with Ctrl-C");
+    if let Some(person) = person {
+        return guide(&running, person);
+    }
     while running.is_running() {
         std::thread::sleep(std::time::Duration::from_millis(200));
+    }
+    Ok(())
+}
+
+/// A person guides the arm as typed, until the end of what is typed.
+fn guide(cell: &VirtualCell, mut person: Guided) -> Result<()> {
+    let (mut place, mut socket) = ("the first place".to_owned(), 1);
+    crate::note!(
+        "Enter guides the ball into the same socket, 1, 2, ... into that socket; p NAME puts the block elsewhere; q ends"
+    );
+    for line in std::io::stdin().lines() {
+        let line = line.map_err(|e| CliError::Failed(format!("standard input cannot be read: {e}")))?;
+        match Typed::of(&line, Some(person.sockets())) {
+            Typed::End => break,
+            Typed::Wrong(what) => crate::note!("{what}"),
+            Typed::Place(name) => {
+                person.next_place()?;
+                place = name;
+                crate::note!("the block stands at {place}");
+            }
+            Typed::Visit(at) => {
+                socket = at.unwrap_or(socket);
+                match person.visit(socket) {
+                    Ok(q) => {
+                        cell.guide(&q);
+                        crate::note!("{place}, socket {socket}: the ball is in it");
+                    }
+                    Err(e) => crate::note!("{e}"),
+                }
+            }
+        }
     }
     Ok(())
 }

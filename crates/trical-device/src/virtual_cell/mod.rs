@@ -336,6 +336,11 @@ impl VirtualCell {
         lock(&self.world).faults.clear();
     }
 
+    /// A person guides the arm by hand to these joints; they do not move by themselves.
+    pub fn guide(&self, q: &Joints) {
+        lock(&self.world).guide(q);
+    }
+
     /// Where the arm stands and what the plant is told of it.
     #[must_use]
     pub fn state(&self) -> State {

@@ -167,12 +167,20 @@ impl World {
         });
         let Some((joint, by_deg)) = found.filter(|_| !self.jogged) else { return };
         self.jogged = true;
-        if let Some(q) = self.q.get_mut(joint) {
+        let mut q = self.q;
+        if let Some(q) = q.get_mut(joint) {
             *q += by_deg.to_radians();
         }
-        self.q = on_grid(&self.q);
+        self.guide(&q);
+    }
+
+    /// A person has guided the arm by hand.
+    pub(super) fn guide(&mut self, q: &Joints) {
+        self.came_from = self.q;
+        self.q = on_grid(q);
         self.motion.push(&self.q);
         self.settle();
+        self.stand();
     }
 
     pub(super) fn temperature(&mut self) -> Option<f64> {

@@ -289,6 +289,15 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
 }
 
 #[test]
+fn a_cell_without_balls_cannot_be_touched_by_plan_nor_virtual_cell() {
+    let place = Place::new();
+    place.write("cell.toml", &CELL[..CELL.find("[balls]").unwrap()]);
+    for command in [&["plan", "--out", "out.toml"][..], &["virtual-cell", "--port", "0"]] {
+        place.refuses(&[command, &CELL_ARGS].concat(), &["has no balls", "[balls]"]);
+    }
+}
+
+#[test]
 fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
     let place = Place::new();
     place.write("cell.toml", &CELL.replace("tcp_mm = [18.0, -12.0, 118.0]", "tcp_mm = [40.0, 70.0, 60.0]"));

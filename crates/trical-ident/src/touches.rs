@@ -3,7 +3,7 @@
 use trical_model::{Cell, MAX_JOINTS, Measured, Model, Recording, Robot, Row, State};
 
 use crate::dataset::{Dataset, JointSource};
-use crate::error::Result;
+use crate::error::{IdentError, Result};
 use crate::identifiability::{Choice, ParameterSet, independent_terms};
 
 /// The nominal model with the parameters of a set that touches of its balls can tell apart, their values zero.
@@ -11,6 +11,12 @@ use crate::identifiability::{Choice, ParameterSet, independent_terms};
 /// # Errors
 /// A cell without balls, and a robot without masses where compliance is asked for.
 pub fn model_of_touches(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result<Model> {
+    if cell.balls.is_empty() {
+        return Err(IdentError::NotEnough(
+            "the cell has no balls that could be touched; expected [balls] in its file, with places or distances"
+                .into(),
+        ));
+    }
     let touch = |ball| Row {
         state: State::at(&[0.0; MAX_JOINTS]),
         measured: Measured::Touch { ball, reading: [0.0; 3] },

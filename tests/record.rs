@@ -150,20 +150,42 @@ fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
 }
 
 #[test]
-fn a_plan_for_two_sockets_says_what_it_takes_as_known() {
+fn a_plan_for_two_sockets_says_what_it_takes_as_known_and_without_a_place_what_places_are_worth() {
     let place = Place::new();
-    let cell = include_str!("../cells/irb120/cell.toml");
-    let line = cell.lines().find(|l| l.trim_start().starts_with("distances_mm")).unwrap();
-    std::fs::write(place.path("cell.toml"), cell.replace(line, "distances_mm = { d12 = 300.0 }")).unwrap();
-    let o = Command::new(env!("CARGO_BIN_EXE_trical"))
-        .args(["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "12", "--out", "p.csv"])
-        .current_dir(place.0.path())
-        .output()
-        .unwrap();
-    let told = String::from_utf8_lossy(&o.stdout);
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    let plan = |cell: &str, more: &[&str]| {
+        std::fs::write(place.path("cell.toml"), cell).unwrap();
+        let o = Command::new(env!("CARGO_BIN_EXE_trical"))
+            .args(["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "12"])
+            .args(more)
+            .current_dir(place.0.path())
+            .output()
+            .unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (o.status.code(), text(&o.stdout), text(&o.stderr))
+    };
+    let known = include_str!("../cells/irb120/cell.toml");
+    let line = known.lines().find(|l| l.trim_start().starts_with("distances_mm")).unwrap();
+    let known = known.replace(line, "distances_mm = { d12 = 300.0 }");
+    let (code, told, wrong) = plan(&known, &["--out", "p.csv"]);
+    assert_eq!(code, Some(0), "{wrong}");
     assert!(told.contains("Caution: with fewer than three balls") && told.contains("too good"), "{told}");
+    // where they stand is not said: as in the guide
+    let (code, told, wrong) = plan(SOCKETS, &[]);
+    assert_eq!((code, wrong.as_str()), (Some(0), ""));
+    assert!(told.starts_with("What unknown places are worth") && told.lines().count() == 9, "{told}");
+    let (code, told, _) = plan(SOCKETS, &["--json"]);
+    let value: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!((code, value["places"].as_array().unwrap().len()), (Some(0), 6));
+    let (code, _, wrong) = plan(SOCKETS, &["--out", "q.csv"]);
+    assert!(code == Some(2) && wrong.contains("'floor'") && wrong.contains("without --out"), "{wrong}");
+    assert!(!place.path("q.csv").exists());
+    let (code, _, wrong) = plan(&known, &["--points", "5"]);
+    assert!(code == Some(2) && wrong.contains("--out is missing"), "{wrong}");
 }
+
+/// Two sockets that stand nobody knows where.
+const SOCKETS: &str = "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\nmass_kg = 0.5\n\
+                       cog_mm = [0, 0, 60]\n[balls]\ndistances_mm = { d12 = 50.0 }";
 
 /// A controller that runs the RAPID server, and whether it was asked to move.
 fn rapid_server() -> (String, Arc<AtomicBool>) {
@@ -265,9 +287,7 @@ impl Typed {
 #[test]
 fn a_virtual_person_guides_an_arm_into_sockets_and_it_is_calibrated_from_what_was_taken_down() {
     let place = Place::new();
-    let cell = "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\nmass_kg = 0.5\n\
-                cog_mm = [0, 0, 60]\n[balls]\ndistances_mm = { d12 = 50.0 }";
-    std::fs::write(place.path("cell.toml"), cell).unwrap();
+    std::fs::write(place.path("cell.toml"), SOCKETS).unwrap();
     let (mut person, mut links) =
         Typed::start(&place, &["virtual-cell", "--sockets", "--port", "0", "--noise-mm", "0.05", "--json"]);
     let mut line = String::new();

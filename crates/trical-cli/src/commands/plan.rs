@@ -102,9 +102,9 @@ pub struct Args {
     /// Where the arm stands before the first touch: its joints; without it zero, or the middle between limits that leave zero out
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
-    /// Where to write the plan
+    /// Where to write the plan. Without it, for one or two sockets at places that nobody knows, only what so many places are worth is told
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// A report with pictures of the cell and the poses, one HTML file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -219,18 +219,43 @@ pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     check_counts(args)?;
-    for out in [Some(&args.out), args.report.as_ref()].into_iter().flatten() {
+    for out in [args.out.as_ref(), args.report.as_ref()].into_iter().flatten() {
         input::check_output(out, args.cell.files())?;
     }
     let (robot, cell) = args.cell.load()?;
+    let few = (1..3).contains(&cell.balls.len());
+    let worth = || {
+        progress::with_bar("what places are worth", |task| -> Result<Vec<Worth>> {
+            Ok(places::worth(&robot, &cell, args.per_ball, args.noise_mm * 1e-3, args.seed, task)?)
+        })
+    };
+    let Some(out) = &args.out else {
+        if !few || args.points.is_some() || args.report.is_some() {
+            return Err(CliError::Input("--out is missing: where to write the plan".into()));
+        }
+        let worth = worth()?;
+        return if args.json {
+            say(serde_json::to_string_pretty(&json!({ "places": worth }))?)
+        } else {
+            worth_lines(args, &worth).iter().try_for_each(say)
+        };
+    };
     if let Some(count) = args.points {
-        return points(args, &robot, &cell, count);
+        return points(args, out, &robot, &cell, count);
+    }
+    if cell.balls.is_empty() {
+        let what =
+            format!("{}: has no [balls] to touch; --points N plans poses for a tracker", args.cell.cell.display());
+        return Err(CliError::Input(what));
     }
     let model = model_to_identify(&robot, &cell)?;
     let options = args.options(&robot, &model)?;
     let told = progress::with_bar("planning", |task| -> Result<Told> {
         let plan = plan_touches(&robot, &cell, &options, task).map_err(|e| match e {
             PlanError::BadStart { .. } => CliError::Input(format!("{e}; --start-deg says where the arm stands")),
+            e if few => {
+                CliError::Input(format!("{e}; without --out only what places of the sockets are worth is told"))
+            }
             e => e.into(),
         })?;
         task.step(1.0, "what it would show")?;
@@ -239,15 +264,8 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.report {
         write_whole(path, plan_report::render(&robot, &cell, &told, &input::made(&args.cell.files()))?.as_bytes())?;
     }
-    write_whole(&args.out, write_plan(&robot, &told.plan.entries).as_bytes())?;
-    let few = cell.balls.len() < 3;
-    let worth = if few {
-        progress::with_bar("what places are worth", |task| -> Result<Vec<Worth>> {
-            Ok(places::worth(&robot, &cell, args.per_ball, args.noise_mm * 1e-3, args.seed, task)?)
-        })?
-    } else {
-        Vec::new()
-    };
+    write_whole(out, write_plan(&robot, &told.plan.entries).as_bytes())?;
+    let worth = if few { worth()? } else { Vec::new() };
     if args.json {
         let mut value = told.json();
         if few {
@@ -264,7 +282,7 @@ pub fn run(args: &Args) -> Result<()> {
         table::wrapped(said, 108, "").iter().try_for_each(say)?;
         worth_lines(args, &worth).iter().try_for_each(say)?;
     }
-    say(format!("Wrote {}", args.out.display()))?;
+    say(format!("Wrote {}", out.display()))?;
     args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
 }
 
@@ -282,7 +300,7 @@ fn worth_lines(args: &Args, worth: &[Worth]) -> Vec<String> {
 }
 
 /// Poses for another instrument.
-fn points(args: &Args, robot: &Robot, cell: &Cell, count: usize) -> Result<()> {
+fn points(args: &Args, out: &Path, robot: &Robot, cell: &Cell, count: usize) -> Result<()> {
     let model = CollisionModel::new(robot, cell)?;
     let options = ValidationOptions { seed: args.seed, facing: args.facing()?, ..ValidationOptions::default() };
     let sphere = args.sphere()?;
@@ -302,7 +320,7 @@ fn points(args: &Args, robot: &Robot, cell: &Cell, count: usize) -> Result<()> {
         }
     }
     text.push('\n');
-    write_whole(&args.out, text.as_bytes())?;
+    write_whole(out, text.as_bytes())?;
     let place = if sphere.is_some() { "the sphere" } else { "the whole workspace" };
     if args.json {
         return say(serde_json::to_string_pretty(&json!({ "points": poses.len(), "sphere": sphere.is_some() }))?);
@@ -311,5 +329,5 @@ fn points(args: &Args, robot: &Robot, cell: &Cell, count: usize) -> Result<()> {
         "{} poses in {place}, in no particular order, free of collisions where they stand; ways between them were not checked",
         poses.len()
     ))?;
-    say(format!("Wrote {}", args.out.display()))
+    say(format!("Wrote {}", out.display()))
 }

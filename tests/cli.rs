@@ -289,6 +289,22 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
 }
 
 #[test]
+fn a_recording_of_any_arm_is_converted_without_saying_how_many_joints_it_has() {
+    let place = Place::new();
+    let q: Vec<String> = (1..=7).map(|k| format!("q{k}_deg")).collect();
+    place.write("seven.csv", &format!("{},x_mm,y_mm,z_mm\n1,2,3,4,5,6,7,8,9,10\n", q.join(",")));
+    for (from, to) in [("seven.csv", "seven.mcap"), ("seven.mcap", "again.csv")] {
+        let o = place.run(&["convert", from, to]);
+        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    }
+    let again = std::fs::read_to_string(place.path("again.csv")).unwrap();
+    assert!(again.lines().nth(1).unwrap().contains("1,2,3,4,5,6,7,8,9,10"), "{again}");
+    place.refuses(&["convert", "seven.csv", "b.mcap", "--robot", "robot.toml"], &["--robot", "seven.csv needs none"]);
+    place.write("gap.csv", "q1_deg,q3_deg,x_mm,y_mm,z_mm\n1,2,3,4,5\n");
+    place.refuses(&["convert", "gap.csv", "b.mcap"], &["gap.csv", "q2_deg is missing"]);
+}
+
+#[test]
 fn a_cell_without_balls_cannot_be_touched_by_plan_nor_virtual_cell() {
     let place = Place::new();
     place.write("cell.toml", &CELL[..CELL.find("[balls]").unwrap()]);

@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use trical_model::{MAX_JOINTS, Recording};
+use trical_model::Recording;
 
 use crate::bounds::check_file;
 use crate::columns::{Field, find};
@@ -63,7 +63,7 @@ fn not_sqlite(path: &Path) -> Result<()> {
 const CONVERT: &str = "is a ROS 2 bag in sqlite3; expected MCAP: ros2 bag convert -i BAG -o out.yaml, with out.yaml = \
                        {output_bags: [{uri: converted, storage_id: mcap, all_topics: true}]}";
 
-/// Number of joints by a CSV's header; 1 where it has none, so that the reader says what is missing.
+/// Number of joints by a CSV's header, the last that it has; 1 where it has none: the reader says what is missing.
 fn joints_of_csv(path: &Path) -> Result<usize> {
     let mut line = Vec::new();
     std::fs::File::open(path)
@@ -71,13 +71,8 @@ fn joints_of_csv(path: &Path) -> Result<usize> {
         .map_err(unreadable(path))?;
     let line = String::from_utf8_lossy(&line);
     let names = header_names(line.trim_start_matches('\u{feff}'));
-    let mut has = [false; MAX_JOINTS];
-    for (column, k, _) in names.iter().filter_map(|n| find(n)) {
-        if let Some(has) = has.get_mut(k) {
-            *has |= column.field == Field::Joints;
-        }
-    }
-    Ok(has.iter().take_while(|has| **has).count().max(1))
+    let joints = names.iter().filter_map(|n| find(n)).filter(|(column, ..)| column.field == Field::Joints);
+    Ok(joints.map(|(_, k, _)| k + 1).max().unwrap_or(1))
 }
 
 /// Reads a recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it

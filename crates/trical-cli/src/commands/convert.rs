@@ -9,7 +9,7 @@ use trical_model::calibrated::calibrated_by_maker;
 use trical_model::error::read_text;
 use trical_model::urdf::UrdfPath;
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{is_mcap, open_damaged, to_csv};
+use trical_recording::{open_damaged, to_csv};
 
 use crate::error::{CliError, Result};
 use crate::{input, say};
@@ -27,7 +27,7 @@ pub struct Args {
     /// The same as OUT
     #[arg(long, value_name = "OUT", conflicts_with = "output")]
     out: Option<PathBuf>,
-    /// Number of the arm's joints, for a CSV (6 where not given) and for a bag whose joint states are of more
+    /// Number of the arm's joints, for a bag whose joint states are of more
     #[arg(long)]
     joints: Option<usize>,
     /// The nominal arm that a calibration.conf adds to: robot.toml in the maker's frames
@@ -44,14 +44,17 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(CliError::Input("expected the name of a file to write".into()));
     };
     input::check_output(output, [args.input.as_path()])?;
-    if let Some(source) = UrdfPath::of(&args.input) {
-        return arm(&source, output, args.json);
-    }
     if args.input.extension().is_some_and(|e| e == "conf") {
         return by_maker(args, output);
     }
-    let joints = if is_mcap(&args.input)? { args.joints } else { Some(args.joints.unwrap_or(6)) };
-    let (recording, lost) = open_damaged(&args.input, joints)?;
+    if args.robot.is_some() {
+        let what = format!("--robot: is for a calibration.conf; {} needs none", args.input.display());
+        return Err(CliError::Input(what));
+    }
+    if let Some(source) = UrdfPath::of(&args.input) {
+        return arm(&source, output, args.json);
+    }
+    let (recording, lost) = open_damaged(&args.input, args.joints)?;
     for note in &recording.notes {
         crate::note!("trical: note: {note}");
     }

@@ -10,8 +10,17 @@ use crate::literal::Meant;
 use crate::scan::Spot;
 use crate::text::{Span, written};
 
-/// A correction of less than a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
+/// A correction of a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
 const MOST_JOINT_MOVE: f64 = 3.0_f64.to_radians();
+
+/// No correction turns a joint, or the tool, by more, rad, nor moves the tool by more, m: an arm is not so far off, and nobody expects it of a
+/// program that was corrected.
+const MOST_TURN: f64 = 10.0_f64.to_radians();
+const MOST_WAY: f64 = 0.05;
+
+/// How far from a joint a correction is made at least, m: a large one may turn joints by more.
+const LEVER: f64 = 0.1;
+
 /// A target that is rewritten.
 pub struct Done {
     /// New numbers.
@@ -47,6 +56,14 @@ impl Compensator<'_> {
         };
         let state = self.state(&start.q, start.dir);
         let before = apart(&arm.model.world_from_tool(&state, model_ws), &wanted);
+        if before.0 > MOST_WAY || before.1 > MOST_TURN {
+            return Err(format!(
+                "the model has the tool {:.1} mm and {:.1} deg off: that is no correction; if the cell's base was only guessed, --own-base \
+                 leaves it out; if its tool was, name the program's own (--tool NAME, --frames FILE)",
+                before.0 * 1e3,
+                before.1.to_degrees()
+            ));
+        }
         let joints = continue_from(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
             // no iterations: there is a solution, but far away
             IkError::Singular { .. } | IkError::NotConverged { iterations: 0, .. } => {
@@ -60,7 +77,7 @@ impl Compensator<'_> {
                 farthest = (k + 1, (a - b).abs());
             }
         }
-        if farthest.1 > MOST_JOINT_MOVE {
+        if farthest.1 > (2.0 * (before.1 + before.0 / LEVER)).clamp(MOST_JOINT_MOVE, MOST_TURN) {
             return Err(format!(
                 "near a singularity: the correction would turn joint {} by {:.1} deg",
                 farthest.0,

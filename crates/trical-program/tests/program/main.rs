@@ -12,7 +12,9 @@ use fixtures::{
     IRB, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
 };
 use proptest::prelude::*;
-use trical_model::{Basis, Forward, MAX_JOINTS, Model, Shape, Site, State, Support, Term, Tool, Variable};
+use trical_model::{
+    Axis, Basis, Forward, MAX_JOINTS, Model, Motion, Shape, Site, State, Support, Term, Tool, Variable,
+};
 use trical_program::{Dialect, Frames, Options, ProgramError, Report, compensate};
 
 fn options() -> Options {
@@ -299,6 +301,27 @@ fn a_singular_target_is_listed_and_a_wrong_configuration_too() {
     let text = format!("CONST robtarget p:={};", TARGET.replace("[0,0,0,0],[9", "[1,0,0,0],[9"));
     let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &real, &Frames::default());
     assert!(report.problems[0].what.contains("[1,0,0,0]"), "{:?}", report.problems);
+}
+
+#[test]
+fn what_is_too_far_off_for_a_correction_is_told_so_and_not_called_singular() {
+    let n = nominal(IRB);
+    let with = |motion: Motion, value: f64| {
+        let mut model = n.clone();
+        model.terms.push(Term { value, ..Term::new("off", "tool", Site::Tool(motion), Basis::CONSTANT) });
+        let program = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,-10,30,60,50\n";
+        run(program, Dialect::Csv, &n, &model, &Frames::default()).1
+    };
+    for (motion, value, words) in [
+        (Motion::About(Axis::Z), -90_f64.to_radians(), "0.0 mm and 90.0 deg off"),
+        (Motion::Along(Axis::X), 0.06, "60.0 mm and 0.0 deg off"),
+    ] {
+        let problem = &with(motion, value).problems[0].what;
+        assert!(problem.contains(words) && problem.contains("--own-base") && problem.contains("--tool"), "{problem}");
+    }
+    // much, but a correction: joints turn by more than 3 deg for it
+    let report = with(Motion::Along(Axis::X), 0.03);
+    assert!(report.problems.is_empty() && (report.largest_move - 0.03).abs() < 1e-3, "{:?}", report.problems);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use trical_model::{
 };
 
 use crate::error::{Error, Result};
-use crate::study::simulation::{Nature, draw_arm};
+use crate::study::simulation::{Nature, draw_arm, normal3};
 
 /// Numbers of places that are tried.
 const PLACES: [usize; 6] = [1, 2, 3, 4, 6, 8];
@@ -104,7 +104,7 @@ pub fn worth(
             *sums = (sums.0 + after, sums.1 + before, sums.2 + 1.0);
         }
     }
-    let touches = |places: usize| places * per_ball * cell.balls.len().max(1);
+    let touches = |places: usize| places * per_ball * cell.balls.len();
     let told = PLACES.iter().zip(errors).map(|(places, (after, before, n))| Worth {
         places: *places,
         touches: touches(*places),
@@ -160,18 +160,8 @@ impl Block {
     }
 }
 
-/// Centres of a cell's sockets, m, in a frame of their own.
-fn sockets(cell: &Cell) -> Vec<Vector3<f64>> {
-    if cell.balls.is_empty() { vec![Vector3::zeros()] } else { cell.balls.clone() }
-}
-
 fn no_place() -> Error {
     Error::Input("the arm reaches no place at which sockets could stand, within its limits and pointing down".into())
-}
-
-/// A number with mean 0 and standard deviation 1; twelve even ones make a normal one.
-fn normal(rng: &mut Pcg64Mcg) -> f64 {
-    (0..12).map(|_| rng.random_range(0.0..1.0)).sum::<f64>() - 6.0
 }
 
 /// Touches of the sockets at one place, somewhere in reach.
@@ -185,14 +175,13 @@ fn visits(
 ) -> Result<Vec<Row>> {
     let forward = Forward::new(truth.clone(), Vec::new())?;
     let mut ws = forward.workspace();
-    let sockets = sockets(cell);
     'place: for _ in 0..DRAWS {
         let Some(block) = Block::drawn(&forward, rng, &mut ws) else { continue };
-        let mut rows = Vec::with_capacity(sockets.len() * per_ball);
-        for (ball, socket) in sockets.iter().enumerate() {
+        let mut rows = Vec::with_capacity(cell.balls.len() * per_ball);
+        for (ball, socket) in cell.balls.iter().enumerate() {
             for _ in 0..per_ball {
                 let Some(state) = block.visited(&forward, socket, rng, &mut ws) else { continue 'place };
-                let reading = std::array::from_fn(|_| noise * normal(rng));
+                let reading = normal3(rng, noise).into();
                 let state = State { place: Some(place), ..state };
                 rows.push(Row { state, measured: Measured::Touch { ball, reading }, seq: None, line: 0 });
             }
@@ -221,7 +210,7 @@ impl Guided {
     pub fn new(truth: &Model, play: f64, seed: u64) -> Result<Self> {
         let arm = Forward::new(truth.clone(), Vec::new())?;
         let (mut rng, mut ws) = (Pcg64Mcg::seed_from_u64(seed), arm.workspace());
-        let sockets = sockets(&truth.cell);
+        let sockets = truth.cell.balls.clone();
         let block = stand(&arm, &sockets, &mut rng, &mut ws)?;
         Ok(Self { arm, sockets, play, rng, ws, block })
     }
@@ -249,7 +238,7 @@ impl Guided {
         let at = socket.checked_sub(1).and_then(|k| self.sockets.get(k));
         let at =
             at.ok_or_else(|| Error::Input(format!("found socket {socket}, and the cell has {}", self.sockets())))?;
-        let off = Vector3::from_fn(|_, _| self.play * normal(&mut self.rng));
+        let off = normal3(&mut self.rng, self.play);
         let Self { arm, rng, ws, block, .. } = self;
         (0..DRAWS).find_map(|_| block.visited(arm, &(at + off), rng, ws)).map(|s| s.q).ok_or_else(no_place)
     }

@@ -46,7 +46,8 @@ fn normal(rng: &mut Pcg64Mcg, sd: f64) -> f64 {
     Normal::new(0.0, sd.max(0.0)).map_or(0.0, |n| n.sample(rng))
 }
 
-fn normal3(rng: &mut Pcg64Mcg, sd: f64) -> Vector3<f64> {
+/// Three normal numbers.
+pub(crate) fn normal3(rng: &mut Pcg64Mcg, sd: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| normal(rng, sd))
 }
 

@@ -140,10 +140,7 @@ impl Candidate {
     /// Cycles a turn, if it is a wave.
     #[must_use]
     pub fn cycles(&self) -> Option<f64> {
-        match self.terms.first()?.basis.shape {
-            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
-            _ => None,
-        }
+        cycles_of(self.terms.first()?)
     }
 
     /// Whether a wave of the joint's own angle is so steep that the joint would turn back where it is told to go on: no error of a joint does that, and
@@ -193,6 +190,14 @@ impl Candidate {
         self.terms
             .iter()
             .all(|t| matches!(t.basis.shape, Shape::Step { .. } | Shape::Tent { .. } | Shape::Growth { .. }))
+    }
+}
+
+/// Cycles a turn, if a term is a wave.
+pub(crate) fn cycles_of(t: &Term) -> Option<f64> {
+    match t.basis.shape {
+        Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
+        _ => None,
     }
 }
 

@@ -152,19 +152,27 @@ pub(crate) fn finding(
     (finding, best)
 }
 
-/// What the members of a group do, in words. Ripples are told together, with the number of their gear.
+/// What the members of a group do, in words. Waves of a joint are told together: ripples with the number of their gear, an encoder's behind its
+/// curve.
 fn located(group: &Group, local: &[Candidate]) -> String {
-    let each = || group.members.iter().map(|m| &local[*m]);
-    let ripple = |c: &Candidate| c.cause == EffectId::GearRipple.into();
-    match each().filter_map(Candidate::cycles).min_by(f64::total_cmp) {
-        Some(_) if group.members.len() > 1 && each().all(ripple) => {
-            let mut cycles: Vec<f64> = each().filter_map(Candidate::cycles).collect();
-            cycles.sort_by(f64::total_cmp);
-            let numbers: Vec<String> = cycles.iter().map(|n| format!("{n:.0}")).collect();
-            format!("{} cycles per turn of {}", numbers.join(", "), each().next().map_or(Place::All, |c| c.site))
+    let (curves, others): (Vec<&Candidate>, Vec<&Candidate>) =
+        group.members.iter().map(|m| &local[*m]).partition(|c| c.is_long_curve());
+    let is_line = |c: &&&Candidate| {
+        [EffectId::GearRipple, EffectId::EncoderError].iter().any(|id| c.cause == (*id).into()) && c.cycles().is_some()
+    };
+    let (lines, others): (Vec<&Candidate>, Vec<&Candidate>) = others.iter().partition(is_line);
+    let mut cycles: Vec<f64> = lines.iter().filter_map(|c| c.cycles()).collect();
+    cycles.sort_by(f64::total_cmp);
+    let numbers: Vec<String> = cycles.iter().map(|n| format!("{n:.0}")).collect();
+    let told = match (lines.first(), curves.first()) {
+        (Some(_), Some(curve)) => {
+            vec![format!("{}, and single waves of {} cycles per turn", curve.located(), numbers.join(", "))]
         }
-        _ => each().map(Candidate::located).collect::<Vec<_>>().join("; "),
-    }
+        (Some(one), None) if lines.len() == 1 => vec![one.located()],
+        (Some(first), None) => vec![format!("{} cycles per turn of {}", numbers.join(", "), first.site)],
+        (None, _) => curves.iter().map(|c| c.located()).collect(),
+    };
+    told.into_iter().chain(others.iter().map(|c| c.located())).collect::<Vec<_>>().join("; ")
 }
 
 pub(crate) fn unexplained_from(

@@ -71,6 +71,12 @@ impl<'a> Parts<'a> {
         blocks.iter().map(|b| if b.rows > 0.0 { score(b) } else { 0.0 }).collect()
     }
 
+    /// Sum of squared position errors, m^2, without the candidates `out` and with `add` in their place.
+    fn squares(&self, out: &[usize], add: Option<usize>) -> f64 {
+        let errors = self.partition.position_errors(&self.partition.instead(out, add), self.scored);
+        errors.iter().map(|e| e * e).sum()
+    }
+
     /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
     pub(crate) fn errors(&self, out: &[usize], add: Option<usize>) -> ErrorSummary {
         ErrorSummary::of(&self.partition.position_errors(&self.partition.instead(out, add), self.scored))
@@ -78,7 +84,7 @@ impl<'a> Parts<'a> {
 }
 
 /// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance, or harm
-/// those of one proof by more than chance: what each block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
+/// those of one proof by more than chance, or do not lower the errors of the first proof: what each block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
 /// has to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
 /// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
 pub(crate) fn what_does_not_pay(
@@ -96,7 +102,9 @@ pub(crate) fn what_does_not_pay(
             let rivals = instead(g).into_iter().map(|c| surely(&now, &scores(&without, Some(c))));
             let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
             let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
-            rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min)
+            let pays = rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min);
+            let squares = |out: &[usize]| proofs.first().map_or(0.0, |p| p.squares(out, None));
+            unless_errors_rise(pays, squares(&without), squares(&out))
         };
         let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
@@ -104,6 +112,11 @@ pub(crate) fn what_does_not_pay(
         now = scores(&out, None);
     }
     out
+}
+
+/// A gain in log scores, none where the errors themselves do not fall: a density that is wide where it is wrong loses little.
+fn unless_errors_rise(gain: f64, without: f64, with: f64) -> f64 {
+    if with < without { gain } else { gain.min(0.0) }
 }
 
 /// By how much the log scores of the blocks of all proofs are better than others, less what may be chance; negative where one of the proofs
@@ -201,6 +214,13 @@ mod tests {
         let by_block = Parts::by_block(&design, &[0], &folds, 1.0).unwrap();
         let forward = Parts::forward(&design, &[0], &folds, 1.0).unwrap();
         what_does_not_pay(&[by_block, forward], &candidates, grouped(&candidates, &[0]), &|_| Vec::new())
+    }
+
+    #[test]
+    fn what_gains_in_log_scores_does_not_pay_where_errors_rise() {
+        let pays =
+            |gain| [[2.0, 1.0], [1.0, 1.0], [1.0, 2.0]].map(|[without, with]| unless_errors_rise(gain, without, with));
+        assert_eq!((pays(5.0), pays(-3.0)), ([5.0, 0.0, 0.0], [-3.0; 3]));
     }
 
     #[test]

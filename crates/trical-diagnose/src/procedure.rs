@@ -167,7 +167,11 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     task.step(0.7, "what pays at unseen poses")?;
     rounds.release_curves()?;
     rounds.keep_what_pays()?;
-    if rounds.trade_curves()? { rounds.keep_what_pays() } else { Ok(()) }
+    if rounds.trade_curves()? {
+        rounds.keep_what_pays()?;
+    }
+    rounds.name_waves();
+    Ok(())
 }
 
 /// What was chosen, as findings and as what has no name.

@@ -1,6 +1,7 @@
 //! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
 mod pays;
+mod waves;
 
 use std::collections::BTreeSet;
 

@@ -104,6 +104,16 @@ pub const CURVE_COEFFICIENTS: usize = 10;
 /// Candidates that are tried beside each other before curves are held.
 pub const TRIED_WITH_CURVES: usize = 14;
 
+/// Each octave of an encoder's waves counts as so many coefficients of the usual size beside those that are fitted: a single wave does not
+/// decide.
+pub const OWN_SIZE_WEIGHT: f64 = 4.0;
+
+/// Sizes of waves are learnt until no factor changes by more than this share,
+pub const SIZE_SETTLED: f64 = 0.02;
+
+/// in so many rounds at most.
+pub const SIZE_ROUNDS: usize = 20;
+
 // Frequencies
 
 /// Cycles per turn that gears have.

@@ -1,10 +1,12 @@
 //! The joint's output encoder is not linear: what it reads is off by a smooth curve of the joint's own angle that repeats every turn, and
 //! is the same in every session. Its waves are held together by one prior that falls with their number, so that the curve costs
-//! what it is worth (a Gaussian process on the circle, by its Fourier series), and returns to zero where no angle was visited.
+//! what it is worth (a Gaussian process on the circle, by its Fourier series), and returns to zero where no angle was visited. How large the
+//! waves of each octave are is then learnt from the curves of all joints (`linear/wave_sizes.rs`).
 
-use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
+use trical_model::{Basis, Place, Scope, Shape, Site, Term, Variable};
 
 use super::effect::{Asked, Effect, Family, Part, Remedy, deg, turning};
+use crate::candidate::cycles_of;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 use crate::settings::{ENCODER_WAVES, POSES_PER_WAVE};
@@ -16,7 +18,8 @@ pub const EFFECT: Effect = Effect {
     scope: Scope::Arm,
     site: "joint",
     form: "the output encoder is not linear: D = sum over n of (a_n sin(n q_j) + b_n cos(n q_j)), n = 1 to 50, the standard deviation \
-           of a_n and b_n falling as 1/sqrt(n); the same on every turn and in every session",
+           of a_n and b_n falling as 1/sqrt(n), then octave by octave as the data of all joints say, with single waves beyond that are no \
+           gear's; the same on every turn and in every session",
     needs: "joints, twelve poses and more for every wave",
     typical: "0.02 to 0.12 deg peak to peak",
     rivals: "joint_harmonic (its first waves), gear_ripple (a line at the gear's number), a curve over one stroke",
@@ -44,7 +47,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
             let cycles = n as f64;
             for (name, shape) in [("sine", Shape::Sine { cycles }), ("cosine", Shape::Cosine { cycles })] {
-                parts.push((format!("encoder_{name}_{n}_{joint}"), at, Basis::new(q, shape), 0));
+                parts.push((wave_name(name, cycles, joint), at, Basis::new(q, shape), 0));
                 scales.push(FIRST_WAVE / cycles.sqrt());
             }
         }
@@ -52,4 +55,15 @@ fn ask(r: &Covariates<'_>) -> Asked {
         EFFECT.candidate_of_scales(Place::Joint(joint), behaviour, deg(0.004), scales, parts)
     };
     turning(r).map(of).collect::<Vec<_>>().into()
+}
+
+fn wave_name(part: &str, cycles: f64, joint: usize) -> String {
+    format!("encoder_{part}_{cycles:.0}_{joint}")
+}
+
+/// Makes a wave of a joint's own angle, beyond the curve's, one of the curve's.
+pub fn further_wave(t: &mut Term) {
+    let (Site::Joint { joint }, Some(cycles)) = (t.site, cycles_of(t)) else { return };
+    let part = if matches!(t.basis.shape, Shape::Sine { .. }) { "sine" } else { "cosine" };
+    (t.name, t.effect) = (wave_name(part, cycles, joint), EFFECT.id.name().to_owned());
 }

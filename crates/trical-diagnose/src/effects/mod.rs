@@ -8,6 +8,7 @@
 mod effect;
 
 pub use effect::{Effect, Family, Remedy};
+pub use encoder_error::further_wave;
 pub use gear_ripple::ripple;
 pub use trical_model::Scope;
 

@@ -10,6 +10,7 @@
 //! | `columns` | residual, Jacobian and columns, and inner products over rows |
 //! | [`state`] | the fit with some candidates added, and what others would do then |
 //! | [`downdate`] | the same with some of those taken out again |
+//! | `wave_sizes` | priors of the waves of curves, learnt from all of them |
 //! | [`partition`] | a set fitted without each part of the poses, and on each part alone |
 
 mod columns;
@@ -17,6 +18,7 @@ pub mod design;
 pub mod downdate;
 pub mod partition;
 pub mod state;
+mod wave_sizes;
 
 pub use columns::Fitted;
 pub(crate) use columns::Linear;

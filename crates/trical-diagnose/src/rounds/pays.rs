@@ -44,6 +44,9 @@ impl Rounds {
             self.refit()?;
             return Ok(false);
         }
+        let held = self.held.clone();
+        self.learn_sizes(&held)?;
+        self.refit_with(true)?;
         Ok(true)
     }
 
@@ -97,6 +100,7 @@ impl Rounds {
     /// back only where both are free.
     fn choose_beside(&mut self, curves: &[usize]) -> Result<()> {
         let before = [curves, &self.chosen[..]].concat();
+        self.learn_sizes(curves)?;
         let lean = std::mem::replace(&mut self.chosen, before.clone());
         self.refit()?;
         let chosen = {

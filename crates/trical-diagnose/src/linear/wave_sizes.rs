@@ -1,0 +1,71 @@
+//! How large the waves of curves are, octave by octave, by what the data say of all curves together (evidence, MacKay 1992).
+//!
+//! A wave's coefficients are normal about zero. For each octave of cycles per turn one factor on the standard deviations that the effect
+//! has for its waves is learnt: `f^2 = (n0 + sum x^2 / s^2) / (n0 + gamma)`, where `x` are the coefficients as fitted with the factors so
+//! far, `s` the effect's own standard deviations, and `gamma = sum (1 - var(x) / (f s)^2)` counts the coefficients that the data
+//! determine. `n0` coefficients of the effect's own size are added, so that few coefficients cannot decide. Curves of all joints have one
+//! factor: the joints of an arm are of one maker.
+
+use faer::linalg::solvers::{DenseSolveCore, Solve};
+use faer::{Mat, Side};
+
+use super::design::Design;
+use crate::candidate::{Candidate, cycles_of};
+use crate::settings::{OWN_SIZE_WEIGHT, SIZE_ROUNDS, SIZE_SETTLED};
+
+/// Octave of a wave: 1, 2 and 3, 4 to 7, ... cycles a turn.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of cycles")]
+fn octave(cycles: f64) -> usize {
+    (cycles.max(1.0) as u32).ilog2() as usize
+}
+
+impl Design {
+    /// Standard deviations of the waves of `curves`, beside `others` that are in the fit with them, as the data say they are: for each curve one
+    /// for each of its coefficients. The noise must be that of a fit with all of them. `None` where they do not determine a fit.
+    #[must_use]
+    pub fn wave_sizes(&self, candidates: &[Candidate], curves: &[usize], others: &[usize]) -> Option<Vec<Vec<f64>>> {
+        let all: Vec<usize> = curves.iter().chain(others).copied().collect();
+        self.prepare(&all);
+        let columns: Vec<usize> = all.iter().flat_map(|c| self.span(*c).0..self.span(*c).1).collect();
+        let mut gram = Mat::<f64>::zeros(columns.len(), 0);
+        for c in &all {
+            let own = self.gram(*c);
+            let at = gram.ncols();
+            gram.resize_with(columns.len(), at + own.ncols(), |i, j| own[(columns[i], j - at)]);
+        }
+        let push = Mat::from_fn(columns.len(), 1, |i, _| -self.b[columns[i]]);
+        let waves: Vec<Option<usize>> =
+            curves.iter().flat_map(|c| candidates[*c].terms.iter().map(|t| cycles_of(t).map(octave))).collect();
+        let octaves = waves.iter().flatten().max()? + 1;
+        let own: Vec<f64> = columns.iter().map(|a| self.prior_precision(*a)).collect();
+        // f^2 of each octave, and of a column
+        let mut squares = vec![1.0; octaves];
+        let square = |squares: &[f64], k: usize| waves.get(k).copied().flatten().map_or(1.0, |o: usize| squares[o]);
+        for _ in 0..SIZE_ROUNDS {
+            let mut normal = gram.clone();
+            for (k, precision) in own.iter().enumerate() {
+                normal[(k, k)] += precision / square(&squares, k);
+            }
+            let factor = normal.llt(Side::Lower).ok()?;
+            let (x, variance) = (factor.solve(&push), factor.inverse());
+            let (mut sizes, mut counts) = (vec![OWN_SIZE_WEIGHT; octaves], vec![OWN_SIZE_WEIGHT; octaves]);
+            for (k, octave) in waves.iter().enumerate() {
+                let Some(octave) = *octave else { continue };
+                sizes[octave] += x[(k, 0)].powi(2) * own[k];
+                counts[octave] += 1.0 - (variance[(k, k)] * own[k] / squares[octave]).min(1.0);
+            }
+            let new: Vec<f64> = sizes.iter().zip(&counts).map(|(s, n)| s / n).collect();
+            let change = new.iter().zip(&squares).map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
+            squares = new;
+            if change < SIZE_SETTLED {
+                break;
+            }
+        }
+        let mut at = 0..;
+        let scaled = |c: &usize| {
+            let scales = candidates[*c].scales.iter().zip(&mut at);
+            scales.map(|(s, k)| s * square(&squares, k).sqrt()).collect()
+        };
+        Some(curves.iter().map(scaled).collect())
+    }
+}

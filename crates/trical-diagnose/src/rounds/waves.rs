@@ -1,0 +1,149 @@
+//! Waves of an encoder's curve: how large they are, and which single lines beyond them are the encoder's too.
+
+use trical_ident::error::Result;
+
+use super::Rounds;
+use crate::candidate::Candidate;
+use crate::correlated_noise::CorrelatedNoise;
+use crate::effect_id::EffectId;
+use crate::effects::further_wave;
+
+/// Neighbours of a gear's number and of its multiples that are the same line, modulated.
+const SIDEBANDS: f64 = 2.0;
+
+/// Multiples of a gear's number of which the strongest line may be one.
+const MULTIPLES: u32 = 2;
+
+/// The smallest number of a gear whose lines are told from an encoder's waves: of smaller ones too many lines are multiples by chance.
+const SMALLEST_GEAR: f64 = 50.0;
+
+impl Rounds {
+    /// Gives the waves of `curves`, which are in the fit, the sizes that the data say they have.
+    pub(super) fn learn_sizes(&mut self, curves: &[usize]) -> Result<()> {
+        let others: Vec<usize> = self.chosen.iter().copied().filter(|c| !curves.contains(c)).collect();
+        let members = self.members(&[curves, &others].concat());
+        let held = std::mem::take(&mut self.held);
+        let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE);
+        self.held = held;
+        let (of_curves, of_others): (Vec<usize>, Vec<usize>) = (0..members.len()).partition(|k| *k < curves.len());
+        let sizes = design?.wave_sizes(&members, &of_curves, &of_others);
+        for (c, scales) in curves.iter().zip(sizes.into_iter().flatten()) {
+            self.candidates[*c].scales = scales;
+        }
+        Ok(())
+    }
+
+    /// Lines at joints that have an encoder's curve are waves of it, unless they are those of a gear.
+    pub(crate) fn name_waves(&mut self) {
+        let of = |id: EffectId| -> Vec<usize> {
+            self.chosen.iter().copied().filter(|c| self.candidates[*c].cause == id.into()).collect()
+        };
+        let mut waves: Vec<usize> = Vec::new();
+        for curve in of(EffectId::EncoderError) {
+            let mut lines = of(EffectId::GearRipple);
+            lines.retain(|c| self.candidates[*c].site == self.candidates[curve].site);
+            let line = |c: &usize| Some((self.candidates[*c].cycles()?, self.power(&self.candidates[*c])));
+            let of_gear = of_gear(&lines.iter().filter_map(line).collect::<Vec<_>>());
+            waves.extend(lines.into_iter().zip(of_gear).filter(|(_, gear)| !gear).map(|(c, _)| c));
+        }
+        for wave in waves {
+            let own = &mut self.candidates[wave];
+            for t in &mut own.terms {
+                let fitted = self.fitted.model.terms.iter_mut().find(|m| m.does_as(t));
+                further_wave(t);
+                if let Some(fitted) = fitted {
+                    (fitted.name, fitted.effect) = (t.name.clone(), t.effect.clone());
+                }
+            }
+            own.cause = EffectId::EncoderError.into();
+        }
+    }
+
+    /// Squared amplitude of a wave in the fit, SI.
+    fn power(&self, wave: &Candidate) -> f64 {
+        let fitted = |t| self.fitted.model.terms.iter().find(|m| m.does_as(t)).map(|m| m.value.powi(2));
+        wave.terms.iter().filter_map(fitted).sum()
+    }
+}
+
+/// Which of the lines of a joint (cycles per turn, power) are a gear's, where the joint's encoder has a curve. A gear's are at one number
+/// and its multiples, and at neighbours that modulate them; they have most of the power of the lines, but for those at powers of two, which are
+/// the encoder's own poles.
+fn of_gear(lines: &[(f64, f64)]) -> Vec<bool> {
+    let is_pole = |n: f64| (n - n.log2().round().exp2()).abs() <= 1.0 && n > SMALLEST_GEAR;
+    let others = || lines.iter().filter(|(n, _)| !is_pole(*n));
+    let Some((strongest, _)) = others().max_by(|a, b| a.1.total_cmp(&b.1)) else { return vec![false; lines.len()] };
+    let belongs = |n: f64, gear: f64| (n - (n / gear).round().max(1.0) * gear).abs() <= SIDEBANDS;
+    let power = |gear: f64| others().filter(|(n, _)| belongs(*n, gear)).map(|(_, p)| p).sum::<f64>();
+    let gears = (1..=MULTIPLES).map(|k| strongest / f64::from(k)).filter(|gear| *gear >= SMALLEST_GEAR);
+    let best = gears.max_by(|a, b| power(*a).total_cmp(&power(*b)).then(a.total_cmp(b)));
+    let all: f64 = others().map(|(_, p)| p).sum();
+    let of = best.filter(|gear| power(*gear) > 0.5 * all);
+    lines.iter().map(|(n, _)| of.is_some_and(|gear| belongs(*n, gear) && !is_pole(*n))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::{Basis, Place, Shape, Variable};
+
+    use super::*;
+    use crate::options::Options;
+    use crate::test_data::with_joint_2;
+
+    #[test]
+    fn lines_of_one_number_with_neighbours_and_multiples_are_a_gears_and_scattered_ones_are_not() {
+        assert_eq!(of_gear(&[(101.0, 1.0)]), [true]);
+        assert_eq!(of_gear(&[(99.0, 0.5), (101.0, 2.0), (202.0, 1.0), (73.0, 0.4)]), [true, true, true, false]);
+        // the second harmonic is the strongest
+        assert_eq!(of_gear(&[(100.0, 1.0), (200.0, 2.0), (300.0, 1.0), (61.0, 1.0)]), [true, true, true, false]);
+        assert_eq!(of_gear(&[(59.0, 1.0), (67.0, 1.2), (88.0, 1.0), (155.0, 0.8)]), [false; 4]);
+        // an encoder's poles, however strong
+        assert_eq!(of_gear(&[(128.0, 9.0), (100.0, 1.0), (256.0, 3.0)]), [false, true, false]);
+        assert_eq!(of_gear(&[]), [false; 0]);
+    }
+
+    /// Curve and lines of joint 2 of an arm with an error of `cycles` there, chosen and fitted, as they are named.
+    fn named(cycles: &[f64]) -> (Vec<EffectId>, Rounds) {
+        let wave = |n: &f64| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles: *n }), 3e-4);
+        let (truth, data) = with_joint_2(&cycles.iter().map(wave).collect::<Vec<_>>());
+        let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+        let curve = rounds.curves.iter().position(|c| c.site == Place::Joint(2)).unwrap();
+        let curve = rounds.curves.swap_remove(curve);
+        let first = rounds.candidates.len();
+        rounds.candidates.push(curve);
+        rounds.candidates.extend(cycles[1..].iter().map(|n| crate::effects::ripple(2, *n, 6)));
+        rounds.chosen = (first..rounds.candidates.len()).collect();
+        rounds.refit().unwrap();
+        rounds.name_waves();
+        let causes = rounds.chosen.iter().filter_map(|c| rounds.candidates[*c].cause.effect()).collect();
+        (causes, rounds)
+    }
+
+    #[test]
+    fn lines_beyond_an_encoders_curve_become_its_waves_in_the_model_too() {
+        let (causes, rounds) = named(&[5.0, 61.0, 88.0, 131.0]);
+        assert_eq!(causes, [EffectId::EncoderError; 4]);
+        let wave = rounds.fitted.model.terms.iter().find(|t| t.name == "encoder_sine_61_2").unwrap();
+        assert!(wave.effect == "encoder_error" && (wave.value - 3e-4).abs() < 3e-5, "{}", wave.value);
+        assert_eq!(named(&[5.0, 101.0]).0, [EffectId::EncoderError, EffectId::GearRipple]);
+    }
+
+    #[test]
+    fn waves_get_the_size_that_all_of_their_octave_have() {
+        let (_, mut rounds) = named(&[5.0, 7.0]);
+        let curve = rounds.chosen[0];
+        let before = rounds.candidates[curve].scales.clone();
+        rounds.learn_sizes(&[curve]).unwrap();
+        let after = &rounds.candidates[curve].scales;
+        let factor = |n: usize| after[2 * n] / before[2 * n];
+        // waves 4 to 7 are there, 8 and more are not
+        assert!(
+            factor(4) > 0.9 && factor(8) < 0.6 && (factor(4) - factor(6)).abs() < 1e-12,
+            "{} {}",
+            factor(4),
+            factor(8)
+        );
+    }
+}

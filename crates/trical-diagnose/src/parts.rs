@@ -71,10 +71,9 @@ impl<'a> Parts<'a> {
         blocks.iter().map(|b| if b.rows > 0.0 { score(b) } else { 0.0 }).collect()
     }
 
-    /// Sum of squared position errors, m^2, without the candidates `out` and with `add` in their place.
-    fn squares(&self, out: &[usize], add: Option<usize>) -> f64 {
-        let errors = self.partition.position_errors(&self.partition.instead(out, add), self.scored);
-        errors.iter().map(|e| e * e).sum()
+    /// Sum of the squared residuals (in standard deviations of the noise) of all rows, each by the fit to the other parts, without the candidates `out`.
+    fn squares(&self, out: &[usize]) -> f64 {
+        self.partition.instead(out, None).iter().map(|r| r * r).sum()
     }
 
     /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
@@ -103,7 +102,7 @@ pub(crate) fn what_does_not_pay(
             let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
             let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
             let pays = rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min);
-            let squares = |out: &[usize]| proofs.first().map_or(0.0, |p| p.squares(out, None));
+            let squares = |out: &[usize]| proofs.first().map_or(0.0, |p| p.squares(out));
             unless_errors_rise(pays, squares(&without), squares(&out))
         };
         let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,6 +1,8 @@
 //! Recordings as observations: which joint angles are believed, which rows belong to one pose, which measuring frame a
 //! row was seen in, and each pose registered by its fixed references.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use trical_model::{Joints, Measured, Pose, Recording, State};
 
@@ -229,73 +231,13 @@ impl Dataset {
                 _ => by_pose.push((s.0, vec![(s.1, s.2)])),
             }
         }
-        // generalized Procrustes: poses onto places, places onto their mean, until they agree
-        let mut fits: Vec<Option<(Pose, f64)>> = Vec::new();
-        for round in 0..4 {
-            fits = by_pose
-                .iter()
-                .map(|(_, list)| {
-                    let pairs: Vec<_> =
-                        list.iter().filter_map(|(k, p)| places.get(*k).copied().flatten().map(|q| (q, *p))).collect();
-                    let pose = rigid_from_points(&pairs)?;
-                    let off = pairs.iter().map(|(q, p)| (pose.apply(p) - q).norm()).fold(0.0, f64::max);
-                    Some((pose, off))
-                })
-                .collect();
-            if known.is_some() || round == 3 {
-                break;
-            }
-            let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
-            let limit = 10.0 * median(&offs) + 1e-6;
-            for (k, place) in places.iter_mut().enumerate() {
-                let (mut sum, mut n) = (Vector3::zeros(), 0.0);
-                for ((_, list), fit) in by_pose.iter().zip(&fits) {
-                    if let Some((pose, off)) = fit
-                        && *off <= limit
-                    {
-                        for (_, p) in list.iter().filter(|(i, _)| *i == k) {
-                            sum += pose.apply(p);
-                            n += 1.0;
-                        }
-                    }
-                }
-                if n > 0.0 {
-                    *place = Some(sum / n);
-                }
-            }
-        }
-        let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
-        // references scatter by the instrument's noise; beyond ten times their median something was bumped or lost
-        let limit = 10.0 * median(&offs) + 2e-6;
-        let mut verdicts: std::collections::BTreeMap<usize, std::result::Result<Pose, String>> =
-            std::collections::BTreeMap::new();
-        for ((pose, list), fit) in by_pose.iter().zip(&fits) {
-            let verdict = match fit {
-                None => Err(format!("only {} of {count} references were seen at this pose", list.len())),
-                Some((_, off)) if *off > limit => Err(format!(
-                    "a reference is {:.3} mm off its place at this pose (usual: {:.3} mm)",
-                    off * 1e3,
-                    median(&offs) * 1e3
-                )),
-                Some((p, _)) => Ok(*p),
-            };
-            verdicts.insert(*pose, verdict);
-        }
+        let fits = onto_places(&by_pose, &mut places, known.is_some());
+        let verdicts = verdicts(&by_pose, &fits, count);
         let tail = self.observations.split_off(first_observation);
         for mut o in tail {
             match verdicts.get(&o.pose) {
-                Some(Ok(p)) => {
-                    match &mut o.measured {
-                        Measured::Point { position, .. } => {
-                            *position = p.apply(&Vector3::from(*position)).into();
-                        }
-                        Measured::Pose { position, quaternion } => {
-                            *position = p.apply(&Vector3::from(*position)).into();
-                            let r = p.rotation * trical_model::pose::rotation_from_quaternion(*quaternion);
-                            *quaternion = trical_model::pose::quaternion_from_rotation(&r);
-                        }
-                        _ => {}
-                    }
+                Some(Ok(pose)) => {
+                    move_by(pose, &mut o.measured);
                     self.observations.push(o);
                 }
                 Some(Err(reason)) => self.reject(&o, name, reason.clone()),
@@ -371,5 +313,88 @@ impl Dataset {
         let mut poses: Vec<usize> = self.observations.iter().map(|o| o.pose).collect();
         poses.dedup();
         poses
+    }
+}
+
+/// The references seen at each pose, moved onto their places: how, and by how much one of them is off then; places that are not `known` move onto
+/// their mean until they agree (generalized Procrustes).
+fn onto_places(
+    by_pose: &[(usize, Vec<Seen>)],
+    places: &mut [Option<Vector3<f64>>],
+    known: bool,
+) -> Vec<Option<(Pose, f64)>> {
+    let mut fits: Vec<Option<(Pose, f64)>> = Vec::new();
+    for round in 0..4 {
+        fits = by_pose
+            .iter()
+            .map(|(_, list)| {
+                let pairs: Vec<_> =
+                    list.iter().filter_map(|(k, p)| places.get(*k).copied().flatten().map(|q| (q, *p))).collect();
+                let pose = rigid_from_points(&pairs)?;
+                let off = pairs.iter().map(|(q, p)| (pose.apply(p) - q).norm()).fold(0.0, f64::max);
+                Some((pose, off))
+            })
+            .collect();
+        if known || round == 3 {
+            break;
+        }
+        let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
+        let limit = 10.0 * median(&offs) + 1e-6;
+        for (k, place) in places.iter_mut().enumerate() {
+            let (mut sum, mut n) = (Vector3::zeros(), 0.0);
+            for ((_, list), fit) in by_pose.iter().zip(&fits) {
+                if let Some((pose, off)) = fit
+                    && *off <= limit
+                {
+                    for (_, p) in list.iter().filter(|(i, _)| *i == k) {
+                        sum += pose.apply(p);
+                        n += 1.0;
+                    }
+                }
+            }
+            if n > 0.0 {
+                *place = Some(sum / n);
+            }
+        }
+    }
+    fits
+}
+
+/// Of each pose how it is moved, or why it is not to be used: references scatter by the instrument's noise; beyond ten times their median
+/// something was bumped or lost.
+fn verdicts(
+    by_pose: &[(usize, Vec<Seen>)],
+    fits: &[Option<(Pose, f64)>],
+    count: usize,
+) -> BTreeMap<usize, std::result::Result<Pose, String>> {
+    let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
+    let usual = median(&offs);
+    let limit = 10.0 * usual + 2e-6;
+    let mut verdicts = BTreeMap::new();
+    for ((pose, list), fit) in by_pose.iter().zip(fits) {
+        let verdict = match fit {
+            None => Err(format!("only {} of {count} references were seen at this pose", list.len())),
+            Some((_, off)) if *off > limit => Err(format!(
+                "a reference is {:.3} mm off its place at this pose (usual: {:.3} mm)",
+                off * 1e3,
+                usual * 1e3
+            )),
+            Some((p, _)) => Ok(*p),
+        };
+        verdicts.insert(*pose, verdict);
+    }
+    verdicts
+}
+
+/// Moves a measured point or pose.
+fn move_by(pose: &Pose, measured: &mut Measured) {
+    match measured {
+        Measured::Point { position, .. } => *position = pose.apply(&Vector3::from(*position)).into(),
+        Measured::Pose { position, quaternion } => {
+            *position = pose.apply(&Vector3::from(*position)).into();
+            let r = pose.rotation * trical_model::pose::rotation_from_quaternion(*quaternion);
+            *quaternion = trical_model::pose::quaternion_from_rotation(&r);
+        }
+        _ => {}
     }
 }

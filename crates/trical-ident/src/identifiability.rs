@@ -558,19 +558,57 @@ fn independent_of(
     terms: Vec<Term>,
     resting: &[(usize, f64)],
 ) -> Result<(Vec<Term>, Vec<Dependent>)> {
+    let (mut columns, height) = columns_at_random_states(nominal, data, &terms, resting)?;
+    let mut triangle = Triangle { height, ..Triangle::default() };
+    let mut dependent = Vec::new();
+    let named = |c: usize, with: Vec<String>| Dependent { name: terms[c].name.clone(), with, held: false };
+    for (c, column) in columns.chunks_exact_mut(height.max(1)).enumerate() {
+        let norm = dot(column, column).sqrt();
+        if norm < 1e-9 {
+            if terms[c].effect != "compliance" {
+                dependent.push(named(c, Vec::new()));
+            }
+            continue;
+        }
+        column.iter_mut().for_each(|x| *x /= norm);
+        if let Err(shares) = triangle.keep(c, column) {
+            let with = shares.iter().filter(|(_, s)| s.abs() > 1e-3).map(|(k, _)| terms[*k].name.clone()).collect();
+            dependent.push(named(c, with));
+        }
+    }
+    let mut kept = triangle.kept;
+    // what is usual of an arm shares out what touches at unknown places leave open between parameters that do the same: one that stands
+    // for both would have to be unusual
+    let placed = !unknown_places(&nominal.cell, data).is_empty();
+    let of_arm =
+        |name: &String| terms.iter().any(|t| t.name == *name && matches!(t.effect.as_str(), "geometry" | "tool"));
+    let shared = |d: &Dependent| placed && of_arm(&d.name) && d.with.iter().any(of_arm);
+    kept.extend((0..terms.len()).filter(|k| dependent.iter().any(|d| d.name == terms[*k].name && shared(d))));
+    kept.sort_unstable();
+    dependent.retain(|d| !shared(d));
+    Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))
+}
+
+/// Derivatives of every sort of measurement to `terms` at random states of the nominal arm, column by column, and the height of a column:
+/// twice as many rows as columns.
+fn columns_at_random_states(
+    nominal: &Model,
+    data: &Dataset,
+    terms: &[Term],
+    resting: &[(usize, f64)],
+) -> Result<(Vec<f64>, usize)> {
     let p = terms.len();
     let model = Model {
         robot: nominal.robot.clone(),
         cell: nominal.cell.without_geometry(),
         frames: nominal.frames.clone(),
-        terms: terms.clone(),
+        terms: terms.to_vec(),
     };
     let mut forward = Forward::new(model.clone(), (0..p).collect())?;
     let mut ws = forward.workspace();
     let mut jacobian = vec![0.0; 6 * p];
     let turned = terms.iter().any(|t| matches!(t.site, Site::Fixture(_)));
     let sorts = sorts(data, turned);
-    // twice as many rows as columns
     let rows_of_a_state: usize = sorts.iter().map(|(m, ..)| residual_rows(m)).sum();
     let states = (2 * p).div_ceil(rows_of_a_state.max(1)).max(24);
     let height = states * rows_of_a_state;
@@ -608,65 +646,55 @@ fn independent_of(
             row += rows;
         }
     }
-    // Householder's reflections of the columns that are kept, one after the other; a column of which they leave nothing
-    // below their triangle is a sum of them
-    let mut kept: Vec<usize> = Vec::new();
-    let mut reflectors: Vec<f64> = Vec::new();
-    // kept columns in the triangle, to put dependence into words
-    let mut triangle: Vec<Vec<f64>> = Vec::new();
-    let mut dependent = Vec::new();
-    for (c, v) in columns.chunks_exact_mut(height.max(1)).enumerate() {
-        let norm = dot(v, v).sqrt();
-        if norm < 1e-9 {
-            if terms[c].effect != "compliance" {
-                dependent.push(Dependent { name: terms[c].name.clone(), with: Vec::new(), held: false });
-            }
-            continue;
-        }
-        for x in &mut *v {
-            *x /= norm;
-        }
-        for (k, u) in reflectors.chunks_exact(height).enumerate() {
+    Ok((columns, height))
+}
+
+/// Householder's reflections of the columns that are kept, one after the other; a column of which they leave nothing below their triangle
+/// is a sum of them.
+#[derive(Default)]
+struct Triangle {
+    height: usize,
+    kept: Vec<usize>,
+    reflectors: Vec<f64>,
+    /// Kept columns in the triangle, to put dependence into words.
+    columns: Vec<Vec<f64>>,
+}
+
+impl Triangle {
+    /// Keeps column `c`, of length one, if it is no sum of those kept so far.
+    ///
+    /// # Errors
+    /// Of a sum: how much of each kept column is in it.
+    fn keep(&mut self, c: usize, v: &mut [f64]) -> std::result::Result<(), Vec<(usize, f64)>> {
+        for (k, u) in self.reflectors.chunks_exact(self.height).enumerate() {
             let d = 2.0 * dot(&u[k..], &v[k..]);
             for (x, y) in v[k..].iter_mut().zip(&u[k..]) {
                 *x -= d * y;
             }
         }
-        let k = kept.len();
-        let left = if k < height { dot(&v[k..], &v[k..]).sqrt() } else { 0.0 };
-        if left > 1e-6 {
-            let mut u = vec![0.0; height];
-            u[k..].copy_from_slice(&v[k..]);
-            let pivot = if v[k] > 0.0 { -left } else { left };
-            u[k] -= pivot;
-            let length = dot(&u[k..], &u[k..]).sqrt();
-            reflectors.extend(u.iter().map(|x| x / length));
-            let mut above = v[..k].to_vec();
-            above.push(pivot);
-            triangle.push(above);
-            kept.push(c);
-        } else {
+        let k = self.kept.len();
+        let left = if k < self.height { dot(&v[k..], &v[k..]).sqrt() } else { 0.0 };
+        if left <= 1e-6 {
             // back substitution: the column as a sum of kept columns
             let mut share = vec![0.0; k];
             for i in (0..k).rev() {
-                let above: f64 = (i + 1..k).map(|j| triangle[j][i] * share[j]).sum();
-                share[i] = (v[i] - above) / triangle[i][i];
+                let above: f64 = (i + 1..k).map(|j| self.columns[j][i] * share[j]).sum();
+                share[i] = (v[i] - above) / self.columns[i][i];
             }
-            let with =
-                share.iter().zip(&kept).filter(|(s, _)| s.abs() > 1e-3).map(|(_, k)| terms[*k].name.clone()).collect();
-            dependent.push(Dependent { name: terms[c].name.clone(), with, held: false });
+            return Err(self.kept.iter().copied().zip(share).collect());
         }
+        let mut u = vec![0.0; self.height];
+        u[k..].copy_from_slice(&v[k..]);
+        let pivot = if v[k] > 0.0 { -left } else { left };
+        u[k] -= pivot;
+        let length = dot(&u[k..], &u[k..]).sqrt();
+        self.reflectors.extend(u.iter().map(|x| x / length));
+        let mut above = v[..k].to_vec();
+        above.push(pivot);
+        self.columns.push(above);
+        self.kept.push(c);
+        Ok(())
     }
-    // what is usual of an arm shares out what touches at unknown places leave open between parameters that do the same: one that stands
-    // for both would have to be unusual
-    let placed = !unknown_places(&nominal.cell, data).is_empty();
-    let of_arm =
-        |name: &String| terms.iter().any(|t| t.name == *name && matches!(t.effect.as_str(), "geometry" | "tool"));
-    let shared = |d: &Dependent| placed && of_arm(&d.name) && d.with.iter().any(of_arm);
-    kept.extend((0..p).filter(|k| dependent.iter().any(|d| d.name == terms[*k].name && shared(d))));
-    kept.sort_unstable();
-    dependent.retain(|d| !shared(d));
-    Ok((kept.into_iter().map(|k| terms[k].clone()).collect(), dependent))
 }
 
 /// Inner product by eight partial sums, which processors take at once.

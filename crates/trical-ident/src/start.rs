@@ -5,7 +5,7 @@ use trical_model::pose::{angles_zyx, rotation_from_quaternion};
 use trical_model::{Cell, Forward, Measured, Model, Motion, Pose, Scope, Site, Term};
 
 use crate::ball_places::{self, BallPlace};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
 use crate::rigid::{median, nearest_rotation, robust_rigid_from_points};
 use crate::trilateration::{Length, base_from_anchors, trilaterate};
@@ -28,6 +28,9 @@ struct Sight {
 
 /// Frames and tool points are found in turn until no point moves further, m: the fit does the rest.
 const SETTLED: f64 = 1e-4;
+
+/// Turns of that at most.
+const TURNS: usize = 30;
 
 /// Sets `model.frames`, the base (a term at [`Site::Base`], if there is one) and tool points from the data, by the nominal arm.
 ///
@@ -68,62 +71,92 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     plain.cell.world_from_base = Pose::identity();
     plain.terms = arm;
     let forward = Forward::new(plain.clone(), Vec::new())?;
-    let mut ws = forward.workspace();
     let own_tools = own_tools(model);
-    let own_balls = ball_places::of_model(model);
-    let stands_elsewhere = |o: &crate::dataset::Observation| {
-        let at = BallPlace::of(&o.state);
-        own_balls.contains(&at) || own_balls.contains(&BallPlace { place: None, ..at })
-    };
     let tool_of = |session: Option<u32>| own_tools.iter().position(|own| session == Some(*own)).map_or(0, |k| k + 1);
-    let sights: Vec<Sight> = data
-        .observations
-        .iter()
-        .filter_map(|o| {
-            let base_from_flange = forward.world_from_flange(&o.state, &mut ws);
-            let zero = Vector3::zeros();
-            if matches!(o.measured, Measured::Touch { .. }) && stands_elsewhere(o) {
-                return None; // where these balls stand is found from the base, once that is known
-            }
-            let (point, tool_point, offset, orientation, frame) = match o.measured {
-                Measured::Touch { ball, reading } => {
-                    (*model.cell.balls.get(ball)?, 0, model.cell.tool.rotation * Vector3::from(reading), None, None)
-                }
-                Measured::Point { target, position } => {
-                    (Vector3::from(position), target + 1, zero, None, Some(o.frame))
-                }
-                Measured::Pose { position, quaternion } => {
-                    (Vector3::from(position), 0, zero, Some(rotation_from_quaternion(quaternion)), Some(o.frame))
-                }
-                _ => return None,
-            };
-            let tool = tool_of(o.state.session);
-            Some(Sight { base_from_flange, point, tool, tool_point, offset, orientation, frame })
-        })
-        .collect();
-    let lengths: Vec<Length> = data
-        .observations
-        .iter()
-        .filter_map(|o| match o.measured {
-            Measured::Distance { anchor, length } if anchor < model.cell.anchors.len() => {
-                Some(Length { base_from_flange: forward.world_from_flange(&o.state, &mut ws), anchor, length })
-            }
-            _ => None,
-        })
-        .collect();
+    let sights = sights(model, data, &forward, &tool_of);
+    let lengths = lengths(model, data, &forward);
     let still = model.rigid()?.cell;
     let shared: Vec<Vector3<f64>> = std::iter::once(still.tool.tcp).chain(still.tool.targets.clone()).collect();
     // of every tool
     let mut points = vec![shared; own_tools.len() + 1];
-    let touches = sights.iter().any(|s| s.frame.is_none());
-    if sights.is_empty() && !own_balls.is_empty() {
+    if sights.is_empty() && !ball_places::of_model(model).is_empty() {
         let tcp = ball_places::tool_by_pivoting(model, data, &forward, &points[0][0]);
         points.iter_mut().for_each(|of| of[0] = tcp);
     }
-    // the measuring frame, or {w}, from the base
+    let frames = frames_and_points(&sights, data, &mut points)?;
+    let turned = |tool| tool_rotation(&sights, &frames, tool).unwrap_or(still.tool.rotation);
+    let rotations: Vec<Matrix3<f64>> = (0..points.len()).map(turned).collect();
+    let mut world_from_base = still.world_from_base;
+    if sights.iter().any(|s| s.frame.is_none()) {
+        world_from_base = frames[data.frames()].unwrap_or(world_from_base);
+    } else if !lengths.is_empty() {
+        (points[0][0], world_from_base) = tool_and_base_by_lengths(model, data, &lengths, &points[0][0])?;
+    }
+    model.frames = (0..data.frames())
+        .map(|f| {
+            frames[f].map_or_else(Pose::identity, |frame_from_base| frame_from_base.compose(&world_from_base.inverse()))
+        })
+        .collect();
+    let tcp_of = |session: Option<u32>| points[tool_of(session)][0];
+    let on_base = Model { cell: Cell { world_from_base, ..plain.cell.clone() }, ..plain };
+    let balls = ball_places::poses(model, data, &Forward::new(on_base, Vec::new())?, &tcp_of);
+    let found = Found { world_from_base, points, rotations, balls };
+    let nominal = model.cell.clone();
+    for term in &mut model.terms {
+        match term.basis.session {
+            Some(session) => found.beside_shared(term, session, &nominal, tool_of(Some(session))),
+            None if term.basis.is_constant() => found.shared(term, &nominal),
+            None => {}
+        }
+    }
+    Ok(())
+}
+
+/// Touches, points and poses as the closed forms see them; without touches of balls that stand where is not known: their place is found from
+/// the base, once that is known.
+fn sights(model: &Model, data: &Dataset, forward: &Forward, tool_of: &dyn Fn(Option<u32>) -> usize) -> Vec<Sight> {
+    let mut ws = forward.workspace();
+    let own_balls = ball_places::of_model(model);
+    let stands_elsewhere = |o: &Observation| {
+        let at = BallPlace::of(&o.state);
+        own_balls.contains(&at) || own_balls.contains(&BallPlace { place: None, ..at })
+    };
+    let sight = |o: &Observation| {
+        let zero = Vector3::zeros();
+        let (point, tool_point, offset, orientation, frame) = match o.measured {
+            Measured::Touch { .. } if stands_elsewhere(o) => return None,
+            Measured::Touch { ball, reading } => {
+                (*model.cell.balls.get(ball)?, 0, model.cell.tool.rotation * Vector3::from(reading), None, None)
+            }
+            Measured::Point { target, position } => (Vector3::from(position), target + 1, zero, None, Some(o.frame)),
+            Measured::Pose { position, quaternion } => {
+                (Vector3::from(position), 0, zero, Some(rotation_from_quaternion(quaternion)), Some(o.frame))
+            }
+            _ => return None,
+        };
+        let (base_from_flange, tool) = (forward.world_from_flange(&o.state, &mut ws), tool_of(o.state.session));
+        Some(Sight { base_from_flange, point, tool, tool_point, offset, orientation, frame })
+    };
+    data.observations.iter().filter_map(sight).collect()
+}
+
+/// Lengths from anchors.
+fn lengths(model: &Model, data: &Dataset, forward: &Forward) -> Vec<Length> {
+    let mut ws = forward.workspace();
+    let length = |o: &Observation| match o.measured {
+        Measured::Distance { anchor, length } if anchor < model.cell.anchors.len() => {
+            Some(Length { base_from_flange: forward.world_from_flange(&o.state, &mut ws), anchor, length })
+        }
+        _ => None,
+    };
+    data.observations.iter().filter_map(length).collect()
+}
+
+/// Each measuring frame, and behind them {w}, from the base, in turn with the points of each tool.
+fn frames_and_points(sights: &[Sight], data: &Dataset, points: &mut [Vec<Vector3<f64>>]) -> Result<Vec<Option<Pose>>> {
     let mut frames: Vec<Option<Pose>> = vec![None; data.frames() + 1];
     let slot = |s: &Sight| s.frame.unwrap_or(data.frames());
-    for _ in 0..30 {
+    for _ in 0..TURNS {
         for (f, frame) in frames.iter_mut().enumerate() {
             let pairs: Vec<_> = sights
                 .iter()
@@ -164,85 +197,88 @@ fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
             break;
         }
     }
-    let rotation_of = |tool: usize| {
-        let orientations: Vec<Matrix3<f64>> = sights
-            .iter()
-            .filter(|s| s.tool == tool)
-            .filter_map(|s| {
-                let frame = frames[slot(s)]?;
-                Some(s.base_from_flange.rotation.transpose() * frame.rotation.transpose() * s.orientation?)
-            })
-            .collect();
-        if orientations.is_empty() {
-            return still.tool.rotation;
-        }
-        nearest_rotation(&Matrix3::from_fn(|i, j| median(&orientations.iter().map(|r| r[(i, j)]).collect::<Vec<_>>())))
+    Ok(frames)
+}
+
+/// How a tool is turned on the flange, by poses; `None` where none was measured.
+fn tool_rotation(sights: &[Sight], frames: &[Option<Pose>], tool: usize) -> Option<Matrix3<f64>> {
+    let of = |s: &Sight| {
+        let frame = frames[s.frame.unwrap_or(frames.len() - 1)]?;
+        Some(s.base_from_flange.rotation.transpose() * frame.rotation.transpose() * s.orientation?)
     };
-    let rotations: Vec<Matrix3<f64>> = (0..points.len()).map(rotation_of).collect();
-    let mut world_from_base =
-        if touches { frames[data.frames()].unwrap_or(still.world_from_base) } else { still.world_from_base };
-    if !touches && !lengths.is_empty() {
-        let found = trilaterate(&lengths, &points[0][0]).ok_or_else(|| {
-            IdentError::NotEnough(format!(
-                "{}: {} lengths do not fix their anchors: at least four from each are needed, not all from places in one plane",
-                data.names.join(", "),
-                lengths.len()
-            ))
-        })?;
-        points[0][0] = found.tcp_in_flange;
-        let pairs: Vec<_> = model
-            .cell
-            .anchors
-            .iter()
-            .zip(&found.anchor_in_base)
-            .filter_map(|(in_world, in_base)| Some((*in_world, (*in_base)?)))
-            .collect();
-        world_from_base = base_from_anchors(&pairs, &model.cell.world_from_base);
-    }
-    model.frames = (0..data.frames())
-        .map(|f| {
-            frames[f].map_or_else(Pose::identity, |frame_from_base| frame_from_base.compose(&world_from_base.inverse()))
-        })
-        .collect();
-    let base_turn = angles_zyx(&(world_from_base.rotation * model.cell.world_from_base.rotation.transpose()));
-    let base_shift = world_from_base.translation - model.cell.world_from_base.translation;
-    let turns: Vec<[f64; 3]> =
-        rotations.iter().map(|r| angles_zyx(&(r * model.cell.tool.rotation.transpose()))).collect();
-    let tcp_of = |session: Option<u32>| points[tool_of(session)][0];
-    let on_base = Model { cell: Cell { world_from_base, ..plain.cell.clone() }, ..plain };
-    let balls = ball_places::poses(model, data, &Forward::new(on_base, Vec::new())?, &tcp_of);
-    for term in &mut model.terms {
-        if let Some(session) = term.basis.session {
-            // beside what is shared
-            let tool = tool_of(Some(session));
-            match term.site {
-                Site::Tool(Motion::Along(a)) => term.value = (points[tool][0] - points[0][0])[a.index()],
-                Site::Tool(Motion::About(a)) => term.value = turns[tool][2 - a.index()] - turns[0][2 - a.index()],
-                Site::Target { target, axis } => term.value = (points[tool][target] - points[0][target])[axis.index()],
-                Site::Fixture(m) => {
-                    let own = BallPlace { session: Some(session), place: term.basis.place };
-                    let pose = balls.iter().find(|(at, _)| *at == own).map(|(_, pose)| pose);
-                    term.value = pose.map_or(0.0, |pose| ball_places::value(pose, m));
-                }
-                _ => {}
-            }
-            continue;
-        }
-        if !term.basis.is_constant() {
-            continue;
-        }
+    let all: Vec<Matrix3<f64>> = sights.iter().filter(|s| s.tool == tool).filter_map(of).collect();
+    let middle = |i, j| median(&all.iter().map(|r| r[(i, j)]).collect::<Vec<_>>());
+    (!all.is_empty()).then(|| nearest_rotation(&Matrix3::from_fn(middle)))
+}
+
+/// The TCP in the flange and {w} from the base, by lengths from anchors.
+fn tool_and_base_by_lengths(
+    model: &Model,
+    data: &Dataset,
+    lengths: &[Length],
+    tcp: &Vector3<f64>,
+) -> Result<(Vector3<f64>, Pose)> {
+    let found = trilaterate(lengths, tcp).ok_or_else(|| {
+        IdentError::NotEnough(format!(
+            "{}: {} lengths do not fix their anchors: at least four from each are needed, not all from places in one plane",
+            data.names.join(", "),
+            lengths.len()
+        ))
+    })?;
+    let both = model.cell.anchors.iter().zip(&found.anchor_in_base);
+    let pairs: Vec<_> = both.filter_map(|(in_world, in_base)| Some((*in_world, (*in_base)?))).collect();
+    Ok((found.tcp_in_flange, base_from_anchors(&pairs, &model.cell.world_from_base)))
+}
+
+/// What the closed forms came to.
+struct Found {
+    world_from_base: Pose,
+    /// Points and rotation of every tool in the flange, the shared one first.
+    points: Vec<Vec<Vector3<f64>>>,
+    rotations: Vec<Matrix3<f64>>,
+    /// Where sets of balls stand.
+    balls: Vec<(BallPlace, Pose)>,
+}
+
+impl Found {
+    /// Sets a term that all sessions share: what is found less what is nominal.
+    fn shared(&self, term: &mut Term, nominal: &Cell) {
+        let turn = |found: &Matrix3<f64>, nominal: &Matrix3<f64>| angles_zyx(&(found * nominal.transpose()));
+        let base = &nominal.world_from_base;
         match term.site {
-            Site::Base(Motion::Along(a)) => term.value = base_shift[a.index()],
-            Site::Base(Motion::About(a)) => term.value = base_turn[2 - a.index()],
-            Site::Tool(Motion::Along(a)) => term.value = (points[0][0] - model.cell.tool.tcp)[a.index()],
-            Site::Tool(Motion::About(a)) => term.value = turns[0][2 - a.index()],
+            Site::Base(Motion::Along(a)) => {
+                term.value = (self.world_from_base.translation - base.translation)[a.index()];
+            }
+            Site::Base(Motion::About(a)) => {
+                term.value = turn(&self.world_from_base.rotation, &base.rotation)[2 - a.index()];
+            }
+            Site::Tool(Motion::Along(a)) => term.value = (self.points[0][0] - nominal.tool.tcp)[a.index()],
+            Site::Tool(Motion::About(a)) => {
+                term.value = turn(&self.rotations[0], &nominal.tool.rotation)[2 - a.index()];
+            }
             Site::Target { target, axis } => {
-                term.value = (points[0][target] - model.cell.tool.targets[target - 1])[axis.index()];
+                term.value = (self.points[0][target] - nominal.tool.targets[target - 1])[axis.index()];
             }
             _ => {}
         }
     }
-    Ok(())
+
+    /// Sets a term of one session, whose tool it is: beside what is shared.
+    fn beside_shared(&self, term: &mut Term, session: u32, nominal: &Cell, tool: usize) {
+        let (own, shared) = (&self.points[tool], &self.points[0]);
+        let turn = |tool: usize| angles_zyx(&(self.rotations[tool] * nominal.tool.rotation.transpose()));
+        match term.site {
+            Site::Tool(Motion::Along(a)) => term.value = (own[0] - shared[0])[a.index()],
+            Site::Tool(Motion::About(a)) => term.value = turn(tool)[2 - a.index()] - turn(0)[2 - a.index()],
+            Site::Target { target, axis } => term.value = (own[target] - shared[target])[axis.index()],
+            Site::Fixture(m) => {
+                let own = BallPlace { session: Some(session), place: term.basis.place };
+                let pose = self.balls.iter().find(|(at, _)| *at == own).map(|(_, pose)| pose);
+                term.value = pose.map_or(0.0, |pose| ball_places::value(pose, m));
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Sessions with a tool of their own.

@@ -13,8 +13,8 @@ use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identifiability::{Choice, ParameterSet};
 use crate::identify::{ErrorSummary, Fit, identify, refit};
+use crate::initial_guess::initial_guess_of_sessions;
 use crate::rigid::median;
-use crate::start::start_sessions;
 
 /// Fewer places than this cannot choose: an arm that is identified from one says little of the next. All that is usual is then added.
 const PLACES: usize = 3;
@@ -83,7 +83,7 @@ fn score_place(model: &Model, data: &Dataset, place: BallPlace) -> Result<Vec<f6
         let trains = |o: &Observation| poses.contains(&o.pose) == half;
         let train = data.filtered(trains);
         let mut fitted = model.clone();
-        start_sessions(&mut fitted, &train)?;
+        initial_guess_of_sessions(&mut fitted, &train)?;
         for (t, known) in fitted.terms.iter_mut().zip(&model.terms).filter(|(t, _)| !own(t)) {
             t.value = known.value;
         }

@@ -17,13 +17,13 @@ use crate::identifiability::{
     Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, r_factor,
     weakest_direction,
 };
+use crate::initial_guess::initial_guess;
 use crate::known::Known;
 use crate::noise::Noise;
 use crate::normal::triangular;
 use crate::rigid::median;
 use crate::sample::sample;
 use crate::solver::{Ended, Factored, LmParams, LmReport, Solver};
-use crate::start::start;
 use crate::weak::{by_prior, plausible, wanders, with_priors};
 
 /// Columns with a condition above this cannot be told apart by the data.
@@ -411,7 +411,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
     let (terms, dependent) = independent_terms(judged(&model, data)?.as_ref(), data, choice)?;
     model.terms = terms;
     check_count(data, model.terms.len(), &choice.known().of(&model)?)?;
-    start(&mut model, sample(data).as_ref().unwrap_or(data))?;
+    initial_guess(&mut model, sample(data).as_ref().unwrap_or(data))?;
     Ok((model, dependent))
 }
 
@@ -425,7 +425,7 @@ fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
     let mut model = nominal.clone();
     model.terms = trical_model::Motion::ALL.map(|m| constant(trical_model::Site::Base(m))).to_vec();
     model.terms.extend(trical_model::Motion::ALL[..3].iter().map(|m| constant(trical_model::Site::Tool(*m))));
-    start(&mut model, data)?;
+    initial_guess(&mut model, data)?;
     let cell = model.rigid()?.cell;
     Ok(Cow::Owned(Model { cell, terms: Vec::new(), ..model }))
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`dataset`] | observations, measuring frames, registration by references |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
-//! | [`start`], [`trilateration`] | closed-form starting values |
+//! | [`initial_guess`], [`trilateration`] | closed-form starting values |
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`known`] | priors and limits of parameters |
 //! | [`torque_load`] | loads on the flange, by measured joint torques |
@@ -35,6 +35,7 @@ pub mod gross;
 pub mod history;
 pub mod identifiability;
 pub mod identify;
+pub mod initial_guess;
 pub mod iso9283;
 pub mod joint_choice;
 pub mod known;
@@ -48,7 +49,6 @@ pub mod rigid;
 mod sample;
 pub mod simulate;
 pub mod solver;
-pub mod start;
 pub mod stream;
 pub mod torque_load;
 pub mod touches;

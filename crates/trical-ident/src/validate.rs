@@ -15,9 +15,9 @@ use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, identify, refit};
+use crate::initial_guess::initial_guess_of_sessions;
 use crate::model_file::ModelFile;
 use crate::predicted::{Predicted, predicted};
-use crate::start::start_sessions;
 
 /// What is identified again for an instrument that was set up anew.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -475,7 +475,7 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
 
 /// Identifies what belongs to the sessions that are refitted (of lengths the base), everything else of the model kept.
 fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model> {
-    start_sessions(&mut model, train)?;
+    initial_guess_of_sessions(&mut model, train)?;
     let free = own_terms(&model, train, places);
     Ok(refit(model, free, train)?.into_model())
 }

@@ -1,4 +1,4 @@
-//! Where a fit starts: base, measuring frames and tool points in closed form from nominal kinematics. No guess is needed.
+//! The initial guess of a fit: base, measuring frames and tool points in closed form from nominal kinematics. The user need not guess.
 
 use nalgebra::{Matrix3, Vector3};
 use trical_model::pose::{angles_zyx, rotation_from_quaternion};
@@ -36,18 +36,18 @@ const TURNS: usize = 30;
 ///
 /// # Errors
 /// Too few measurements, or all of them at one place or on one line.
-pub fn start(model: &mut Model, data: &Dataset) -> Result<()> {
-    start_of(model, data, Vec::new())
+pub fn initial_guess(model: &mut Model, data: &Dataset) -> Result<()> {
+    guess(model, data, Vec::new())
 }
 
 /// The same for sessions that a fitted model does not know: by its own arm, and only what belongs to these sessions.
 ///
 /// # Errors
-/// As [`start`].
-pub(crate) fn start_sessions(model: &mut Model, data: &Dataset) -> Result<()> {
+/// As [`initial_guess`].
+pub(crate) fn initial_guess_of_sessions(model: &mut Model, data: &Dataset) -> Result<()> {
     let mut new = model.clone();
     let arm = model.terms.iter().filter(|t| t.scope() == Scope::Arm).cloned().collect();
-    start_of(&mut new, data, arm)?;
+    guess(&mut new, data, arm)?;
     let seen = |frame: usize| data.observations.iter().any(|o| o.frame == frame && o.measured.is_framed());
     for (f, (to, from)) in model.frames.iter_mut().zip(&new.frames).enumerate() {
         if seen(f) {
@@ -66,7 +66,7 @@ pub(crate) fn start_sessions(model: &mut Model, data: &Dataset) -> Result<()> {
     Ok(())
 }
 
-fn start_of(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
+fn guess(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
     let mut plain = Model::nominal(model.robot.clone(), model.cell.without_geometry());
     plain.cell.world_from_base = Pose::identity();
     plain.terms = arm;

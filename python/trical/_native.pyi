@@ -267,8 +267,8 @@ class Rows:
 class Told:
     """What a report is made of."""
 
-    def finding(self, number: int) -> tuple[str, _Floats, _Floats, _Floats]:
-        """Return a finding (from 0) against what reveals it: label of x, x, errors without and with it (n,) mm."""
+    def finding(self, number: int) -> tuple[str, str, _Floats, _Floats, _Floats]:
+        """Return a finding (from 0) against what reveals it: labels of x and errors, x, errors without and with it."""
 
     def joint_values(self) -> _Floats:
         """Return the joints at each observation that was fitted, (n, joints), rad (m for a joint that slides)."""

@@ -3,13 +3,13 @@
 
 use std::fmt::Write;
 
-use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, verdict};
-use trical_ident::{ErrorSummary, JointSource};
+use nalgebra::{Vector3, Vector6};
+use trical_diagnose::{Diagnosis, EffectId, Finding, Rival, RowKind, Unexplained, verdict};
+use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Pose, Shape, Site, State, Variable};
 
 use crate::error::Result;
-use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
+use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
@@ -25,6 +25,15 @@ const FEW: usize = 8;
 /// A mark that more than so many pixels lie apart from is not crowded.
 const CROWDED: f64 = 24.0;
 
+/// Findings and curves without a name whose pictures are open; those of the others are folded.
+const OPEN: usize = 4;
+
+/// What is less sure is told as a possibility.
+const LIKELY: f64 = 0.5;
+
+/// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
+const TURNS: f64 = 5.0;
+
 /// Rivals of a finding that are told: the others are worse.
 const RIVALS: usize = 3;
 
@@ -35,13 +44,27 @@ fn rivals(f: &Finding) -> String {
     f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
 }
 
+/// Effect, place and session of a finding: "Backlash at joint 3", "Perhaps backlash at joint 3".
+fn heading(f: &Finding) -> String {
+    let name = verdict::heading(f);
+    if f.confidence >= LIKELY {
+        return name;
+    }
+    let mut chars = name.chars();
+    format!("Perhaps {}{}", chars.next().map(|c| c.to_ascii_lowercase()).unwrap_or_default(), chars.as_str())
+}
+
 /// What one finding does to every measurement, seen along the direction in which it acts.
 struct Seen {
-    /// Error without it, all else modelled, mm.
+    /// What is drawn, with its unit.
+    label: &'static str,
+    /// That unit.
+    unit: &'static str,
+    /// Error without it, all else modelled.
     before: Vec<f64>,
     /// And with it.
     after: Vec<f64>,
-    /// Its own part, mm.
+    /// Its own part.
     part: Vec<f64>,
 }
 
@@ -56,10 +79,21 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     for t in always.terms.iter_mut().filter(|t| own(&t.name)) {
         t.basis = Basis::CONSTANT;
     }
-    let with = residuals(&d.model, &d.data)?;
-    let without = residuals(&without, &d.data)?;
-    let always = residuals(&always, &d.data).ok();
-    let mut out = Seen { before: Vec::new(), after: Vec::new(), part: Vec::new() };
+    let (with, without, always) = (six(&d.model, &d.data)?, six(&without, &d.data)?, six(&always, &d.data).ok());
+    // what only turns the tool is seen in its orientation alone
+    let size = |first: usize| {
+        let parts = with.iter().zip(&without).map(|(a, b)| (a - b).fixed_rows::<3>(first).norm_squared());
+        parts.sum::<f64>().sqrt()
+    };
+    let noise = Noise::usual(1);
+    let pose = Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] };
+    let [mm, rad] = [0, 3].map(|k| noise.sigma(0, &pose, k));
+    let turns = size(3) / rad > TURNS * size(0) / mm;
+    let (first, scale, label, unit) =
+        if turns { (3, 1.0_f64.to_degrees(), "orientation error, deg", "deg") } else { (0, 1e3, "error, mm", "mm") };
+    let of = |all: &[Vector6<f64>]| all.iter().map(|r| r.fixed_rows::<3>(first) * scale).collect::<Vec<Vector3<f64>>>();
+    let (with, without, always) = (of(&with), of(&without), always.map(|a| of(&a)));
+    let mut out = Seen { label, unit, before: Vec::new(), after: Vec::new(), part: Vec::new() };
     for k in 0..with.len() {
         let part = with[k] - without[k];
         let along = always
@@ -88,16 +122,13 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         let sense = |(k, o): (usize, &trical_ident::Observation)| {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };
-        return Some((
-            format!("sense of joint {joint}'s last motion (-1, 1; scattered)"),
-            o.iter().enumerate().map(sense).collect(),
-        ));
+        return Some((format!("sense of joint {joint} (-1, 1; scattered)"), o.iter().enumerate().map(sense).collect()));
     }
     match (term.basis.of, term.basis.shape) {
         (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
             let turn = 360.0 / cycles;
             Some((
-                format!("angle of joint {joint} within a cycle of {turn:.3} deg, deg"),
+                format!("joint {joint} within a cycle of {turn:.3}, deg"),
                 of(&|s| s.q[joint - 1].to_degrees().rem_euclid(turn)),
             ))
         }
@@ -141,9 +172,11 @@ pub struct Against {
     pub label: String,
     /// The variable.
     pub x: Vec<f64>,
-    /// Error along the direction in which the finding acts, everything else modelled, without it, mm.
+    /// What the errors are, with their unit: "error, mm", or of what only turns the tool "orientation error, deg".
+    pub error: &'static str,
+    /// Error along the direction in which the finding acts, everything else modelled, without it.
     pub without: Vec<f64>,
-    /// And with it, mm.
+    /// And with it.
     pub with: Vec<f64>,
 }
 
@@ -152,21 +185,49 @@ pub struct Against {
 /// # Errors
 /// A model that cannot be evaluated.
 pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
-    let Seen { before: without, after: with, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
-    Ok(Against { label, x, without, with })
+    let Seen { label: error, unit, before: without, after: with, part } = seen(f, d)?;
+    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("what the finding does there, {unit}"), part));
+    Ok(Against { label, x, error, without, with })
+}
+
+/// The coefficients of a finding with their standard deviations; of the sine and the cosine of a ripple, the amplitude.
+fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
+    let cycles = |name: &str| {
+        let term = d.model.terms.iter().find(|t| t.name == name)?;
+        match term.basis.shape {
+            Shape::Sine { cycles } | Shape::Cosine { cycles } if f.effect == EffectId::GearRipple => Some(cycles),
+            _ => None,
+        }
+    };
+    let mut rest = f.coefficients.as_slice();
+    let mut told = Vec::new();
+    while let [a, after @ ..] = rest {
+        rest = after;
+        let wave = cycles(&a.name);
+        told.push(match after {
+            [b, after @ ..] if wave.is_some() && wave == cycles(&b.name) => {
+                rest = after;
+                let size = a.value.hypot(b.value);
+                let sd = a.sd.zip(b.sd).map(|(s, c)| (a.value * s).hypot(b.value * c) / size.max(f64::MIN_POSITIVE));
+                let name = format!("amplitude at {} cycles a turn", wave.unwrap_or_default());
+                table::estimate(&name, size, sd, &a.unit)
+            }
+            _ => table::estimate(&a.name, a.value, a.sd, &a.unit),
+        });
+    }
+    told
 }
 
 /// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
 pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
-    let Against { label, x, without: before, with: after } = against(f, d)?;
+    let Against { label, x, error, without: before, with: after } = against(f, d)?;
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
     let series = [
         Series { name: "without it", color: BEFORE, points: points(&before) },
         Series { name: "with it", color: AFTER, points: points(&after) },
     ];
-    let values: Vec<String> = f.coefficients.iter().map(|c| table::estimate(&c.name, c.value, c.sd, &c.unit)).collect();
-    let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
+    let values = coefficients(f, d);
+    let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
     let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
     if !f.rivals.is_empty() {
         text.push(format!(
@@ -180,9 +241,10 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
             "Each point is one measurement: its error along the direction in which this effect acts, everything else \
                       modelled, without this effect and with it."
                 .into(),
-        svg: plots::scatter(&label, "error, mm", false, false, &series)?,
+        svg: plots::scatter(&label, error, false, false, &series)?,
     });
-    Ok(Section { heading: format!("{number_of}. {}", verdict::heading(f)), text, figures, ..Section::default() })
+    let folded = number_of > OPEN;
+    Ok(Section { heading: format!("{number_of}. {}", heading(f)), text, figures, folded, ..Section::default() })
 }
 
 /// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
@@ -219,10 +281,10 @@ fn from_the_side(points: &[Vector3<f64>]) -> Vec<(f64, f64)> {
 
 /// The arm from the side, with the guilty places marked by the numbers of the findings.
 fn map(d: &Diagnosis) -> Result<String> {
-    const WIDE: f64 = 700.0;
-    const HIGH: f64 = 420.0;
+    const WIDE: f64 = 600.0;
+    const HIGH: f64 = 360.0;
     // of the list beside the arm
-    const LIST: f64 = 340.0;
+    const LIST: f64 = 330.0;
     let mut flat = from_the_side(&places(d)?);
     let last = flat.len().saturating_sub(1);
     let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
@@ -240,7 +302,7 @@ fn map(d: &Diagnosis) -> Result<String> {
     let dots: Vec<(f64, f64)> = flat.iter().map(|p| at(*p)).collect();
     let whole_arm = d.findings.iter().any(|f| matches!(f.site, Place::Links | Place::Joints));
     let mut svg = format!(
-        "<svg viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
+        "<svg class=\"chart\" viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
          font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{HIGH}\" fill=\"#fff\"/>"
     );
     let list: Vec<String> = dots.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
@@ -288,7 +350,7 @@ fn map(d: &Diagnosis) -> Result<String> {
         }
     }
     for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
-        let short = format!("{}. {}", k + 1, verdict::heading(f));
+        let short = format!("{}. {}", k + 1, heading(f));
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let y = 30.0 + 22.0 * k as f64;
         let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - LIST);
@@ -299,7 +361,7 @@ fn map(d: &Diagnosis) -> Result<String> {
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
-    let decimals = verdict_told::decimals(d);
+    let decimals = verdict_told::decimals(d, &d.verdict.rows);
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
     rows.extend(d.verdict.rows.iter().filter(|r| verdict_told::shows(r, decimals)).map(|r| {
         let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
@@ -319,14 +381,16 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
 pub fn verdict_section(d: &Diagnosis) -> Section {
     Section {
         heading: "Verdict".into(),
-        text: std::iter::once(
+        text: vec![
             "Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into(),
-        )
-        .chain(verdict_told::elsewhere(d).map(|e| format!("Whole model {e}.")))
-        .chain(d.cautions.iter().map(|c| format!("Caution: {c}.")))
-        .chain(d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")))
-        .collect(),
+        ],
         tables: vec![verdict_table(d)],
+        after: verdict_told::elsewhere(d)
+            .map(|e| format!("Whole model {e}."))
+            .into_iter()
+            .chain(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")))
+            .chain(d.baseline.reading_noise.iter().map(|r| format!("Note: {r}; the fit takes a share of them as noise. This is no property of the arm.")))
+            .collect(),
         ..Section::default()
     }
 }
@@ -338,7 +402,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         vec![row(["finding", "effect", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
         rows.push(vec![
-            format!("{}. {}", k + 1, verdict::heading(f)),
+            format!("{}. {}", k + 1, heading(f)),
             f.effect.to_string(),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
@@ -370,12 +434,20 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     let nameless = d.unexplained.iter().chain(&d.more_unexplained).filter(|u| !u.curve.is_empty());
     let mut steps: Vec<(String, f64, f64)> =
         named.chain(nameless.map(|u| ("?".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
-    steps.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut stairs = vec![("none".to_owned(), d.baseline.holdout_rms_mm)];
-    stairs.extend(steps.into_iter().map(|(name, _, after)| (name, after)));
+    // each begins where the one before it ends
+    let mut here = d.baseline.holdout_rms_mm;
+    let mut stairs = vec![("-".to_owned(), here)];
+    while let Some(next) =
+        (0..steps.len()).min_by(|a, b| (steps[*a].1 - here).abs().total_cmp(&(steps[*b].1 - here).abs()))
+    {
+        let (name, _, after) = steps.remove(next);
+        here = after;
+        stairs.push((name, after));
+    }
     section.figures.push(Figure {
         caption:
-            "Error at poses that the fit did not see, as the findings are modelled one after the other (?: a curve of no known cause)."
+            "Error at poses that the fit did not see: of the plain model (red), and as the findings are modelled one after the other \
+             (?: a curve of no known cause)."
                 .into(),
         svg: plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
     });
@@ -389,7 +461,8 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
     all.sort_by(|a, b| taken(a).total_cmp(&taken(b)));
     all.into_iter()
         .take(4)
-        .map(|u| {
+        .enumerate()
+        .map(|(k, u)| {
             let site = verdict::capital(&u.site.to_string());
             let figures = if u.curve.is_empty() {
                 Vec::new()
@@ -415,6 +488,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                     verdict::region(&u.region, &d.model.robot), u.holdout_rms_before_mm, u.holdout_rms_after_mm
                 )],
                 figures,
+                folded: d.findings.len() + k >= OPEN,
                 ..Section::default()
             })
         })
@@ -437,7 +511,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
             d.baseline.parameters, d.baseline.holdout_rms_mm
         )
     } else {
-        let decimals = verdict_told::decimals(d);
+        let decimals = verdict_told::decimals(d, &d.verdict.rows);
         let falls = format!(
             "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
              modelled.",
@@ -484,7 +558,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         folded: true,
         ..Section::default()
     });
-    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
+    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "what is missing"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
         blind.push(vec![

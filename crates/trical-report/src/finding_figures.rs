@@ -1,12 +1,13 @@
 //! Pictures of what was found at a joint: the fitted curve over the data, and the spectrum of what a ripple leaves.
 
-use nalgebra::Vector3;
+use nalgebra::Vector6;
 use plotters::style::RGBColor;
 use trical_diagnose::{Diagnosis, EffectId, Finding};
-use trical_model::{Basis, JointKind, Model, Shape, Site, Term, Variable};
+use trical_ident::{Dataset, Noise};
+use trical_model::{Basis, JointKind, Measured, Model, Shape, Site, Term, Variable};
 
 use crate::error::Result;
-use crate::evidence::residuals;
+use crate::evidence::six;
 use crate::page::Figure;
 use crate::plots::{self, BEFORE, Band, Series};
 
@@ -36,6 +37,17 @@ struct Angles {
     terms: Vec<Term>,
 }
 
+/// Residuals in units of the usual noise: at the last joint it is the orientation that tells its angle.
+fn in_noise(model: &Model, data: &Dataset) -> Result<Vec<Vector6<f64>>> {
+    let usual = Noise::usual(data.names.len());
+    let mut all = six(model, data)?;
+    for (r, o) in all.iter_mut().zip(&data.observations) {
+        let rows = if matches!(o.measured, Measured::Pose { .. }) { 6 } else { 3 };
+        r.iter_mut().enumerate().take(rows).for_each(|(k, x)| *x /= usual.sigma(o.recording, &o.measured, k));
+    }
+    Ok(all)
+}
+
 /// The angle by which the joint would have to be off to explain what is left without the finding; `None` where the finding is no curve of
 /// one revolute joint's own angle.
 fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
@@ -56,9 +68,9 @@ fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
     let mut probe = Term::new("turned", "turned", Site::Joint { joint }, Basis::CONSTANT);
     probe.value = TINY;
     turned.terms.push(probe);
-    let (left, turned) = (residuals(&without, &d.data)?, residuals(&turned, &d.data)?);
-    let levers: Vec<Vector3<f64>> = left.iter().zip(&turned).map(|(a, b)| (b - a) / TINY).collect();
-    let longest = levers.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let (left, turned) = (in_noise(&without, &d.data)?, in_noise(&turned, &d.data)?);
+    let levers: Vec<Vector6<f64>> = left.iter().zip(&turned).map(|(a, b)| (b - a) / TINY).collect();
+    let longest = levers.iter().map(Vector6::norm).fold(0.0, f64::max);
     let points =
         left.iter().zip(&levers).zip(&d.data.observations).enumerate().filter_map(|(k, ((left, lever), o))| {
             let far = lever.norm() > SHORT_LEVER * longest;

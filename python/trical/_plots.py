@@ -29,13 +29,13 @@ def _figure(wide: int, high: int = 1) -> tuple[Figure, list[Axes]]:
     return figure, list(np.ravel(figure.subplots(high, wide)))
 
 
-def one_finding(found: Finding, label: str, x: Floats, without: Floats, with_it: Floats) -> Figure:
-    """Errors of each measurement without and with a finding (n,) mm, against the variable x that reveals it."""
+def one_finding(found: Finding, label: str, error: str, x: Floats, without: Floats, with_it: Floats) -> Figure:
+    """Errors of each measurement without and with a finding (n,), against the variable x that reveals it."""
     figure, (axes,) = _figure(1)
     axes.plot(x, without, ".", color="tab:red", markersize=4, label="without it")
     axes.plot(x, with_it, ".", color="tab:blue", markersize=4, label="with it")
     title = f"{found.effect} at {found.site} ({100 * found.confidence:.0f} %)"
-    axes.set(xlabel=label, ylabel="error, mm", title=title)
+    axes.set(xlabel=label, ylabel=error, title=title)
     axes.legend(loc="best")
     return figure
 

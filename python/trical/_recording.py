@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from . import _html
-from ._native import Rows, TricalError
+from ._native import RecordingError, Rows, TricalError
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
@@ -147,7 +147,11 @@ class Recording:
                 writer = csv.writer(f, lineterminator="\n")
                 writer.writerow(columns)
                 writer.writerows([cell(x) for x in row] for row in zip(*columns.values(), strict=True))
-            return cls.load(path)
+            # a person knows the frame, not the file that it passed through
+            try:
+                return cls._of(Rows.load(path, None, False).named(name))
+            except RecordingError as e:
+                raise RecordingError(str(e).replace(path, name)) from None
 
     def save(self, path: PathLike) -> None:
         """Write a .csv or an .mcap, by the ending of the name."""

@@ -215,5 +215,6 @@ def test_a_frame_is_taken_as_it_is(recording: trical.Recording) -> None:
     again = trical.Recording.from_frame(frame)
     for name in ("q", "ball", "indicators", "directions", "time"):
         np.testing.assert_array_equal(getattr(again, name), getattr(recording, name), err_msg=name)
-    with pytest.raises(trical.RecordingError, match="unknown column 'colour'"):
+    assert again.name == "DataFrame"
+    with pytest.raises(trical.RecordingError, match=r"^DataFrame, header: unknown column 'colour'"):
         trical.Recording.from_frame(frame.assign(colour="red"))

@@ -52,6 +52,18 @@ def command(place: Path, *args: str) -> str:
     return done.stdout
 
 
+def test_both_ways_say_that_no_arm_errs_like_this(place: Path) -> None:
+    rows = list(csv.reader(io.StringIO((place / "touches.csv").read_text())))
+    second, third = rows[0].index("q2_deg"), rows[0].index("q3_deg")
+    for row in rows[1:]:
+        row[second], row[third] = row[third], row[second]
+    (place / "swapped.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    for name in ("identify", "diagnose"):
+        told = {f: json.loads(command(place, name, f"{f}.csv", *ARGS, "--json")) for f in ("swapped", "touches")}
+        assert re.match(r"after identification the tool is still \d+ mm off", told["swapped"]["cautions"][0])
+        assert not any("still" in c for c in told["touches"]["cautions"])
+
+
 def test_reports_are_those_of_the_command_line(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(place)
     fit = trical.identify("touches.csv", **FILES, folds=4, hold_out_last=25)

@@ -7,7 +7,7 @@ use trical_recording::CsvStream;
 
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{MeasuredDistance, TriedByPlace, choose, score_places};
-use crate::caution::{EVEN_MASSES, beyond_limits, cautions, held, near_nominal, too_many, without_masses};
+use crate::caution::{EVEN_MASSES, beyond_limits, cautions, held, near_nominal, no_arm, too_many, without_masses};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{orientation_errors, position_errors};
@@ -203,7 +203,8 @@ impl Calibration {
     #[must_use]
     pub fn cautions(&self) -> Vec<String> {
         let f = &self.fitted;
-        let mut out = cautions(&f.model, f.observability.rows, f.free.len());
+        let mut out = no_arm(self.errors.mean_mm, self.orientation.as_ref().map(|[_, after]| after.mean_deg));
+        out.extend(cautions(&f.model, f.observability.rows, f.free.len()));
         out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
             out.push(EVEN_MASSES.into());

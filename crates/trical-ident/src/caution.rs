@@ -10,6 +10,10 @@ use crate::identifiability::Elasticity;
 const FAR: f64 = 0.1;
 const TURNED: f64 = 0.35;
 
+/// No identified arm is off by so much on average, mm and deg.
+const NO_ARM_MM: f64 = 5.0;
+const NO_ARM_DEG: f64 = 2.0;
+
 /// Fewer numbers measured for each parameter than this leave little to check the fit with.
 const FEW: f64 = 2.0;
 
@@ -43,6 +47,25 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
             all.join(", ")
         )
     })
+}
+
+/// Errors that are left after identification and that no arm has: what was given does not go together.
+#[must_use]
+pub fn no_arm(mm: f64, deg: Option<f64>) -> Vec<String> {
+    let mut out = Vec::new();
+    if mm > NO_ARM_MM {
+        out.push(format!(
+            "after identification the tool is still {mm:.0} mm off, more than any arm: are units, signs and columns of the recording \
+             right, and are robot and cell file those of this arm?"
+        ));
+    }
+    if let Some(deg) = deg.filter(|deg| *deg > NO_ARM_DEG) {
+        out.push(format!(
+            "after identification the tool's orientation is still {deg:.0} deg off, more than any arm: are qw, qx, qy, qz in the columns \
+             of their names, and do they turn the tool into the measuring frame, not back?"
+        ));
+    }
+    out
 }
 
 /// In one sentence each; `rows` numbers were measured for so many `parameters`.
@@ -158,6 +181,13 @@ mod tests {
     use trical_model::{Axis, Cell, Robot, Term};
 
     use super::*;
+
+    #[test]
+    fn errors_that_no_arm_has_are_told() {
+        assert!(no_arm(4.9, None).is_empty() && no_arm(0.4, Some(1.9)).is_empty());
+        assert!(no_arm(53.2, Some(0.1))[0].contains("still 53 mm off"));
+        assert!(no_arm(3.0, Some(26.4))[0].contains("still 26 deg off"));
+    }
 
     #[test]
     fn a_base_far_away_and_few_rows_are_told() {

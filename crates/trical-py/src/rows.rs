@@ -305,6 +305,11 @@ impl PyRows {
         })))
     }
 
+    /// The same rows under another name.
+    fn named(&self, name: String) -> Self {
+        Self(Arc::new(Recording { name, ..self.0.as_ref().clone() }))
+    }
+
     /// A column as an array, or None where no row has it.
     fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let (rows, n) = (&self.0.rows, self.0.joints);

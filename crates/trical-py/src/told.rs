@@ -44,8 +44,9 @@ impl Kept {
 #[pyclass(name = "Told", module = "trical._native", frozen)]
 pub struct PyTold(pub Kept);
 
-/// What is drawn of a finding: label of x, x, errors without and with it, mm.
-type Drawn<'py> = (String, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+/// What is drawn of a finding: label of x, label of the errors, x, errors without and with it.
+type Drawn<'py> =
+    (String, &'static str, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 #[pymethods]
 impl PyTold {
@@ -57,7 +58,7 @@ impl PyTold {
         };
         let drawn = diagnosis_report::against(f, &d.0)?;
         let array = |v: Vec<f64>| v.into_pyarray(py);
-        Ok((drawn.label, array(drawn.x), array(drawn.without), array(drawn.with)))
+        Ok((drawn.label, drawn.error, array(drawn.x), array(drawn.without), array(drawn.with)))
     }
 
     /// Joints at each observation that was fitted, (n, joints), rad (m for a joint that slides).

@@ -1,7 +1,7 @@
 // Draws the plots of a report with uPlot over their static pictures; print and a browser without scripts keep those.
 (() => {
   "use strict";
-  const round = (v) => (v == null ? "-" : Number(v.toPrecision(4)).toString());
+  const round = (v) => (v == null ? "" : Number(v.toPrecision(4)).toString());
   const make = (holder) => {
     const plot = JSON.parse(holder.querySelector("script").textContent);
     const stage = document.createElement("div");
@@ -43,7 +43,7 @@
       legend: { markers: { width: 2, stroke: ink, fill: ink } },
       cursor: { dataIdx: nearest, drag: { x: true, y: true, uni: 30 } },
       series: [
-        { label: plot.x.replace(/, in the order.*/, ""), value: (_, v, __, k) => (v == null ? "-" : round(v) + (plot.rows[k] ? " (" + plot.rows[k] + ")" : "")) },
+        { label: plot.x.replace(/, in the order.*/, ""), value: (_, v, __, k) => (v == null ? "" : round(v) + (plot.rows[k] ? " (" + plot.rows[k] + ")" : "")) },
         ...plot.series.map((s) => ({
           label: s.name,
           stroke: s.color,

@@ -1,15 +1,14 @@
 //! The report of a diagnosis: verdict, where on the arm, each finding against the variable that reveals it, what could not be
 //! seen.
 
-use std::fmt::Write;
+use nalgebra::{Vector3, Vector6};
+use trical_diagnose::{Diagnosis, EffectId, Finding, Rival, RowKind, Unexplained, verdict};
+use trical_ident::{ErrorSummary, JointSource, Noise};
+use trical_model::{Basis, Forward, JointKind, Measured, Model, Shape, Site, State, Variable};
 
-use nalgebra::Vector3;
-use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, verdict};
-use trical_ident::{ErrorSummary, JointSource};
-use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Pose, Shape, Site, State, Variable};
-
+use crate::arm_map;
 use crate::error::Result;
-use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row};
+use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
@@ -22,8 +21,14 @@ const SHOWN: usize = 12;
 /// Findings whose coefficients are written out; a curve has more.
 const FEW: usize = 8;
 
-/// A mark that more than so many pixels lie apart from is not crowded.
-const CROWDED: f64 = 24.0;
+/// Findings and curves without a name whose pictures are open; those of the others are folded.
+const OPEN: usize = 4;
+
+/// What is less sure is told as a possibility.
+const LIKELY: f64 = 0.5;
+
+/// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
+const TURNS: f64 = 5.0;
 
 /// Rivals of a finding that are told: the others are worse.
 const RIVALS: usize = 3;
@@ -35,13 +40,27 @@ fn rivals(f: &Finding) -> String {
     f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
 }
 
+/// Effect, place and session of a finding: "Backlash at joint 3", "Perhaps backlash at joint 3".
+fn heading(f: &Finding) -> String {
+    let name = verdict::heading(f);
+    if f.confidence >= LIKELY {
+        return name;
+    }
+    let mut chars = name.chars();
+    format!("Perhaps {}{}", chars.next().map(|c| c.to_ascii_lowercase()).unwrap_or_default(), chars.as_str())
+}
+
 /// What one finding does to every measurement, seen along the direction in which it acts.
 struct Seen {
-    /// Error without it, all else modelled, mm.
+    /// What is drawn, with its unit.
+    label: &'static str,
+    /// That unit.
+    unit: &'static str,
+    /// Error without it, all else modelled.
     before: Vec<f64>,
     /// And with it.
     after: Vec<f64>,
-    /// Its own part, mm.
+    /// Its own part.
     part: Vec<f64>,
 }
 
@@ -56,10 +75,21 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     for t in always.terms.iter_mut().filter(|t| own(&t.name)) {
         t.basis = Basis::CONSTANT;
     }
-    let with = residuals(&d.model, &d.data)?;
-    let without = residuals(&without, &d.data)?;
-    let always = residuals(&always, &d.data).ok();
-    let mut out = Seen { before: Vec::new(), after: Vec::new(), part: Vec::new() };
+    let (with, without, always) = (six(&d.model, &d.data)?, six(&without, &d.data)?, six(&always, &d.data).ok());
+    // what only turns the tool is seen in its orientation alone
+    let size = |first: usize| {
+        let parts = with.iter().zip(&without).map(|(a, b)| (a - b).fixed_rows::<3>(first).norm_squared());
+        parts.sum::<f64>().sqrt()
+    };
+    let noise = Noise::usual(1);
+    let pose = Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] };
+    let [mm, rad] = [0, 3].map(|k| noise.sigma(0, &pose, k));
+    let turns = size(3) / rad > TURNS * size(0) / mm;
+    let (first, scale, label, unit) =
+        if turns { (3, 1.0_f64.to_degrees(), "orientation error, deg", "deg") } else { (0, 1e3, "error, mm", "mm") };
+    let of = |all: &[Vector6<f64>]| all.iter().map(|r| r.fixed_rows::<3>(first) * scale).collect::<Vec<Vector3<f64>>>();
+    let (with, without, always) = (of(&with), of(&without), always.map(|a| of(&a)));
+    let mut out = Seen { label, unit, before: Vec::new(), after: Vec::new(), part: Vec::new() };
     for k in 0..with.len() {
         let part = with[k] - without[k];
         let along = always
@@ -88,16 +118,13 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         let sense = |(k, o): (usize, &trical_ident::Observation)| {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };
-        return Some((
-            format!("sense of joint {joint}'s last motion (-1, 1; scattered)"),
-            o.iter().enumerate().map(sense).collect(),
-        ));
+        return Some((format!("sense of joint {joint} (-1, 1; scattered)"), o.iter().enumerate().map(sense).collect()));
     }
     match (term.basis.of, term.basis.shape) {
         (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
             let turn = 360.0 / cycles;
             Some((
-                format!("angle of joint {joint} within a cycle of {turn:.3} deg, deg"),
+                format!("joint {joint} within a cycle of {turn:.3}, deg"),
                 of(&|s| s.q[joint - 1].to_degrees().rem_euclid(turn)),
             ))
         }
@@ -141,9 +168,11 @@ pub struct Against {
     pub label: String,
     /// The variable.
     pub x: Vec<f64>,
-    /// Error along the direction in which the finding acts, everything else modelled, without it, mm.
+    /// What the errors are, with their unit: "error, mm", or of what only turns the tool "orientation error, deg".
+    pub error: &'static str,
+    /// Error along the direction in which the finding acts, everything else modelled, without it.
     pub without: Vec<f64>,
-    /// And with it, mm.
+    /// And with it.
     pub with: Vec<f64>,
 }
 
@@ -152,21 +181,49 @@ pub struct Against {
 /// # Errors
 /// A model that cannot be evaluated.
 pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
-    let Seen { before: without, after: with, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| ("what the finding does there, mm".into(), part));
-    Ok(Against { label, x, without, with })
+    let Seen { label: error, unit, before: without, after: with, part } = seen(f, d)?;
+    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("what the finding does there, {unit}"), part));
+    Ok(Against { label, x, error, without, with })
+}
+
+/// The coefficients of a finding with their standard deviations; of the sine and the cosine of a ripple, the amplitude.
+fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
+    let cycles = |name: &str| {
+        let term = d.model.terms.iter().find(|t| t.name == name)?;
+        match term.basis.shape {
+            Shape::Sine { cycles } | Shape::Cosine { cycles } if f.effect == EffectId::GearRipple => Some(cycles),
+            _ => None,
+        }
+    };
+    let mut rest = f.coefficients.as_slice();
+    let mut told = Vec::new();
+    while let [a, after @ ..] = rest {
+        rest = after;
+        let wave = cycles(&a.name);
+        told.push(match after {
+            [b, after @ ..] if wave.is_some() && wave == cycles(&b.name) => {
+                rest = after;
+                let size = a.value.hypot(b.value);
+                let sd = a.sd.zip(b.sd).map(|(s, c)| (a.value * s).hypot(b.value * c) / size.max(f64::MIN_POSITIVE));
+                let name = format!("amplitude at {} cycles a turn", wave.unwrap_or_default());
+                table::estimate(&name, size, sd, &a.unit)
+            }
+            _ => table::estimate(&a.name, a.value, a.sd, &a.unit),
+        });
+    }
+    told
 }
 
 /// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
 pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
-    let Against { label, x, without: before, with: after } = against(f, d)?;
+    let Against { label, x, error, without: before, with: after } = against(f, d)?;
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
     let series = [
         Series { name: "without it", color: BEFORE, points: points(&before) },
         Series { name: "with it", color: AFTER, points: points(&after) },
     ];
-    let values: Vec<String> = f.coefficients.iter().map(|c| table::estimate(&c.name, c.value, c.sd, &c.unit)).collect();
-    let told = if values.len() > FEW { format!("{} coefficients", values.len()) } else { values.join("; ") };
+    let values = coefficients(f, d);
+    let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
     let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
     if !f.rivals.is_empty() {
         text.push(format!(
@@ -180,126 +237,15 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
             "Each point is one measurement: its error along the direction in which this effect acts, everything else \
                       modelled, without this effect and with it."
                 .into(),
-        svg: plots::scatter(&label, "error, mm", false, false, &series)?,
+        svg: plots::scatter(&label, error, false, false, &series)?,
     });
-    Ok(Section { heading: format!("{number_of}. {}", verdict::heading(f)), text, figures, ..Section::default() })
-}
-
-/// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
-fn places(d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
-    let forward = Forward::new(d.model.clone(), Vec::new())?;
-    let mut ws = forward.workspace();
-    let mut best: Option<(f64, Vec<Vector3<f64>>)> = None;
-    // the pose that is spread out most when seen from the side
-    for o in d.data.observations.iter().step_by(d.data.observations.len().div_ceil(200).max(1)) {
-        let base = forward.world_from_links(&o.state, &mut ws).first().map_or_else(Vector3::zeros, |p| p.translation);
-        let mut points = vec![base];
-        points.extend(forward.world_from_joints(&o.state, &mut ws).iter().map(|p: &Pose| p.translation));
-        points.push(forward.world_from_tool(&o.state, &mut ws).translation);
-        let flat = from_the_side(&points);
-        let mut area = 0.0;
-        for w in flat.windows(3) {
-            area += ((w[1].0 - w[0].0) * (w[2].1 - w[0].1) - (w[2].0 - w[0].0) * (w[1].1 - w[0].1)).abs();
-        }
-        if best.as_ref().is_none_or(|b| area > b.0) {
-            best = Some((area, points));
-        }
-    }
-    Ok(best.map(|b| b.1).unwrap_or_default())
-}
-
-/// Horizontal distance from the base towards the tool, and height.
-fn from_the_side(points: &[Vector3<f64>]) -> Vec<(f64, f64)> {
-    let (Some(base), Some(tool)) = (points.first(), points.last()) else { return Vec::new() };
-    let mut ahead = tool - base;
-    ahead.z = 0.0;
-    let ahead = ahead.try_normalize(1e-6).unwrap_or_else(Vector3::x);
-    points.iter().map(|p| ((p - base).dot(&ahead), p.z - base.z)).collect()
-}
-
-/// The arm from the side, with the guilty places marked by the numbers of the findings.
-fn map(d: &Diagnosis) -> Result<String> {
-    const WIDE: f64 = 700.0;
-    const HIGH: f64 = 420.0;
-    // of the list beside the arm
-    const LIST: f64 = 340.0;
-    let mut flat = from_the_side(&places(d)?);
-    let last = flat.len().saturating_sub(1);
-    let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
-    for k in 1..last.saturating_sub(1) {
-        let (here, next, before) = (flat[k], flat[k + 1], flat[k - 1]);
-        if (here.0 - next.0).hypot(here.1 - next.1) < 0.03 * size {
-            flat[k] = (0.5 * (here.0 + before.0), 0.5 * (here.1 + before.1));
-        }
-    }
-    let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
-    let high = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
-    let (left, right, down, up) = (low(|p| p.0), high(|p| p.0), low(|p| p.1), high(|p| p.1));
-    let scale = ((WIDE - LIST - 100.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
-    let at = |p: (f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
-    let dots: Vec<(f64, f64)> = flat.iter().map(|p| at(*p)).collect();
-    let whole_arm = d.findings.iter().any(|f| matches!(f.site, Place::Links | Place::Joints));
-    let mut svg = format!(
-        "<svg viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
-         font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{HIGH}\" fill=\"#fff\"/>"
-    );
-    let list: Vec<String> = dots.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-    let _ = write!(
-        svg,
-        "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"9\" stroke-linejoin=\"round\" \
-         stroke-linecap=\"round\"/>",
-        list.join(" "),
-        if whole_arm { "#e3b5a8" } else { "#c9d3df" }
-    );
-    let mut marks: Vec<Vec<usize>> = vec![Vec::new(); dots.len() + 1];
-    for (k, f) in d.findings.iter().enumerate() {
-        let place = match f.site {
-            Place::Joint(j) | Place::Coupling { joint: j, .. } if j < last => j,
-            Place::Base => 0,
-            Place::Tool | Place::Target(_) | Place::Axis(_) => last,
-            _ => dots.len(),
-        };
-        marks[place].push(k + 1);
-    }
-    for (k, (x, y)) in dots.iter().enumerate() {
-        let name = match k {
-            0 => "base".to_owned(),
-            k if k == last => "tool".to_owned(),
-            k => k.to_string(),
-        };
-        let guilty = !marks[k].is_empty();
-        let (fill, ink, r) = if guilty { ("#c85c46", "#fff", 13.0) } else { ("#fff", "#47566a", 10.0) };
-        if k == 0 || k == last {
-            let _ = write!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{}\" fill=\"{}\" stroke=\"#47566a\"/>\
-                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#47566a\">{name}</text>",
-                if guilty { 11.0 } else { 6.0 },
-                if guilty { "#c85c46" } else { "#47566a" },
-                y + CROWDED
-            );
-        } else {
-            let _ = write!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"#47566a\"/>\
-                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{name}</text>",
-                y + 4.5
-            );
-        }
-    }
-    for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
-        let short = format!("{}. {}", k + 1, verdict::heading(f));
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
-        let y = 30.0 + 22.0 * k as f64;
-        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - LIST);
-    }
-    svg += "</svg>";
-    Ok(svg)
+    let folded = number_of > OPEN;
+    Ok(Section { heading: format!("{number_of}. {}", heading(f)), text, figures, folded, ..Section::default() })
 }
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
-    let decimals = verdict_told::decimals(d);
+    let decimals = verdict_told::decimals(d, &d.verdict.rows);
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
     rows.extend(d.verdict.rows.iter().filter(|r| verdict_told::shows(r, decimals)).map(|r| {
         let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
@@ -319,16 +265,31 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
 pub fn verdict_section(d: &Diagnosis) -> Section {
     Section {
         heading: "Verdict".into(),
-        text: std::iter::once(
+        text: vec![
             "Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into(),
-        )
-        .chain(verdict_told::elsewhere(d).map(|e| format!("Whole model {e}.")))
-        .chain(d.cautions.iter().map(|c| format!("Caution: {c}.")))
-        .chain(d.baseline.reading_noise.iter().map(|r| format!("Note on the readings: {r}.")))
-        .collect(),
+        ],
         tables: vec![verdict_table(d)],
+        after: verdict_told::elsewhere(d)
+            .map(|e| format!("Whole model {e}."))
+            .into_iter()
+            .chain(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")))
+            .chain(d.baseline.reading_noise.iter().map(|r| format!("Note: {r}; the fit takes a share of them as noise. This is no property of the arm.")))
+            .collect(),
         ..Section::default()
     }
+}
+
+/// Steps (name, error before and after) in the order in which they were taken: each begins where the one before it ends.
+fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)> {
+    let (mut here, mut out) = (start, Vec::new());
+    while let Some(next) =
+        (0..steps.len()).min_by(|a, b| (steps[*a].1 - here).abs().total_cmp(&(steps[*b].1 - here).abs()))
+    {
+        let (name, _, after) = steps.remove(next);
+        here = after;
+        out.push((name, after));
+    }
+    out
 }
 
 /// Each finding in a row, with the evidence, and where they are on the arm.
@@ -338,7 +299,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         vec![row(["finding", "effect", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
         rows.push(vec![
-            format!("{}. {}", k + 1, verdict::heading(f)),
+            format!("{}. {}", k + 1, heading(f)),
             f.effect.to_string(),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
@@ -358,7 +319,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
             "The arm from the side at one of the measured poses. Places where something was found are red; numbers in \
                   circles are joints."
                 .into(),
-        svg: map(d)?,
+        svg: arm_map::draw(d, &d.findings.iter().take(SHOWN).map(heading).collect::<Vec<_>>())?,
     });
     // findings and nameless curves, in the order in which they were added
     let named = d
@@ -368,14 +329,14 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         .map(|(k, f)| ((k + 1).to_string(), &f.evidence))
         .map(|(n, e)| (n, e.holdout_rms_before_mm, e.holdout_rms_after_mm));
     let nameless = d.unexplained.iter().chain(&d.more_unexplained).filter(|u| !u.curve.is_empty());
-    let mut steps: Vec<(String, f64, f64)> =
+    let steps: Vec<(String, f64, f64)> =
         named.chain(nameless.map(|u| ("?".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
-    steps.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut stairs = vec![("none".to_owned(), d.baseline.holdout_rms_mm)];
-    stairs.extend(steps.into_iter().map(|(name, _, after)| (name, after)));
+    let mut stairs = vec![("-".to_owned(), d.baseline.holdout_rms_mm)];
+    stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
     section.figures.push(Figure {
         caption:
-            "Error at poses that the fit did not see, as the findings are modelled one after the other (?: a curve of no known cause)."
+            "Error at poses that the fit did not see: of the plain model (red), and as the findings are modelled one after the other \
+             (?: a curve of no known cause)."
                 .into(),
         svg: plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
     });
@@ -389,7 +350,8 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
     all.sort_by(|a, b| taken(a).total_cmp(&taken(b)));
     all.into_iter()
         .take(4)
-        .map(|u| {
+        .enumerate()
+        .map(|(k, u)| {
             let site = verdict::capital(&u.site.to_string());
             let figures = if u.curve.is_empty() {
                 Vec::new()
@@ -415,6 +377,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                     verdict::region(&u.region, &d.model.robot), u.holdout_rms_before_mm, u.holdout_rms_after_mm
                 )],
                 figures,
+                folded: d.findings.len() + k >= OPEN,
                 ..Section::default()
             })
         })
@@ -437,7 +400,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
             d.baseline.parameters, d.baseline.holdout_rms_mm
         )
     } else {
-        let decimals = verdict_told::decimals(d);
+        let decimals = verdict_told::decimals(d, &d.verdict.rows);
         let falls = format!(
             "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
              modelled.",
@@ -484,7 +447,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         folded: true,
         ..Section::default()
     });
-    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "lacks"])];
+    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "what is missing"])];
     for b in &d.blind_to {
         let lacks = b.lacks.clone().unwrap_or_default();
         blind.push(vec![
@@ -519,20 +482,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn from_the_side_an_arm_reaches_to_the_right_whichever_way_it_points() {
-        let v = Vector3::new;
-        for (x, y) in [(0.6, 0.8), (-0.6, 0.8), (0.0, -1.0)] {
-            let base = v(1.0, 2.0, 0.5);
-            let flat = from_the_side(&[
-                base,
-                base + v(-0.2 * x, -0.2 * y, 0.3),
-                base + v(0.1 * y, -0.1 * x, 0.1),
-                base + v(x, y, 0.4),
-            ]);
-            for (found, expected) in flat.iter().zip([(0.0, 0.0), (-0.2, 0.3), (0.0, 0.1), (1.0, 0.4)]) {
-                assert!((found.0 - expected.0).abs() < 1e-12 && (found.1 - expected.1).abs() < 1e-12, "{flat:?}");
-            }
-        }
-        assert!(from_the_side(&[]).is_empty());
+    fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {
+        let steps =
+            [("2", 0.638, 0.445), ("?", 0.445, 0.475), ("1", 0.512, 0.638)].map(|(n, b, a)| (n.to_owned(), b, a));
+        let told: Vec<String> = chained(0.512, steps.into()).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(told, ["1", "2", "?"]);
     }
 }

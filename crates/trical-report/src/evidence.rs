@@ -1,7 +1,7 @@
 //! What the reports of identify and validate share: errors one by one, the arm with what was measured, rejected rows, parameters
 //! with intervals.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use trical_ident::{Dataset, ErrorSummary, Noise, Rejected, shown};
 use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
@@ -44,15 +44,20 @@ pub fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
     cells.map(String::from).to_vec()
 }
 
-/// Residuals of up to three numbers an observation, mm.
-pub fn residuals(model: &Model, data: &Dataset) -> Result<Vec<Vector3<f64>>> {
+/// Residuals of an observation: up to three lengths in m, and of a pose three angles in rad.
+pub fn six(model: &Model, data: &Dataset) -> Result<Vec<Vector6<f64>>> {
     let forward = Forward::new(model.clone(), Vec::new())?;
     let mut ws = forward.workspace();
     let of = |o: &trical_ident::Observation| {
-        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws).min(3);
-        Vector3::from_fn(|k, _| if k < rows { ws.residual()[k] * 1e3 } else { 0.0 })
+        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
+        Vector6::from_fn(|k, _| if k < rows { ws.residual()[k] } else { 0.0 })
     };
     Ok(data.observations.iter().map(of).collect())
+}
+
+/// Residuals of positions and lengths, mm.
+pub fn residuals(model: &Model, data: &Dataset) -> Result<Vec<Vector3<f64>>> {
+    Ok(six(model, data)?.iter().map(|r| r.fixed_rows::<3>(0) * 1e3).collect())
 }
 
 /// Where a row is: its line in a file of lines, its number in any other.
@@ -230,7 +235,7 @@ impl Errors<'_> {
                 figures: vec![Figure { caption, svg: turn::draw_turning(&scene, 900.0)? }],
                 ..Section::default()
             },
-            Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
+            Section { heading: "From above and from the side".into(), figures: others, folded: true, ..Section::default() },
             heat::section(self.model)?,
         ])
     }
@@ -351,8 +356,10 @@ pub fn parameters<'a>(
     let mut rows = vec![row(["parameter", "nominal", "identified", "95 % from", "to", "unit", "remark"])];
     for t in terms {
         let s = shown(model, t);
-        let d = table::decimals_for(s.sd.unwrap_or(f64::NAN));
-        let end = |sign: f64| s.sd.map_or_else(|| "-".into(), |sd| format!("{:.d$}", s.value + sign * sds * sd));
+        let (factor, unit) = table::unit_told(&s.unit);
+        let d = table::decimals_for(s.sd.map_or(f64::NAN, |sd| factor * sd));
+        let end =
+            |sign: f64| s.sd.map_or_else(|| "-".into(), |sd| format!("{:.d$}", factor * (s.value + sign * sds * sd)));
         let mut remarks = vec![remark(&s.name)];
         if s.nominal.zip(s.sd).is_some_and(|(n, sd)| (s.value - n).abs() <= sds * sd) {
             remarks.push("nominal lies within".into());
@@ -360,11 +367,11 @@ pub fn parameters<'a>(
         remarks.retain(|r| !r.is_empty());
         rows.push(vec![
             s.name.clone(),
-            s.nominal.map_or_else(|| "-".into(), |n| format!("{n:.3}")),
-            format!("{:.d$}", s.value),
+            s.nominal.map_or_else(|| "-".into(), |n| format!("{:.3}", factor * n)),
+            format!("{:.d$}", factor * s.value),
             end(-1.0),
             end(1.0),
-            s.unit.clone(),
+            unit.to_owned(),
             remarks.join("; "),
         ]);
     }

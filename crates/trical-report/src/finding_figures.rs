@@ -1,12 +1,13 @@
 //! Pictures of what was found at a joint: the fitted curve over the data, and the spectrum of what a ripple leaves.
 
-use nalgebra::Vector3;
+use nalgebra::Vector6;
 use plotters::style::RGBColor;
 use trical_diagnose::{Diagnosis, EffectId, Finding};
-use trical_model::{Basis, JointKind, Model, Shape, Site, Term, Variable};
+use trical_ident::{Dataset, Noise};
+use trical_model::{Basis, JointKind, Measured, Model, Shape, Site, Term, Variable};
 
 use crate::error::Result;
-use crate::evidence::residuals;
+use crate::evidence::six;
 use crate::page::Figure;
 use crate::plots::{self, BEFORE, Band, Series};
 
@@ -36,6 +37,17 @@ struct Angles {
     terms: Vec<Term>,
 }
 
+/// Residuals in units of the usual noise: at the last joint it is the orientation that tells its angle.
+fn in_noise(model: &Model, data: &Dataset) -> Result<Vec<Vector6<f64>>> {
+    let usual = Noise::usual(data.names.len());
+    let mut all = six(model, data)?;
+    for (r, o) in all.iter_mut().zip(&data.observations) {
+        let rows = if matches!(o.measured, Measured::Pose { .. }) { 6 } else { 3 };
+        r.iter_mut().enumerate().take(rows).for_each(|(k, x)| *x /= usual.sigma(o.recording, &o.measured, k));
+    }
+    Ok(all)
+}
+
 /// The angle by which the joint would have to be off to explain what is left without the finding; `None` where the finding is no curve of
 /// one revolute joint's own angle.
 fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
@@ -49,23 +61,27 @@ fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
     if !turns || !terms.iter().all(of_its_angle) {
         return Ok(None);
     }
-    const TINY: f64 = 1e-5;
     let mut without: Model = d.model.clone();
     without.terms.retain(|t| !own(&t));
+    Ok(Some(Angles { joint, points: how_far_off(joint, &without, &d.data)?, terms }))
+}
+
+/// By which angle a joint would have to be off to explain what the model leaves: index of the observation, joint angle and that angle, deg.
+fn how_far_off(joint: usize, without: &Model, data: &Dataset) -> Result<Vec<(usize, f64, f64)>> {
+    const TINY: f64 = 1e-5;
     let mut turned = without.clone();
     let mut probe = Term::new("turned", "turned", Site::Joint { joint }, Basis::CONSTANT);
     probe.value = TINY;
     turned.terms.push(probe);
-    let (left, turned) = (residuals(&without, &d.data)?, residuals(&turned, &d.data)?);
-    let levers: Vec<Vector3<f64>> = left.iter().zip(&turned).map(|(a, b)| (b - a) / TINY).collect();
-    let longest = levers.iter().map(Vector3::norm).fold(0.0, f64::max);
-    let points =
-        left.iter().zip(&levers).zip(&d.data.observations).enumerate().filter_map(|(k, ((left, lever), o))| {
-            let far = lever.norm() > SHORT_LEVER * longest;
-            let off = -lever.dot(left) / lever.norm_squared();
-            far.then(|| (k, o.state.q[joint - 1].to_degrees(), off.to_degrees()))
-        });
-    Ok(Some(Angles { joint, points: points.collect(), terms }))
+    let (left, turned) = (in_noise(without, data)?, in_noise(&turned, data)?);
+    let levers: Vec<Vector6<f64>> = left.iter().zip(&turned).map(|(a, b)| (b - a) / TINY).collect();
+    let longest = levers.iter().map(Vector6::norm).fold(0.0, f64::max);
+    let points = left.iter().zip(&levers).zip(&data.observations).enumerate().filter_map(|(k, ((left, lever), o))| {
+        let far = lever.norm() > SHORT_LEVER * longest;
+        let off = -lever.dot(left) / lever.norm_squared();
+        far.then(|| (k, o.state.q[joint - 1].to_degrees(), off.to_degrees()))
+    });
+    Ok(points.collect())
 }
 
 /// How the coefficients of a curve go together: their covariance, row by row, and the mean of each basis over the measurements.
@@ -197,7 +213,38 @@ pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::test_data::{arm, data, pose};
+    use nalgebra::{Rotation3, UnitQuaternion};
+    use trical_model::Forward;
+
+    /// A tool on the axis of the last joint is not moved by it, only turned.
+    #[test]
+    fn the_last_joints_angle_is_read_from_the_orientation() {
+        let mut model = arm();
+        (model.cell.tool.tcp.x, model.cell.tool.tcp.y) = (0.0, 0.0);
+        let wave = Basis::new(Variable::Joint { joint: 6 }, Shape::Sine { cycles: 1.0 });
+        let mut term = Term::new("sine_6", "joint_harmonic", Site::Joint { joint: 6 }, wave);
+        term.value = 0.05_f64.to_radians();
+        let mut truth = model.clone();
+        truth.terms.push(term);
+        let forward = Forward::new(truth, Vec::new()).unwrap();
+        let mut ws = forward.workspace();
+        let mut measured = |k: u8| {
+            let seen = forward.world_from_tool(&pose(k), &mut ws);
+            let rotation = Rotation3::from_matrix_unchecked(seen.rotation);
+            let q = UnitQuaternion::from_rotation_matrix(&rotation);
+            (pose(k), Measured::Pose { position: seen.translation.into(), quaternion: [q.w, q.i, q.j, q.k] })
+        };
+        let data = data(&[(0..12).map(&mut measured).collect()]);
+        let off = how_far_off(6, &model, &data).unwrap();
+        assert_eq!(off.len(), 12);
+        for (_, q, off) in off {
+            let expected = 0.05 * q.to_radians().sin();
+            assert!((off - expected).abs() < 1e-5, "{q}: {off} {expected}");
+        }
+    }
 
     #[test]
     fn the_spectrum_of_a_ripple_has_its_number_and_its_size() {

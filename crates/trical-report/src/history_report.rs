@@ -51,7 +51,7 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     sections.push(Section {
         heading: "Parameters over the sessions".into(),
         text: vec![if figures.is_empty() {
-            "There is one session only: a second one makes a curve.".into()
+            "There is one session after the calibration: a second one makes a curve.".into()
         } else {
             "How far each joint's zero, the tool and the base are from the calibration, each fitted alone, with its 95 % interval (1.96 \
              standard deviations to each side). What one of them does the others can do in part: the table above says which of them changed."

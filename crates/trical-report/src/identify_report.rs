@@ -1,10 +1,12 @@
 //! The report of an identification, for the person who signs it off.
 
+use trical_diagnose::verdict::capital;
 use trical_ident::{Calibration, ErrorSummary};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row};
 use crate::page::{self, Made, Section, error_table};
+use crate::table;
 
 /// Two parameters are told to move together from here.
 const CORRELATED: f64 = 0.9;
@@ -12,9 +14,12 @@ const CORRELATED: f64 = 0.9;
 /// An error at poses not used that is larger by this is worth a word.
 const LARGER: f64 = 1.5;
 
+/// How poses are left out where the folds are those that were asked for.
+pub const BY_BLOCK: &str = "by block of poses";
+
 /// Poses that a fit in so many folds did not use.
 pub fn of_folds(folds: usize) -> String {
-    format!("poses not in the fit, {folds} folds of blocks")
+    format!("poses not in the fit, {BY_BLOCK}, {folds} folds")
 }
 
 /// The last poses, where those before were fitted.
@@ -26,7 +31,8 @@ pub fn of_last(percent: usize) -> String {
 fn unseen(t: &Calibration) -> Vec<(String, ErrorSummary)> {
     let folds = t.cross_validation.iter().map(|(k, e)| (of_folds(*k), *e));
     let later = t.forward_in_time.iter().map(|(percent, e)| (of_last(*percent), *e));
-    let always = t.held_out.named().into_iter().map(|(how, e)| (format!("poses not in the fit, {how}"), e));
+    let always = t.held_out.named().into_iter().filter(|(how, _)| t.cross_validation.is_none() || *how != BY_BLOCK);
+    let always = always.map(|(how, e)| (format!("poses not in the fit, {how}"), e));
     folds.chain(later).chain(always).collect()
 }
 
@@ -37,7 +43,7 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     if t.errors.mean_mm >= t.before.mean_mm {
         out.push("The model is no better than the nominal arm: do not use it.".into());
     }
-    out.extend(t.cautions().into_iter().map(|c| sentence(&c)));
+    out.extend(t.cautions().into_iter().map(|c| capital(&table::ended(&c))));
     let unseen = unseen(t);
     for (name, e) in &unseen {
         if e.mean_mm > LARGER * t.errors.mean_mm {
@@ -71,13 +77,6 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
         out.push(format!("Held at a limit of --known, beyond which the data would go: {}.", stopped.join(", ")));
     }
     Ok(out)
-}
-
-fn sentence(text: &str) -> String {
-    let mut chars = text.chars();
-    let first = chars.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
-    let end = if text.ends_with(['.', '?', '!']) { "" } else { "." };
-    format!("{first}{}{end}", chars.as_str())
 }
 
 fn verdict(t: &Calibration, concerns: usize) -> String {

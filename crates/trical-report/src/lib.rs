@@ -9,7 +9,7 @@
 //! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`], [`history_report`] | what each says |
 //! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
-//! | [`finding_figures`] | the curve or the spectrum of a finding |
+//! | [`finding_figures`], [`arm_map`] | the curve or the spectrum of a finding; where on the arm they are |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
 //! | [`verdict_told`] | a diagnosis in a few lines |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
@@ -17,6 +17,7 @@
 //! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
 //! | [`table`] | tables and paragraphs for a terminal |
 
+pub mod arm_map;
 pub mod blindness;
 pub mod certificate;
 pub mod deciding;

@@ -31,6 +31,8 @@ pub struct Section {
     pub list: Vec<String>,
     /// Tables; the first row is the header.
     pub tables: Vec<Vec<Vec<String>>>,
+    /// Paragraphs behind the tables.
+    pub after: Vec<String>,
     /// Figures.
     pub figures: Vec<Figure>,
     /// Whether it is closed until somebody opens it; on paper it is open.

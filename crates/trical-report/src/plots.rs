@@ -46,11 +46,18 @@ fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>)
         with(&root)?;
         root.present().map_err(failed)?;
     }
-    // a label at -1e-17 is at zero
-    let svg = svg.replace(" opacity=\"1\"", "").replace('\n', "").replace(">-0.0<", ">0.0<");
+    let svg = svg.replace(" opacity=\"1\"", "").replace('\n', "");
     // scale with the page
     let (w, h) = size;
-    Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &format!("width=\"100%\" style=\"max-width:{w}px\""), 1))
+    let scaled = format!("class=\"chart\" width=\"100%\" style=\"max-width:{}px\"", w * 3 / 2);
+    Ok(svg.replacen(&format!("width=\"{w}\" height=\"{h}\""), &scaled, 1))
+}
+
+/// A number on an axis: no more digits than it has, and zero without a sign.
+fn tick(v: &f64) -> String {
+    let digits = format!("{v:.9}");
+    let digits = digits.trim_end_matches('0').trim_end_matches('.');
+    if digits == "-0" { "0".into() } else { digits.into() }
 }
 
 type Chart<'a, 's> = ChartContext<'a, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -69,6 +76,10 @@ fn axes<'a, 'c, 's>(
         .bold_line_style(RGBColor(225, 225, 225))
         .x_desc(x_label)
         .y_desc(y_label)
+        .x_labels(8)
+        .y_labels(6)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
         .label_style(("sans-serif", 13))
         .axis_desc_style(("sans-serif", 14));
     also(&mut mesh);
@@ -202,7 +213,7 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
         counts[k] += 1;
     }
     let most = f64::from(counts.iter().copied().max().unwrap_or(1).max(1)) * 1.08;
-    draw((620, 320), |root| {
+    draw((480, 280), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
             .x_label_area_size(44)
@@ -210,7 +221,7 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
             .build_cartesian_2d(0.0..high, 0.0..most)
             .map_err(failed)?;
         axes(&mut chart, x_label, "measurements", |mesh| {
-            mesh.disable_x_mesh().y_label_formatter(&|n| format!("{n:.0}"));
+            mesh.disable_x_mesh();
         })?;
         let mut left = 0.0;
         for n in counts {
@@ -227,7 +238,7 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
     let all = || series.iter().flat_map(|s| s.points.iter());
     let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero));
     let mut dots = String::new();
-    let svg = draw((620, 360), |root| {
+    let svg = draw((480, 300), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
             .margin_top(26)
@@ -271,8 +282,8 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
         return String::new();
     }
     let mut out = String::new();
-    for (k, (name, color)) in keys.iter().enumerate() {
-        let x = 80 + 130 * k;
+    let mut x = 80;
+    for (name, color) in keys {
         let (r, g, b) = (color.0, color.1, color.2);
         let _ = write!(
             out,
@@ -280,6 +291,7 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
              font-size=\"13\" fill=\"#1d2733\">{name}</text>",
             x + 9
         );
+        x += 30 + 7 * name.len();
     }
     out
 }
@@ -305,7 +317,7 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
     let usual = size.get(size.len() * 97 / 100).copied().unwrap_or(0.0);
     let top = (1.15 * high).max(usual).max(1e-12);
     let mut dots = String::new();
-    let svg = draw((620, 360), |root| {
+    let svg = draw((480, 300), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
             .margin_top(26)
@@ -337,29 +349,39 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
 pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: &[f64]) -> Result<String> {
     let high = amplitudes.iter().map(|p| p.1).fold(1e-12, f64::max) * 1.2;
     let (mut bars, mut named) = (String::new(), String::new());
-    let svg = draw((620, 300), |root| {
+    let svg = draw((480, 260), |root| {
         let mut chart = ChartBuilder::on(root)
             .margin(10)
             .x_label_area_size(44)
             .y_label_area_size(64)
             .build_cartesian_2d(range(amplitudes.iter().map(|p| p.0), false), 0.0..high)
             .map_err(failed)?;
-        axes(&mut chart, x_label, y_label, |mesh| {
-            mesh.x_label_formatter(&|x| format!("{x:.0}"));
-        })?;
+        axes(&mut chart, x_label, y_label, |_| ())?;
         for p in amplitudes {
             let ((x, top), (_, foot)) = (chart.backend_coord(p), chart.backend_coord(&(p.0, 0.0)));
             let _ = write!(bars, "M{x} {foot}V{top}");
         }
-        for n in marks {
+        let size_at = |n: f64| {
             let near = |a: &&(f64, f64), b: &&(f64, f64)| (a.0 - n).abs().total_cmp(&(b.0 - n).abs());
-            let top = amplitudes.iter().min_by(near).map_or(0.0, |p| p.1);
-            let ((x, top), (_, foot)) = (chart.backend_coord(&(*n, top)), chart.backend_coord(&(*n, 0.0)));
+            amplitudes.iter().min_by(near).map_or(0.0, |p| p.1)
+        };
+        let mut marks: Vec<(f64, f64)> = marks.iter().map(|n| (*n, size_at(*n))).collect();
+        marks.sort_by(|a, b| b.1.total_cmp(&a.1));
+        // the largest are numbered first; no number is written over another
+        let mut written: Vec<(i32, i32)> = Vec::new();
+        for mark in &marks {
+            let ((x, top), (_, foot)) = (chart.backend_coord(mark), chart.backend_coord(&(mark.0, 0.0)));
+            let _ = write!(named, "<path d=\"M{x} {foot}V{top}\" stroke=\"#c85c46\" stroke-width=\"3\"/>");
+            if written.iter().any(|(a, b)| (a - x).abs() < 26 && (b - top).abs() < 14) {
+                continue;
+            }
+            written.push((x, top));
             let _ = write!(
                 named,
-                "<path d=\"M{x} {foot}V{top}\" stroke=\"#c85c46\" stroke-width=\"3\"/><text x=\"{x}\" y=\"{}\" font-family=\"sans-serif\" \
-                 font-size=\"13\" text-anchor=\"middle\" fill=\"#c85c46\">{n:.0}</text>",
-                top - 5
+                "<text x=\"{x}\" y=\"{}\" font-family=\"sans-serif\" font-size=\"13\" text-anchor=\"middle\" \
+                 fill=\"#c85c46\">{:.0}</text>",
+                top - 5,
+                mark.0
             );
         }
         Ok(())
@@ -367,15 +389,20 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
     Ok(with_more(&svg, &format!("<path d=\"{bars}\" stroke=\"#2666a5\" stroke-width=\"1.6\"/>{named}")))
 }
 
+/// So many bars have a label each.
+const CROWD: usize = 20;
+
 /// A staircase: bars from left to right, each with its label below.
 pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Result<String> {
-    draw((620, 320), |root| {
+    draw((480, 280), |root| {
         let high = values.iter().map(|v| v.1).fold(0.0, f64::max) * 1.15;
         let label = |x: &f64| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
             let k = x.round().max(0.0) as usize;
             let whole = (x - x.round()).abs() < 0.01;
-            values.get(k).filter(|_| whole).map_or_else(String::new, |v| v.0.clone())
+            // of many bars every second is labelled
+            let told = whole && k.is_multiple_of(values.len().div_ceil(CROWD).max(1));
+            values.get(k).filter(|_| told).map_or_else(String::new, |v| v.0.clone())
         };
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let n = values.len() as f64;
@@ -412,7 +439,8 @@ pub struct Band {
 /// Panels side by side, each with a heading, curves over the same kinds of axes, y from zero; one legend below.
 pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> Result<String> {
     let legend = panels.first().map_or(&[][..], |p| p.1.as_slice());
-    let rows = u32::try_from(legend.len().div_ceil(2)).unwrap_or(0);
+    let columns = panels.len().clamp(1, 2);
+    let rows = u32::try_from(legend.len().div_ceil(columns)).unwrap_or(0);
     let below = 24 * rows + 12;
     let size = (460 * u32::try_from(panels.len()).unwrap_or(1).max(1), 340 + below);
     draw(size, |root| {
@@ -431,9 +459,7 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
                 .y_label_area_size(70)
                 .build_cartesian_2d(x, 0.0..high)
                 .map_err(failed)?;
-            axes(&mut chart, x_label, y_label, |mesh| {
-                mesh.x_label_formatter(&|x| format!("{x:.0}"));
-            })?;
+            axes(&mut chart, x_label, y_label, |_| ())?;
             for c in curves {
                 let up = c.points.iter().map(|p| (p.0, p.3));
                 let down = c.points.iter().rev().map(|p| (p.0, p.2));
@@ -454,7 +480,7 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
             }
         }
         for (k, c) in legend.iter().enumerate() {
-            let (column, line) = (i32::try_from(k % 2).unwrap_or(0), i32::try_from(k / 2).unwrap_or(0));
+            let (column, line) = (i32::try_from(k % columns).unwrap_or(0), i32::try_from(k / columns).unwrap_or(0));
             let (x, y) = (70 + 400 * column, 12 + 24 * line);
             keys.draw(&PathElement::new(vec![(x, y), (x + 26, y)], c.color.stroke_width(3))).map_err(failed)?;
             keys.draw(&Text::new(c.name.clone(), (x + 34, y - 8), ("sans-serif", 14).into_font().color(&BLACK)))

@@ -48,11 +48,24 @@ pub fn wrapped(text: &str, width: usize, indent: &str) -> Vec<String> {
     lines
 }
 
+/// In which unit a person is told a number, and the factor to it: ratios in percent.
+pub fn unit_told(unit: &str) -> (f64, &str) {
+    if unit == "1" { (100.0, "%") } else { (1.0, unit) }
+}
+
+/// A sentence with an end.
+pub fn ended(text: &str) -> String {
+    let end = if text.ends_with(['.', '?', '!']) { "" } else { "." };
+    format!("{text}{end}")
+}
+
 /// "ratio_2 = 0.0255 % (sd 0.0018)": a ratio in percent, and no more digits than the standard deviation leaves meaningful.
 pub fn estimate(name: &str, value: f64, sd: Option<f64>, unit: &str) -> String {
-    let (value, sd, unit) = if unit == "1" { (100.0 * value, sd.map(|sd| 100.0 * sd), "%") } else { (value, sd, unit) };
+    let (factor, unit) = unit_told(unit);
+    let (value, sd) = (factor * value, sd.map(|sd| factor * sd));
     let size = value.abs();
-    let is_plain = size == 0.0 || (1e-3..1e4).contains(&size);
+    let least = if sd.is_some() { 1e-4 } else { 1e-3 };
+    let is_plain = size == 0.0 || (least..1e4).contains(&size);
     let digits = match sd.filter(|sd| sd.is_finite() && *sd > 0.0) {
         None if is_plain => format!("{value:.4}"),
         None => format!("{value:.3e}"),
@@ -104,6 +117,7 @@ mod tests {
         let rows = [["what", "mm"], ["a", "12.5"]].map(|r| r.map(str::to_owned).to_vec());
         assert_eq!(lines(&rows), ["  what    mm", "  a     12.5"]);
         assert_eq!(wrapped("one two three", 9, "  "), ["  one two", "  three"]);
+        assert_eq!(["is off", "is it?", "Stop."].map(ended), ["is off.", "is it?", "Stop."]);
         assert_eq!(wrapped("a word_that_is_longer", 6, ""), ["a", "word_that_is_longer"]);
     }
 
@@ -117,6 +131,7 @@ mod tests {
         assert_eq!(estimate("a_1", -11.7038, Some(2.91), "mm"), "a_1 = -11.7 mm (sd 2.9)");
         assert_eq!(estimate("lag", 0.995301, Some(0.0009), "1"), "lag = 99.530 % (sd 0.090)");
         assert_eq!(estimate("soft", 12345.6, Some(210.0), "N"), "soft = 1.235e4 N (sd 2.1e2)");
+        assert_eq!(estimate("ripple", 8.514e-4, Some(8.4e-5), "deg"), "ripple = 0.000851 deg (sd 0.000084)");
         assert_eq!(estimate("drift", -2.0778e-5, Some(7.1e-7), "mm/s"), "drift = -2.078e-5 mm/s (sd 7.1e-7)");
         assert_eq!(estimate("g", -2.0e-6, None, "1"), "g = -2.000e-4 %");
     }

@@ -10,17 +10,28 @@ use crate::page::{self, Made, Section, error_table};
 /// A region with a mean error larger than that of all by this is worth a word.
 const WORSE: f64 = 2.0;
 
-fn concerns(v: &Validation) -> Result<Vec<String>> {
-    let rejected = v.rejected.len();
+/// What makes the errors worth little, in one sentence each.
+pub fn cautions(v: &Validation) -> Vec<String> {
     let mut out = Vec::new();
     if v.after.mean_mm >= v.before.mean_mm {
-        out.push("The model is no better than the nominal arm on these recordings: do not use it here.".to_owned());
+        let anew = if v.sessions.iter().any(|s| s.refitted.is_empty()) {
+            " Where instrument or tool were mounted anew, first identify them on these recordings (--refit frame,targets)."
+        } else {
+            ""
+        };
+        out.push(format!("The model is no better than the nominal arm on these recordings: do not use it here.{anew}"));
     }
     let learnt = |s: &&trical_ident::SessionErrors| s.learnt.is_some();
     let same: Vec<&str> = v.sessions.iter().filter(learnt).map(|s| s.recording.as_str()).collect();
     if !same.is_empty() {
         out.push(format!("The model was fitted to {}: these errors say nothing about other poses.", same.join(", ")));
     }
+    out
+}
+
+fn concerns(v: &Validation) -> Result<Vec<String>> {
+    let rejected = v.rejected.len();
+    let mut out = cautions(v);
     let worst = v.regions.iter().filter(|r| r.n > 4).max_by(|a, b| a.after.mean_mm.total_cmp(&b.after.mean_mm));
     if let Some(r) = worst.filter(|r| r.after.mean_mm > WORSE * v.after.mean_mm) {
         out.push(format!(

@@ -1,10 +1,13 @@
 //! The verdict of a diagnosis in a few lines for a terminal, and as rows for a page.
 
 use trical_diagnose::{Diagnosis, RowKind, VerdictRow};
-use trical_ident::JointSource;
 use trical_ident::identify::ErrorSummary;
+use trical_ident::{JointSource, caution};
+
+use trical_model::Measured;
 
 use crate::error::Result;
+use crate::evidence::six;
 use crate::table;
 
 /// So many lines at most, the first one included.
@@ -49,17 +52,20 @@ pub fn errors(row: &VerdictRow, decimals: usize) -> String {
     }
 }
 
-/// Whether a row claims anything: what is too small for a row of its own may show no change.
+/// Whether a row claims anything: the error of one that models something has to change in what is shown of it.
 #[must_use]
 pub fn shows(row: &VerdictRow, decimals: usize) -> bool {
     let shown = |mm: f64| format!("{mm:.decimals$}");
-    row.kind != RowKind::Rest || shown(row.before_mm) != shown(row.after_mm)
+    let claims = matches!(row.kind, RowKind::Finding | RowKind::Curves | RowKind::Rest);
+    !claims || shown(row.before_mm) != shown(row.after_mm)
 }
 
-/// Decimals that make the smallest error of a diagnosis readable.
+/// Decimals that make the smallest error of a diagnosis readable; one more where a row would show no change otherwise.
 #[must_use]
-pub fn decimals(d: &Diagnosis) -> usize {
-    table::decimals_for(d.after.holdout_rms_mm).clamp(2, 5)
+pub fn decimals(d: &Diagnosis, rows: &[VerdictRow]) -> usize {
+    let few = table::decimals_for(d.after.holdout_rms_mm).clamp(2, 5);
+    let all_show = rows.iter().filter(|r| r.kind != RowKind::Rest).all(|r| shows(r, few));
+    if all_show { few } else { few + 1 }
 }
 
 /// The claim and what else it may be: "Lost motion at joint 3, perhaps backlash (40 %)"; `sure` is said of the claim.
@@ -87,6 +93,22 @@ fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
     lines
 }
 
+/// What should make the owner look twice, in one sentence each: also what no arm does, as for `identify`.
+#[must_use]
+pub fn cautions(d: &Diagnosis) -> Vec<String> {
+    let poses = d.data.observations.iter().any(|o| matches!(o.measured, Measured::Pose { .. }));
+    let turned = if poses { six(&d.before, &d.data).ok() } else { None };
+    let deg = turned.map(|all| {
+        let each: Vec<f64> = all.iter().map(|r| r.fixed_rows::<3>(3).norm()).collect();
+        // of the summary only the mean is asked for, whatever the unit
+        ErrorSummary::of(&each).mean_mm * 1e-3_f64.to_degrees()
+    });
+    let mut out = caution::no_arm(d.baseline.holdout_rms_mm, deg);
+    out.extend(d.cautions.iter().cloned());
+    out.extend(caution::beyond_limits(&d.model.robot, &d.data));
+    out.iter().map(|c| table::ended(c)).collect()
+}
+
 /// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse.
 #[must_use]
 pub fn elsewhere(d: &Diagnosis) -> Option<String> {
@@ -95,7 +117,7 @@ pub fn elsewhere(d: &Diagnosis) -> Option<String> {
         ("in a session", whole.by_session, plain.by_session),
         ("at a place of the balls", whole.by_place, plain.by_place),
     ];
-    let decimals = decimals(d);
+    let decimals = decimals(d, &d.verdict.rows);
     let told = |(at, whole, plain): (&str, Option<ErrorSummary>, Option<ErrorSummary>)| {
         let whole = whole.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
         let plain = plain.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
@@ -116,9 +138,9 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         d.data.observations.len(),
         d.after.poses
     );
-    let decimals = decimals(d);
     let table = |claims: usize, advised: usize| -> Vec<String> {
         let mut rows = d.verdict.shortened(claims);
+        let decimals = decimals(d, &rows);
         rows.retain(|r| shows(r, decimals));
         if let Some(whole) = rows.last_mut() {
             whole.text += &elsewhere(d).map_or_else(String::new, |e| format!("; {e}"));
@@ -141,6 +163,7 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
 pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
     let mut value = serde_json::to_value(d)?;
     value["recordings"] = serde_json::to_value(&d.data.names)?;
+    value["cautions"] = serde_json::to_value(cautions(d))?;
     value["joints"] = serde_json::to_value(source)?;
     value["verdict"]["lines"] = serde_json::to_value(lines(d))?;
     Ok(value)
@@ -189,10 +212,12 @@ mod tests {
     }
 
     #[test]
-    fn a_rest_that_changes_nothing_that_is_shown_is_left_out() {
-        let rest = |after_mm| VerdictRow { after_mm, ..row(RowKind::Rest) };
-        assert!(shows(&rest(0.5), 3) && !shows(&rest(0.5088), 3) && shows(&rest(0.5088), 4));
-        assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Finding) }, 3));
+    fn what_changes_nothing_that_is_shown_is_left_out() {
+        for kind in [RowKind::Finding, RowKind::Curves, RowKind::Rest] {
+            let row = |after_mm| VerdictRow { after_mm, ..row(kind) };
+            assert!(shows(&row(0.5), 3) && !shows(&row(0.5088), 3) && shows(&row(0.5088), 4));
+        }
+        assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Whole) }, 3));
     }
 
     #[test]

@@ -93,14 +93,15 @@ fn print(c: &Comparison) -> Result<()> {
     if c.more_noise > 1.3 {
         say(format!("  The measurements scatter {:.1} times as much as in the old session.", c.more_noise))?;
     }
-    let seen = c.visible.iter().map(|v| match v.smallest {
-        Some(size) => format!("{} {size:.3} {}", v.what, v.unit),
-        None => format!("{} nothing", v.what),
-    });
-    let line = format!(
+    let seen = c.visible.iter().filter_map(|v| Some(format!("{} {:.3} {}", v.what, v.smallest?, v.unit)));
+    let unseen: Vec<&str> = c.visible.iter().filter(|v| v.smallest.is_none()).map(|v| v.what.as_str()).collect();
+    let mut line = format!(
         "A change as large as these would be found in nine cases of ten: {}.",
         seen.collect::<Vec<_>>().join(", ")
     );
+    if !unseen.is_empty() {
+        line += &format!(" A change of {} alone would not be found, however large.", unseen.join(" or "));
+    }
     for line in table::wrapped(&line, 108, "  ") {
         say(line)?;
     }

@@ -131,7 +131,7 @@ fn touches(models: &Models, told: &Told) -> Result<Section> {
         .collect();
     let mut figures = plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?;
     figures.truncate(1);
-    let series = [Series { name: "touch", color: AFTER, points: residuals }];
+    let series = [Series { name: "residual", color: AFTER, points: residuals }];
     figures.push(Figure {
         caption: "What the plain model leaves of each touch.".into(),
         svg: plots::scatter("touch", "residual, mm", true, false, &series)?,
@@ -155,15 +155,15 @@ pub fn render(
 ) -> Result<String> {
     let best = if models.found() { 2 } else { 1 };
     let mean = |model: usize| ErrorSummary::of(&scores[1].errors[model]).mean_mm;
-    let steps = if models.found() { format!(", to {:.3} mm with what was found", mean(best)) } else { String::new() };
+    let steps = if models.found() { format!(", with what was found {:.3} mm", mean(best)) } else { String::new() };
     let said = format!(
-        "{} touches of three balls took the mean position error in the whole workspace from {:.2} mm to {:.3} mm by the plain \
-         model{steps}. Concealed was: {}. Found was: {}.",
+        "Concealed in the arm: {}. Found by the diagnosis: {}. Mean position error in the whole workspace, after {} touches of three \
+         balls: nominal arm {:.3} mm, plain model {:.3} mm{steps}.",
+        seal.sealed,
+        seal.said,
         models.plain.data.observations.len(),
         mean(0),
         mean(1),
-        seal.sealed,
-        seal.said
     );
     let mut sections = vec![diagnosis_report::verdict_section(&models.diagnosis)];
     for (k, f) in models.diagnosis.findings.iter().take(2).enumerate() {

@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> Result<()> {
             say(line)?;
         }
     }
-    Ok(())
+    super::wrote(&[&args.out, &args.report])
 }
 
 fn source_words(source: JointSource) -> &'static str {
@@ -180,7 +180,7 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
         out.push(format!("More: {}.", more.join("; ")));
     }
     out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
-    out.extend(d.cautions.iter().flat_map(|c| table::wrapped(&format!("Caution: {c}."), 108, "")));
+    out.extend(verdict_told::cautions(d).iter().flat_map(|c| table::wrapped(&format!("Caution: {c}"), 108, "")));
     let mut blind: Vec<EffectId> = d.blind_to.iter().map(|b| b.effect).collect();
     blind.sort_unstable();
     blind.dedup();

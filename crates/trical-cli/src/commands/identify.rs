@@ -7,6 +7,7 @@ use trical_ident::{
     Calibration, Choice, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, Options, ParameterSet,
     Rejected, calibrate, calibrate_stream, shown, write_whole,
 };
+use trical_report::identify_report::BY_BLOCK;
 use trical_report::{certificate, identify_report, table};
 
 use crate::error::{CliError, Result};
@@ -131,13 +132,14 @@ pub fn parameter_rows(fitted: &Identified) -> Vec<Vec<String>> {
     let mut rows = vec![vec!["parameter".into(), "nominal".into(), "identified".into(), "sd".into(), "unit".into()]];
     for k in &fitted.free {
         let s = shown(&fitted.model, &fitted.model.terms[*k]);
-        let d = table::decimals_for(s.sd.unwrap_or(f64::NAN));
+        let (factor, unit) = table::unit_told(&s.unit);
+        let d = table::decimals_for(s.sd.map_or(f64::NAN, |sd| factor * sd));
         rows.push(vec![
             s.name,
-            s.nominal.map_or_else(|| "-".into(), |n| format!("{n:.3}")),
-            format!("{:.d$}", s.value),
-            s.sd.map_or_else(|| "-".into(), |v| format!("{v:.d$}")),
-            s.unit,
+            s.nominal.map_or_else(|| "-".into(), |n| format!("{:.3}", factor * n)),
+            format!("{:.d$}", factor * s.value),
+            s.sd.map_or_else(|| "-".into(), |v| format!("{:.d$}", factor * v)),
+            unit.to_owned(),
         ]);
     }
     rows
@@ -198,11 +200,11 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     if let Some((percent, e)) = &found.forward_in_time {
         add(&identify_report::of_last(*percent), e);
     }
-    // the usual one, and the worst
-    let usual = found.held_out.by_block.map(|e| ("by block of poses", e));
-    let worst = found.held_out.worst().filter(|(name, _)| usual.is_none_or(|(u, _)| u != *name));
-    for (name, e) in usual.into_iter().chain(worst) {
-        add(&format!("at poses not in the fit, {name}"), &e);
+    // the usual one unless its folds were asked for, and the worst
+    let usual = found.held_out.by_block.filter(|_| found.cross_validation.is_none());
+    let worst = found.held_out.worst().filter(|(name, _)| *name != BY_BLOCK);
+    for (name, e) in usual.map(|e| (BY_BLOCK, e)).into_iter().chain(worst) {
+        add(&format!("poses not in the fit, {name}"), &e);
     }
     if let Some(both) = &found.orientation {
         rows.push(vec!["orientation error, deg".into(), "mean".into(), "rms".into(), "max".into()]);
@@ -215,7 +217,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
         say(line)?;
     }
     for caution in found.cautions() {
-        for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
+        for line in table::wrapped(&format!("Caution: {}", table::ended(&caution)), 108, "") {
             say(line)?;
         }
     }
@@ -223,9 +225,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     for line in table::lines(&rows) {
         say(line)?;
     }
-    let written: Vec<String> =
-        [&args.out, &args.report, &args.certificate].into_iter().flatten().map(|f| f.display().to_string()).collect();
-    if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
+    super::wrote(&[&args.out, &args.report, &args.certificate])
 }
 
 /// What places of sockets say beside the errors: which physics earned its place, and the distance between sockets as a check.

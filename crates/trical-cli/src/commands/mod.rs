@@ -1,5 +1,10 @@
 //! One file a command.
 
+use std::path::PathBuf;
+
+use crate::error::Result;
+use crate::say;
+
 pub mod compare;
 pub mod compensate;
 pub mod completions;
@@ -23,3 +28,9 @@ pub mod sample;
 pub mod study;
 pub mod validate;
 pub mod virtual_cell;
+
+/// Says which files were written, if any.
+fn wrote(files: &[&Option<PathBuf>]) -> Result<()> {
+    let names: Vec<String> = files.iter().copied().flatten().map(|f| f.display().to_string()).collect();
+    if names.is_empty() { Ok(()) } else { say(format!("\nWrote {}", names.join(" and "))) }
+}

@@ -96,16 +96,10 @@ pub fn run(args: &Args) -> Result<()> {
     for line in table::lines(&rows) {
         say(line)?;
     }
-    let fitted: Vec<&str> = v.sessions.iter().filter(|s| s.learnt.is_some()).map(|s| s.recording.as_str()).collect();
-    if !fitted.is_empty() {
-        say(format!(
-            "Caution: the model was fitted to {}: these errors say nothing about other poses.",
-            fitted.join(", ")
-        ))?;
+    for caution in validate_report::cautions(&v) {
+        table::wrapped(&format!("Caution: {caution}"), 108, "").iter().try_for_each(say)?;
     }
-    let written: Vec<String> =
-        [&args.report, &args.certificate].into_iter().flatten().map(|p| p.display().to_string()).collect();
-    if written.is_empty() { Ok(()) } else { say(format!("\nWrote {}", written.join(" and "))) }
+    super::wrote(&[&args.report, &args.certificate])
 }
 
 fn refit(what: &[String]) -> Result<Option<Refit>> {

@@ -17,7 +17,8 @@ use trical_plan::{
 };
 
 use crate::error::{Error, Result};
-use crate::page::{Made, Section, render};
+use crate::page::{Figure, Made, Section, render};
+use crate::plots::{self, Band};
 use simulation::{Nature, Outcome, Poses};
 
 pub use platform::{Platforms, platforms};
@@ -149,6 +150,15 @@ pub struct Study {
     pub json: Value,
     title: &'static str,
     sections: Vec<Section>,
+}
+
+/// Panels in one drawing, for a file, and in a figure each, for a page of any width.
+fn drawn(x: &str, y: &str, panels: &[(String, Vec<Band>)], caption: &str) -> Result<(String, Vec<Figure>)> {
+    let figure = |(k, one): (usize, &[(String, Vec<Band>)])| {
+        let caption = if k == 0 { caption.to_owned() } else { String::new() };
+        Ok(Figure { caption, svg: plots::panels(x, y, one)? })
+    };
+    Ok((plots::panels(x, y, panels)?, panels.chunks(1).enumerate().map(figure).collect::<Result<_>>()?))
 }
 
 impl Study {

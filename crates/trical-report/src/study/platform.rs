@@ -9,10 +9,10 @@ use trical_model::{Cell, Robot, Task};
 use trical_plan::{choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, share, trials};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials};
 use crate::error::{Error, Result};
-use crate::page::{Figure, Section};
-use crate::plots::{self, Band};
+use crate::page::Section;
+use crate::plots::Band;
 use crate::table::csv;
 
 /// Which platforms are tried: every combination.
@@ -250,10 +250,11 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
             })
             .collect()
     };
-    let figure = plots::panels(
+    let (svg, figures) = drawn(
         "side of the platform, mm",
         "mean position error, mm",
         &[("in the sphere".into(), panel(|r| r.0)), ("in the whole workspace".into(), panel(|r| r.1))],
+        "Mean position error at poses that were not touched.",
     )?;
     let best = |of: fn(&(Spread, Spread, usize)) -> Spread| {
         done.iter()
@@ -279,10 +280,7 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
              obstacles of cell.toml are left out.",
                 common.trials, touches
             )],
-            figures: vec![Figure {
-                caption: "Mean position error at poses that were not touched.".into(),
-                svg: figure.clone(),
-            }],
+            figures,
             ..Section::default()
         },
         Section { heading: "Numbers".into(), tables: vec![rows.clone()], ..Section::default() },
@@ -309,7 +307,7 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
     Ok(Study {
         table: rows,
         csv: csv(platforms),
-        svg: figure,
+        svg,
         verdict,
         notes: problems,
         json,

@@ -6,10 +6,10 @@ use trical_model::{Cell, Model, Robot, Task};
 use trical_plan::{Candidate, PlanOptions, choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, calibrate, draw_arm, draw_known, random_touches, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, pool, poses, region, share, trials};
+use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials};
 use crate::error::{Error, Result};
-use crate::page::{Figure, Section};
-use crate::plots::{self, Band};
+use crate::page::Section;
+use crate::plots::Band;
 use crate::table::csv;
 
 /// Trials of one setting.
@@ -170,10 +170,11 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
         .map(|(arm, design, name, color)| Band { name: name.into(), color, points: curve(arm, design, of) })
         .collect()
     };
-    let figure = plots::panels(
+    let (svg, figures) = drawn(
         "touches a ball",
         "mean position error, mm",
         &[("in the sphere".into(), panel(SPHERE)), ("in the whole workspace".into(), panel(WORKSPACE))],
+        "Mean position error at poses that were not touched, and where four fifths of the arms lie.",
     )?;
     let factor = |arm: &str, of: fn(&Outcome) -> f64| {
         let find = |design: &str, n: usize| {
@@ -198,8 +199,8 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
     let words =
         |list: &[(usize, f64)]| list.iter().map(|(n, f)| format!("{f:.2} ({n})")).collect::<Vec<_>>().join(", ");
     let verdict = format!(
-        "Noise leaves errors that are larger after random touches than after chosen ones by a factor (touches a ball): in the \
-         sphere {}; in the workspace {}.",
+        "Errors that noise leaves after random touches, divided by those after chosen ones (touches of each ball in brackets): in \
+         the sphere {}; in the workspace {}.",
         words(&in_sphere),
         words(&in_workspace)
     );
@@ -230,11 +231,7 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
                 ),
                 without.clone(),
             ],
-            figures: vec![Figure {
-                caption: "Mean position error at poses that were not touched, and where four fifths of the arms lie."
-                    .into(),
-                svg: figure.clone(),
-            }],
+            figures,
             ..Section::default()
         },
         Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
@@ -259,5 +256,5 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
     });
     let title = "TriCal: study of touches";
     let csv = csv(trials);
-    Ok(Study { table: rows, csv, svg: figure, verdict, notes: vec![without], json, title, sections: sections.into() })
+    Ok(Study { table: rows, csv, svg, verdict, notes: vec![without], json, title, sections: sections.into() })
 }

@@ -24,7 +24,7 @@ use crate::linear::{Design, Downdate, RegressionState};
 use crate::options::Options;
 use crate::parts::Parts;
 use crate::probability::{Alternative, Says, Shares, probabilities, shares};
-use crate::rounds::{BASELINE, Rounds, is_of_arm};
+use crate::rounds::{BASELINE, Rounds, is_parameter_of_arm};
 use crate::selection::Search;
 use crate::settings::{ALTERNATIVES, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
 use crate::specification_test::{Probes, SpecificationTest};
@@ -110,7 +110,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             } else {
                 Some(EVEN_MASSES.into())
             })
-            .chain(too_many(effective, folds))
+            .chain(too_many(effective, arm_parameters(&fitted.model), folds))
             .chain(rounds.correlation.caution())
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
             .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
@@ -375,12 +375,9 @@ impl<'a> Proving<'a> {
     }
 }
 
-/// What terms about the readings' own noise have for the name of their effect.
-const READING_NOISE: [&str; 2] = [Cause::ReadingNoise.name(), Cause::JointReadingNoise.name()];
-
 /// Parameters of the arm, without those of the readings' own noise.
 fn arm_parameters(model: &Model) -> usize {
-    model.terms.iter().filter(|t| is_of_arm(t) && !READING_NOISE.contains(&t.effect.as_str())).count()
+    model.terms.iter().filter(|t| is_parameter_of_arm(t)).count()
 }
 
 #[cfg(test)]

@@ -537,10 +537,10 @@ impl Rounds {
         temper(&self.kept)
     }
 
-    /// How many of the fitted coefficients of the arm the data determine: one for each without a prior, for each with one the share of
+    /// How many of the parameters of the arm the data determine: one for each without a prior, for each with one the share of
     /// its prior's variance that the data removed.
     pub(crate) fn effective_parameters(&self) -> f64 {
-        let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| is_of_arm(t));
+        let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| is_parameter_of_arm(t));
         terms
             .map(|(t, k)| match (k.prior, t.sd) {
                 (Some(prior), Some(sd)) => 1.0 - (sd / prior.sd).powi(2).min(1.0),
@@ -639,9 +639,11 @@ impl Rounds {
     }
 }
 
-/// Whether a term is of the arm, its base and its tool: not a measuring frame, a target, or where balls stood.
-pub(crate) fn is_of_arm(t: &Term) -> bool {
-    !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && t.effect != "place"
+/// Whether a term is a parameter of the arm, its base or its tool: not of a measuring frame, a target, or where balls stood, and not of the
+/// readings' own noise.
+pub(crate) fn is_parameter_of_arm(t: &Term) -> bool {
+    let of_readings = [Cause::ReadingNoise.name(), Cause::JointReadingNoise.name()].contains(&t.effect.as_str());
+    !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && t.effect != "place" && !of_readings
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.

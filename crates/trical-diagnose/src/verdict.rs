@@ -388,11 +388,8 @@ fn rows(
     let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
-        let text = format!(
-            "Still unexplained{place}: {:.3} mm that change with {}",
-            u.rms_mm,
-            variable(&u.variable, given.robot)
-        );
+        let text =
+            format!("Still unexplained{place}: {:.3} mm that go with {}", u.rms_mm, variable(&u.variable, given.robot));
         plain_row(RowKind::Unexplained, text, [after; 2])
     }));
     let last = if findings.is_empty() && unexplained.is_empty() {
@@ -665,7 +662,7 @@ mod tests {
                     true
                 ),
                 row("No known cause: change in the course of a session at joint 1", false),
-                row("Still unexplained at joint 5: 0.020 mm that change with the angle of joint 4", false),
+                row("Still unexplained at joint 5: 0.020 mm that go with the angle of joint 4", false),
                 row("Whole model, 60 parameters", true),
             ]
         );

@@ -45,7 +45,7 @@ pub fn variable(name: &str, robot: &Robot) -> String {
         (_, Some(n), _) if slides(n, robot) => format!("the position of joint {n}"),
         (_, Some(n), _) => format!("the angle of joint {n}"),
         (_, _, Some(n)) => format!("the sense of joint {n}'s last motion"),
-        _ => name.to_owned(),
+        _ => joint("tau").map_or_else(|| name.to_owned(), |n| format!("the torque of joint {n}")),
     }
 }
 

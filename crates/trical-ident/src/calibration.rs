@@ -218,7 +218,7 @@ impl Calibration {
         out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {
             #[expect(clippy::cast_precision_loss, reason = "a count")]
-            out.extend(too_many(f.free.len() as f64, &Folds::of(&f.data)));
+            out.extend(too_many(f.free.len() as f64, f.free.len(), &Folds::of(&f.data)));
         }
         out
     }

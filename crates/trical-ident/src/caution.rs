@@ -160,14 +160,16 @@ fn numbers(joints: &[usize]) -> String {
     joints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// What to say where more parameters were determined than a third of the independent places of the arm.
+/// What to say where more parameters were determined, of `fitted`, than a third of the independent places of the arm.
 #[must_use]
-pub fn too_many(parameters: f64, folds: &crate::folds::Folds) -> Option<String> {
+pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> Option<String> {
     let blocks = folds.blocks();
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     (3.0 * parameters > blocks as f64).then(|| {
+        let determined = format!("{parameters:.0}");
+        let of = if determined == fitted.to_string() { String::new() } else { format!(" of {fitted}") };
         format!(
-            "{parameters:.0} parameters were determined from {blocks} independent places of the arm ({} poses), fewer than three places \
+            "{determined}{of} parameters were determined from {blocks} independent places of the arm ({} poses), fewer than three places \
              for each: where nothing was measured the model may be wrong; measure more poses",
             folds.poses().len()
         )

@@ -209,7 +209,7 @@ impl Flow {
                 let passage = Passage { begins: Some(before.clone()), ends: Some(now.clone()) };
                 self.seen.insert(Block::Loop(at), passage);
                 *now = either(Some(&before), now, IN_LOOP);
-                None
+                Some(Fork::Closes)
             }
             Open::Branches { before, ends, complete, .. } => {
                 let past = (!complete).then_some(&before);

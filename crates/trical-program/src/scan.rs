@@ -99,7 +99,9 @@ pub enum Fork {
     Opens,
     /// From where the first of them began: another branch.
     Other,
-    /// From the end of any of them, or past them all.
+    /// A loop begins: from above, or from its end.
+    Repeats,
+    /// From the end of any of them (or of the loop), or past them all.
     Closes,
     /// From anywhere: a label, a routine, behind a call of one that moves the arm.
     Anywhere,
@@ -311,6 +313,10 @@ pub struct Names {
     within: Vec<u64>,
     /// Routines of this file.
     routines: HashMap<u64, Routine>,
+    /// Groups to which motions go by the names of what is set from them.
+    by_another_name: Vec<u32>,
+    /// Whether other motions come between those to the elements of an array.
+    apart: bool,
 }
 
 #[derive(Debug, Default)]
@@ -505,14 +511,65 @@ impl Names {
         moving
     }
 
+    /// Loops with one motion, and these motions, by their places among the uses: to such a target, or to such an array, the arm comes
+    /// from above the loop, or from the element before.
+    fn alone_in_loops(&self, moving: &HashSet<u64>) -> HashSet<usize> {
+        /// Where a block begins if it is a loop, how many motions it has, and the last of them.
+        type Open = (Option<usize>, u32, usize);
+        let mut open: Vec<Open> = Vec::new();
+        let mut alone = HashSet::new();
+        for (index, u) in self.uses.iter().enumerate() {
+            let motions = match u {
+                Use::Direct(Visit::Fork(fork @ (Fork::Opens | Fork::Repeats))) => {
+                    open.push(((*fork == Fork::Repeats).then_some(index), 0, 0));
+                    continue;
+                }
+                Use::Direct(Visit::Fork(Fork::Closes)) => {
+                    let Some((begin, motions, last)) = open.pop() else { continue };
+                    if let (Some(begin), 1) = (begin, motions) {
+                        alone.extend([begin, last]);
+                    }
+                    // one that is repeated is no longer one
+                    if begin.is_some() { 2 * motions } else { motions }
+                }
+                Use::Direct(Visit::Fork(Fork::Other) | Visit::Like(_)) => 0,
+                Use::Direct(Visit::Fork(Fork::Anywhere)) => 2,
+                Use::Direct(_) => 1,
+                Use::Called { name, elsewhere } => {
+                    let moves = if self.routines.contains_key(name) { moving.contains(name) } else { *elsewhere };
+                    2 * u32::from(moves)
+                }
+                Use::Named { way: Way::Said, .. } => 0,
+                Use::Named { name, way: Way::Perhaps | Way::Unlisted, .. } => {
+                    u32::from(self.defined.contains_key(name))
+                }
+                Use::Named { .. } => 1,
+            };
+            if let (Some((_, count, last)), true) = (open.last_mut(), motions > 0) {
+                (*count, *last) = (count.saturating_add(motions), index);
+            }
+        }
+        alone
+    }
+
     /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
     /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
     pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
         let moving = self.moving();
-        for u in std::mem::take(&mut self.uses) {
+        let alone = self.alone_in_loops(&moving);
+        let mut open: Vec<bool> = Vec::new();
+        for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
+            self.apart = open.contains(&true) && !alone.contains(&index);
             let (name, group, setup, way, at) = match u {
                 Use::Direct(v) => {
-                    scan.visits.push(v);
+                    let is_loop = matches!(v, Visit::Fork(Fork::Repeats)) && !alone.contains(&index);
+                    match v {
+                        Visit::Fork(Fork::Opens | Fork::Repeats) => open.push(is_loop),
+                        Visit::Fork(Fork::Closes) => drop(open.pop()),
+                        _ => {}
+                    }
+                    let once = matches!(v, Visit::Fork(Fork::Repeats)) && !is_loop;
+                    scan.visits.push(if once { Visit::Fork(Fork::Opens) } else { v });
                     continue;
                 }
                 Use::Called { name, elsewhere } => {
@@ -542,6 +599,7 @@ impl Names {
             self.visit_group(newest, setup, way, at, scan);
             if is_motion {
                 self.computed(name, scan);
+                self.sources(name, setup, scan, &mut Vec::new());
                 scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
                 scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
@@ -558,12 +616,24 @@ impl Names {
                 earlier = g.earlier;
             }
         }
+        self.approached_from_anywhere(scan);
         let unused = |name: &u64| {
             let group = self.defined.get(name).and_then(|k| self.groups.get(*k as usize));
             group.filter(|g| g.used.is_none()).map(|g| g.first..g.first + g.count)
         };
         let gone: HashSet<u32> = self.no_targets.iter().filter_map(unused).flatten().collect();
         scan.remove(&gone);
+    }
+
+    /// Visits, after all others, of targets to which motions go by other names only.
+    fn approached_from_anywhere(&self, scan: &mut Scan) {
+        let mut visited: HashSet<u32> =
+            scan.visits.iter().filter_map(|v| if let Visit::To(spot) = v { Some(*spot) } else { None }).collect();
+        for g in self.by_another_name.iter().filter_map(|k| self.groups.get(*k as usize)) {
+            for spot in (g.first..g.first + g.count).filter(|spot| visited.insert(*spot)) {
+                scan.visits.extend([Visit::Fork(Fork::Anywhere), Visit::To(spot)]);
+            }
+        }
     }
 
     /// Follows a name that has no data of its own to those that it is set from: whether all that it comes to is rewritten,
@@ -577,7 +647,12 @@ impl Names {
             let before = scan.visits.len();
             self.visit_group(group, setup, Way::Computed, 0, scan);
             scan.visits.truncate(before);
+            self.by_another_name.push(group);
             self.computed(name, scan);
+            if seen.len() > MOST_NAMES {
+                return Some(false);
+            }
+            self.sources(name, setup, scan, seen);
             return Some(true);
         }
         self.computed(name, scan);
@@ -606,6 +681,25 @@ impl Names {
             own.1 = known.is_some();
         }
         known
+    }
+
+    /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
+    fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
+        let before = seen.len();
+        seen.push((name, true));
+        for origin in self.origins.get(&name).cloned().unwrap_or_default() {
+            let Origin::Name { name: other, at } = origin else { continue };
+            if !self.listed_at.insert(at) {
+                continue;
+            }
+            if other == name || self.origin(other, setup, scan, seen) == Some(true) {
+                scan.relative.push(at);
+            } else {
+                let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
+                scan.problems.push((at as usize, what.into()));
+            }
+        }
+        seen.truncate(before);
     }
 
     /// Lists, once, where a name to which the arm moves is calculated.
@@ -646,7 +740,10 @@ impl Names {
             (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
             // an array that a loop runs through is visited once, in its order
             (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), None) if fresh => {
-                scan.visits.extend(all.map(Visit::To))
+                for spot in all {
+                    scan.visits.extend(self.apart.then_some(Visit::Fork(Fork::Anywhere)));
+                    scan.visits.push(Visit::To(spot));
+                }
             }
             _ => scan.visits.push(Visit::Unknown),
         }

@@ -5,6 +5,7 @@ pub mod krl;
 pub mod poses_csv;
 pub mod rapid;
 mod rapid_frames;
+mod rapid_routines;
 pub mod urscript;
 
 use std::path::Path;

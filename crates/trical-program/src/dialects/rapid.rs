@@ -3,10 +3,13 @@
 //! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
 //! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
 
+use std::collections::HashMap;
+
 use nalgebra::Vector3;
 use trical_model::Pose;
 
 use super::rapid_frames::{tool, work_object};
+use super::rapid_routines::{Parameter, key, routines};
 use crate::branch::Configuration;
 use crate::expression::Constants;
 use crate::frames::ToolFrame;
@@ -16,6 +19,22 @@ use crate::text::{Cursor, Span, begins_line, lower, mentions, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
 const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
+/// Instructions that move the arm otherwise than the text says, or displace what it says.
+const OTHERWISE: [(&[&[u8]], &str); 4] = [
+    (
+        &[b"pdispon", b"pdispset"],
+        "displaces the targets of the motions that follow; they are corrected for where the text has them",
+    ),
+    (
+        &[b"eoffson", b"eoffsset"],
+        "displaces the external axes for the motions that follow; targets are corrected for where the text has them",
+    ),
+    (&[b"corrcon"], "lets a sensor displace the motions that follow; they are corrected for where the text has them"),
+    (
+        &[b"egmrunpose", b"egmrunjoint", b"egmmovel", b"egmmovec"],
+        "moves the arm as another computer says while the program runs (EGM), which is not corrected",
+    ),
+];
 /// Functions that say where the arm is.
 const HERE: [&str; 2] = ["crobt", "cjointt"];
 /// Values of external axes from here on mean that there is none (9E9).
@@ -45,6 +64,8 @@ pub fn scan(bytes: &[u8]) -> Scan {
         names: Names::default(),
         constants: Constants::with_degrees(),
         name: Span::default(),
+        routines: routines(bytes),
+        parameters: Vec::new(),
     };
     reader.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
     reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
@@ -87,6 +108,10 @@ struct Reader<'a> {
     constants: Constants,
     /// Name of the data that is being read.
     name: Span,
+    /// Routines of this file, and which targets they get.
+    routines: HashMap<u64, Vec<Parameter>>,
+    /// Of the routine that is being read.
+    parameters: Vec<Parameter>,
 }
 
 /// A list as far as targets care.
@@ -112,8 +137,12 @@ impl Reader<'_> {
                         self.c.skip_string();
                         Some(Piece::Other)
                     }
-                    _ => {
+                    b => {
                         self.c.at += 1;
+                        // a routine whose name the program puts together
+                        if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
+                            self.names.fork(Fork::Anywhere);
+                        }
                         None
                     }
                 };
@@ -132,13 +161,13 @@ impl Reader<'_> {
                 self.c.skip_space();
                 let name = self.c.word();
                 self.constants.forget(hashed(name));
-            } else if is("pdispon") || is("pdispset") {
-                let what =
-                    "displaces the targets of the motions that follow; they are corrected for where the text has them";
-                self.scan.problems.push((from, what.into()));
-            } else if is("eoffson") || is("eoffsset") {
-                let what = "displaces the external axes for the motions that follow; targets are corrected for where the text has them";
-                self.scan.problems.push((from, what.into()));
+            } else if let Some((words, what)) =
+                OTHERWISE.iter().find(|(words, _)| words.iter().any(|w| word.eq_ignore_ascii_case(w)))
+            {
+                self.scan.problems.push((from, (*what).into()));
+                if words.len() > 2 {
+                    self.names.visit(Visit::Unknown);
+                }
             } else if is("moveextj") {
                 // no motion of the arm: these joint values are those of other machines
                 self.c.skip_space();
@@ -162,15 +191,20 @@ impl Reader<'_> {
                 && ![&b"proc"[..], b"func", b"trap", b"module"].iter().any(|k| before.eq_ignore_ascii_case(k))
             {
                 self.motion(word);
-            } else if !self.block(word) {
+            } else if !self.block(from, word) {
                 self.assignment(from, word);
             }
             before = word;
         }
     }
 
-    /// Words that begin or end routines and branches.
-    fn block(&mut self, word: &[u8]) -> bool {
+    /// What a name is called among all names: arguments of a routine are its own.
+    fn key(&self, name: &[u8]) -> u64 {
+        key(&self.parameters, name)
+    }
+
+    /// Words that begin or end routines, branches and loops.
+    fn block(&mut self, from: usize, word: &[u8]) -> bool {
         let is = |words: &[&[u8]]| words.iter().any(|k| word.eq_ignore_ascii_case(k));
         if is(&[b"proc", b"func", b"trap"]) {
             if is(&[b"func"]) {
@@ -181,8 +215,14 @@ impl Reader<'_> {
             self.c.skip_space();
             let name = hashed(self.c.word());
             self.names.routine(name);
+            self.parameters = self.routines.get(&name).cloned().unwrap_or_default();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
+            self.parameters.clear();
+        } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
+            self.names.fork(Fork::Anywhere);
+        } else if is(&[b"for", b"while"]) {
+            self.names.fork(Fork::Repeats);
         } else if is(&[b"if"]) {
             // `IF c THEN ... ENDIF`, or one instruction behind the condition
             if mentions(self.c.clone().until(b";"), b"THEN") {
@@ -192,7 +232,7 @@ impl Reader<'_> {
             self.names.fork(Fork::Opens);
         } else if is(&[b"elseif", b"else", b"case", b"default"]) {
             self.names.fork(Fork::Other);
-        } else if is(&[b"endif", b"endtest"]) {
+        } else if is(&[b"endif", b"endtest", b"endfor", b"endwhile"]) {
             self.names.fork(Fork::Closes);
         } else {
             return false;
@@ -214,25 +254,31 @@ impl Reader<'_> {
         }
     }
 
-    /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`: data that the program sets.
+    /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`, `p{i}:=...`: data that the program sets.
     fn assignment(&mut self, from: usize, word: &[u8]) {
         let start = self.c;
         let mut is_part = false;
-        while self.c.peek() == b'.' {
-            self.c.at += 1;
-            is_part |= !self.c.word().is_empty();
+        loop {
+            match self.c.peek() {
+                b'.' => {
+                    self.c.at += 1;
+                    is_part |= !self.c.word().is_empty();
+                }
+                b'{' => self.index(),
+                _ => break,
+            }
         }
         let label = self.c.peek() == b':' && !is_part && begins_line(self.c.bytes, from);
         if !(self.c.eat(b':') && self.c.eat(b'=')) {
             self.c = start;
             if label {
                 self.names.fork(Fork::Anywhere);
-            } else if begins_line(self.c.bytes, from) {
-                self.names.called(hashed(word), false);
+            } else {
+                self.call(word);
             }
             return;
         }
-        let name = hashed(word);
+        let name = self.key(word);
         self.c.skip_space();
         if is_part {
             if mentions(self.c.until(b";\n"), word) {
@@ -243,25 +289,111 @@ impl Reader<'_> {
         } else if self.c.peek() == b'[' {
             self.define(Span::new(from, from + word.len()));
         } else {
-            let at = self.c.at;
+            let start = self.c;
             let source = self.c.word();
             if source.is_empty() {
                 return;
             }
-            self.c.skip_space();
-            match self.c.peek() {
-                b'(' => {
-                    let origin = match self.relative(source) {
-                        Place::Name { name, .. } => Origin::Name { name, at: from as u32 },
-                        Place::Here => Origin::Here,
-                        _ => Origin::Computed(from as u32),
-                    };
-                    self.names.set_from(name, origin);
-                }
-                b';' | b'{' => self.names.set_from(name, Origin::Name { name: hashed(source), at: from as u32 }),
-                b'.' => self.names.set_from(name, Origin::Computed(from as u32)),
-                _ => self.c.at = at,
+            match self.source(from, source, b";{") {
+                Some(origin) => self.names.set_from(name, origin),
+                None => self.c = start,
             }
+        }
+    }
+
+    /// Where data come from that are set from what begins with this word, a name before one of `ends`; `None` is no target.
+    fn source(&mut self, from: usize, word: &[u8], ends: &[u8]) -> Option<Origin> {
+        let at = from as u32;
+        self.c.skip_space();
+        match self.c.peek() {
+            b'(' => Some(match self.relative(word) {
+                Place::Name { name, .. } => Origin::Name { name, at },
+                Place::Here => Origin::Here,
+                _ => Origin::Computed(at),
+            }),
+            b'.' => Some(Origin::Computed(at)),
+            b if ends.contains(&b) => Some(Origin::Name { name: self.key(word), at }),
+            _ => None,
+        }
+    }
+
+    /// Past `{i,j}`.
+    fn index(&mut self) {
+        while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
+            self.c.at += 1;
+        }
+        self.c.at += usize::from(self.c.peek() == b'}');
+    }
+
+    /// Perhaps a call: what it gives to a routine of this file that gets targets.
+    fn call(&mut self, word: &[u8]) {
+        let routine = hashed(word);
+        let Some(parameters) = self.routines.get(&routine).cloned() else { return };
+        self.names.called(routine, false);
+        if parameters.is_empty() {
+            return;
+        }
+        let mut places = 0..;
+        // a call may be put in brackets, as an argument may
+        while !self.c.done() && self.c.peek() != b';' {
+            self.c.skip_space();
+            let mut parameter = None;
+            if self.c.eat(b'\\') {
+                let name = hashed(self.c.word());
+                if self.c.eat(b':') && self.c.eat(b'=') {
+                    parameter = parameters.iter().find(|p| p.place.is_none() && p.name == name).copied();
+                }
+            } else {
+                let place = places.next();
+                parameter = parameters.iter().find(|p| p.place == place).copied();
+            }
+            while self.c.eat(b'(') {}
+            if let Some(parameter) = parameter {
+                self.argument(parameter);
+            }
+            // to the next one
+            let mut depth = 0;
+            while !self.c.done() {
+                match self.c.peek() {
+                    b'(' | b'[' | b'{' => depth += 1,
+                    b')' | b']' | b'}' => depth -= 1,
+                    b'"' => {
+                        self.c.skip_string();
+                        continue;
+                    }
+                    b';' => break,
+                    b',' | b'\\' if depth <= 0 => break,
+                    _ => {}
+                }
+                self.c.at += 1;
+            }
+            if self.c.peek() == b',' {
+                self.c.at += 1;
+            }
+        }
+    }
+
+    /// What a call gives as this argument.
+    fn argument(&mut self, parameter: Parameter) {
+        self.c.skip_space();
+        let from = self.c.at;
+        let at = from as u32;
+        if self.c.peek() == b'[' {
+            let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
+            self.list(0);
+            let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+            self.names.define(own, first, self.scan.spots.len());
+            let origin = match self.scan.problems.len() > problems || self.scan.spots.len() == first {
+                true => Origin::Computed(at),
+                false => Origin::Name { name: own, at },
+            };
+            return self.names.set_from(parameter.scoped, origin);
+        }
+        let word = self.c.word();
+        let origin = self.source(from, word, b";{,\\)").filter(|_| !word.is_empty()).unwrap_or(Origin::Computed(at));
+        self.names.set_from(parameter.scoped, origin);
+        if let (true, Origin::Name { name, .. }) = (parameter.by_reference, origin) {
+            self.names.set_from(name, Origin::Name { name: parameter.scoped, at });
         }
     }
 
@@ -274,15 +406,14 @@ impl Reader<'_> {
         if name.len == 0 {
             return;
         }
-        if self.c.eat(b'{') {
-            while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
-                self.c.at += 1;
-            }
-            self.c.eat(b'}');
+        self.c.skip_space();
+        if self.c.peek() == b'{' {
+            self.index();
         }
-        if self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[') {
-            self.c.at -= 1;
-            self.define(name);
+        let start = self.c;
+        if self.c.eat(b':') && self.c.eat(b'=') {
+            self.c = start;
+            self.assignment(from, name.text(self.c.bytes));
         }
     }
 
@@ -291,7 +422,7 @@ impl Reader<'_> {
         self.name = name;
         self.list(0);
         self.name = Span::default();
-        let hash = hashed(name.text(self.c.bytes));
+        let hash = self.key(name.text(self.c.bytes));
         self.names.define(hash, first, self.scan.spots.len());
         if self.scan.problems.len() > problems {
             self.names.listed(hash);
@@ -473,12 +604,13 @@ impl Reader<'_> {
             None if search || k > 0 => Way::Perhaps,
             None => Way::Unlisted,
         };
+        let parameters = self.parameters.clone();
         let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
             if let Some(span) = tool.take()
                 && places.len() < most
             {
                 let way = way(places.len());
-                places.push(Place::Name { name: hashed(span.text(bytes)), way, at: span.at as usize });
+                places.push(Place::Name { name: key(&parameters, span.text(bytes)), way, at: span.at as usize });
             }
         };
         let begin = self.c.at;
@@ -571,7 +703,7 @@ impl Reader<'_> {
                                 continue;
                             }
                             let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
-                            places.push(Place::Name { name: hashed(word), way, at: from });
+                            places.push(Place::Name { name: self.key(word), way, at: from });
                         }
                         _ => tool = Some(Span::new(from, from + word.len())),
                     }
@@ -649,7 +781,7 @@ impl Reader<'_> {
         }
         let known = plain && k == 3;
         let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
-        Place::Name { name: hashed(name), way, at }
+        Place::Name { name: self.key(name), way, at }
     }
 }
 

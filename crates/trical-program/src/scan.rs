@@ -496,7 +496,8 @@ impl Names {
     }
 
     /// Which routines of this file move the arm, themselves or by what they call.
-    fn moving(&self) -> HashSet<u64> {
+    #[must_use]
+    pub fn moving(&self) -> HashSet<u64> {
         let mut callers: HashMap<u64, Vec<u64>> = HashMap::new();
         for (name, own) in &self.routines {
             own.calls.iter().for_each(|called| callers.entry(*called).or_default().push(*name));

@@ -13,8 +13,9 @@ use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
 
 use crate::branch::Configuration;
+use crate::elsewhere::Elsewhere;
 use crate::expression::Constants;
-use crate::flow::{Elsewhere, Flow};
+use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
@@ -73,7 +74,7 @@ pub fn header(bytes: &[u8]) -> usize {
 
 /// Reads a .src or .dat file, or both.
 #[must_use]
-pub fn scan(bytes: &[u8], elsewhere: Elsewhere<'_>) -> Scan {
+pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let (moved_to, frame_names) = targets(bytes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
@@ -107,6 +108,23 @@ pub fn scan(bytes: &[u8], elsewhere: Elsewhere<'_>) -> Scan {
         format!("goes to '{name}', which neither this file nor the .dat beside it gives as numbers")
     });
     scan
+}
+
+/// The GLOBAL routines of a file, by their hashed names.
+#[must_use]
+pub fn globals(bytes: &[u8]) -> Vec<u64> {
+    let mut found = Vec::new();
+    for line in bytes.split(|b| *b == b'\n') {
+        let mut c = Cursor::new(line, b';');
+        c.skip_blank();
+        if c.word().eq_ignore_ascii_case(b"GLOBAL") {
+            c.skip_blank();
+            if is_one_of(c.word(), &[b"DEF", b"DEFFCT"]) {
+                found.push(before_bracket(&mut c));
+            }
+        }
+    }
+    found
 }
 
 /// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.

@@ -13,7 +13,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use trical_model::{Cell, Model, Pose, Robot};
 
-use crate::flow::Elsewhere;
+use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::scan::Scan;
 
 /// What the comment says that keeps a program from being compensated twice.
@@ -45,7 +45,7 @@ struct Row {
     /// What a file is expected to hold.
     expected: &'static str,
     /// Targets, frames and order of a program.
-    scan: fn(&[u8], Elsewhere<'_>) -> Result<Scan, String>,
+    scan: fn(&[u8], &dyn Elsewhere) -> Result<Scan, String>,
     /// Offset of the line that gets the mark.
     header: fn(&[u8]) -> usize,
     /// What stands before and behind the mark in its line; the model's name is left out where lines are short.
@@ -60,7 +60,7 @@ const TABLE: [Row; 5] = [
         maker: "ABB",
         extensions: &["mod", "modx", "sys", "sysx", "prg"],
         expected: "ABB RAPID with robtarget or jointtarget data",
-        scan: |bytes, _| Ok(rapid::scan(bytes)),
+        scan: |bytes, elsewhere| Ok(rapid::scan(bytes, elsewhere)),
         header: rapid::header,
         comment: ("! ", ""),
         names_model: true,
@@ -159,14 +159,14 @@ impl Dialect {
     /// # Errors
     /// In words, where the file is none of this dialect.
     pub fn scan(self, bytes: &[u8]) -> Result<Scan, String> {
-        self.scan_with(bytes, &|_| None)
+        self.scan_with(bytes, &Nowhere)
     }
 
     /// The same of a program that calls routines of other files.
     ///
     /// # Errors
     /// As there.
-    pub fn scan_with(self, bytes: &[u8], elsewhere: Elsewhere<'_>) -> Result<Scan, String> {
+    pub fn scan_with(self, bytes: &[u8], elsewhere: &dyn Elsewhere) -> Result<Scan, String> {
         (self.row().scan)(bytes, elsewhere)
     }
 

@@ -9,12 +9,14 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 
 use super::rapid_frames::{tool, work_object};
-use super::rapid_routines::{Parameter, key, routines};
+pub use super::rapid_routines::Effects;
+use super::rapid_routines::{Parameter, begins_statement, is_instruction, key, routines};
 use crate::branch::Configuration;
+use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::expression::Constants;
-use crate::frames::ToolFrame;
+use crate::frames::{Frames, ToolFrame};
 use crate::literal::Shape;
-use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::scan::{Call, Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, lower, mentions, number};
 
 /// Beginnings of instructions that move the arm, in lower case.
@@ -57,16 +59,8 @@ pub fn header(bytes: &[u8]) -> usize {
 
 /// Reads a module.
 #[must_use]
-pub fn scan(bytes: &[u8]) -> Scan {
-    let mut reader = Reader {
-        c: Cursor::new(bytes, b'!'),
-        scan: Scan::default(),
-        names: Names::default(),
-        constants: Constants::with_degrees(),
-        name: Span::default(),
-        routines: routines(bytes),
-        parameters: Vec::new(),
-    };
+pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
+    let mut reader = Reader::of(bytes, elsewhere);
     reader.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
     reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
     reader.file();
@@ -86,6 +80,23 @@ pub fn scan(bytes: &[u8]) -> Scan {
         format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
     });
     scan
+}
+
+/// What a module has for others: its routines, and its tools and work objects.
+#[must_use]
+pub fn for_others(bytes: &[u8]) -> (HashMap<u64, Effects>, Frames) {
+    let mut reader = Reader { effects: Some(HashMap::new()), ..Reader::of(bytes, &Nowhere) };
+    reader.file();
+    let moving = reader.names.moving();
+    let mut effects = reader.effects.take().unwrap_or_default();
+    let own = effects.remove(&0).unwrap_or_default().own;
+    for name in reader.routines.keys() {
+        let routine = effects.entry(*name).or_default();
+        routine.moves = moving.contains(name);
+        routine.sets.retain(|set| !own.contains(set));
+    }
+    effects.retain(|name, _| reader.routines.contains_key(name));
+    (effects, reader.scan.frames)
 }
 
 /// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
@@ -112,6 +123,13 @@ struct Reader<'a> {
     routines: HashMap<u64, Vec<Parameter>>,
     /// Of the routine that is being read.
     parameters: Vec<Parameter>,
+    elsewhere: &'a dyn Elsewhere,
+    /// Routines of other modules that were asked for.
+    outside: HashMap<u64, Option<Outside>>,
+    /// The routine that is being read.
+    within: u64,
+    /// What each routine does, where others want to know it.
+    effects: Option<HashMap<u64, Effects>>,
 }
 
 /// A list as far as targets care.
@@ -123,7 +141,29 @@ enum Piece {
     Other,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
+    fn of(bytes: &'a [u8], elsewhere: &'a dyn Elsewhere) -> Self {
+        Self {
+            c: Cursor::new(bytes, b'!'),
+            scan: Scan::default(),
+            names: Names::default(),
+            constants: Constants::with_degrees(),
+            name: Span::default(),
+            routines: routines(bytes),
+            parameters: Vec::new(),
+            elsewhere,
+            outside: HashMap::new(),
+            within: 0,
+            effects: None,
+        }
+    }
+
+    fn note(&mut self, note: impl FnOnce(&mut Effects)) {
+        if let Some(effects) = &mut self.effects {
+            note(effects.entry(self.within).or_default());
+        }
+    }
+
     fn file(&mut self) {
         let mut before: &[u8] = b"";
         while !self.c.done() {
@@ -165,6 +205,7 @@ impl Reader<'_> {
                 OTHERWISE.iter().find(|(words, _)| words.iter().any(|w| word.eq_ignore_ascii_case(w)))
             {
                 self.scan.problems.push((from, (*what).into()));
+                self.note(|routine| routine.displaces = true);
                 if words.len() > 2 {
                     self.names.visit(Visit::Unknown);
                 }
@@ -215,6 +256,7 @@ impl Reader<'_> {
             self.c.skip_space();
             let name = hashed(self.c.word());
             self.names.routine(name);
+            self.within = name;
             self.parameters = self.routines.get(&name).cloned().unwrap_or_default();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
@@ -274,11 +316,12 @@ impl Reader<'_> {
             if label {
                 self.names.fork(Fork::Anywhere);
             } else {
-                self.call(word);
+                self.call(from, word);
             }
             return;
         }
         let name = self.key(word);
+        self.note(|routine| routine.set(name));
         self.c.skip_space();
         if is_part {
             if mentions(self.c.until(b";\n"), word) {
@@ -326,9 +369,12 @@ impl Reader<'_> {
     }
 
     /// Perhaps a call: what it gives to a routine of this file that gets targets.
-    fn call(&mut self, word: &[u8]) {
+    fn call(&mut self, from: usize, word: &[u8]) {
         let routine = hashed(word);
-        let Some(parameters) = self.routines.get(&routine).cloned() else { return };
+        let Some(parameters) = self.routines.get(&routine).cloned() else {
+            return self.call_elsewhere(from, word, routine);
+        };
+        self.note(|routine| routine.call(word));
         self.names.called(routine, false);
         if parameters.is_empty() {
             return;
@@ -373,6 +419,32 @@ impl Reader<'_> {
         }
     }
 
+    /// Perhaps a call of a routine that this file does not have.
+    fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
+        if is_instruction(word) || !begins_statement(self.c.bytes, from) {
+            return;
+        }
+        self.note(|routine| routine.call(word));
+        let Self { elsewhere, outside, .. } = self;
+        let first = !outside.contains_key(&routine);
+        let found = outside.entry(routine).or_insert_with(|| elsewhere.routine(&lower(word))).clone();
+        self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
+        match found {
+            Some(found) => {
+                if found.displaces {
+                    let what = format!(
+                        "calls '{}', which displaces the motions that follow; they are corrected for where the text has them",
+                        String::from_utf8_lossy(word)
+                    );
+                    self.scan.problems.push((from, what));
+                }
+                found.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Computed(from as u32)));
+            }
+            None if first => self.scan.calls.push(Call { name: lower(word), at: from, is_statement: true }),
+            None => {}
+        }
+    }
+
     /// What a call gives as this argument.
     fn argument(&mut self, parameter: Parameter) {
         self.c.skip_space();
@@ -405,6 +477,9 @@ impl Reader<'_> {
         let name = Span::new(from, from + name.len());
         if name.len == 0 {
             return;
+        }
+        if let Some(effects) = &mut self.effects {
+            effects.entry(0).or_default().own.insert(hashed(name.text(self.c.bytes)));
         }
         self.c.skip_space();
         if self.c.peek() == b'{' {

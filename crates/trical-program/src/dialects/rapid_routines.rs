@@ -1,9 +1,91 @@
 //! RAPID's routines that get targets: `PROC Pick(robtarget p,\robtarget via)`, and which arguments their calls give.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use crate::scan::hashed;
-use crate::text::Cursor;
+use crate::text::{Cursor, begins_line, lower};
+
+/// Instructions of the language, and words that begin other statements: no routines of others.
+const INSTRUCTIONS: &str = "
+    AccSet ActEventBuffer ActUnit Add AliasIO AliasIOReset ArcRefresh BitClear BitSet BookErrNo Break CallByVar CancelLoad CheckProgRef
+    CirPathMode Clear ClearIOBuff ClearPath ClearRawBytes ClkReset ClkStart ClkStop Close CloseDir Compact ConfJ ConfL CONNECT CopyFile
+    CopyRawBytes CorrClear CorrDiscon CorrWrite DeactEventBuffer DeactUnit Decr DitherAct DitherDeact DropSensor DropWObj EGMActJoint
+    EGMActMove EGMActPose EGMGetId EGMReset EGMSetupAI EGMSetupAO EGMSetupGI EGMSetupLTAPP EGMSetupUC EGMStop EGMStreamStart EGMStreamStop
+    EOffsOff EraseModule ErrLog ErrRaise ErrWrite EXIT ExitCycle FitCircle FricIdInit GetDataVal GetGroupSignalInfo GetJointData GetSysData
+    GetTorqueMargin GetTrapData GOTO GripLoad HollowWristReset IDelete IDisable IEnable IError Incr IndReset InvertDO IOBusStart IOBusState
+    IODisable IOEnable IPers IRMQMessage ISignalAI ISignalAO ISignalDI ISignalDO ISignalGI ISignalGO ISleep ITimer IVarValue IWatch Load
+    LoadId MakeDir ManLoadIdProc MechUnitLoad MotionPlannerSwitch MotionProcessModeSet MotionSup MToolRotCalib MToolTCPCalib Open OpenDir
+    PackDNHeader PackRawBytes PathAccLim PathLengthReset PathLengthStart PathLengthStop PathRecStart PathRecStop PathResol PDispOff
+    PFRestart PinRule ProcerrRecovery ProcCall PulseDO RAISE RaiseToUser ReadAnyBin ReadBlock ReadCfgData ReadErrData ReadRawBytes ReadVarArr
+    RemoveAllCyclicBool RemoveCyclicBool RemoveDir RemoveFile RenameFile Reset ResetAxisDistance ResetPPMoved ResetRetryCount
+    ResetTorqueMargin RestoPath RETRY RETURN Rewind RMQEmptyQueue RMQFindSlot RMQGetMessage RMQGetMsgData RMQGetMsgHeader RMQReadWait
+    RMQSendMessage RMQSendWait SafetyControllerSyncRequest Save SaveCfgData SCWrite SenDevice Set SetAllDataVal SetAO SetDataSearch
+    SetDataVal SetDO SetGO SetLeadThrough SetSysData SetupCyclicBool SiConnect SiClose SiGetCyclic SingArea SiSetCyclic SkipWarn
+    SocketAccept SocketBind SocketClose SocketConnect SocketCreate SocketListen SocketReceive SocketReceiveFrom SocketSend SocketSendTo
+    SoftAct SoftDeact SoftElbow SpeedLimAxis SpeedLimCheckPoint SpeedRefresh SpyStart SpyStop StartLoad StartMove StartMoveRetry STCalib
+    STClose STIndGun STIndGunReset Stop StopMove StopMoveReset StorePath STOpen STTune STTuneReset SupSyncSensorOff SupSyncSensorOn
+    SyncMoveOff SyncMoveOn SyncMoveResume SyncMoveSuspend SyncMoveUndo SyncToSensor SystemStopAction TestSignDefine TestSignReset
+    TextTabInstall TPErase TPReadDnum TPReadFK TPReadNum TPShow TPWrite TriggCheckIO TriggDataCopy TriggDataReset TriggEquip TriggInt
+    TriggIO TriggRampAO TriggSpeed TriggStopProc TryInt TRYNEXT TuneReset TuneServo UIMsgBox UIMsgWrite UIMsgWriteAbort UIShow UnLoad
+    UnpackRawBytes VelSet WaitAI WaitAO WaitDI WaitDO WaitGI WaitGO WaitLoad WaitRob WaitSensor WaitSyncTask WaitTestAndSet WaitTime
+    WaitUntil WaitWObj WarmStart WorldAccLim Write WriteAnyBin WriteBin WriteBlock WriteCfgData WriteRawBytes WriteStrBin WriteVar
+    WriteVarArr WZBoxDef WZCylDef WZDisable WZDOSet WZEnable WZFree WZHomeJointDef WZLimJointDef WZLimSup WZSphDef
+    ALIAS AND CONST DIV ENDMODULE ENDRECORD FALSE LOCAL MOD MODULE NOT OR PERS RECORD SYSMODULE TASK THEN TO TRUE VAR XOR NOSTEPIN NOVIEW
+    VIEWONLY READONLY STEP FROM DO WITH INOUT bool byte clock dnum num string pos pose orient robtarget jointtarget tooldata wobjdata
+    loaddata speeddata zonedata confdata extjoint robjoint intnum socketdev iodev errnum signaldi signaldo triggdata stoppointdata";
+
+/// Whether a word begins a statement of the language, and no call.
+#[must_use]
+pub(super) fn is_instruction(word: &[u8]) -> bool {
+    static KNOWN: std::sync::OnceLock<HashSet<u64>> = std::sync::OnceLock::new();
+    KNOWN
+        .get_or_init(|| INSTRUCTIONS.split_ascii_whitespace().map(|w| hashed(w.as_bytes())).collect())
+        .contains(&hashed(word))
+}
+
+/// Whether a statement begins with the word at `at`: it is the first of its line, and the line above is none that goes on.
+#[must_use]
+pub(super) fn begins_statement(bytes: &[u8], at: usize) -> bool {
+    let near = at.saturating_sub(FARTHEST);
+    let above = bytes[near..at].split(|b| *b == b'\n').rev().skip(1);
+    let code = above.map(|line| line.split(|b| *b == b'!').next().unwrap_or(line).trim_ascii()).find(|l| !l.is_empty());
+    begins_line(bytes, at) && !code.and_then(<[u8]>::last).is_some_and(|b| b",\\([+-*/=".contains(b))
+}
+
+/// What a routine does to those that call it.
+#[derive(Clone, Debug, Default)]
+pub struct Effects {
+    /// Whether it moves the arm.
+    pub moves: bool,
+    /// Whether it displaces the motions that follow.
+    pub displaces: bool,
+    /// Data that it sets, by their hashed names.
+    pub sets: Vec<u64>,
+    /// What it calls, in lower case.
+    pub calls: Vec<String>,
+    /// Of a module: data that it declares.
+    pub(super) own: HashSet<u64>,
+}
+
+/// Data that a routine sets and routines that it calls, at most.
+const MOST: usize = 1000;
+
+impl Effects {
+    /// Sets these data.
+    pub(super) fn set(&mut self, name: u64) {
+        if self.sets.len() < MOST && !self.sets.contains(&name) {
+            self.sets.push(name);
+        }
+    }
+
+    /// Calls this routine.
+    pub(super) fn call(&mut self, word: &[u8]) {
+        let name = lower(word);
+        if self.calls.len() < MOST && !self.calls.contains(&name) {
+            self.calls.push(name);
+        }
+    }
+}
 
 /// An argument that is a target.
 #[derive(Clone, Copy, Debug)]

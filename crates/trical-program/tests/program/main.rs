@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod beside;
 mod corpus;
 mod fixtures;
 mod rail;
@@ -209,7 +210,7 @@ fn senses(d: Dialect, text: &str, motion: &dyn Fn(usize, &str) -> String) -> (St
 #[test]
 fn where_the_program_may_come_from_elsewhere_no_sense_is_taken_from_the_text_above() {
     let rapid = "MODULE m\nPROC main()\n@20=\n@30+\nIF a THEN\n@20-\nELSEIF b THEN\n@25-\nELSE\n@25-\nENDIF\n@27=\n@20-\nIF b THEN\nSetDO x,1;\nENDIF\n@30+\n\
-        TEST k\nCASE 1:\n@20-\nDEFAULT:\n@25-\nENDTEST\n@27=\n@20-\nIF c SetDO x,1;\nwait 1;\n@30+\npick;\n@20=\n@30+\nopen;\n@20-\nagain:\n@30=\nfetch 3;\n@20=\n@30+\n\
+        TEST k\nCASE 1:\n@20-\nDEFAULT:\n@25-\nENDTEST\n@27=\n@20-\nIF c SetDO x,1;\nWaitTime 1;\n@30+\npeo;\n@20=\n@30+\npick;\n@20=\n@30+\nopen;\n@20-\nagain:\n@30=\nfetch 3;\n@20=\n@30+\n\
         WHILE a DO\n@20=\n@30+\nENDWHILE\n@20-\nFOR i FROM 1 TO 3 DO\n@25+\nENDFOR\n@20=\nopen;\n@25+\nIF a pick;\n@20=\nERROR\n@25=\n\
         ENDPROC\nPROC fetch(num k)\npick;\nENDPROC\nPROC pick()\n@20=\n@30+\nENDPROC\nPROC open()\nSetDO x,0;\nENDPROC\nENDMODULE\n";
     let krl = "DEF main()\n@20=\n@30+\nIF a THEN\n@20-\nELSE\n@25-\nENDIF\n@27=\n@20-\nIF b THEN\n$OUT[1]=TRUE\nENDIF\n@30+\n\

@@ -23,7 +23,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`dialects`] | the table of dialects, and a reader for each |
-//! | [`scan`] | what they find |
+//! | [`scan`], [`names`] | what they find; names followed to targets |
 //! | [`literal`] | numbers as poses and joint values, both ways |
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`flow`] | which of them routines, branches and loops leave |
@@ -45,6 +45,7 @@ pub mod flow;
 pub mod frames;
 pub mod literal;
 pub mod modules;
+pub mod names;
 pub mod options;
 pub mod report;
 pub mod rewriting;

@@ -12,7 +12,8 @@ use trical_model::Pose;
 use crate::branch::Configuration;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Fork, Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::names::{Names, Origin, Way};
+use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, lower};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];

@@ -18,7 +18,8 @@ use crate::expression::Constants;
 use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::names::{Names, Origin, Way};
+use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, lower, mentions, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];

@@ -5,6 +5,8 @@ pub mod krl;
 pub mod poses_csv;
 pub mod rapid;
 mod rapid_frames;
+mod rapid_motions;
+mod rapid_reader;
 mod rapid_routines;
 pub mod urscript;
 

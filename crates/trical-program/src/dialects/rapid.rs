@@ -5,22 +5,20 @@
 
 use std::collections::HashMap;
 
-use nalgebra::Vector3;
 use trical_model::Pose;
 
 use super::rapid_frames::{tool, work_object};
-pub use super::rapid_routines::Effects;
-use super::rapid_routines::{Parameter, begins_statement, is_instruction, key, routines};
+use super::rapid_motions::MOTIONS;
+pub use super::rapid_reader::Effects;
+use super::rapid_reader::{Piece, Place, Reader, key};
 use crate::branch::Configuration;
-use crate::elsewhere::{Elsewhere, Nowhere, Outside};
-use crate::expression::Constants;
+use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::frames::{Frames, ToolFrame};
 use crate::literal::Shape;
-use crate::scan::{Call, Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
-use crate::text::{Cursor, Span, begins_line, lower, mentions, number};
+use crate::names::Origin;
+use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
+use crate::text::{Span, begins_line, lower, mentions, number};
 
-/// Beginnings of instructions that move the arm, in lower case.
-const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
 /// Instructions that move the arm otherwise than the text says, or displace what it says.
 const OTHERWISE: [(&[&[u8]], &str); 4] = [
     (
@@ -37,8 +35,6 @@ const OTHERWISE: [(&[&[u8]], &str); 4] = [
         "moves the arm as another computer says while the program runs (EGM), which is not corrected",
     ),
 ];
-/// Functions that say where the arm is.
-const HERE: [&str; 2] = ["crobt", "cjointt"];
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
 /// Lists inside lists, at most: a record of arrays of targets has five.
@@ -99,66 +95,8 @@ pub fn for_others(bytes: &[u8]) -> (HashMap<u64, Effects>, Frames) {
     (effects, reader.scan.frames)
 }
 
-/// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
-fn targets_of(instruction: &[u8]) -> Option<usize> {
-    let word = lower(instruction);
-    let rest = ["arcmove", "move", "trigg", "arc", "paint", "spot", "disp", "cap"]
-        .iter()
-        .find_map(|m| word.strip_prefix(m))?;
-    let kinds = ["absj", "ml", "l", "j", "c"];
-    let kind = kinds.iter().find(|k| rest.starts_with(**k))?;
-    let ending = rest.strip_prefix(kind)?;
-    let known = ["", "do", "ao", "go", "sync", "ios", "start", "end", "1", "2", "1start", "2start", "1end", "2end"];
-    known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
-}
-
-struct Reader<'a> {
-    c: Cursor<'a>,
-    scan: Scan,
-    names: Names,
-    constants: Constants,
-    /// Name of the data that is being read.
-    name: Span,
-    /// Routines of this file, and which targets they get.
-    routines: HashMap<u64, Vec<Parameter>>,
-    /// Of the routine that is being read.
-    parameters: Vec<Parameter>,
-    elsewhere: &'a dyn Elsewhere,
-    /// Routines of other modules that were asked for.
-    outside: HashMap<u64, Option<Outside>>,
-    /// The routine that is being read.
-    within: u64,
-    /// What each routine does, where others want to know it.
-    effects: Option<HashMap<u64, Effects>>,
-}
-
-/// A list as far as targets care.
-#[derive(Clone, Copy)]
-enum Piece {
-    /// Only numbers, at most six; `unread` is one without a value.
-    Flat { count: usize, spans: [Span; 6], unread: Option<Span> },
-    /// Anything else; targets in it were taken.
-    Other,
-}
-
-impl<'a> Reader<'a> {
-    fn of(bytes: &'a [u8], elsewhere: &'a dyn Elsewhere) -> Self {
-        Self {
-            c: Cursor::new(bytes, b'!'),
-            scan: Scan::default(),
-            names: Names::default(),
-            constants: Constants::with_degrees(),
-            name: Span::default(),
-            routines: routines(bytes),
-            parameters: Vec::new(),
-            elsewhere,
-            outside: HashMap::new(),
-            within: 0,
-            effects: None,
-        }
-    }
-
-    fn note(&mut self, note: impl FnOnce(&mut Effects)) {
+impl Reader<'_> {
+    pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
         if let Some(effects) = &mut self.effects {
             note(effects.entry(self.within).or_default());
         }
@@ -240,7 +178,7 @@ impl<'a> Reader<'a> {
     }
 
     /// What a name is called among all names: arguments of a routine are its own.
-    fn key(&self, name: &[u8]) -> u64 {
+    pub(super) fn key(&self, name: &[u8]) -> u64 {
         key(&self.parameters, name)
     }
 
@@ -345,7 +283,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Where data come from that are set from what begins with this word, a name before one of `ends`; `None` is no target.
-    fn source(&mut self, from: usize, word: &[u8], ends: &[u8]) -> Option<Origin> {
+    pub(super) fn source(&mut self, from: usize, word: &[u8], ends: &[u8]) -> Option<Origin> {
         let at = from as u32;
         self.c.skip_space();
         match self.c.peek() {
@@ -361,112 +299,11 @@ impl<'a> Reader<'a> {
     }
 
     /// Past `{i,j}`.
-    fn index(&mut self) {
+    pub(super) fn index(&mut self) {
         while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
             self.c.at += 1;
         }
         self.c.at += usize::from(self.c.peek() == b'}');
-    }
-
-    /// Perhaps a call: what it gives to a routine of this file that gets targets.
-    fn call(&mut self, from: usize, word: &[u8]) {
-        let routine = hashed(word);
-        let Some(parameters) = self.routines.get(&routine).cloned() else {
-            return self.call_elsewhere(from, word, routine);
-        };
-        self.note(|routine| routine.call(word));
-        self.names.called(routine, false);
-        if parameters.is_empty() {
-            return;
-        }
-        let mut places = 0..;
-        // a call may be put in brackets, as an argument may
-        while !self.c.done() && self.c.peek() != b';' {
-            self.c.skip_space();
-            let mut parameter = None;
-            if self.c.eat(b'\\') {
-                let name = hashed(self.c.word());
-                if self.c.eat(b':') && self.c.eat(b'=') {
-                    parameter = parameters.iter().find(|p| p.place.is_none() && p.name == name).copied();
-                }
-            } else {
-                let place = places.next();
-                parameter = parameters.iter().find(|p| p.place == place).copied();
-            }
-            while self.c.eat(b'(') {}
-            if let Some(parameter) = parameter {
-                self.argument(parameter);
-            }
-            // to the next one
-            let mut depth = 0;
-            while !self.c.done() {
-                match self.c.peek() {
-                    b'(' | b'[' | b'{' => depth += 1,
-                    b')' | b']' | b'}' => depth -= 1,
-                    b'"' => {
-                        self.c.skip_string();
-                        continue;
-                    }
-                    b';' => break,
-                    b',' | b'\\' if depth <= 0 => break,
-                    _ => {}
-                }
-                self.c.at += 1;
-            }
-            if self.c.peek() == b',' {
-                self.c.at += 1;
-            }
-        }
-    }
-
-    /// Perhaps a call of a routine that this file does not have.
-    fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
-        if is_instruction(word) || !begins_statement(self.c.bytes, from) {
-            return;
-        }
-        self.note(|routine| routine.call(word));
-        let Self { elsewhere, outside, .. } = self;
-        let first = !outside.contains_key(&routine);
-        let found = outside.entry(routine).or_insert_with(|| elsewhere.routine(&lower(word))).clone();
-        self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
-        match found {
-            Some(found) => {
-                if found.displaces {
-                    let what = format!(
-                        "calls '{}', which displaces the motions that follow; they are corrected for where the text has them",
-                        String::from_utf8_lossy(word)
-                    );
-                    self.scan.problems.push((from, what));
-                }
-                found.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Computed(from as u32)));
-            }
-            None if first => self.scan.calls.push(Call { name: lower(word), at: from, is_statement: true }),
-            None => {}
-        }
-    }
-
-    /// What a call gives as this argument.
-    fn argument(&mut self, parameter: Parameter) {
-        self.c.skip_space();
-        let from = self.c.at;
-        let at = from as u32;
-        if self.c.peek() == b'[' {
-            let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
-            self.list(0);
-            let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
-            self.names.define(own, first, self.scan.spots.len());
-            let origin = match self.scan.problems.len() > problems || self.scan.spots.len() == first {
-                true => Origin::Computed(at),
-                false => Origin::Name { name: own, at },
-            };
-            return self.names.set_from(parameter.scoped, origin);
-        }
-        let word = self.c.word();
-        let origin = self.source(from, word, b";{,\\)").filter(|_| !word.is_empty()).unwrap_or(Origin::Computed(at));
-        self.names.set_from(parameter.scoped, origin);
-        if let (true, Origin::Name { name, .. }) = (parameter.by_reference, origin) {
-            self.names.set_from(name, Origin::Name { name: parameter.scoped, at });
-        }
     }
 
     /// `robtarget name{3}:=[...]`
@@ -492,7 +329,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn define(&mut self, name: Span) {
+    pub(super) fn define(&mut self, name: Span) {
         let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
         self.name = name;
         self.list(0);
@@ -508,7 +345,7 @@ impl<'a> Reader<'a> {
 
     /// A list, from its bracket on; its targets are taken as soon as they close, so that arrays of any length cost nothing.
     /// `None` where it does not end before the statement does.
-    fn list(&mut self, depth: usize) -> Option<Piece> {
+    pub(super) fn list(&mut self, depth: usize) -> Option<Piece> {
         self.c.at += 1;
         if depth > DEEPEST {
             return None;
@@ -662,214 +499,4 @@ impl<'a> Reader<'a> {
             self.scan.frames.frames.entry(name).or_insert(frame);
         }
     }
-
-    /// The arguments of a motion: which targets it goes to, with which tool and work object.
-    fn motion(&mut self, instruction: &[u8]) {
-        let search = instruction.to_ascii_lowercase().starts_with(b"search");
-        let targets = targets_of(instruction);
-        let mut places: Vec<Place> = Vec::new();
-        let (mut tool, mut frame): (Option<Span>, Option<String>) = (None, None);
-        let bytes = self.c.bytes;
-        let most = if search { 4 } else { 3 };
-        // the name that comes last is the tool; those before it are places, or speeds and zones, as far as the instruction goes
-        let way = |k: usize| match targets {
-            Some(n) if k < n => Way::To,
-            Some(_) => Way::Perhaps,
-            None if search && k == 2 => Way::To,
-            None if search || k > 0 => Way::Perhaps,
-            None => Way::Unlisted,
-        };
-        let parameters = self.parameters.clone();
-        let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
-            if let Some(span) = tool.take()
-                && places.len() < most
-            {
-                let way = way(places.len());
-                places.push(Place::Name { name: key(&parameters, span.text(bytes)), way, at: span.at as usize });
-            }
-        };
-        let begin = self.c.at;
-        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
-        let word = lower(instruction);
-        let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
-        let mut left = if targets.is_some() && more { 4 } else { usize::MAX };
-        loop {
-            self.c.skip_space();
-            if self.c.done() || self.c.peek() == b';' || self.c.at > begin + 4000 {
-                break;
-            }
-            match self.c.peek() {
-                b',' => {
-                    self.c.at += 1;
-                    left -= 1;
-                    if left == 0 {
-                        break;
-                    }
-                }
-                b'\\' => {
-                    self.c.at += 1;
-                    let option = self.c.word();
-                    if self.c.eat(b':') {
-                        self.c.eat(b'=');
-                        self.c.skip_space();
-                        let from = self.c.at;
-                        let value = self.c.word();
-                        if option.eq_ignore_ascii_case(b"wobj") {
-                            frame = Some(lower(value));
-                        } else if option.eq_ignore_ascii_case(b"tool") {
-                            flush(&mut tool, &mut places);
-                            tool = Some(Span::new(from, self.c.at));
-                        }
-                    }
-                }
-                b'[' => {
-                    flush(&mut tool, &mut places);
-                    let at = self.c.at;
-                    let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
-                    let whole = self.list(0).is_some();
-                    let end = self.scan.spots.len() as u32;
-                    if end > first {
-                        places.push(Place::Spots(first, end));
-                    } else if self.scan.problems.len() > problems {
-                        places.push(Place::Here);
-                    } else if targets.is_some_and(|n| places.len() < n) {
-                        places.push(Place::Computed(at));
-                    }
-                    if !whole {
-                        break;
-                    }
-                }
-                b'"' => self.c.skip_string(),
-                // not the call of an instruction
-                b':' | b'=' | b'(' if self.c.at <= begin + 2 => return,
-                _ => {
-                    let from = self.c.at;
-                    let word = self.c.word();
-                    if word.is_empty() {
-                        if self.c.number().is_none() {
-                            self.c.at += 1;
-                        }
-                        flush(&mut tool, &mut places);
-                        continue;
-                    }
-                    flush(&mut tool, &mut places);
-                    self.c.skip_space();
-                    match self.c.peek() {
-                        b'(' => match self.relative(word) {
-                            // perhaps the tool, of which nobody knows which
-                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {
-                                tool = Some(Span::new(from, from + word.len()));
-                            }
-                            place => places.push(place),
-                        },
-                        b'{' => {
-                            self.c.at += 1;
-                            self.c.skip_space();
-                            let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
-                            let whole = index.filter(|_| self.c.eat(b'}'));
-                            while whole.is_none() && !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
-                                self.c.at += 1;
-                            }
-                            if whole.is_none() {
-                                self.c.eat(b'}');
-                            }
-                            if targets.is_some_and(|n| places.len() >= n) {
-                                tool = Some(Span::new(from, from + word.len()));
-                                continue;
-                            }
-                            let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
-                            places.push(Place::Name { name: self.key(word), way, at: from });
-                        }
-                        _ => tool = Some(Span::new(from, from + word.len())),
-                    }
-                }
-            }
-        }
-        if places.is_empty() {
-            return;
-        }
-        let tool = tool.map(|t| lower(t.text(bytes)));
-        let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
-        for place in places {
-            match place {
-                Place::Name { name, way, at } => self.names.used(name, setup, way, at),
-                Place::Spots(first, end) => {
-                    for spot in first..end {
-                        self.scan.assign(spot, setup);
-                        self.names.visit(Visit::To(spot));
-                    }
-                }
-                Place::Here => self.names.visit(Visit::Unknown),
-                Place::Computed(at) => {
-                    self.names.visit(Visit::Unknown);
-                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
-                }
-            }
-        }
-    }
-
-    /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
-    fn relative(&mut self, function: &[u8]) -> Place {
-        let begin = self.c.at;
-        let in_tool = function.eq_ignore_ascii_case(b"reltool");
-        let offs = function.eq_ignore_ascii_case(b"offs");
-        let here = |f: &[u8]| HERE.iter().any(|h| f.eq_ignore_ascii_case(h.as_bytes()));
-        self.c.at += 1;
-        self.c.skip_space();
-        let mut at = self.c.at;
-        let mut name = self.c.word();
-        let (mut shift, mut plain, mut depth, mut k) = ([0.0; 3], true, 1, 0);
-        while [&b"offs"[..], b"reltool"].iter().any(|f| name.eq_ignore_ascii_case(f)) && self.c.eat(b'(') {
-            (plain, depth) = (false, depth + 1);
-            self.c.skip_space();
-            at = self.c.at;
-            name = self.c.word();
-        }
-        self.c.skip_space();
-        let of_here = self.c.peek() == b'(' && here(name);
-        let of_function = self.c.peek() == b'(' && !of_here;
-        while depth > 0 && !self.c.done() && self.c.peek() != b';' {
-            self.c.skip_space();
-            if depth == 1
-                && let Some((_, x)) = self.constants.expression(&mut self.c)
-            {
-                if let Some(to) = shift.get_mut(k) {
-                    *to = x * 1e-3;
-                }
-                k += 1;
-                continue;
-            }
-            match self.c.peek() {
-                b'(' => depth += 1,
-                b')' => depth -= 1,
-                b',' => {}
-                // turned as well, or calculated
-                _ => plain = false,
-            }
-            self.c.at += usize::from(self.c.peek() != b';');
-        }
-        if here(function) || of_here && (offs || in_tool) {
-            return Place::Here;
-        }
-        if !(offs || in_tool) || name.is_empty() || of_function {
-            return Place::Computed(begin);
-        }
-        let known = plain && k == 3;
-        let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
-        Place::Name { name: self.key(name), way, at }
-    }
-}
-
-/// Where a motion goes.
-enum Place {
-    Name {
-        name: u64,
-        way: Way,
-        at: usize,
-    },
-    Spots(u32, u32),
-    /// To where the arm is, or beside it; or to what is listed already.
-    Here,
-    /// To what only the running program knows; it stands here.
-    Computed(usize),
 }

@@ -1,9 +1,11 @@
 //! RAPID's routines that get targets: `PROC Pick(robtarget p,\robtarget via)`, and which arguments their calls give.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
-use crate::scan::hashed;
-use crate::text::{Cursor, begins_line, lower};
+use super::rapid_reader::{FARTHEST, Parameter, Reader};
+use crate::names::Origin;
+use crate::scan::{Call, hashed};
+use crate::text::{begins_line, lower};
 
 /// Instructions of the language, and words that begin other statements: no routines of others.
 const INSTRUCTIONS: &str = "
@@ -52,113 +54,105 @@ pub(super) fn begins_statement(bytes: &[u8], at: usize) -> bool {
     begins_line(bytes, at) && !code.and_then(<[u8]>::last).is_some_and(|b| b",\\([+-*/=".contains(b))
 }
 
-/// What a routine does to those that call it.
-#[derive(Clone, Debug, Default)]
-pub struct Effects {
-    /// Whether it moves the arm.
-    pub moves: bool,
-    /// Whether it displaces the motions that follow.
-    pub displaces: bool,
-    /// Data that it sets, by their hashed names.
-    pub sets: Vec<u64>,
-    /// What it calls, in lower case.
-    pub calls: Vec<String>,
-    /// Of a module: data that it declares.
-    pub(super) own: HashSet<u64>,
-}
-
-/// Data that a routine sets and routines that it calls, at most.
-const MOST: usize = 1000;
-
-impl Effects {
-    /// Sets these data.
-    pub(super) fn set(&mut self, name: u64) {
-        if self.sets.len() < MOST && !self.sets.contains(&name) {
-            self.sets.push(name);
+impl Reader<'_> {
+    /// Perhaps a call: what it gives to a routine of this file that gets targets.
+    pub(super) fn call(&mut self, from: usize, word: &[u8]) {
+        let routine = hashed(word);
+        let Some(parameters) = self.routines.get(&routine).cloned() else {
+            return self.call_elsewhere(from, word, routine);
+        };
+        self.note(|routine| routine.call(word));
+        self.names.called(routine, false);
+        if parameters.is_empty() {
+            return;
+        }
+        let mut places = 0..;
+        // a call may be put in brackets, as an argument may
+        while !self.c.done() && self.c.peek() != b';' {
+            self.c.skip_space();
+            let mut parameter = None;
+            if self.c.eat(b'\\') {
+                let name = hashed(self.c.word());
+                if self.c.eat(b':') && self.c.eat(b'=') {
+                    parameter = parameters.iter().find(|p| p.place.is_none() && p.name == name).copied();
+                }
+            } else {
+                let place = places.next();
+                parameter = parameters.iter().find(|p| p.place == place).copied();
+            }
+            while self.c.eat(b'(') {}
+            if let Some(parameter) = parameter {
+                self.argument(parameter);
+            }
+            // to the next one
+            let mut depth = 0;
+            while !self.c.done() {
+                match self.c.peek() {
+                    b'(' | b'[' | b'{' => depth += 1,
+                    b')' | b']' | b'}' => depth -= 1,
+                    b'"' => {
+                        self.c.skip_string();
+                        continue;
+                    }
+                    b';' => break,
+                    b',' | b'\\' if depth <= 0 => break,
+                    _ => {}
+                }
+                self.c.at += 1;
+            }
+            if self.c.peek() == b',' {
+                self.c.at += 1;
+            }
         }
     }
 
-    /// Calls this routine.
-    pub(super) fn call(&mut self, word: &[u8]) {
-        let name = lower(word);
-        if self.calls.len() < MOST && !self.calls.contains(&name) {
-            self.calls.push(name);
+    /// Perhaps a call of a routine that this file does not have.
+    fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
+        if is_instruction(word) || !begins_statement(self.c.bytes, from) {
+            return;
+        }
+        self.note(|routine| routine.call(word));
+        let Self { elsewhere, outside, .. } = self;
+        let first = !outside.contains_key(&routine);
+        let found = outside.entry(routine).or_insert_with(|| elsewhere.routine(&lower(word))).clone();
+        self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
+        match found {
+            Some(found) => {
+                if found.displaces {
+                    let what = format!(
+                        "calls '{}', which displaces the motions that follow; they are corrected for where the text has them",
+                        String::from_utf8_lossy(word)
+                    );
+                    self.scan.problems.push((from, what));
+                }
+                found.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Computed(from as u32)));
+            }
+            None if first => self.scan.calls.push(Call { name: lower(word), at: from, is_statement: true }),
+            None => {}
         }
     }
-}
 
-/// An argument that is a target.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Parameter {
-    /// Its hashed name.
-    pub name: u64,
-    /// What it is called outside its routine: the same name in another routine is another one.
-    pub scoped: u64,
-    /// Which argument it is, not counting those that are named where they are given (`\via:=`); `None` is one of these.
-    pub place: Option<usize>,
-    /// Whether the routine may change what it gets.
-    pub by_reference: bool,
-}
-
-/// Bytes before the bracket of a routine's head that are looked at.
-const FARTHEST: usize = 300;
-
-/// The routines of a module by their hashed names, and which targets they get.
-#[must_use]
-pub(super) fn routines(bytes: &[u8]) -> HashMap<u64, Vec<Parameter>> {
-    let mut found = HashMap::new();
-    let mut at = 0;
-    while let Some(k) = bytes[at..].iter().position(|b| *b == b'(') {
-        at += k + 1;
-        // the head of a routine is short, however long the line is
-        let near = at.saturating_sub(FARTHEST);
-        let line = bytes[near..at].iter().rposition(|b| *b == b'\n').map_or(near, |k| near + k + 1);
-        let mut words = bytes[line..at - 1].split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
-        let is_routine = words.any(|w| [&b"proc"[..], b"func"].iter().any(|kind| w.eq_ignore_ascii_case(kind)));
-        if let (true, Some(name)) = (is_routine, words.next_back()) {
-            let routine = hashed(name);
-            found.insert(routine, parameters(bytes, at, routine));
+    /// What a call gives as this argument.
+    fn argument(&mut self, parameter: Parameter) {
+        self.c.skip_space();
+        let from = self.c.at;
+        let at = from as u32;
+        if self.c.peek() == b'[' {
+            let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
+            self.list(0);
+            let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+            self.names.define(own, first, self.scan.spots.len());
+            let origin = match self.scan.problems.len() > problems || self.scan.spots.len() == first {
+                true => Origin::Computed(at),
+                false => Origin::Name { name: own, at },
+            };
+            return self.names.set_from(parameter.scoped, origin);
         }
-    }
-    found
-}
-
-/// What a name is called among all names: arguments of a routine are its own.
-#[must_use]
-pub(super) fn key(parameters: &[Parameter], name: &[u8]) -> u64 {
-    let name = hashed(name);
-    parameters.iter().find(|p| p.name == name).map_or(name, |p| p.scoped)
-}
-
-/// Those that are targets, from behind the bracket on.
-fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
-    let mut c = Cursor::new(bytes, b'!');
-    c.at = at;
-    let mut found = Vec::new();
-    let mut places = 0..;
-    loop {
-        let place = if c.eat(b'\\') { None } else { places.next() };
-        c.skip_space();
-        let mut kind = c.word();
-        let is = |kind: &[u8], names: &[&[u8]]| names.iter().any(|n| kind.eq_ignore_ascii_case(n));
-        let by_reference = is(kind, &[b"inout", b"var", b"pers", b"ref"]);
-        if by_reference {
-            c.skip_space();
-            kind = c.word();
+        let word = self.c.word();
+        let origin = self.source(from, word, b";{,\\)").filter(|_| !word.is_empty()).unwrap_or(Origin::Computed(at));
+        self.names.set_from(parameter.scoped, origin);
+        if let (true, Origin::Name { name, .. }) = (parameter.by_reference, origin) {
+            self.names.set_from(name, Origin::Name { name: parameter.scoped, at });
         }
-        c.skip_space();
-        let name = hashed(c.word());
-        if is(kind, &[b"robtarget", b"jointtarget"]) {
-            let scoped = hashed(&[routine.to_le_bytes(), name.to_le_bytes()].concat());
-            found.push(Parameter { name, scoped, place, by_reference });
-        }
-        while !c.done() && !matches!(c.peek(), b',' | b'|' | b'\\' | b')' | b'\n') {
-            c.at += 1;
-        }
-        // what may be given instead of the one before counts as it does
-        if !matches!(c.peek(), b',' | b'|' | b'\\' | b'\n') {
-            return found;
-        }
-        c.at += usize::from(c.peek() != b'\\');
     }
 }

@@ -14,7 +14,8 @@ use crate::expression::Constants;
 use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::{Meant, Shape};
-use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::names::{Names, Origin, Way};
+use crate::scan::{Fork, Scan, Setup, Visit, hashed};
 use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];

@@ -206,7 +206,7 @@ const RAPID: &[Case] = &[
     ),
     case(
         "a routine that changes what it gets",
-        "PERS robtarget p:=@0;\nPERS robtarget q:=@1;\nPROC main()\nLift p;\nKeep q;\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\nENDPROC\nPROC Lift(INOUT robtarget x)\nx.trans.z:=reg1;\nENDPROC\nPROC Keep(robtarget x)\nx.trans.z:=reg1;\nENDPROC\n",
+        "PERS robtarget p:=@0;\nPERS robtarget q:=@1;\nPROC main()\nLift grid,p;\nKeep q;\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\nENDPROC\nPROC Lift(robtarget all{*,*},INOUT robtarget x)\nx.trans.z:=reg1;\nENDPROC\nPROC Keep(robtarget x)\nx.trans.z:=reg1;\nENDPROC\n",
         &[1, 2],
         &[(10, "calculated")],
     ),

@@ -1,5 +1,6 @@
 //! `trical compare`: is this arm still what it was?
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use trical_ident::compare::Change;
@@ -49,7 +50,9 @@ impl Asked {
         if let Some(path) = &self.table {
             if path.extension().is_none_or(|e| e != "csv") {
                 let found = path.display();
-                return Err(CliError::Input(format!("--table: found {found}, expected a name that ends in .csv")));
+                return Err(CliError::Input(format!(
+                    "--table: found {found}, expected a name that ends in .csv, which DuckDB, Polars or pandas turn into others"
+                )));
             }
             input::check_output(path, recordings.iter().map(PathBuf::as_path).chain([model]))?;
         }
@@ -93,14 +96,16 @@ fn print(c: &Comparison) -> Result<()> {
     if c.more_noise > 1.3 {
         say(format!("  The measurements scatter {:.1} times as much as in the old session.", c.more_noise))?;
     }
-    let seen = c.visible.iter().map(|v| match v.smallest {
-        Some(size) => format!("{} {size:.3} {}", v.what, v.unit),
-        None => format!("{} nothing", v.what),
-    });
-    let line = format!(
+    let seen = c.visible.iter().filter_map(|v| Some(format!("{} {:.3} {}", v.what, v.smallest?, v.unit)));
+    let mut line = format!(
         "A change as large as these would be found in nine cases of ten: {}.",
         seen.collect::<Vec<_>>().join(", ")
     );
+    let unseen: Vec<&str> = c.visible.iter().filter(|v| v.smallest.is_none()).map(|v| v.what.as_str()).collect();
+    if !unseen.is_empty() {
+        let of = unseen.join(", ");
+        let _ = write!(line, " None would be found of {of}: what is fitted to each session anew takes its place.");
+    }
     for line in table::wrapped(&line, 108, "  ") {
         say(line)?;
     }

@@ -27,3 +27,17 @@ def test_a_wrong_word_is_refused_by_name(shared: Path) -> None:
     d = shared / "blind"
     with pytest.raises(trical.TricalError, match="model is 'everything'"):
         trical.identify(d / "B02.probe.csv", robot=d / "robot.toml", cell=d / "cell.toml", model="everything")
+
+
+def test_the_two_sessions_of_the_ur10_are_one_arm(shared: Path) -> None:
+    """The frame of each session's tracker takes up what joint 1 does: of that no number is given."""
+    d = shared / "ur10"
+    old = trical.identify(d / "random.csv", robot=d / "robot.toml", cell=d / "cell.toml").model
+    told = trical.compare(old, d / "configurations.csv")
+    assert told["verdict"] == "unchanged"
+    visible = {v["what"]: v["smallest"] for v in told["visible"]}
+    assert visible["joint 1"] is None and 0.01 < visible["joint 2"] < 0.2
+    alone = {a["name"]: a for a in told["alone"]}
+    # what is called visible is what would be told: joint 2's 0.024 deg lie below it, sure as they are
+    assert "joint 1" not in alone and abs(alone["joint 2"]["value"]) < visible["joint 2"]
+    assert all(a["sd"] < (20 if a["unit"] == "mm" else 2) for a in alone.values())

@@ -115,7 +115,7 @@ pub struct Comparison {
     pub more_noise: f64,
     /// Mean temperature of the recording, degC, where it was recorded.
     pub temp_c: Option<f64>,
-    /// Every explanation's own numbers, each fitted alone.
+    /// Every explanation's own numbers, each fitted alone, where the measurements determine them.
     pub alone: Vec<Changed>,
 }
 
@@ -417,7 +417,8 @@ impl Whitened {
         let whole = |k: usize| explanations[k].what != "base"; // its turned form has the same numbers
         let alone = (0..families)
             .filter(|k| machine(*k) && whole(*k))
-            .flat_map(|k| self.sizes(model, explanations, &[k], more_noise).concat());
+            .flat_map(|k| self.sizes(model, explanations, &[k], more_noise).concat())
+            .filter(|c| c.sd < largest(&c.unit)); // what the session's own frame takes up has no size
         Comparison {
             recording: String::new(),
             hash: String::new(),
@@ -425,7 +426,7 @@ impl Whitened {
             verdict,
             summary: String::new(),
             changes,
-            visible: self.visible(model, explanations),
+            visible: self.visible(model, explanations, more_noise),
             mean_mm: 0.0,
             noise_mm: 0.0,
             more_noise: more_noise.sqrt(),
@@ -496,12 +497,14 @@ impl Whitened {
     }
 
     /// The smallest change of each explanation that would be seen.
-    fn visible(&self, model: &Model, explanations: &[Explanation]) -> Vec<Visible> {
+    fn visible(&self, model: &Model, explanations: &[Explanation], more_noise: f64) -> Vec<Visible> {
         let limit = FALSE_ALARMS / explanations.len() as f64;
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let share = SHARE * (self.rows as f64).sqrt();
         let machine = explanations.iter().zip(&self.columns).filter(|(e, _)| e.touch.is_none());
         let size = |(e, columns): (&Explanation, &Vec<Vec<f64>>)| {
             let rank = extend(&mut Vec::new(), columns);
-            let needed = lambda(limit, rank.max(1));
+            let needed = lambda(limit, rank.max(1), share) * more_noise.sqrt();
             // of motions along: the one that is seen worst, in mm
             let along = |t: &&usize| unit(&model.terms[**t]).name == "mm";
             let of_length = e.terms.iter().filter(along).count();
@@ -512,8 +515,7 @@ impl Whitened {
                 let smallest = needed / length * u.per_si;
                 Visible {
                     what: e.what.clone(),
-                    smallest: (length > 1e-9 && smallest < if u.name == "mm" { LARGEST_MM } else { LARGEST_DEG })
-                        .then_some(smallest),
+                    smallest: (smallest < largest(&u.name)).then_some(smallest),
                     unit: u.name,
                 }
             })
@@ -536,13 +538,18 @@ fn tail(t: f64, rank: usize) -> f64 {
     ChiSquared::new(rank as f64).map_or(1.0, |d| d.sf(t))
 }
 
-/// Length (in standard deviations) of a change that passes `limit` with the chance [`SEEN`].
-fn lambda(limit: f64, rank: usize) -> f64 {
+/// Most that is called visible, in mm or deg.
+fn largest(unit: &str) -> f64 {
+    if unit == "mm" { LARGEST_MM } else { LARGEST_DEG }
+}
+
+/// Length (in standard deviations) of a change that passes `limit`, and is at least `share`, with the chance [`SEEN`].
+fn lambda(limit: f64, rank: usize, share: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "a count")]
     let threshold = ChiSquared::new(rank as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - limit)).sqrt();
     // the length of a vector with mean lambda in one of its directions is about normal above it
     let above = statrs::distribution::Normal::standard().inverse_cdf(SEEN);
-    threshold + above
+    threshold.max(share) + above
 }
 
 /// The verdict in sentences.

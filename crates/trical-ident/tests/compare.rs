@@ -48,6 +48,25 @@ fn ten_touches_of_the_same_arm_say_unchanged_and_what_they_would_have_seen() {
     assert!(joint_2.smallest.is_some_and(|s| s > 0.001 && s < 0.02) && joint_2.unit == "deg", "{joint_2:?}");
 }
 
+/// Many touches show small changes, but an old model has small errors of its own: what is called visible is what would be told.
+#[test]
+fn of_many_touches_what_is_called_visible_is_told_and_half_of_it_is_not() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let many = |by: f64| {
+        let mut arm = truth.clone();
+        let mut term = Term::new("change", "change", Site::Joint { joint: 2 }, Basis::CONSTANT);
+        term.value = by.to_radians();
+        arm.terms.push(term);
+        let new = Recording { name: "new.csv".into(), ..arm::touch(&arm, 200, NOISE, 7) };
+        compare(&truth.cell, &file, &new, None).unwrap()
+    };
+    let visible = many(0.0).visible.iter().find(|v| v.what == "joint 2").and_then(|v| v.smallest).unwrap();
+    let told = many(1.2 * visible);
+    assert_eq!((told.verdict, told.changes[0].what.as_str()), ("arm changed", "joint 2"), "{}", told.summary);
+    assert_eq!(many(0.5 * visible).verdict, "unchanged");
+}
+
 #[test]
 fn a_lost_joint_zero_a_new_tool_and_a_carried_plate_are_told_apart_with_their_sizes() {
     let truth = truth();

@@ -1,6 +1,6 @@
 //! Compensation from file to file.
 
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
@@ -8,9 +8,11 @@ use std::path::{Path, PathBuf};
 
 use trical_model::Model;
 
-use crate::dialects::Dialect;
+use crate::dialects::{Dialect, krl};
+use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
 use crate::frames::Frames;
+use crate::modules::Modules;
 use crate::options::Options;
 use crate::report::{Report, summarized};
 use crate::rewriting::{Part, Program, compensate_together};
@@ -55,7 +57,7 @@ impl Job<'_> {
     /// left (see [`left`]).
     ///
     /// A KRL program is its .src and the .dat beside it: both are read and written, whichever is named, and `$config.dat` of the
-    /// same folder or controller gives tools and bases.
+    /// same folder or controller gives tools and bases. The other modules of a RAPID program are read for its tools, work objects and calls.
     ///
     /// # Errors
     /// [`ProgramError`].
@@ -106,11 +108,18 @@ impl Job<'_> {
             .zip(names.iter().zip(&ends))
             .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
             .collect();
-        let beside = Beside::of(self.program);
-        let elsewhere = |name: &str| beside.routine(name);
-        let program = Program { bytes: &bytes, parts: &mut parts, dialect, elsewhere: &elsewhere };
+        let (beside, modules) = (Beside::of(self.program), Modules::beside(self.program));
+        let elsewhere: &dyn Elsewhere = match dialect {
+            Dialect::Krl => &beside,
+            Dialect::Rapid => &modules,
+            _ => &Nowhere,
+        };
+        let program = Program { bytes: &bytes, parts: &mut parts, dialect, elsewhere };
         let mut report = compensate_together(program, nominal, model, &frames, options)?;
         read_with.extend(beside.read.into_inner());
+        if dialect == Dialect::Rapid {
+            read_with.extend(modules.used());
+        }
         report.read_with = read_with;
         if self.out.is_none() {
             return Ok(report);
@@ -170,14 +179,47 @@ fn together(program: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// A file of a KRL controller, by its name without regard to case: in the program's folder, or in `Program` or `System` of the
-/// controller's files.
+/// Folders in which files of a KRL controller are looked for: the program's, and `Program` and `System` of the controller's files.
+fn places(program: &Path) -> impl Iterator<Item = PathBuf> {
+    let folders: Vec<PathBuf> =
+        program.parent().into_iter().flat_map(|folder| folder.ancestors().take(5)).map(Path::to_owned).collect();
+    folders.into_iter().flat_map(|folder| {
+        let own = [entry(&folder, "Program"), entry(&folder, "System")];
+        std::iter::once(folder).chain(own.into_iter().flatten())
+    })
+}
+
+/// A file of a KRL controller, by its name without regard to case.
 fn of_controller(program: &Path, name: &str) -> Option<PathBuf> {
     let whole = program.canonicalize().ok()?;
-    let mut places = whole.parent()?.ancestors().take(5).flat_map(|folder| {
-        std::iter::once(folder.to_owned()).chain(entry(folder, "Program")).chain(entry(folder, "System"))
+    places(&whole).find_map(|place| entry(&place, name).filter(|p| p.is_file() && *p != whole))
+}
+
+/// Files that are looked through for GLOBAL routines, at most, and bytes of each.
+const MOST_FILES: usize = 500;
+const LARGEST_FILE: u64 = 16 << 20;
+
+/// The GLOBAL routines of the controller's files, by their hashed names: the nearest of each.
+fn globals(program: &Path) -> HashMap<u64, PathBuf> {
+    let Ok(whole) = program.canonicalize() else { return HashMap::new() };
+    let is_source = |p: &PathBuf| {
+        let extension = p.extension().unwrap_or_default();
+        let is_one = extension.eq_ignore_ascii_case("src") || extension.eq_ignore_ascii_case("sub");
+        is_one && *p != whole && p.metadata().is_ok_and(|m| m.is_file() && m.len() <= LARGEST_FILE)
+    };
+    let mut found = HashMap::new();
+    let sources = places(&whole).flat_map(|place| {
+        let mut files: Vec<PathBuf> =
+            std::fs::read_dir(place).into_iter().flatten().flatten().map(|e| e.path()).filter(is_source).collect();
+        files.sort_unstable();
+        files
     });
-    places.find_map(|place| entry(&place, name).filter(|p| p.is_file() && *p != whole))
+    for path in sources.take(MOST_FILES) {
+        for name in krl::globals(&std::fs::read(&path).unwrap_or_default()) {
+            found.entry(name).or_insert_with(|| path.clone());
+        }
+    }
+    found
 }
 
 /// What is called so in a folder, without regard to case.
@@ -195,29 +237,42 @@ struct Beside<'a> {
     known: RefCell<HashMap<String, Option<Setup>>>,
     /// Files.
     read: RefCell<Vec<String>>,
+    /// Files of GLOBAL routines.
+    global: OnceCell<HashMap<u64, PathBuf>>,
 }
 
 impl<'a> Beside<'a> {
     fn of(program: &'a Path) -> Self {
-        Self { program, known: RefCell::default(), read: RefCell::default() }
+        Self { program, known: RefCell::default(), read: RefCell::default(), global: OnceCell::new() }
+    }
+
+    /// The file that has this routine as a GLOBAL one, whatever the file's own name is.
+    fn global(&self, name: &str) -> Option<PathBuf> {
+        self.global.get_or_init(|| globals(self.program)).get(&hashed(name.as_bytes())).cloned()
     }
 
     /// What the routine of this name leaves set.
-    fn routine(&self, name: &str) -> Option<Setup> {
+    fn leaves(&self, name: &str) -> Option<Setup> {
         if let Some(known) = self.known.borrow().get(name) {
             return known.clone();
         }
         self.known.borrow_mut().insert(name.to_owned(), None);
-        let source = of_controller(self.program, &format!("{name}.src"))?;
+        let source = of_controller(self.program, &format!("{name}.src")).or_else(|| self.global(name))?;
         let mut bytes = Vec::new();
         for path in together(&source) {
             bytes.extend(read_program(&path, &path.display().to_string(), bytes.len()).ok()?);
             self.read.borrow_mut().push(path.display().to_string());
         }
-        let scan = Dialect::Krl.scan_with(&bytes, &|name| self.routine(name)).ok()?;
+        let scan = Dialect::Krl.scan_with(&bytes, self).ok()?;
         let found = scan.routines.get(&hashed(name.as_bytes())).cloned();
         self.known.borrow_mut().insert(name.to_owned(), found.clone());
         found
+    }
+}
+
+impl Elsewhere for Beside<'_> {
+    fn routine(&self, name: &str) -> Option<Outside> {
+        self.leaves(name).map(|setup| Outside { setup, ..Outside::default() })
     }
 }
 

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 
+use crate::elsewhere::Elsewhere;
 use crate::scan::{Call, Fork, Scan, Setup, hashed};
 use crate::text::{Cursor, begins_line, lower};
 
@@ -20,9 +21,6 @@ const IN_LOOP: &str = "set in a loop";
 const BY_CALLER: &str = "not the same wherever the routine is called";
 const BY_ROUTINE: &str = "not the same wherever a routine returns";
 const ELSEWHERE: &str = "set by a routine of another file";
-
-/// What a routine of another file leaves set, by its name; `None` where no file has it.
-pub type Elsewhere<'a> = &'a dyn Fn(&str) -> Option<Setup>;
 
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Block {
@@ -73,7 +71,7 @@ impl Flow {
     pub fn read<T>(
         mut pass: impl FnMut(Self) -> (Self, T),
         scan: impl Fn(&mut T) -> &mut Scan,
-        elsewhere: Option<Elsewhere<'_>>,
+        elsewhere: Option<&dyn Elsewhere>,
     ) -> T {
         let mut known = HashMap::new();
         let mut passes = 0;
@@ -90,7 +88,7 @@ impl Flow {
                 Block::Loop(_) => None,
             });
             scan(&mut made).routines = leaves.collect();
-            calls.retain(|(name, call)| match elsewhere.map(|find| find(&call.name)) {
+            calls.retain(|(name, call)| match elsewhere.map(|other| other.routine(&call.name).map(|r| r.setup)) {
                 Some(Some(ends)) => {
                     let passage = Passage { begins: Some(Setup::default()), ends: Some(in_any_file(ends)) };
                     seen.insert(Block::Routine(*name), passage);
@@ -209,7 +207,7 @@ impl Flow {
                 let passage = Passage { begins: Some(before.clone()), ends: Some(now.clone()) };
                 self.seen.insert(Block::Loop(at), passage);
                 *now = either(Some(&before), now, IN_LOOP);
-                None
+                Some(Fork::Closes)
             }
             Open::Branches { before, ends, complete, .. } => {
                 let past = (!complete).then_some(&before);

@@ -23,10 +23,11 @@
 //! | module | holds |
 //! |---|---|
 //! | [`dialects`] | the table of dialects, and a reader for each |
-//! | [`scan`] | what they find |
+//! | [`scan`], [`names`] | what they find; names followed to targets |
 //! | [`literal`] | numbers as poses and joint values, both ways |
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`flow`] | which of them routines, branches and loops leave |
+//! | [`elsewhere`], [`modules`] | what other files of the program have |
 //! | [`frames`] | tools and work objects, `--frames` files |
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
@@ -36,12 +37,15 @@
 pub mod branch;
 pub mod compensation;
 pub mod dialects;
+pub mod elsewhere;
 pub mod error;
 pub mod expression;
 pub mod file;
 pub mod flow;
 pub mod frames;
 pub mod literal;
+pub mod modules;
+pub mod names;
 pub mod options;
 pub mod report;
 pub mod rewriting;

@@ -13,12 +13,13 @@ use trical_model::{Cell, Model, Pose};
 use crate::branch::Configuration;
 use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
+use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
-use crate::flow::Elsewhere;
 use crate::frames::Frames;
 use crate::options::Options;
 use crate::report::{Report, Tally};
 use crate::scan::{Scan, Spot, Visit};
+use crate::text::contains;
 
 /// Targets that one thread takes at a time.
 const BLOCK: usize = 2048;
@@ -43,7 +44,7 @@ pub fn compensate(
     sink: &mut dyn Write,
 ) -> Result<Report, ProgramError> {
     let mut whole = [Part { name: file, end: bytes.len(), sink }];
-    let program = Program { bytes, parts: &mut whole, dialect, elsewhere: &|_| None };
+    let program = Program { bytes, parts: &mut whole, dialect, elsewhere: &Nowhere };
     compensate_together(program, nominal, model, frames, options)
 }
 
@@ -55,8 +56,8 @@ pub struct Program<'a, 'b> {
     pub parts: &'a mut [Part<'b>],
     /// Its language.
     pub dialect: Dialect,
-    /// Routines that it calls in files that are not rewritten with it.
-    pub elsewhere: Elsewhere<'a>,
+    /// What other files have that are not rewritten with it.
+    pub elsewhere: &'a dyn Elsewhere,
 }
 
 /// One file of a program.
@@ -102,6 +103,14 @@ pub fn compensate_together(
     }
     let mut known = std::mem::take(&mut scan.frames);
     known.or(frames);
+    for setup in &scan.setups {
+        if let Some(name) = setup.tool.as_ref().filter(|n| !known.tools.contains_key(*n)) {
+            known.tools.extend(elsewhere.tool(name).map(|tool| (name.clone(), tool)));
+        }
+        if let Some(name) = setup.frame.as_ref().filter(|n| !known.frames.contains_key(*n)) {
+            known.frames.extend(elsewhere.frame(name).map(|frame| (name.clone(), frame)));
+        }
+    }
     known.world = known.world.or_else(|| dialect.usual_world(&nominal.robot));
     for name in [&options.tool, &options.frame].into_iter().flatten() {
         if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
@@ -270,18 +279,6 @@ fn in_parallel(all: &Compensator<'_>, spots: &[Spot], starts: &[Result<Start, St
         let died = |n: usize| (0..n).map(|_| Err("the calculation failed".to_owned())).collect();
         blocks.into_iter().flat_map(|(b, n)| b.join().unwrap_or_else(|_| died(n))).collect()
     })
-}
-
-fn contains(bytes: &[u8], word: &[u8]) -> bool {
-    let first = word.first().copied().unwrap_or(0);
-    let mut at = 0;
-    while let Some(k) = bytes[at..].iter().position(|b| *b == first) {
-        if bytes[at + k..].starts_with(word) {
-            return true;
-        }
-        at += k + 1;
-    }
-    false
 }
 
 /// Copies files with pieces replaced.

@@ -1,6 +1,6 @@
 //! What a program holds: targets, tools and frames, and the order in which the arm visits them.
 
-use std::collections::hash_map::{DefaultHasher, Entry};
+use std::collections::hash_map::DefaultHasher;
 use std::collections::{HashMap, HashSet};
 use std::hash::Hasher;
 
@@ -10,7 +10,7 @@ use trical_model::Joints;
 use crate::branch::Configuration;
 use crate::frames::Frames;
 use crate::literal::Shape;
-use crate::text::{Cursor, Span};
+use crate::text::Span;
 
 /// A target in the text.
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +99,9 @@ pub enum Fork {
     Opens,
     /// From where the first of them began: another branch.
     Other,
-    /// From the end of any of them, or past them all.
+    /// A loop begins: from above, or from its end.
+    Repeats,
+    /// From the end of any of them (or of the loop), or past them all.
     Closes,
     /// From anywhere: a label, a routine, behind a call of one that moves the arm.
     Anywhere,
@@ -206,7 +208,7 @@ impl Scan {
     }
 
     /// Takes targets away that turned out to be none (`gone` by index), and their visits.
-    fn remove(&mut self, gone: &HashSet<u32>) {
+    pub fn remove(&mut self, gone: &HashSet<u32>) {
         if gone.is_empty() {
             return;
         }
@@ -250,104 +252,6 @@ impl Scan {
     }
 }
 
-/// How a motion names its place.
-#[derive(Clone, Copy, Debug)]
-pub enum Way {
-    /// The target itself.
-    To,
-    /// Element `k` (0-based) of an array of targets.
-    Element(usize),
-    /// Shifted against it.
-    Near(Vector3<f64>, bool),
-    /// Related to it in a way that is known only when the program runs.
-    Computed,
-    /// An element of a list of targets that is known only when the program runs.
-    Indexed,
-    /// Perhaps the target itself: a name that may as well be a speed.
-    Perhaps,
-    /// The target itself, unless the routine means something else by its argument.
-    Unlisted,
-    /// No motion: the file says otherwise with which tool and frame it is meant.
-    Said,
-}
-
-/// Where data that a program sets come from.
-#[derive(Clone, Copy, Debug)]
-pub enum Origin {
-    /// From the data of this name: a copy, or shifted against them. What is corrected there goes with it.
-    Name {
-        /// Their name.
-        name: u64,
-        /// Where the program sets them.
-        at: u32,
-    },
-    /// From where the arm is when the program asks.
-    Here,
-    /// From a calculation (at this offset) that only the running program does.
-    Computed(u32),
-}
-
-/// Places in the program that set the same name and are looked at, at most.
-const MOST_ORIGINS: usize = 200;
-/// Names that are followed from one motion, at most.
-const MOST_NAMES: usize = 50;
-
-/// Which names stand for which targets, and how motions use them. Names are kept as hashes: programs have millions.
-#[derive(Debug, Default)]
-pub struct Names {
-    defined: HashMap<u64, u32>,
-    groups: Vec<Group>,
-    uses: Vec<Use>,
-    origins: HashMap<u64, Vec<Origin>>,
-    /// Names whose data are in `Scan::problems` already.
-    listed: HashSet<u64>,
-    /// Names of data that look like targets and are none, unless a motion goes there.
-    no_targets: HashSet<u64>,
-    /// Calculations that are listed already.
-    listed_at: HashSet<u32>,
-    /// Where coordinates of data are changed by some amount, as in `p.trans.z:=p.trans.z+50`.
-    changed: HashMap<u64, Vec<u32>>,
-    /// The routine that is being read, behind those around it.
-    within: Vec<u64>,
-    /// Routines of this file.
-    routines: HashMap<u64, Routine>,
-}
-
-#[derive(Debug, Default)]
-struct Routine {
-    /// Whether a motion stands in it.
-    moves: bool,
-    /// What it calls; not followed where it moves the arm itself.
-    calls: Vec<u64>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Group {
-    first: u32,
-    count: u32,
-    /// An earlier definition of the same name.
-    earlier: Option<u32>,
-    /// The setup of the last use of all of it.
-    used: Option<u32>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Use {
-    /// `group` is the newest definition above the motion.
-    Named {
-        name: u64,
-        group: Option<u32>,
-        setup: u32,
-        way: Way,
-        at: u32,
-    },
-    Direct(Visit),
-    Called {
-        name: u64,
-        elsewhere: bool,
-    },
-}
-
 /// What is wrong with a tool or frame that the program changes.
 #[must_use]
 pub fn changed_here(what: &str) -> String {
@@ -362,293 +266,4 @@ pub fn hashed(name: &[u8]) -> u64 {
         h.write_u8(b.to_ascii_lowercase());
     }
     h.finish()
-}
-
-impl Names {
-    /// Targets `first..end` have this name (several: an array).
-    pub fn define(&mut self, name: u64, first: usize, end: usize) {
-        if end <= first {
-            return;
-        }
-        let index = u32::try_from(self.groups.len()).unwrap_or(u32::MAX);
-        let mut group = Group { first: first as u32, count: (end - first) as u32, earlier: None, used: None };
-        match self.defined.entry(name) {
-            Entry::Occupied(mut e) => {
-                group.earlier = Some(*e.get());
-                e.insert(index);
-            }
-            Entry::Vacant(e) => {
-                e.insert(index);
-            }
-        }
-        self.groups.push(group);
-    }
-
-    /// A motion to a named target; the name stands at `at`.
-    pub fn used(&mut self, name: u64, setup: u32, way: Way, at: usize) {
-        let group = self.defined.get(&name).copied();
-        if !matches!(way, Way::Said) {
-            self.moves();
-        }
-        self.uses.push(Use::Named { name, group, setup, way, at: u32::try_from(at).unwrap_or(u32::MAX) });
-    }
-
-    /// The program sets the data of this name.
-    pub fn set_from(&mut self, name: u64, origin: Origin) {
-        let all = self.origins.entry(name).or_default();
-        let again =
-            |o: &Origin| matches!((o, origin), (Origin::Name { name: a, .. }, Origin::Name { name: b, .. }) if *a == b);
-        if all.len() < MOST_ORIGINS && !all.iter().any(again) {
-            all.push(origin);
-        }
-    }
-
-    /// Where the program sets or changes the data of this name, if it does.
-    #[must_use]
-    pub fn set_at(&self, name: u64) -> Option<usize> {
-        let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
-            Origin::Name { at, .. } | Origin::Computed(at) => Some(*at),
-            Origin::Here => None,
-        });
-        let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
-        set.or_else(changed).map(|at| at as usize)
-    }
-
-    /// The program changes some coordinate of these data by an amount, here.
-    pub fn changed(&mut self, name: u64, at: usize) {
-        let all = self.changed.entry(name).or_default();
-        if all.len() < MOST_ORIGINS {
-            all.push(u32::try_from(at).unwrap_or(u32::MAX));
-        }
-    }
-
-    /// The data of this name are listed already.
-    pub fn listed(&mut self, name: u64) {
-        self.listed.insert(name);
-    }
-
-    /// The data of this name are no target unless a motion goes there.
-    pub fn no_target(&mut self, name: u64) {
-        self.no_targets.insert(name);
-    }
-
-    /// A motion to a target that says itself with what it is meant; the name stands at `at`.
-    pub fn gone_to(&mut self, name: u64, relative: bool, at: usize) {
-        let group = self.defined.get(&name).copied();
-        match group.and_then(|g| self.groups.get_mut(g as usize)) {
-            Some(g) => {
-                g.used = g.used.or(Some(OWN_SETUP));
-                let visit = if relative { Visit::Unknown } else { Visit::To(g.first) };
-                self.visit(visit);
-            }
-            None => self.used(name, OWN_SETUP, Way::To, at),
-        }
-    }
-
-    /// A motion that needs no name.
-    pub fn visit(&mut self, visit: Visit) {
-        self.moves();
-        self.uses.push(Use::Direct(visit));
-    }
-
-    /// From where the program comes to here.
-    pub fn fork(&mut self, fork: Fork) {
-        self.uses.push(Use::Direct(Visit::Fork(fork)));
-    }
-
-    /// A routine begins here.
-    pub fn routine(&mut self, name: u64) {
-        self.within.push(name);
-        self.routines.entry(name).or_default();
-        self.fork(Fork::Anywhere);
-    }
-
-    /// A block ends here; a routine, where the program comes to what is behind it from anywhere.
-    pub fn end(&mut self, fork: Option<Fork>) {
-        if fork == Some(Fork::Anywhere) {
-            self.within.pop();
-        }
-        fork.into_iter().for_each(|f| self.fork(f));
-    }
-
-    /// Something is called here; `elsewhere` says that it may move the arm if it is no routine of this file.
-    pub fn called(&mut self, name: u64, elsewhere: bool) {
-        if let Some(own) = self.own_routine().filter(|own| !own.moves) {
-            own.calls.push(name);
-        }
-        self.uses.push(Use::Called { name, elsewhere });
-    }
-
-    fn own_routine(&mut self) -> Option<&mut Routine> {
-        self.within.last().and_then(|name| self.routines.get_mut(name))
-    }
-
-    fn moves(&mut self) {
-        if let Some(own) = self.own_routine().filter(|own| !own.moves) {
-            *own = Routine { moves: true, calls: Vec::new() };
-        }
-    }
-
-    /// Which routines of this file move the arm, themselves or by what they call.
-    fn moving(&self) -> HashSet<u64> {
-        let mut callers: HashMap<u64, Vec<u64>> = HashMap::new();
-        for (name, own) in &self.routines {
-            own.calls.iter().for_each(|called| callers.entry(*called).or_default().push(*name));
-        }
-        let mut next: Vec<u64> = self.routines.iter().filter(|(_, own)| own.moves).map(|(name, _)| *name).collect();
-        let mut moving = HashSet::new();
-        while let Some(name) = next.pop() {
-            if moving.insert(name) {
-                next.extend(callers.get(&name).into_iter().flatten());
-            }
-        }
-        moving
-    }
-
-    /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
-    /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
-    pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
-        let moving = self.moving();
-        for u in std::mem::take(&mut self.uses) {
-            let (name, group, setup, way, at) = match u {
-                Use::Direct(v) => {
-                    scan.visits.push(v);
-                    continue;
-                }
-                Use::Called { name, elsewhere } => {
-                    let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
-                    scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
-                    continue;
-                }
-                Use::Named { name, group, setup, way, at } => (name, group, setup, way, at),
-            };
-            let is_motion = !matches!(way, Way::Perhaps | Way::Unlisted | Way::Said);
-            let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
-                if is_motion {
-                    scan.visits.push(Visit::Unknown);
-                    let mut c = Cursor::new(bytes, 0);
-                    c.at = at as usize;
-                    let listed = scan.problems.len();
-                    if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
-                        scan.problems.push((at as usize, elsewhere(c.word())));
-                    } else if scan.problems.len() == listed && !self.listed.contains(&name) {
-                        scan.relative.push(at);
-                    }
-                } else if matches!(way, Way::Unlisted) {
-                    scan.visits.push(Visit::Unknown);
-                }
-                continue;
-            };
-            self.visit_group(newest, setup, way, at, scan);
-            if is_motion {
-                self.computed(name, scan);
-                scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
-                scan.relative.extend(matches!(way, Way::Computed).then_some(at));
-            }
-            // other routines may have data of the same name, which nobody uses from here on
-            let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
-            while let Some(g) = earlier.and_then(|k| self.groups.get_mut(k as usize)) {
-                if g.used.is_some() {
-                    break;
-                }
-                g.used = Some(setup);
-                for spot in g.first..g.first + g.count {
-                    scan.assign(spot, setup);
-                }
-                earlier = g.earlier;
-            }
-        }
-        let unused = |name: &u64| {
-            let group = self.defined.get(name).and_then(|k| self.groups.get(*k as usize));
-            group.filter(|g| g.used.is_none()).map(|g| g.first..g.first + g.count)
-        };
-        let gone: HashSet<u32> = self.no_targets.iter().filter_map(unused).flatten().collect();
-        scan.remove(&gone);
-    }
-
-    /// Follows a name that has no data of its own to those that it is set from: whether all that it comes to is rewritten,
-    /// listed, or where the arm is; nothing where it only goes in a circle. `seen` are names on the way, and whether they are
-    /// settled.
-    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
-        if self.listed.contains(&name) {
-            return Some(true);
-        }
-        if let Some(group) = self.defined.get(&name).copied() {
-            let before = scan.visits.len();
-            self.visit_group(group, setup, Way::Computed, 0, scan);
-            scan.visits.truncate(before);
-            self.computed(name, scan);
-            return Some(true);
-        }
-        self.computed(name, scan);
-        let from = self.origins.get(&name).cloned().unwrap_or_default();
-        if from.is_empty() || seen.len() > MOST_NAMES {
-            return Some(false);
-        }
-        let own = seen.len();
-        seen.push((name, false));
-        let mut known = None;
-        for origin in &from {
-            let Origin::Name { name: other, .. } = origin else {
-                known = Some(true);
-                continue;
-            };
-            let found = match seen.iter().find(|(n, _)| n == other) {
-                Some((_, settled)) => settled.then_some(true),
-                None => self.origin(*other, setup, scan, seen),
-            };
-            if found == Some(false) {
-                return found;
-            }
-            known = known.or(found);
-        }
-        if let Some(own) = seen.get_mut(own) {
-            own.1 = known.is_some();
-        }
-        known
-    }
-
-    /// Lists, once, where a name to which the arm moves is calculated.
-    fn computed(&mut self, name: u64, scan: &mut Scan) {
-        for origin in self.origins.get(&name).into_iter().flatten() {
-            if let Origin::Computed(at) = origin
-                && self.listed_at.insert(*at)
-            {
-                scan.problems.push((
-                    *at as usize,
-                    "a place to which the arm moves is calculated here while the program runs".into(),
-                ));
-            }
-        }
-    }
-
-    fn visit_group(&mut self, group: u32, setup: u32, way: Way, at: u32, scan: &mut Scan) {
-        let Some(g) = self.groups.get_mut(group as usize) else { return };
-        let all = g.first..g.first + g.count;
-        let fresh = g.used.is_none();
-        let one = match way {
-            Way::Element(k) => u32::try_from(k).ok().and_then(|k| g.first.checked_add(k)).filter(|s| all.contains(s)),
-            _ => (g.count == 1).then_some(g.first),
-        };
-        match one {
-            Some(spot) => scan.assign(spot, setup),
-            None if g.used == Some(setup) => {}
-            None => all.clone().for_each(|spot| scan.assign(spot, setup)),
-        }
-        g.used = Some(setup);
-        match (way, one) {
-            (Way::Said, _) => {}
-            (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool, at }),
-            (Way::Near(..), None) => {
-                scan.relative.push(at);
-                scan.visits.push(Visit::Unknown);
-            }
-            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
-            // an array that a loop runs through is visited once, in its order
-            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), None) if fresh => {
-                scan.visits.extend(all.map(Visit::To))
-            }
-            _ => scan.visits.push(Visit::Unknown),
-        }
-    }
 }

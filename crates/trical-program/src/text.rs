@@ -63,6 +63,20 @@ pub fn mentions(text: &[u8], name: &[u8]) -> bool {
     text.split(|b| !b.is_ascii_alphanumeric() && *b != b'_').any(|w| w.eq_ignore_ascii_case(name))
 }
 
+/// Whether bytes have these in them.
+#[must_use]
+pub fn contains(bytes: &[u8], word: &[u8]) -> bool {
+    let first = word.first().copied().unwrap_or(0);
+    let mut at = 0;
+    while let Some(k) = bytes[at..].iter().position(|b| *b == first) {
+        if bytes[at + k..].starts_with(word) {
+            return true;
+        }
+        at += k + 1;
+    }
+    false
+}
+
 /// A place in a program, and small steps from there.
 #[derive(Clone, Copy, Debug)]
 pub struct Cursor<'a> {

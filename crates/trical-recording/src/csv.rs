@@ -91,6 +91,9 @@ impl Reader<'_> {
             .collect();
         if !unknown.is_empty() {
             let (s, known) = (if unknown.len() > 1 { "s" } else { "" }, columns::known());
+            if self.header.iter().all(|n| n.parse::<f64>().is_ok()) {
+                return Err(self.wrong_header(format!("found numbers, expected names of columns; known are {known}")));
+            }
             return Err(self.wrong_header(format!("unknown column{s} {}; known are {known}", unknown.join(", "))));
         }
         let mut found: [[[Option<Slot>; 2]; MAX_JOINTS]; FIELDS] = [[[None; 2]; MAX_JOINTS]; FIELDS];

@@ -68,12 +68,16 @@ class Controller:
         first = before.count("\n") + 1
         body = before.partition("/MN")[2]
         start = before.partition("/MN")[0].count("\n") + 1
+        ended = True
         for k, line in enumerate(body.split("\n")):
-            m = re.match(r"\s*(\d*)\s*:(.*?)\s*;?\s*$", line)
-            if m and m.group(1):
-                self.lines.append((start + k, m.group(2).strip()))
-            elif m and self.lines:  # goes on with the line before
-                self.lines[-1] = (self.lines[-1][0], f"{self.lines[-1][1]} {m.group(2).strip()}")
+            m = re.match(r"\s*(?:\d*\s*:)?(.*?)\s*(;?)\s*$", line)
+            if not m or not m.group(0).strip():
+                continue
+            if ended:
+                self.lines.append((start + k, m.group(1).strip()))
+            else:  # goes on with the line before
+                self.lines[-1] = (self.lines[-1][0], f"{self.lines[-1][1]} {m.group(1).strip()}")
+            ended = bool(m.group(2))
         for m in re.finditer(r"P\[(\d+)[^\]]*\]\{(.*?)\};", after, re.S):
             begin = first + after[: m.start()].count("\n")
             lines = frozenset(range(begin, begin + m.group(0).count("\n") + 1))

@@ -137,8 +137,12 @@ class Krl(Parser):
         to = [self.expression()]
         while self.has(","):
             to.append(self.expression())
-        self.line()
-        return ("move", line, kind, to[: MOTIONS[kind]])
+        data = ""  # `WITH $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)`
+        while self.now.kind != "end":
+            if self.next().text == "stool2":
+                self.need("(")
+                data = self.next().text
+        return ("move", line, kind, to[: MOTIONS[kind]], data)
 
     def declaration(self, line: Any) -> list:
         while self.has("decl", "global", "const"):
@@ -218,8 +222,14 @@ class Controller(Machine):
 
     def instruct(self, s: tuple) -> None:
         if s[0] == "move":
+            before = {name: self.variable(name) for name in ("$tool", "$base")} if s[4] else {}
+            if s[4]:
+                self.frames(s[1], s[4])
             for to in s[3]:
                 self.move(s[1], s[2], to)
+            for name, was in before.items():
+                if was is not None:
+                    self.set(name, was.value, was.because)
             return
         _, line, (_, name, args, *_) = s
         if name == "bas":
@@ -229,17 +239,21 @@ class Controller(Machine):
 
     def bas(self, line: Any, args: list) -> None:
         what = args[0][1]
-        numbers: list = []
         if what in ("#tool", "#base"):
-            numbers = [(what[1:], self.fresh(args[1]))]
+            self.choose(line, what[1:], *self.fresh(args[1]))
         elif what in ("#frames", "#ptp_params", "#cp_params"):
-            data, because = self.fresh(("name", "fdat_act", line))
-            numbers = [(k, (data[f"{k}_no"], because)) for k in ("tool", "base")]
-        for which, (number, because) in numbers:
-            table = self.variable(f"{which}_data")
-            assert table is not None
-            chosen = table.value[int(number) - 1] if number > 0 else ZERO
-            self.set(f"${which}", chosen, because | table.because | {line})
+            self.frames(line, "fdat_act")
+
+    def frames(self, line: Any, motion_data: str) -> None:
+        data, because = self.fresh(("name", motion_data, line))
+        for which in ("tool", "base"):
+            self.choose(line, which, data[f"{which}_no"], because)
+
+    def choose(self, line: Any, which: str, number: Any, because: frozenset) -> None:
+        table = self.variable(f"{which}_data")
+        assert table is not None
+        chosen = table.value[int(number) - 1] if number > 0 else ZERO
+        self.set(f"${which}", chosen, because | table.because | {line})
 
     def move(self, line: Any, kind: str, to: tuple) -> None:
         target, because = self.fresh(to)

@@ -1,5 +1,6 @@
 //! `trical compare`: is this arm still what it was?
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use trical_ident::compare::Change;
@@ -49,7 +50,9 @@ impl Asked {
         if let Some(path) = &self.table {
             if path.extension().is_none_or(|e| e != "csv") {
                 let found = path.display();
-                return Err(CliError::Input(format!("--table: found {found}, expected a name that ends in .csv")));
+                return Err(CliError::Input(format!(
+                    "--table: found {found}, expected a name that ends in .csv, which DuckDB, Polars or pandas turn into others"
+                )));
             }
             input::check_output(path, recordings.iter().map(PathBuf::as_path).chain([model]))?;
         }
@@ -100,7 +103,11 @@ fn print(c: &Comparison) -> Result<()> {
         seen.collect::<Vec<_>>().join(", ")
     );
     if !unseen.is_empty() {
-        line += &format!(" A change of {} alone would not be found, however large.", unseen.join(" or "));
+        let of = unseen.join(" or ");
+        let _ = write!(
+            line,
+            " A change of {of} would not be found, however large: what is fitted to each session anew takes its place."
+        );
     }
     for line in table::wrapped(&line, 108, "  ") {
         say(line)?;

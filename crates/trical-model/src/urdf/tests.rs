@@ -373,6 +373,27 @@ fn every_broken_urdf_gets_a_sentence_of_its_own() {
                   <limit lower='0' upper='0.04'/></joint></robot>";
     let e = refused(&branch.replace("</robot>", finger), None, None);
     assert!(e.contains("several ends, c, left_finger") && e.contains("r.urdf#a:c"), "{e}");
+    // a hand with two fingers at the arm's end: the hand, where they part
+    let hand_of = |names: [&str; 2]| {
+        let links = names.map(|n| {
+            format!(
+                "<link name='{n}'/><joint name='j_{n}' type='prismatic'><parent link='c'/><child link='{n}'/>\
+                 <limit lower='0' upper='0.04'/></joint>"
+            )
+        });
+        format!("{}</robot>", links.concat())
+    };
+    let hand = |names| refused(&GOOD.replace("</robot>", &hand_of(names)), None, None);
+    let e = hand(["left_finger", "right_finger"]);
+    assert!(e.contains("several ends, left_finger, right_finger") && e.contains("r.urdf#a:c"), "{e}");
+    // and a ball that somebody put at the same place goes before it
+    let ball = "<link name='ball'/><joint name='j' type='fixed'><parent link='c'/><child link='ball'/></joint></robot>";
+    let fingers = GOOD.replace("</robot>", &hand_of(["left_finger", "right_finger"]));
+    let e = refused(&fingers.replace("</robot>", ball), None, None);
+    assert!(e.contains("r.urdf#a:ball"), "{e}");
+    // but two wheels' names hold no 'ee' of an end effector
+    let e = hand(["wheel", "tcp"]);
+    assert!(e.contains("r.urdf#a:tcp"), "{e}");
 }
 
 #[test]
@@ -395,7 +416,8 @@ fn absurd_sizes_are_refused_quickly() {
         .unwrap();
     }
     long.push_str("</robot>");
-    assert!(refused(&long, None, None).contains("one too many"));
+    let e = refused(&long, None, None);
+    assert!(e.contains("one too many") && e.contains("r.urdf#l8990:l8999"), "{e}");
     assert!(refused(&" ".repeat(30_000_000), None, None).contains("bytes"));
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }

@@ -185,7 +185,8 @@ impl<'a> Tree<'a> {
             open.extend(self.below[k].iter().map(|j| (self.ends[*j].1, moved || self.moves(*j))));
         }
         leaves.sort_unstable();
-        let names: Vec<&str> = leaves.iter().take(20).map(|k| self.name(*k)).collect();
+        let names: Vec<&str> = leaves.iter().take(10).map(|k| self.name(*k)).collect();
+        let more = if leaves.len() > 10 { format!(" and {} more", leaves.len() - 10) } else { String::new() };
         match leaves.as_slice() {
             [one] => Ok(*one),
             [] => Err(ModelError::Unreadable {
@@ -195,7 +196,7 @@ impl<'a> Tree<'a> {
             _ => Err(ModelError::Unreadable {
                 file: self.file.to_owned(),
                 problem: format!(
-                    "has several ends, {}: name the flange as in {}#{}:{}",
+                    "has several ends, {}{more}: name the flange as in {}#{}:{}",
                     names.join(", "),
                     self.file,
                     self.name(root),
@@ -205,19 +206,33 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// The end that is an arm's flange most likely: it is named so, and as many joints move it as an arm may have.
+    /// The link that is an arm's flange most likely: it is named so, and as many joints move it as an arm may have. Of a
+    /// gripper it is the link where the fingers part, not one of them.
     fn likeliest(&self, root: usize, leaves: &[usize]) -> usize {
         const NAMES: [&str; 5] = ["tool0", "flange", "tool", "tcp", "ee"];
         // of a gripper, which moves more than the arm does
         const FINGERS: [&str; 4] = ["finger", "knuckle", "jaw", "pad"];
-        let rank = |leaf: &usize| {
-            let name = self.name(*leaf).to_lowercase();
-            let named = NAMES.iter().position(|n| name.contains(n)).map_or(0, |k| NAMES.len() - k);
-            let moves = self.chain(root, *leaf).map_or(0, |c| c.iter().filter(|j| self.moves(**j)).count());
-            let arm = moves <= MAX_JOINTS && !FINGERS.iter().any(|n| name.contains(n));
-            (arm, named > 0 && moves >= 4, if arm { moves } else { 0 }, named, std::cmp::Reverse(*leaf))
+        let moves = |link: usize| self.chain(root, link).map_or(0, |c| c.iter().filter(|j| self.moves(**j)).count());
+        let rank = |link: &usize| {
+            let name = self.name(*link).to_lowercase();
+            let words = name.split(|c: char| !c.is_alphanumeric());
+            let named = words.filter_map(|w| NAMES.iter().position(|n| w.starts_with(n))).min();
+            let named = named.map_or(0, |k| NAMES.len() - k);
+            let moves = moves(*link);
+            let few = moves <= MAX_JOINTS;
+            let arm = few && !FINGERS.iter().any(|n| name.contains(n));
+            let end = self.below[*link].is_empty();
+            (arm, named > 0 && moves >= 4, if few { moves } else { 0 }, named, end, std::cmp::Reverse(*link))
         };
-        leaves.iter().copied().max_by_key(rank).unwrap_or(root)
+        let parts = leaves.iter().filter_map(|leaf| self.parting(*leaf)).filter(|link| moves(*link) > 0);
+        leaves.iter().copied().chain(parts).max_by_key(rank).unwrap_or(root)
+    }
+
+    /// The last link above `leaf` from which several joints move on.
+    fn parting(&self, leaf: usize) -> Option<usize> {
+        let above = |link: usize| self.above[link].map(|j| self.ends[j].0);
+        std::iter::successors(above(leaf), |link| above(*link))
+            .find(|link| self.below[*link].iter().filter(|j| self.moves(**j)).count() > 1)
     }
 
     /// What link `from`, which stands at `root_from_link`, carries without the joint `except`: joints that branch off stay at
@@ -287,7 +302,12 @@ pub(crate) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
             return bad(format!("mimics joint '{other}', and joints that are tied together are not understood"));
         }
         if joints.len() == MAX_JOINTS {
-            return bad(format!("is one too many: an arm has 1 to {MAX_JOINTS} moving joints"));
+            let last = chain.iter().rev().filter(|j| tree.moves(**j)).nth(MAX_JOINTS - 1).unwrap_or(index);
+            return bad(format!(
+                "is one too many: an arm has 1 to {MAX_JOINTS} moving joints; name links with as many between them, as in {file}#{}:{}",
+                urdf.joints[*last].parent,
+                tree.name(tip)
+            ));
         }
         let child = tree.ends[*index].1;
         // up to the next joint that moves; fixed ones belong to this body, and so do branches

@@ -1,5 +1,7 @@
 //! One thread goes ahead through the program: the nominal arm's joints at every target.
 
+use std::collections::HashSet;
+
 use nalgebra::Vector3;
 use trical_model::ik::{continue_from, inverse_kinematics, nearest_solution};
 use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
@@ -35,6 +37,31 @@ pub struct Start {
 }
 
 impl Compensator<'_> {
+    /// Where loops begin that move the arm, as indices of visits.
+    fn moving_loops(&self) -> HashSet<usize> {
+        let mut open: Vec<(usize, bool)> = Vec::new();
+        let mut moving = HashSet::new();
+        for (index, visit) in self.scan.visits.iter().enumerate() {
+            match visit {
+                Visit::Fork(Fork::Opens | Fork::Repeats) => open.push((index, false)),
+                Visit::Fork(Fork::Closes) => {
+                    let Some((begin, true)) = open.pop() else { continue };
+                    moving.insert(begin);
+                    if let Some((_, moves)) = open.last_mut() {
+                        *moves = true;
+                    }
+                }
+                Visit::Fork(Fork::Other) | Visit::Like(_) => {}
+                Visit::Fork(Fork::Anywhere) | Visit::To(_) | Visit::Near { .. } | Visit::Unknown => {
+                    if let Some((_, moves)) = open.last_mut() {
+                        *moves = true;
+                    }
+                }
+            }
+        }
+        moving
+    }
+
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
     /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
     /// each as soon as it is known: what is done with it need not wait for the rest. `unwanted` is asked before each target; when
@@ -67,7 +94,8 @@ impl Compensator<'_> {
         let rest = unvisited.iter().enumerate().filter(|(_, seen)| !**seen).map(|(k, _)| Visit::To(k as u32));
         let mut given = 0;
         let mut known = 0;
-        for visit in self.scan.visits.iter().copied().chain(rest) {
+        let repeated = self.moving_loops();
+        for (index, visit) in self.scan.visits.iter().copied().chain(rest).enumerate() {
             if unwanted() {
                 return shifted;
             }
@@ -81,6 +109,12 @@ impl Compensator<'_> {
             match visit {
                 Visit::Unknown | Visit::Fork(Fork::Anywhere) => sense = unknown.clone(),
                 Visit::Fork(Fork::Opens) => open.push((sense.clone(), false)),
+                Visit::Fork(Fork::Repeats) => {
+                    open.push((sense.clone(), false));
+                    if repeated.contains(&index) {
+                        sense = unknown.clone();
+                    }
+                }
                 Visit::Fork(Fork::Other) => {
                     if let Some((before, moves)) = open.last_mut() {
                         *moves |= sense != *before;

@@ -12,7 +12,8 @@ use trical_model::Pose;
 use crate::branch::Configuration;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Fork, Names, OWN_SETUP, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::names::{Names, Origin, Way};
+use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, lower};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
@@ -92,9 +93,11 @@ fn active(main: &[u8], what: &str) -> Result<Option<String>, String> {
     Ok(found)
 }
 
-/// A line of /MN without its number.
+/// A line of /MN without its number; generators leave the number out, or the colon too.
 fn statement(line: &[u8]) -> &[u8] {
-    line.iter().position(|b| *b == b':').map_or(line, |k| &line[k + 1..]).trim_ascii_start()
+    let text = line.trim_ascii_start();
+    let behind = text.iter().position(|b| !b.is_ascii_digit() && !b.is_ascii_whitespace()).unwrap_or(0);
+    text[behind..].strip_prefix(b":").unwrap_or(text).trim_ascii_start()
 }
 
 /// `P[1:"name"]{ GP1: UF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = ... };`
@@ -222,6 +225,18 @@ fn has(line: &[u8], word: &[u8]) -> bool {
     })
 }
 
+/// First words of statements that do not move the arm, or are read for how they do.
+const STATEMENTS: &str = " J L C S A P PR R F M DO DI RO RI GO GI AO AI SO SI UO UI WO WI SR AR VR TIMER IF ELSE ENDIF SELECT FOR ENDFOR \
+    WAIT JMP LBL CALL RUN OVERRIDE PAUSE ABORT END MESSAGE UALM UFRAME UTOOL PAYLOAD SKIP OFFSET TOOL COL MONITOR RSR LOCK UNLOCK JOINT \
+    LINEAR ERROR RESUME STRLEN SUBSTR FINDSTR VISION ARC WEAVE TRACK TC DIAG TORQ PULSE BREAK SOFTFLOAT STOP LINE SENSOR POINT PERCH \
+    DEFAULT EG ";
+
+/// Whether a statement that begins with this word (in capitals) is one of the user's.
+fn is_macro(word: &[u8]) -> bool {
+    let known = |w: &[u8]| STATEMENTS.split_ascii_whitespace().any(|s| s.as_bytes() == w);
+    !word.is_empty() && !known(word)
+}
+
 /// The places that a line names, `P[3]` and `PR[3]`: offset, whether it is a register, and its digits.
 fn places(upper: &[u8]) -> Vec<(usize, bool, &[u8])> {
     let mut found = Vec::new();
@@ -244,10 +259,11 @@ fn register(digits: &[u8]) -> u64 {
     hashed(&[b"pr", digits].concat())
 }
 
-/// Where the statement ends whose first line ends at `at`: lines that begin with `:` belong to the one above.
-fn continued(bytes: &[u8], mut at: usize, end: usize) -> usize {
+/// Where the statement ends whose first line is `from..at`: lines that begin with `:` belong to the one above, as long as that has
+/// no end.
+fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
     for line in bytes[at..end].split_inclusive(|b| *b == b'\n') {
-        if !line.trim_ascii_start().starts_with(b":") {
+        if bytes[from..at].trim_ascii_end().ends_with(b";") || !line.trim_ascii_start().starts_with(b":") {
             break;
         }
         at += line.len();
@@ -257,29 +273,32 @@ fn continued(bytes: &[u8], mut at: usize, end: usize) -> usize {
 
 /// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
-    let mut at = main;
+    let (mut at, mut whole) = (main, main);
     let mut no_targets = Vec::new();
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
         at += line.len();
-        if line.trim_ascii_start().starts_with(b":") {
+        if begin < whole {
             // the end of a line that was too long
             continue;
         }
+        whole = continued(bytes, begin, at, end);
         let text = statement(line);
         if text.starts_with(b"!") || text.starts_with(b"//") || text.starts_with(b"--") {
             continue;
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
-        let upper = bytes[offset..continued(bytes, at, end)].to_ascii_uppercase();
+        let upper = bytes[offset..whole].to_ascii_uppercase();
         let word = upper.split(|b| !b.is_ascii_alphabetic()).next().unwrap_or_default();
         let fork = match word {
             b"LBL" => Some(Fork::Anywhere),
             b"ELSE" => Some(Fork::Other),
             b"ENDIF" => Some(Fork::Closes),
             b"IF" if has(&upper, b"THEN") => Some(Fork::Opens),
-            // what other programs do is not read
-            _ if has(&upper, b"CALL") => Some(Fork::Anywhere),
+            b"FOR" => Some(Fork::Repeats),
+            b"ENDFOR" => Some(Fork::Closes),
+            // what other programs do is not read; a macro is one, called by its name
+            _ if has(&upper, b"CALL") || is_macro(word) => Some(Fork::Anywhere),
             _ => None,
         };
         fork.into_iter().for_each(|fork| names.fork(fork));
@@ -291,7 +310,8 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         if let Some(equals) = upper.iter().position(|b| *b == b'=')
             && let Some((0, true, digits)) = all.first().copied()
         {
-            set_register(&upper[equals + 1..], digits, offset, names, &all[1..]);
+            let is_element = upper[..equals].contains(&b',');
+            set_register(&upper[equals + 1..], (digits, is_element), offset, names, &all[1..]);
             continue;
         }
         let moves = matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
@@ -325,8 +345,11 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
                 // its setup is what the position itself says
                 names.gone_to(hashed(digits), relative, offset + place);
             } else {
-                // whichever it is, it is in /POS
+                // `P[R[1]]`: whichever it is, it is in /POS
                 names.visit(Visit::Unknown);
+                if upper[*place..].starts_with(b"P[.") {
+                    scan.problems.push((offset, "goes to a position that is not taught (P[...])".into()));
+                }
             }
         }
     }
@@ -334,12 +357,19 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
 }
 
 /// `PR[1]=P[3]`, `PR[1]=PR[2]+PR[3]`, `PR[1,3]=PR[1,3]+50`, `PR[1]=LPOS`.
-fn set_register(source: &[u8], digits: &[u8], at: usize, names: &mut Names, from: &[(usize, bool, &[u8])]) {
+fn set_register(
+    source: &[u8],
+    (digits, is_element): (&[u8], bool),
+    at: usize,
+    names: &mut Names,
+    from: &[(usize, bool, &[u8])],
+) {
     let name = register(digits);
     let at = u32::try_from(at).unwrap_or(u32::MAX);
     let origin = match from.first() {
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => return,
+        _ if is_element => Origin::Computed(at),
         Some((_, true, other)) => Origin::Name { name: register(other), at },
         Some((_, false, other)) if !other.is_empty() => Origin::Name { name: hashed(other), at },
         _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,

@@ -13,11 +13,13 @@ use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
 
 use crate::branch::Configuration;
+use crate::elsewhere::Elsewhere;
 use crate::expression::Constants;
-use crate::flow::{Elsewhere, Flow};
+use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
-use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
+use crate::names::{Names, Origin, Way};
+use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, lower, mentions, moved_to};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
@@ -28,8 +30,34 @@ const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", 
 /// Variables that say where the arm is.
 const HERE: [&[u8]; 5] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES", b"$AXIS_ACT_MEAS"];
 /// Statements of the language that look like calls.
-const BUILT_IN: [&[u8]; 9] =
-    [b"COPEN", b"CCLOSE", b"CREAD", b"CWRITE", b"CIOCTL", b"SREAD", b"SWRITE", b"MBX_REC", b"ERR_RAISE"];
+const BUILT_IN: [&[u8]; 14] = [
+    b"COPEN",
+    b"CCLOSE",
+    b"CREAD",
+    b"CWRITE",
+    b"CIOCTL",
+    b"SREAD",
+    b"SWRITE",
+    b"MBX_REC",
+    b"ERR_RAISE",
+    b"PULSE",
+    b"SET_CD_PARAMS",
+    b"RSI_ON",
+    b"RSI_MOVECORR",
+    b"ST_MOVESENS",
+];
+/// Of them, those that displace what follows, or move the arm themselves.
+const BY_SENSOR: [(&[u8], &str); 3] = [
+    (b"RSI_ON", "lets a sensor displace the motions that follow (RSI); they are corrected for where the text has them"),
+    (
+        b"RSI_MOVECORR",
+        "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected",
+    ),
+    (
+        b"ST_MOVESENS",
+        "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected",
+    ),
+];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
 /// Where the mark goes: behind the `&ACCESS` lines, which must come first.
@@ -47,7 +75,7 @@ pub fn header(bytes: &[u8]) -> usize {
 
 /// Reads a .src or .dat file, or both.
 #[must_use]
-pub fn scan(bytes: &[u8], elsewhere: Elsewhere<'_>) -> Scan {
+pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let (moved_to, frame_names) = targets(bytes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
@@ -81,6 +109,23 @@ pub fn scan(bytes: &[u8], elsewhere: Elsewhere<'_>) -> Scan {
         format!("goes to '{name}', which neither this file nor the .dat beside it gives as numbers")
     });
     scan
+}
+
+/// The GLOBAL routines of a file, by their hashed names.
+#[must_use]
+pub fn globals(bytes: &[u8]) -> Vec<u64> {
+    let mut found = Vec::new();
+    for line in bytes.split(|b| *b == b'\n') {
+        let mut c = Cursor::new(line, b';');
+        c.skip_blank();
+        if c.word().eq_ignore_ascii_case(b"GLOBAL") {
+            c.skip_blank();
+            if is_one_of(c.word(), &[b"DEF", b"DEFFCT"]) {
+                found.push(before_bracket(&mut c));
+            }
+        }
+    }
+    found
 }
 
 /// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.
@@ -210,6 +255,9 @@ impl Reader<'_> {
                 }
             } else if word.eq_ignore_ascii_case(b"BAS") {
                 self.bas();
+            } else if let Some((_, what)) = BY_SENSOR.iter().find(|(name, _)| word.eq_ignore_ascii_case(name)) {
+                self.scan.problems.push((from, (*what).into()));
+                self.names.visit(Visit::Unknown);
             } else if is_one_of(word, &[b"EXT", b"EXTFCT"]) {
                 // what the declared routine is called with
                 self.c.skip_line();
@@ -257,6 +305,7 @@ impl Reader<'_> {
             flow.called(before_bracket(c), now);
         } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
             flow.repeat(from, now);
+            names.fork(Fork::Repeats);
         } else if is(&[b"IF", b"SWITCH"]) {
             flow.branches(now, is(&[b"IF"]));
             names.fork(Fork::Opens);
@@ -329,13 +378,18 @@ impl Reader<'_> {
             self.c.at += 1;
             self.c.skip_blank();
             index = self.c.number().map(|s| lower(s.text(self.c.bytes)));
-            self.c.skip_blank();
+            let behind = self.c.until(b"]\n\r").len();
+            index = index.filter(|_| self.c.until(b"]\n\r").trim_ascii().is_empty());
+            self.c.at += behind;
             if self.c.peek() != b']' {
                 self.c.at = start;
                 return;
             }
             self.c.at += 1;
             self.c.skip_blank();
+            if self.c.peek() == b'.' {
+                return self.part(from, word);
+            }
         }
         let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
         if self.c.peek() != b'=' {
@@ -415,8 +469,14 @@ impl Reader<'_> {
             return name;
         }
         let word = self.c.word();
-        if word.eq_ignore_ascii_case(b"$NULLFRAME") {
+        if is_one_of(word, &[b"$NULLFRAME", b"$WORLD"]) {
             return "0".into();
+        }
+        if is_one_of(word, &[b"STOOL", b"STOOL2", b"SBASE"]) && self.c.eat(b'(') {
+            return self.of_motion_data(is_tool);
+        }
+        if word.eq_ignore_ascii_case(b"EK") {
+            return self.on_external_axis();
         }
         self.c.skip_blank();
         if (word.eq_ignore_ascii_case(b"TOOL_DATA") || word.eq_ignore_ascii_case(b"BASE_DATA")) && self.c.peek() == b'['
@@ -446,11 +506,25 @@ impl Reader<'_> {
             } else if what.eq_ignore_ascii_case(b"BASE") {
                 self.now.frame = Some(n.unwrap_or_else(|| "(computed)".into()));
             } else if what.eq_ignore_ascii_case(b"EX_BASE") {
-                let what = "the work stands on an external axis (#EX_BASE), which is not supported";
-                self.scan.frames.frames.insert("#ex_base".into(), Err(what.into()));
-                self.now.frame = Some("#ex_base".into());
+                self.now.frame = Some(self.on_external_axis());
             }
         }
+    }
+
+    /// The name of a base that an external axis moves.
+    fn on_external_axis(&mut self) -> String {
+        let what = "the work stands on an external axis (#EX_BASE, EK), which is not supported";
+        self.scan.frames.frames.insert("#ex_base".into(), Err(what.into()));
+        "#ex_base".into()
+    }
+
+    /// What the motion data say that stand in `STOOL2(FP1)` or `SBASE(FP1.BASE_NO)`, from behind the bracket on.
+    fn of_motion_data(&mut self, is_tool: bool) -> String {
+        self.c.skip_blank();
+        let name = self.c.word();
+        let setup = self.motion_data.get(&target_of(name)).and_then(|s| self.scan.setups.get(*s as usize));
+        let said = setup.and_then(|s| if is_tool { s.tool.clone() } else { s.frame.clone() });
+        said.unwrap_or_else(|| format!("of '{}'", String::from_utf8_lossy(name)))
     }
 
     /// The name of a tool that stands still while the robot carries the work.

@@ -5,6 +5,9 @@ pub mod krl;
 pub mod poses_csv;
 pub mod rapid;
 mod rapid_frames;
+mod rapid_motions;
+mod rapid_reader;
+mod rapid_routines;
 pub mod urscript;
 
 use std::path::Path;
@@ -12,7 +15,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use trical_model::{Cell, Model, Pose, Robot};
 
-use crate::flow::Elsewhere;
+use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::scan::Scan;
 
 /// What the comment says that keeps a program from being compensated twice.
@@ -44,7 +47,7 @@ struct Row {
     /// What a file is expected to hold.
     expected: &'static str,
     /// Targets, frames and order of a program.
-    scan: fn(&[u8], Elsewhere<'_>) -> Result<Scan, String>,
+    scan: fn(&[u8], &dyn Elsewhere) -> Result<Scan, String>,
     /// Offset of the line that gets the mark.
     header: fn(&[u8]) -> usize,
     /// What stands before and behind the mark in its line; the model's name is left out where lines are short.
@@ -59,7 +62,7 @@ const TABLE: [Row; 5] = [
         maker: "ABB",
         extensions: &["mod", "modx", "sys", "sysx", "prg"],
         expected: "ABB RAPID with robtarget or jointtarget data",
-        scan: |bytes, _| Ok(rapid::scan(bytes)),
+        scan: |bytes, elsewhere| Ok(rapid::scan(bytes, elsewhere)),
         header: rapid::header,
         comment: ("! ", ""),
         names_model: true,
@@ -158,14 +161,14 @@ impl Dialect {
     /// # Errors
     /// In words, where the file is none of this dialect.
     pub fn scan(self, bytes: &[u8]) -> Result<Scan, String> {
-        self.scan_with(bytes, &|_| None)
+        self.scan_with(bytes, &Nowhere)
     }
 
     /// The same of a program that calls routines of other files.
     ///
     /// # Errors
     /// As there.
-    pub fn scan_with(self, bytes: &[u8], elsewhere: Elsewhere<'_>) -> Result<Scan, String> {
+    pub fn scan_with(self, bytes: &[u8], elsewhere: &dyn Elsewhere) -> Result<Scan, String> {
         (self.row().scan)(bytes, elsewhere)
     }
 

@@ -3,21 +3,38 @@
 //! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
 //! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
 
-use nalgebra::Vector3;
+use std::collections::HashMap;
+
 use trical_model::Pose;
 
 use super::rapid_frames::{tool, work_object};
+use super::rapid_motions::MOTIONS;
+pub use super::rapid_reader::Effects;
+use super::rapid_reader::{Piece, Place, Reader, key};
 use crate::branch::Configuration;
-use crate::expression::Constants;
-use crate::frames::ToolFrame;
+use crate::elsewhere::{Elsewhere, Nowhere};
+use crate::frames::{Frames, ToolFrame};
 use crate::literal::Shape;
-use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, changed_here, hashed};
-use crate::text::{Cursor, Span, begins_line, lower, mentions, number};
+use crate::names::Origin;
+use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
+use crate::text::{Span, begins_line, lower, mentions, number};
 
-/// Beginnings of instructions that move the arm, in lower case.
-const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
-/// Functions that say where the arm is.
-const HERE: [&str; 2] = ["crobt", "cjointt"];
+/// Instructions that move the arm otherwise than the text says, or displace what it says.
+const OTHERWISE: [(&[&[u8]], &str); 4] = [
+    (
+        &[b"pdispon", b"pdispset"],
+        "displaces the targets of the motions that follow; they are corrected for where the text has them",
+    ),
+    (
+        &[b"eoffson", b"eoffsset"],
+        "displaces the external axes for the motions that follow; targets are corrected for where the text has them",
+    ),
+    (&[b"corrcon"], "lets a sensor displace the motions that follow; they are corrected for where the text has them"),
+    (
+        &[b"egmrunpose", b"egmrunjoint", b"egmmovel", b"egmmovec"],
+        "moves the arm as another computer says while the program runs (EGM), which is not corrected",
+    ),
+];
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
 /// Lists inside lists, at most: a record of arrays of targets has five.
@@ -38,14 +55,8 @@ pub fn header(bytes: &[u8]) -> usize {
 
 /// Reads a module.
 #[must_use]
-pub fn scan(bytes: &[u8]) -> Scan {
-    let mut reader = Reader {
-        c: Cursor::new(bytes, b'!'),
-        scan: Scan::default(),
-        names: Names::default(),
-        constants: Constants::with_degrees(),
-        name: Span::default(),
-    };
+pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
+    let mut reader = Reader::of(bytes, elsewhere);
     reader.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
     reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
     reader.file();
@@ -67,38 +78,30 @@ pub fn scan(bytes: &[u8]) -> Scan {
     scan
 }
 
-/// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
-fn targets_of(instruction: &[u8]) -> Option<usize> {
-    let word = lower(instruction);
-    let rest = ["arcmove", "move", "trigg", "arc", "paint", "spot", "disp", "cap"]
-        .iter()
-        .find_map(|m| word.strip_prefix(m))?;
-    let kinds = ["absj", "ml", "l", "j", "c"];
-    let kind = kinds.iter().find(|k| rest.starts_with(**k))?;
-    let ending = rest.strip_prefix(kind)?;
-    let known = ["", "do", "ao", "go", "sync", "ios", "start", "end", "1", "2", "1start", "2start", "1end", "2end"];
-    known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
-}
-
-struct Reader<'a> {
-    c: Cursor<'a>,
-    scan: Scan,
-    names: Names,
-    constants: Constants,
-    /// Name of the data that is being read.
-    name: Span,
-}
-
-/// A list as far as targets care.
-#[derive(Clone, Copy)]
-enum Piece {
-    /// Only numbers, at most six; `unread` is one without a value.
-    Flat { count: usize, spans: [Span; 6], unread: Option<Span> },
-    /// Anything else; targets in it were taken.
-    Other,
+/// What a module has for others: its routines, and its tools and work objects.
+#[must_use]
+pub fn for_others(bytes: &[u8]) -> (HashMap<u64, Effects>, Frames) {
+    let mut reader = Reader { effects: Some(HashMap::new()), ..Reader::of(bytes, &Nowhere) };
+    reader.file();
+    let moving = reader.names.moving();
+    let mut effects = reader.effects.take().unwrap_or_default();
+    let own = effects.remove(&0).unwrap_or_default().own;
+    for name in reader.routines.keys() {
+        let routine = effects.entry(*name).or_default();
+        routine.moves = moving.contains(name);
+        routine.sets.retain(|set| !own.contains(set));
+    }
+    effects.retain(|name, _| reader.routines.contains_key(name));
+    (effects, reader.scan.frames)
 }
 
 impl Reader<'_> {
+    pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
+        if let Some(effects) = &mut self.effects {
+            note(effects.entry(self.within).or_default());
+        }
+    }
+
     fn file(&mut self) {
         let mut before: &[u8] = b"";
         while !self.c.done() {
@@ -112,8 +115,12 @@ impl Reader<'_> {
                         self.c.skip_string();
                         Some(Piece::Other)
                     }
-                    _ => {
+                    b => {
                         self.c.at += 1;
+                        // a routine whose name the program puts together
+                        if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
+                            self.names.fork(Fork::Anywhere);
+                        }
                         None
                     }
                 };
@@ -132,13 +139,14 @@ impl Reader<'_> {
                 self.c.skip_space();
                 let name = self.c.word();
                 self.constants.forget(hashed(name));
-            } else if is("pdispon") || is("pdispset") {
-                let what =
-                    "displaces the targets of the motions that follow; they are corrected for where the text has them";
-                self.scan.problems.push((from, what.into()));
-            } else if is("eoffson") || is("eoffsset") {
-                let what = "displaces the external axes for the motions that follow; targets are corrected for where the text has them";
-                self.scan.problems.push((from, what.into()));
+            } else if let Some((words, what)) =
+                OTHERWISE.iter().find(|(words, _)| words.iter().any(|w| word.eq_ignore_ascii_case(w)))
+            {
+                self.scan.problems.push((from, (*what).into()));
+                self.note(|routine| routine.displaces = true);
+                if words.len() > 2 {
+                    self.names.visit(Visit::Unknown);
+                }
             } else if is("moveextj") {
                 // no motion of the arm: these joint values are those of other machines
                 self.c.skip_space();
@@ -162,15 +170,20 @@ impl Reader<'_> {
                 && ![&b"proc"[..], b"func", b"trap", b"module"].iter().any(|k| before.eq_ignore_ascii_case(k))
             {
                 self.motion(word);
-            } else if !self.block(word) {
+            } else if !self.block(from, word) {
                 self.assignment(from, word);
             }
             before = word;
         }
     }
 
-    /// Words that begin or end routines and branches.
-    fn block(&mut self, word: &[u8]) -> bool {
+    /// What a name is called among all names: arguments of a routine are its own.
+    pub(super) fn key(&self, name: &[u8]) -> u64 {
+        key(&self.parameters, name)
+    }
+
+    /// Words that begin or end routines, branches and loops.
+    fn block(&mut self, from: usize, word: &[u8]) -> bool {
         let is = |words: &[&[u8]]| words.iter().any(|k| word.eq_ignore_ascii_case(k));
         if is(&[b"proc", b"func", b"trap"]) {
             if is(&[b"func"]) {
@@ -181,8 +194,15 @@ impl Reader<'_> {
             self.c.skip_space();
             let name = hashed(self.c.word());
             self.names.routine(name);
+            self.within = name;
+            self.parameters = self.routines.get(&name).cloned().unwrap_or_default();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
+            self.parameters.clear();
+        } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
+            self.names.fork(Fork::Anywhere);
+        } else if is(&[b"for", b"while"]) {
+            self.names.fork(Fork::Repeats);
         } else if is(&[b"if"]) {
             // `IF c THEN ... ENDIF`, or one instruction behind the condition
             if mentions(self.c.clone().until(b";"), b"THEN") {
@@ -192,7 +212,7 @@ impl Reader<'_> {
             self.names.fork(Fork::Opens);
         } else if is(&[b"elseif", b"else", b"case", b"default"]) {
             self.names.fork(Fork::Other);
-        } else if is(&[b"endif", b"endtest"]) {
+        } else if is(&[b"endif", b"endtest", b"endfor", b"endwhile"]) {
             self.names.fork(Fork::Closes);
         } else {
             return false;
@@ -214,25 +234,32 @@ impl Reader<'_> {
         }
     }
 
-    /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`: data that the program sets.
+    /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`, `p{i}:=...`: data that the program sets.
     fn assignment(&mut self, from: usize, word: &[u8]) {
         let start = self.c;
         let mut is_part = false;
-        while self.c.peek() == b'.' {
-            self.c.at += 1;
-            is_part |= !self.c.word().is_empty();
+        loop {
+            match self.c.peek() {
+                b'.' => {
+                    self.c.at += 1;
+                    is_part |= !self.c.word().is_empty();
+                }
+                b'{' => self.index(),
+                _ => break,
+            }
         }
         let label = self.c.peek() == b':' && !is_part && begins_line(self.c.bytes, from);
         if !(self.c.eat(b':') && self.c.eat(b'=')) {
             self.c = start;
             if label {
                 self.names.fork(Fork::Anywhere);
-            } else if begins_line(self.c.bytes, from) {
-                self.names.called(hashed(word), false);
+            } else {
+                self.call(from, word);
             }
             return;
         }
-        let name = hashed(word);
+        let name = self.key(word);
+        self.note(|routine| routine.set(name));
         self.c.skip_space();
         if is_part {
             if mentions(self.c.until(b";\n"), word) {
@@ -243,26 +270,40 @@ impl Reader<'_> {
         } else if self.c.peek() == b'[' {
             self.define(Span::new(from, from + word.len()));
         } else {
-            let at = self.c.at;
+            let start = self.c;
             let source = self.c.word();
             if source.is_empty() {
                 return;
             }
-            self.c.skip_space();
-            match self.c.peek() {
-                b'(' => {
-                    let origin = match self.relative(source) {
-                        Place::Name { name, .. } => Origin::Name { name, at: from as u32 },
-                        Place::Here => Origin::Here,
-                        _ => Origin::Computed(from as u32),
-                    };
-                    self.names.set_from(name, origin);
-                }
-                b';' | b'{' => self.names.set_from(name, Origin::Name { name: hashed(source), at: from as u32 }),
-                b'.' => self.names.set_from(name, Origin::Computed(from as u32)),
-                _ => self.c.at = at,
+            match self.source(from, source, b";{") {
+                Some(origin) => self.names.set_from(name, origin),
+                None => self.c = start,
             }
         }
+    }
+
+    /// Where data come from that are set from what begins with this word, a name before one of `ends`; `None` is no target.
+    pub(super) fn source(&mut self, from: usize, word: &[u8], ends: &[u8]) -> Option<Origin> {
+        let at = from as u32;
+        self.c.skip_space();
+        match self.c.peek() {
+            b'(' => Some(match self.relative(word) {
+                Place::Name { name, .. } => Origin::Name { name, at },
+                Place::Here => Origin::Here,
+                _ => Origin::Computed(at),
+            }),
+            b'.' => Some(Origin::Computed(at)),
+            b if ends.contains(&b) => Some(Origin::Name { name: self.key(word), at }),
+            _ => None,
+        }
+    }
+
+    /// Past `{i,j}`.
+    pub(super) fn index(&mut self) {
+        while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
+            self.c.at += 1;
+        }
+        self.c.at += usize::from(self.c.peek() == b'}');
     }
 
     /// `robtarget name{3}:=[...]`
@@ -274,24 +315,26 @@ impl Reader<'_> {
         if name.len == 0 {
             return;
         }
-        if self.c.eat(b'{') {
-            while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
-                self.c.at += 1;
-            }
-            self.c.eat(b'}');
+        if let Some(effects) = &mut self.effects {
+            effects.entry(0).or_default().own.insert(hashed(name.text(self.c.bytes)));
         }
-        if self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[') {
-            self.c.at -= 1;
-            self.define(name);
+        self.c.skip_space();
+        if self.c.peek() == b'{' {
+            self.index();
+        }
+        let start = self.c;
+        if self.c.eat(b':') && self.c.eat(b'=') {
+            self.c = start;
+            self.assignment(from, name.text(self.c.bytes));
         }
     }
 
-    fn define(&mut self, name: Span) {
+    pub(super) fn define(&mut self, name: Span) {
         let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
         self.name = name;
         self.list(0);
         self.name = Span::default();
-        let hash = hashed(name.text(self.c.bytes));
+        let hash = self.key(name.text(self.c.bytes));
         self.names.define(hash, first, self.scan.spots.len());
         if self.scan.problems.len() > problems {
             self.names.listed(hash);
@@ -302,7 +345,7 @@ impl Reader<'_> {
 
     /// A list, from its bracket on; its targets are taken as soon as they close, so that arrays of any length cost nothing.
     /// `None` where it does not end before the statement does.
-    fn list(&mut self, depth: usize) -> Option<Piece> {
+    pub(super) fn list(&mut self, depth: usize) -> Option<Piece> {
         self.c.at += 1;
         if depth > DEEPEST {
             return None;
@@ -456,213 +499,4 @@ impl Reader<'_> {
             self.scan.frames.frames.entry(name).or_insert(frame);
         }
     }
-
-    /// The arguments of a motion: which targets it goes to, with which tool and work object.
-    fn motion(&mut self, instruction: &[u8]) {
-        let search = instruction.to_ascii_lowercase().starts_with(b"search");
-        let targets = targets_of(instruction);
-        let mut places: Vec<Place> = Vec::new();
-        let (mut tool, mut frame): (Option<Span>, Option<String>) = (None, None);
-        let bytes = self.c.bytes;
-        let most = if search { 4 } else { 3 };
-        // the name that comes last is the tool; those before it are places, or speeds and zones, as far as the instruction goes
-        let way = |k: usize| match targets {
-            Some(n) if k < n => Way::To,
-            Some(_) => Way::Perhaps,
-            None if search && k == 2 => Way::To,
-            None if search || k > 0 => Way::Perhaps,
-            None => Way::Unlisted,
-        };
-        let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
-            if let Some(span) = tool.take()
-                && places.len() < most
-            {
-                let way = way(places.len());
-                places.push(Place::Name { name: hashed(span.text(bytes)), way, at: span.at as usize });
-            }
-        };
-        let begin = self.c.at;
-        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
-        let word = lower(instruction);
-        let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
-        let mut left = if targets.is_some() && more { 4 } else { usize::MAX };
-        loop {
-            self.c.skip_space();
-            if self.c.done() || self.c.peek() == b';' || self.c.at > begin + 4000 {
-                break;
-            }
-            match self.c.peek() {
-                b',' => {
-                    self.c.at += 1;
-                    left -= 1;
-                    if left == 0 {
-                        break;
-                    }
-                }
-                b'\\' => {
-                    self.c.at += 1;
-                    let option = self.c.word();
-                    if self.c.eat(b':') {
-                        self.c.eat(b'=');
-                        self.c.skip_space();
-                        let from = self.c.at;
-                        let value = self.c.word();
-                        if option.eq_ignore_ascii_case(b"wobj") {
-                            frame = Some(lower(value));
-                        } else if option.eq_ignore_ascii_case(b"tool") {
-                            flush(&mut tool, &mut places);
-                            tool = Some(Span::new(from, self.c.at));
-                        }
-                    }
-                }
-                b'[' => {
-                    flush(&mut tool, &mut places);
-                    let at = self.c.at;
-                    let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
-                    let whole = self.list(0).is_some();
-                    let end = self.scan.spots.len() as u32;
-                    if end > first {
-                        places.push(Place::Spots(first, end));
-                    } else if self.scan.problems.len() > problems {
-                        places.push(Place::Here);
-                    } else if targets.is_some_and(|n| places.len() < n) {
-                        places.push(Place::Computed(at));
-                    }
-                    if !whole {
-                        break;
-                    }
-                }
-                b'"' => self.c.skip_string(),
-                // not the call of an instruction
-                b':' | b'=' | b'(' if self.c.at <= begin + 2 => return,
-                _ => {
-                    let from = self.c.at;
-                    let word = self.c.word();
-                    if word.is_empty() {
-                        if self.c.number().is_none() {
-                            self.c.at += 1;
-                        }
-                        flush(&mut tool, &mut places);
-                        continue;
-                    }
-                    flush(&mut tool, &mut places);
-                    self.c.skip_space();
-                    match self.c.peek() {
-                        b'(' => match self.relative(word) {
-                            // perhaps the tool, of which nobody knows which
-                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {
-                                tool = Some(Span::new(from, from + word.len()));
-                            }
-                            place => places.push(place),
-                        },
-                        b'{' => {
-                            self.c.at += 1;
-                            self.c.skip_space();
-                            let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
-                            let whole = index.filter(|_| self.c.eat(b'}'));
-                            while whole.is_none() && !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
-                                self.c.at += 1;
-                            }
-                            if whole.is_none() {
-                                self.c.eat(b'}');
-                            }
-                            if targets.is_some_and(|n| places.len() >= n) {
-                                tool = Some(Span::new(from, from + word.len()));
-                                continue;
-                            }
-                            let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
-                            places.push(Place::Name { name: hashed(word), way, at: from });
-                        }
-                        _ => tool = Some(Span::new(from, from + word.len())),
-                    }
-                }
-            }
-        }
-        if places.is_empty() {
-            return;
-        }
-        let tool = tool.map(|t| lower(t.text(bytes)));
-        let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
-        for place in places {
-            match place {
-                Place::Name { name, way, at } => self.names.used(name, setup, way, at),
-                Place::Spots(first, end) => {
-                    for spot in first..end {
-                        self.scan.assign(spot, setup);
-                        self.names.visit(Visit::To(spot));
-                    }
-                }
-                Place::Here => self.names.visit(Visit::Unknown),
-                Place::Computed(at) => {
-                    self.names.visit(Visit::Unknown);
-                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
-                }
-            }
-        }
-    }
-
-    /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
-    fn relative(&mut self, function: &[u8]) -> Place {
-        let begin = self.c.at;
-        let in_tool = function.eq_ignore_ascii_case(b"reltool");
-        let offs = function.eq_ignore_ascii_case(b"offs");
-        let here = |f: &[u8]| HERE.iter().any(|h| f.eq_ignore_ascii_case(h.as_bytes()));
-        self.c.at += 1;
-        self.c.skip_space();
-        let mut at = self.c.at;
-        let mut name = self.c.word();
-        let (mut shift, mut plain, mut depth, mut k) = ([0.0; 3], true, 1, 0);
-        while [&b"offs"[..], b"reltool"].iter().any(|f| name.eq_ignore_ascii_case(f)) && self.c.eat(b'(') {
-            (plain, depth) = (false, depth + 1);
-            self.c.skip_space();
-            at = self.c.at;
-            name = self.c.word();
-        }
-        self.c.skip_space();
-        let of_here = self.c.peek() == b'(' && here(name);
-        let of_function = self.c.peek() == b'(' && !of_here;
-        while depth > 0 && !self.c.done() && self.c.peek() != b';' {
-            self.c.skip_space();
-            if depth == 1
-                && let Some((_, x)) = self.constants.expression(&mut self.c)
-            {
-                if let Some(to) = shift.get_mut(k) {
-                    *to = x * 1e-3;
-                }
-                k += 1;
-                continue;
-            }
-            match self.c.peek() {
-                b'(' => depth += 1,
-                b')' => depth -= 1,
-                b',' => {}
-                // turned as well, or calculated
-                _ => plain = false,
-            }
-            self.c.at += usize::from(self.c.peek() != b';');
-        }
-        if here(function) || of_here && (offs || in_tool) {
-            return Place::Here;
-        }
-        if !(offs || in_tool) || name.is_empty() || of_function {
-            return Place::Computed(begin);
-        }
-        let known = plain && k == 3;
-        let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
-        Place::Name { name: hashed(name), way, at }
-    }
-}
-
-/// Where a motion goes.
-enum Place {
-    Name {
-        name: u64,
-        way: Way,
-        at: usize,
-    },
-    Spots(u32, u32),
-    /// To where the arm is, or beside it; or to what is listed already.
-    Here,
-    /// To what only the running program knows; it stands here.
-    Computed(usize),
 }

@@ -14,7 +14,8 @@ use crate::expression::Constants;
 use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::{Meant, Shape};
-use crate::scan::{Fork, Names, Origin, Scan, Setup, Visit, Way, hashed};
+use crate::names::{Names, Origin, Way};
+use crate::scan::{Fork, Scan, Setup, Visit, hashed};
 use crate::text::{Cursor, Span, lower, mentions, moved_to};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
@@ -27,13 +28,15 @@ const HERE: [&[u8]; 6] = [
     b"get_target_joint_positions",
     b"get_joint_positions",
 ];
+/// Functions behind which motions end elsewhere than they say.
+const DISPLACES: [&[u8]; 3] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set"];
 /// Functions inside functions, at most.
 const DEEPEST: usize = 8;
 
 /// Reads a script.
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
-    let (constants, moved_to) = (constants(bytes), targets(bytes));
+    let (constants, moved_to, unsteady) = (constants(bytes), targets(bytes), unsteady(bytes));
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b'#'),
@@ -41,6 +44,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
             names: Names::default(),
             constants: &constants,
             moved_to: &moved_to,
+            unsteady: &unsteady,
             now: Setup::default(),
             flow,
             values: HashMap::new(),
@@ -158,15 +162,52 @@ fn targets(bytes: &[u8]) -> HashSet<u64> {
     all
 }
 
+/// Names that are assigned several times, not all of them along one function outside of its branches and loops, or used elsewhere: of
+/// these the text above does not say the value.
+fn unsteady(bytes: &[u8]) -> HashSet<u64> {
+    /// In which function a name stands first, how often it is assigned, and whether in a block or seen in another function.
+    type Seen = (usize, u32, bool);
+    let mut names: HashMap<u64, Seen> = HashMap::new();
+    // the functions and blocks that are open: the number of a function
+    let mut open: Vec<Option<usize>> = Vec::new();
+    let mut functions = 0;
+    let mut c = Cursor::new(bytes, b'#');
+    while !c.done() {
+        c.skip_space();
+        match c.word() {
+            b"" if c.peek() == b'"' => c.skip_string(),
+            b"" => c.at += 1,
+            b"def" | b"thread" => {
+                functions += 1;
+                open.push(Some(functions));
+            }
+            b"while" | b"if" | b"for" => open.push(None),
+            b"end" => drop(open.pop()),
+            word => {
+                let start = c;
+                c.skip_blank();
+                let assigned = c.peek() == b'=' && c.bytes.get(c.at + 1) != Some(&b'=');
+                c = start;
+                let function = open.iter().rev().find_map(|f| *f).unwrap_or(0);
+                let (first, count, elsewhere) = names.entry(hashed(word)).or_insert((function, 0, false));
+                *count = count.saturating_add(u32::from(assigned));
+                *elsewhere |= *first != function || assigned && open.last() == Some(&None);
+            }
+        }
+    }
+    names.into_iter().filter(|(_, (_, count, elsewhere))| *count > 1 && *elsewhere).map(|(name, _)| name).collect()
+}
+
 struct Reader<'a> {
     c: Cursor<'a>,
     scan: Scan,
     names: Names,
     constants: &'a Constants,
     moved_to: &'a HashSet<u64>,
+    unsteady: &'a HashSet<u64>,
     now: Setup,
     flow: Flow,
-    /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`; `None` where a name is assigned twice.
+    /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`: the latest; `None` where nobody knows which that is.
     values: HashMap<u64, Option<Pose>>,
     /// Joint values by name, for `qnear=name`; the latest.
     joints: HashMap<u64, Joints>,
@@ -198,6 +239,9 @@ impl Reader<'_> {
                 if self.c.eat(b'(') {
                     self.set_tcp(from);
                 }
+            } else if DISPLACES.contains(&word) {
+                let what = "displaces the motions that follow; they are corrected for where the text has them";
+                self.scan.problems.push((from, what.into()));
             } else if word.starts_with(b"mc_add_") && self.c.eat(b'(') {
                 let what = "moves with the tool that mc_initialize names, which is not read";
                 self.scan.problems.push((from, what.into()));
@@ -220,7 +264,10 @@ impl Reader<'_> {
                 c.skip_line();
             }
             b"return" => flow.returns(now),
-            b"while" => flow.repeat(from, now),
+            b"while" => {
+                flow.repeat(from, now);
+                names.fork(Fork::Repeats);
+            }
             b"if" => {
                 flow.branches(now, true);
                 names.fork(Fork::Opens);
@@ -312,8 +359,8 @@ impl Reader<'_> {
             self.scan.push(shape, spans, Configuration::Free, name);
             self.names.define(hash, first, first + 1);
         } else if shape == Shape::RotationVector {
-            let pose = self.pose(spans);
-            self.values.entry(hash).and_modify(|known| *known = None).or_insert(pose);
+            let pose = self.pose(spans).filter(|_| !self.unsteady.contains(&hash));
+            self.values.insert(hash, pose);
         }
     }
 
@@ -474,7 +521,11 @@ impl Reader<'_> {
         if let (false, true, Some(pose)) = (is_target, may_be_frame && depth < DEEPEST, frame)
             && self.c.eat(b',')
         {
-            let name = if base.is_empty() { format!("p[...] at byte {at}") } else { lower(base) };
+            let own = if base.is_empty() { "p[...]".to_owned() } else { lower(base) };
+            // set anew, it is another frame
+            let is_it = |f: &Result<Pose, String>| *f == Ok(pose);
+            let known = !base.is_empty() && self.scan.frames.frames.get(&own).is_none_or(is_it);
+            let name = if known { own } else { format!("{own} at byte {at}") };
             self.scan.frames.frames.insert(name.clone(), Ok(pose));
             self.place(Some(&name), depth + 1);
             return;

@@ -181,6 +181,42 @@ const RAPID: &[Case] = &[
         &[(1, "singularity")],
     ),
     case(
+        "elements of an array that are set",
+        "CONST robtarget q:=@0;\nPERS robtarget a{2}:=[@1,@2];\nVAR robtarget b{2};\na{i}.trans.z:=reg1;\nb{i,j} := Offs(q,50*i,0,0);\nMoveL a{i},v1,fine,tool0;\nMoveL b{i,j},v1,fine,tool0;\nPERS robtarget c{2}:=[@3,@3];\nc{2}:=Measured(2);\nMoveL c{1},v1,fine,tool0;\n",
+        &[1, 2, 2, 8, 8],
+        &[(4, "calculated"), (9, "calculated")],
+    ),
+    case(
+        "a target in a list of records",
+        "PERS targetdata w{2}:=[[@0,5],[@1,6]];\nArcL w{i}.position,v1,seam1,weld1,fine,tool0;\nw{n}.position:=pNew;\n",
+        &[1, 1],
+        &[(3, "calculated")],
+    ),
+    case(
+        "a target that is set from elsewhere",
+        "PERS robtarget p:=@0;\nPERS robtarget q:=@1;\np:=pOther;\nq:=p;\nMoveL q,v1,fine,tool0;\nVAR robtarget r:=pOther;\nMoveL r,v1,fine,tool0;\n",
+        &[1, 2],
+        &[(3, "set here"), (7, "'r'")],
+    ),
+    case(
+        "routines that get targets",
+        "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nPick q,5;\nPick(Offs(q,0,0,h)),5;\nIF b Pick @2,5;\nVia 3\\over:=p;\nPick pOther,5;\nENDPROC\nPROC Pick(robtarget p,num n)\nMoveL p,v1,fine,tool0;\nENDPROC\nPROC Via(num n\\robtarget over|switch off)\nMoveL Offs(over,0,0,5),v1,fine,tool0;\nENDPROC\nPROC Unused(robtarget p)\nMoveL p,v1,fine,tool0;\nENDPROC\n",
+        &[1, 2, 6],
+        &[(11, "'p'"), (17, "'p'")],
+    ),
+    case(
+        "a routine that changes what it gets",
+        "PERS robtarget p:=@0;\nPERS robtarget q:=@1;\nPROC main()\nLift grid,p;\nKeep q;\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\nENDPROC\nPROC Lift(robtarget all{*,*},INOUT robtarget x)\nx.trans.z:=reg1;\nENDPROC\nPROC Keep(robtarget x)\nx.trans.z:=reg1;\nENDPROC\n",
+        &[1, 2],
+        &[(10, "calculated")],
+    ),
+    case(
+        "guided by another computer",
+        "MoveL @0,v1,fine,tool0;\nEGMActPose id1\\WObj:=wobj0,frame1,EGM_FRAME_BASE,frame2,EGM_FRAME_BASE;\nEGMRunPose id1,EGM_STOP_HOLD\\x\\y\\z;\nCorrCon id2;\nMoveL @1,v1,fine,tool0\\Corr;\n",
+        &[1, 5],
+        &[(3, "EGM"), (4, "sensor")],
+    ),
+    case(
         "a tool and a work object that are copied",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nt:=tOther;\nw:=wOther;\nMoveL @0,v1,fine,t\\WObj:=w;\nMoveL @1,v1,fine,t\\WObj:=w;\n",
         &[5, 6],
@@ -231,6 +267,30 @@ const RAPID: &[Case] = &[
 ];
 
 const KRL: &[Case] = &[
+    case(
+        "inline forms of splines",
+        "DECL E6POS XP1={@0,S 2,T @T0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\nDECL E6POS XP2={@1,S 2,T @T1}\nDECL FDAT FP2={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE}\nDECL E6POS XP3={@2,S 2,T @T2}\nDECL FDAT FP3={TOOL_NO 1,BASE_NO 0,IPO_FRAME #TCP}\nTOOL_DATA[1]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nSPTP XP1 WITH $VEL_AXIS[1]=SVEL_JOINT(100.0), $TOOL=STOOL2( FP1), $BASE=SBASE( FP1.BASE_NO), $IPO_MODE=SIPO_MODE(FP1.IPO_FRAME)\nSLIN XP2 WITH $VEL=SVEL_CP(0.1, ,LL), $TOOL=STOOL2(FP2), $BASE=EK(K_ROOT(FP2.BASE_NO),K_TYPE(FP2.BASE_NO),K_OFFS(FP2.BASE_NO)) C_SPL\nSLIN XP3 WITH $TOOL=STOOL2(FP3), $BASE=SBASE(FP3.BASE_NO)\nSPTP XHOME WITH $TOOL=STOOL2(FHOME), $BASE=SBASE(FHOME.BASE_NO)\n",
+        &[1],
+        &[(3, "#ex_base"), (5, "#TCP"), (11, "'XHOME'")],
+    ),
+    case(
+        "elements of an array that are set by themselves",
+        "DECL E6POS P[2]\nP[1]={@0}\nP[2]={@1}\nFOR i=1 TO 2\nP[i].Z=P[i].Z+10\nPTP P[i]\nENDFOR\nP[2].X=SEEN()\nP[i]=OTHER\nPTP P[2]\n",
+        &[2, 3],
+        &[(8, "calculated"), (9, "set here")],
+    ),
+    case(
+        "a point that is set from elsewhere",
+        "E6POS P1={@0}\nP1=P2\nPTP P1\nP1=P1:{X 0,Y 0,Z 5,A 0,B 0,C 0}\nPTP P1\n",
+        &[1],
+        &[(2, "set here")],
+    ),
+    case(
+        "moved by a sensor, in the world",
+        "$BASE=$WORLD\nPTP {@0}\nret=RSI_ON(#RELATIVE)\nRSI_MOVECORR()\nSET_CD_PARAMS (0)\nPTP {@1}\n",
+        &[2, 6],
+        &[(3, "RSI"), (4, "RSI")],
+    ),
     case(
         "inline forms",
         "DECL E6POS XP1={@0,S 2,T @T0,E1 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\nDECL PDAT PPDAT1={VEL 100.000,ACC 100.000}\nDECL LDAT LCPDAT1={VEL 2.0,ACC 100.0}\nTOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nFDAT_ACT=FP1\nPTP XP1\n",
@@ -362,6 +422,18 @@ const KRL: &[Case] = &[
 
 const FANUC: &[Case] = &[
     case(
+        "lines without numbers",
+        "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[14],
+        &[(6, "register"), (8, "calculated")],
+    ),
+    case(
+        "a position that is not taught",
+        "/PROG A\n/MN\n   1:J P[...] 100% FINE ;\n   2:J P[1] 100% FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[9],
+        &[(3, "not taught")],
+    ),
+    case(
         "German",
         "/PROG A\n/MN\n   1:L P[1] 200mm/sek FEIN    ;\n/POS\nP[1]{\n   GP1:\n\tUF : F, UT : F,\t\tKONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[8],
@@ -436,6 +508,24 @@ const FANUC: &[Case] = &[
 ];
 
 const URSCRIPT: &[Case] = &[
+    case(
+        "a frame that is set anew along the way",
+        "def a():\nref=p[0,0,0,0,0,0]\nref=p[0.1,0.2,0,0,0,0]\nmovel(pose_trans(ref,p[@0]))\nref=p[0,0,0,0,0,0]\nmovel(pose_trans(ref,p[@0]))\nplane=p[0,0,0,0,0,0]\nwhile b:\nmovel(pose_trans(plane,p[@0]))\nplane=p[0.1,0.2,0,0,0,0]\nend\ntable=p[0,0,0,0,0,0]\ntable=p[0.1,0.2,0,0,0,0]\ndef go():\nmovel(pose_trans(table,p[@0]))\nend\nend\n",
+        &[4, 6],
+        &[(9, "'plane'"), (15, "'table'")],
+    ),
+    case(
+        "on a conveyor and beside the path",
+        "movel(p[@0])\ntrack_conveyor_linear(p[1,0,0,0,0,0], 1000.0)\nmovel(p[@1])\nstop_conveyor_tracking()\npath_offset_set(p[0,0,0.01,0,0,0], 1)\nmovel(p[@2])\n",
+        &[1, 3, 6],
+        &[(2, "displaces"), (5, "displaces")],
+    ),
+    case(
+        "a pose that is set from elsewhere",
+        "wp=p[@0]\nwp=other\nmovel(wp)\nwp=pose_add(wp,p[0,0,0.1,0,0,0])\nmovel(wp)\n",
+        &[1],
+        &[(2, "set here")],
+    ),
     case(
         "MoveJ of PolyScope",
         "def a():\n  global Waypoint_1_p=p[@0]\n  global Waypoint_1_q=[0.1,-1.5,1.2,-1.0,0.5,.3]\n  movej(get_inverse_kin(Waypoint_1_p, qnear=Waypoint_1_q), a=1.3962634015954636, v=1.0471975511965976)\n  movel(Waypoint_1_p, a=1.2, v=0.25)\nend\n",

@@ -176,5 +176,8 @@ mod tests {
         let named =
             PLAIN.replacen("t_s", "index,colour,t_s", 1).replace("\n0,", "\n7,red,0,").replace("\n1,", "\n7,red,1,");
         assert!(says(&named).contains("unknown columns 'index', 'colour'"), "{}", says(&named));
+        // no header at all
+        let bare = PLAIN.split_once('\n').expect("two lines").1;
+        assert!(says(bare).contains("header: found numbers, expected names of columns"), "{}", says(bare));
     }
 }

@@ -1,0 +1,223 @@
+//! RAPID's motions: which targets they go to, with which tool and work object.
+
+use nalgebra::Vector3;
+
+use super::rapid_reader::{Place, Reader, key};
+use crate::names::Way;
+use crate::scan::{Setup, Visit};
+use crate::text::{Span, lower};
+
+/// Beginnings of instructions that move the arm, in lower case.
+pub(super) const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
+/// Functions that say where the arm is.
+const HERE: [&str; 2] = ["crobt", "cjointt"];
+/// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
+fn targets_of(instruction: &[u8]) -> Option<usize> {
+    let word = lower(instruction);
+    let rest = ["arcmove", "move", "trigg", "arc", "paint", "spot", "disp", "cap"]
+        .iter()
+        .find_map(|m| word.strip_prefix(m))?;
+    let kinds = ["absj", "ml", "l", "j", "c"];
+    let kind = kinds.iter().find(|k| rest.starts_with(**k))?;
+    let ending = rest.strip_prefix(kind)?;
+    let known = ["", "do", "ao", "go", "sync", "ios", "start", "end", "1", "2", "1start", "2start", "1end", "2end"];
+    known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
+}
+
+impl Reader<'_> {
+    /// The arguments of a motion: which targets it goes to, with which tool and work object.
+    pub(super) fn motion(&mut self, instruction: &[u8]) {
+        let search = instruction.to_ascii_lowercase().starts_with(b"search");
+        let targets = targets_of(instruction);
+        let mut places: Vec<Place> = Vec::new();
+        let (mut tool, mut frame): (Option<Span>, Option<String>) = (None, None);
+        let bytes = self.c.bytes;
+        let most = if search { 4 } else { 3 };
+        // the name that comes last is the tool; those before it are places, or speeds and zones, as far as the instruction goes
+        let way = |k: usize| match targets {
+            Some(n) if k < n => Way::To,
+            Some(_) => Way::Perhaps,
+            None if search && k == 2 => Way::To,
+            None if search || k > 0 => Way::Perhaps,
+            None => Way::Unlisted,
+        };
+        let parameters = self.parameters.clone();
+        let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
+            if let Some(span) = tool.take()
+                && places.len() < most
+            {
+                let way = way(places.len());
+                places.push(Place::Name { name: key(&parameters, span.text(bytes)), way, at: span.at as usize });
+            }
+        };
+        let begin = self.c.at;
+        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
+        let word = lower(instruction);
+        let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
+        let mut left = if targets.is_some() && more { 4 } else { usize::MAX };
+        loop {
+            self.c.skip_space();
+            if self.c.done() || self.c.peek() == b';' || self.c.at > begin + 4000 {
+                break;
+            }
+            match self.c.peek() {
+                b',' => {
+                    self.c.at += 1;
+                    left -= 1;
+                    if left == 0 {
+                        break;
+                    }
+                }
+                b'\\' => {
+                    self.c.at += 1;
+                    let option = self.c.word();
+                    if self.c.eat(b':') {
+                        self.c.eat(b'=');
+                        self.c.skip_space();
+                        let from = self.c.at;
+                        let value = self.c.word();
+                        if option.eq_ignore_ascii_case(b"wobj") {
+                            frame = Some(lower(value));
+                        } else if option.eq_ignore_ascii_case(b"tool") {
+                            flush(&mut tool, &mut places);
+                            tool = Some(Span::new(from, self.c.at));
+                        }
+                    }
+                }
+                b'[' => {
+                    flush(&mut tool, &mut places);
+                    let at = self.c.at;
+                    let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
+                    let whole = self.list(0).is_some();
+                    let end = self.scan.spots.len() as u32;
+                    if end > first {
+                        places.push(Place::Spots(first, end));
+                    } else if self.scan.problems.len() > problems {
+                        places.push(Place::Here);
+                    } else if targets.is_some_and(|n| places.len() < n) {
+                        places.push(Place::Computed(at));
+                    }
+                    if !whole {
+                        break;
+                    }
+                }
+                b'"' => self.c.skip_string(),
+                // not the call of an instruction
+                b':' | b'=' | b'(' if self.c.at <= begin + 2 => return,
+                _ => {
+                    let from = self.c.at;
+                    let word = self.c.word();
+                    if word.is_empty() {
+                        if self.c.number().is_none() {
+                            self.c.at += 1;
+                        }
+                        flush(&mut tool, &mut places);
+                        continue;
+                    }
+                    flush(&mut tool, &mut places);
+                    self.c.skip_space();
+                    match self.c.peek() {
+                        b'(' => match self.relative(word) {
+                            // perhaps the tool, of which nobody knows which
+                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {
+                                tool = Some(Span::new(from, from + word.len()));
+                            }
+                            place => places.push(place),
+                        },
+                        b'{' => {
+                            self.c.at += 1;
+                            self.c.skip_space();
+                            let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
+                            let whole = index.filter(|_| self.c.eat(b'}'));
+                            while whole.is_none() && !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
+                                self.c.at += 1;
+                            }
+                            if whole.is_none() {
+                                self.c.eat(b'}');
+                            }
+                            if targets.is_some_and(|n| places.len() >= n) {
+                                tool = Some(Span::new(from, from + word.len()));
+                                continue;
+                            }
+                            let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
+                            places.push(Place::Name { name: self.key(word), way, at: from });
+                        }
+                        _ => tool = Some(Span::new(from, from + word.len())),
+                    }
+                }
+            }
+        }
+        if places.is_empty() {
+            return;
+        }
+        let tool = tool.map(|t| lower(t.text(bytes)));
+        let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
+        for place in places {
+            match place {
+                Place::Name { name, way, at } => self.names.used(name, setup, way, at),
+                Place::Spots(first, end) => {
+                    for spot in first..end {
+                        self.scan.assign(spot, setup);
+                        self.names.visit(Visit::To(spot));
+                    }
+                }
+                Place::Here => self.names.visit(Visit::Unknown),
+                Place::Computed(at) => {
+                    self.names.visit(Visit::Unknown);
+                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                }
+            }
+        }
+    }
+
+    /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
+    pub(super) fn relative(&mut self, function: &[u8]) -> Place {
+        let begin = self.c.at;
+        let in_tool = function.eq_ignore_ascii_case(b"reltool");
+        let offs = function.eq_ignore_ascii_case(b"offs");
+        let here = |f: &[u8]| HERE.iter().any(|h| f.eq_ignore_ascii_case(h.as_bytes()));
+        self.c.at += 1;
+        self.c.skip_space();
+        let mut at = self.c.at;
+        let mut name = self.c.word();
+        let (mut shift, mut plain, mut depth, mut k) = ([0.0; 3], true, 1, 0);
+        while [&b"offs"[..], b"reltool"].iter().any(|f| name.eq_ignore_ascii_case(f)) && self.c.eat(b'(') {
+            (plain, depth) = (false, depth + 1);
+            self.c.skip_space();
+            at = self.c.at;
+            name = self.c.word();
+        }
+        self.c.skip_space();
+        let of_here = self.c.peek() == b'(' && here(name);
+        let of_function = self.c.peek() == b'(' && !of_here;
+        while depth > 0 && !self.c.done() && self.c.peek() != b';' {
+            self.c.skip_space();
+            if depth == 1
+                && let Some((_, x)) = self.constants.expression(&mut self.c)
+            {
+                if let Some(to) = shift.get_mut(k) {
+                    *to = x * 1e-3;
+                }
+                k += 1;
+                continue;
+            }
+            match self.c.peek() {
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                b',' => {}
+                // turned as well, or calculated
+                _ => plain = false,
+            }
+            self.c.at += usize::from(self.c.peek() != b';');
+        }
+        if here(function) || of_here && (offs || in_tool) {
+            return Place::Here;
+        }
+        if !(offs || in_tool) || name.is_empty() || of_function {
+            return Place::Computed(begin);
+        }
+        let known = plain && k == 3;
+        let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
+        Place::Name { name: self.key(name), way, at }
+    }
+}

@@ -1,0 +1,96 @@
+//! Programs whose routines, tools and data stand in other files of the controller.
+
+use std::path::{Path, PathBuf};
+
+use trical_program::{Job, Options, Report};
+
+use crate::fixtures::{IRB, KR6, nominal, real};
+
+const TARGET: &str = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+
+/// Writes files into a folder of its own, and checks the first of them.
+fn checked(folder: &str, robot: &str, files: &[(&str, &str)]) -> Report {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    let _ = std::fs::remove_dir_all(&folder);
+    for (name, text) in files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text.replace("TARGET", TARGET)).unwrap();
+    }
+    let program = folder.join(files[0].0);
+    let job = Job { program: &program, out: None, dialect: None, frames: &[], partial: false };
+    let nominal = nominal(robot);
+    let options = Options {
+        temp_c: Some(32.0),
+        details: true,
+        configuration_off: true,
+        model_name: "m.toml".into(),
+        ..Options::default()
+    };
+    job.run(&nominal, &real(&nominal), &options).unwrap()
+}
+
+fn names(files: &[String]) -> Vec<String> {
+    files.iter().map(|f| Path::new(f).file_name().unwrap().to_string_lossy().into_owned()).collect()
+}
+
+#[test]
+fn modules_of_the_same_task_say_what_their_routines_do_and_have_its_tools() {
+    let main = "MODULE Main\nPERS robtarget p:=TARGET;\nPERS robtarget q:=TARGET;\nPROC main()\nMoveL p,v1,fine,tGrip\\WObj:=wTable;\nBlow;\nFind 3;\n\
+        Shift;\nMoveL q,v1,fine,tGrip\\WObj:=wTable;\nMoveL p,v1,fine,tTwo\\WObj:=wTable;\nNobodyHas 1;\nENDPROC\nENDMODULE\n";
+    let data = "MODULE Data\nPERS tooldata tGrip:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        PERS tooldata tTwo:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nENDMODULE\n";
+    let system = "MODULE System(SYSMODULE)\nPERS wobjdata wTable:=[FALSE,TRUE,\"\",[[5,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n\
+        PERS tooldata tTwo:=[TRUE,[[0,0,8],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC Blow()\nSetDO x,1;\nENDPROC\nENDMODULE\n";
+    let more = "MODULE More\nLOCAL PERS robtarget p:=TARGET;\nPROC Find(num n)\np:=CRobT();\nDeeper;\nENDPROC\nPROC Deeper()\nq.trans.z:=n;\nENDPROC\n\
+        PROC Shift()\nPDispSet frame;\nENDPROC\nPROC Never()\np.trans.x:=1;\nENDPROC\nENDMODULE\n";
+    let earlier = "! compensated by TriCal 0.1\nMODULE Old\nPROC NobodyHas(num n)\nENDPROC\nENDMODULE\n";
+    let report = checked(
+        "modules",
+        IRB,
+        &[
+            ("TASK1/PROGMOD/Main.mod", main),
+            ("TASK1/PROGMOD/Data.mod", data),
+            ("TASK1/PROGMOD/More.mod", more),
+            ("TASK1/PROGMOD/Main.new.mod", earlier),
+            ("TASK1/SYSMOD/System.sys", system),
+            ("TASK2/PROGMOD/Other.mod", "MODULE Other\nPROC NobodyHas(num n)\nENDPROC\nENDMODULE\n"),
+        ],
+    );
+    let problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
+    assert_eq!(problems.len(), 3, "{problems:?}");
+    // p is used with two tools, of which one has two meanings; q is set by a routine that a routine calls
+    assert!(problems[0].contains("line 2") && problems[0].contains("used with"), "{problems:?}");
+    assert!(problems[1].contains("line 7") && problems[1].contains("calculated here"), "{problems:?}");
+    assert!(problems[2].contains("line 8: calls 'Shift', which displaces"), "{problems:?}");
+    assert_eq!(report.rows.iter().map(|r| r.line).collect::<Vec<_>>(), [3]);
+    assert!(report.cautions.iter().any(|c| c.contains("nobodyhas (line 11)") && !c.contains("blow")), "{report:?}");
+    assert_eq!(names(&report.read_with), ["Data.mod", "More.mod", "System.sys"]);
+}
+
+#[test]
+fn a_tool_with_two_meanings_beside_the_program_is_refused() {
+    let declares = |z: u32| {
+        format!(
+            "MODULE M{z}\nPERS tooldata tGrip:=[TRUE,[[0,0,{z}],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\nENDMODULE\n"
+        )
+    };
+    let main = "MODULE Main\nPROC main()\nMoveL TARGET,v1,fine,tGrip;\nENDPROC\nENDMODULE\n";
+    let report = checked("two", IRB, &[("a.mod", main), ("b.mod", &declares(80)), ("c.mod", &declares(81))]);
+    assert!(report.problems[0].what.contains("different numbers in the modules beside the program"), "{report:?}");
+    let report = checked("one", IRB, &[("a.mod", main), ("b.mod", &declares(80)), ("c.mod", &declares(80))]);
+    assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
+}
+
+#[test]
+fn global_routines_are_found_in_files_of_other_names() {
+    let program = "DEF main()\nTOOL_DATA[2]={X 0,Y 0,Z 80,A 0,B 0,C 0}\nGRIP(1)\nPTP {A1 10,A2 -70,A3 85,A4 5,A5 60,A6 -7}\n\
+        HIDDEN()\nEND\n";
+    let tools =
+        "&ACCESS RVP\nDEF tools()\nEND\nGLOBAL DEF grip(n:IN)\nBAS(#TOOL,2)\nEND\nDEF hidden()\nBAS(#TOOL,1)\nEND\n";
+    let report = checked("global", KR6, &[("R1/Program/main.src", program), ("R1/System/tools.src", tools)]);
+    assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
+    assert!(report.setups[0].0.contains("tool '2'"), "{report:?}");
+    assert_eq!(names(&report.read_with), ["tools.src"]);
+    assert!(report.cautions.iter().any(|c| c.contains("hidden (line 5)") && !c.contains("grip")), "{report:?}");
+}

@@ -274,7 +274,7 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
     }
     let args: &[&str] = &["--model", "out.toml", "--certificate", "v.html"];
     let said = good(&folder, &[&["validate", "run.csv"][..], &CELL, args].concat());
-    assert!(said.contains("the model was fitted to run.csv") && said.contains("Wrote v.html"), "{said}");
+    assert!(said.contains("The model was fitted to run.csv") && said.contains("Wrote v.html"), "{said}");
     let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
     assert!(html.contains("The model was fitted to run.csv"));
     // one sheet of paper

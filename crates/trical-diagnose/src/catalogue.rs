@@ -74,10 +74,10 @@ pub fn reading_noise(recorded: &Covariates<'_>) -> Vec<Candidate> {
         terms: terms.into_iter().map(|(name, site, basis)| Term::new(name, cause.name(), site, basis)).collect(),
     };
     let mut out = Vec::new();
-    if recorded.touches && recorded.spread == [false; 3] {
+    if recorded.nulled {
         let part = |axis: &Axis| {
             let basis = Basis::new(Variable::Reading { axis: *axis }, Shape::Linear);
-            (format!("disbelief_{}", axis.name()), Site::Tool(Motion::Along(*axis)), basis)
+            (format!("reading_noise_{}", axis.name()), Site::Tool(Motion::Along(*axis)), basis)
         };
         let parts = Axis::ALL.iter().map(part).collect();
         let site = Place::Tool;
@@ -86,7 +86,7 @@ pub fn reading_noise(recorded: &Covariates<'_>) -> Vec<Candidate> {
     if recorded.commanded && !recorded.lags {
         let basis = Basis::new(Variable::Lag { joint: 1 }, Shape::Linear);
         let site = Place::Joints;
-        let parts = vec![("belief_in_commanded".into(), Site::AllJoints, basis)];
+        let parts = vec![("joint_reading_noise".into(), Site::AllJoints, basis)];
         out.push(of(Cause::JointReadingNoise, site, "read joints are noisier than commanded ones", 1, parts));
     }
     out
@@ -152,7 +152,7 @@ mod tests {
         let mut r = Covariates::new(&model, &data, 1e-5);
         assert_eq!(reading_noise(&r).iter().map(|c| c.cause).collect::<Vec<_>>(), [Cause::ReadingNoise]);
         assert!(device_orientation(&r).is_none());
-        r.spread = [false, true, false];
+        (r.spread, r.nulled) = ([false, true, false], false);
         assert!(reading_noise(&r).is_empty());
         assert_eq!(device_orientation(&r).map(|t| t.site), Some(Site::Tool(Motion::About(Axis::Z))));
         r.spread = [false, false, true];

@@ -5,7 +5,8 @@ use trical_ident::dataset::{Dataset, Observation};
 use trical_model::{Basis, Forward, Measured, Model, Shape, Site, State, Term, Variable};
 
 use crate::settings::{
-    CHANGE_POINTS, NO_LOAD_NM, READING_SPREAD, SECONDS_PER_TOUCH, SMALL_ARM_LOAD_NM, WARM_UP_PARTS, WARM_UP_S,
+    CHANGE_POINTS, NO_LOAD_NM, NULLED_WITHIN_M, READING_SPREAD, SECONDS_PER_TOUCH, SMALL_ARM_LOAD_NM, WARM_UP_PARTS,
+    WARM_UP_S,
 };
 
 /// A measure of how warm the arm is.
@@ -89,6 +90,8 @@ pub struct Covariates<'a> {
     pub masses: bool,
     /// Readings spread far beyond the noise: not every touch was nulled.
     pub spread: [bool; 3],
+    /// Every touch was nulled, so far as readings tell.
+    pub nulled: bool,
     /// Read joints lag behind commanded ones in the sense of motion.
     pub lags: bool,
     /// Measures of warmth, if any.
@@ -111,15 +114,19 @@ impl<'a> Covariates<'a> {
         let any = |f: &dyn Fn(&Observation) -> bool| data.observations.iter().any(f);
         let masses = model.robot.require_masses().is_ok();
         let order = order_of(data);
+        let touches = any(&|o| matches!(o.measured, Measured::Touch { .. }));
+        let spreads: [f64; 3] = std::array::from_fn(|k| reading_spread(data, k));
+        let nulled_within = (READING_SPREAD * sigma).min(NULLED_WITHIN_M);
         Self {
             model,
             direction: all(&|o| o.state.dir.is_some())
                 && any(&|o| o.state.dir.is_some_and(|d| d.iter().any(|s| *s != 0))),
             commanded: any(&|o| o.state.q_commanded.is_some_and(|c| c != o.state.q)),
             order,
-            touches: any(&|o| matches!(o.measured, Measured::Touch { .. })),
+            touches,
             masses,
-            spread: std::array::from_fn(|k| reading_spread(data, k) > READING_SPREAD * sigma),
+            spread: spreads.map(|spread| spread > READING_SPREAD * sigma),
+            nulled: touches && spreads.iter().all(|spread| *spread <= nulled_within),
             lags: lag_follows_motion(data),
             clocks: clocks(data, order),
             poses: data.used_poses().len(),

@@ -24,6 +24,10 @@ pub const SECONDS_PER_TOUCH: f64 = 20.0;
 /// a reading stands in the residual and in the regressor, which biases a gain by -(noise / spread)^2: by 1 % at ten.
 pub const READING_SPREAD: f64 = 10.0;
 
+/// Readings that spread further than this (m) were not nulled, however large the errors of the fit are: a stem that is driven to zero ends
+/// within some hundredths of a millimetre.
+pub const NULLED_WITHIN_M: f64 = 1e-3;
+
 // Rejected rows
 
 /// Robust standard deviations beyond which a measurement is an outlier of a fitted model.

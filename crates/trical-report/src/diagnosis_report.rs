@@ -265,9 +265,11 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
 pub fn verdict_section(d: &Diagnosis) -> Section {
     Section {
         heading: "Verdict".into(),
-        text: vec![
-            "Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into(),
-        ],
+        text: verdict_told::no_arm(d)
+            .iter()
+            .map(|c| format!("Caution: {c}"))
+            .chain(["Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into()])
+            .collect(),
         tables: vec![verdict_table(d)],
         after: verdict_told::elsewhere(d)
             .map(|e| format!("Whole model {e}."))

@@ -93,9 +93,9 @@ fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
     lines
 }
 
-/// What should make the owner look twice, in one sentence each: also what no arm does, as for `identify`.
+/// What no arm does, as for `identify`: input that does not go together, which stands before everything else.
 #[must_use]
-pub fn cautions(d: &Diagnosis) -> Vec<String> {
+pub fn no_arm(d: &Diagnosis) -> Vec<String> {
     let poses = d.data.observations.iter().any(|o| matches!(o.measured, Measured::Pose { .. }));
     let turned = if poses { six(&d.before, &d.data).ok() } else { None };
     let deg = turned.map(|all| {
@@ -103,10 +103,14 @@ pub fn cautions(d: &Diagnosis) -> Vec<String> {
         // of the summary only the mean is asked for, whatever the unit
         ErrorSummary::of(&each).mean_mm * 1e-3_f64.to_degrees()
     });
-    let mut out = caution::no_arm(d.baseline.holdout_rms_mm, deg);
-    out.extend(d.cautions.iter().cloned());
-    out.extend(caution::beyond_limits(&d.model.robot, &d.data));
-    out.iter().map(|c| table::ended(c)).collect()
+    caution::no_arm(d.baseline.holdout_rms_mm, deg).iter().map(|c| table::ended(c)).collect()
+}
+
+/// What else should make the owner look twice, in one sentence each.
+#[must_use]
+pub fn cautions(d: &Diagnosis) -> Vec<String> {
+    let all = d.cautions.iter().cloned().chain(caution::beyond_limits(&d.model.robot, &d.data));
+    all.map(|c| table::ended(&c)).collect()
 }
 
 /// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse.
@@ -163,7 +167,7 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
 pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
     let mut value = serde_json::to_value(d)?;
     value["recordings"] = serde_json::to_value(&d.data.names)?;
-    value["cautions"] = serde_json::to_value(cautions(d))?;
+    value["cautions"] = serde_json::to_value([no_arm(d), cautions(d)].concat())?;
     value["joints"] = serde_json::to_value(source)?;
     value["verdict"]["lines"] = serde_json::to_value(lines(d))?;
     Ok(value)

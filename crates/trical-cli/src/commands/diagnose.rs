@@ -168,7 +168,9 @@ fn little(next: &Next) -> String {
 
 /// The verdict; where more stands; what makes it less sure.
 fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
-    let mut out = verdict_told::lines(d);
+    let caution = |c: &String| table::wrapped(&format!("Caution: {c}"), 108, "");
+    let mut out: Vec<String> = verdict_told::no_arm(d).iter().flat_map(caution).collect();
+    out.extend(verdict_told::lines(d));
     let mut more = Vec::new();
     if args.report.is_none() {
         more.push("--report FILE shows each finding and what this data could not show");
@@ -180,7 +182,7 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
         out.push(format!("More: {}.", more.join("; ")));
     }
     out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
-    out.extend(verdict_told::cautions(d).iter().flat_map(|c| table::wrapped(&format!("Caution: {c}"), 108, "")));
+    out.extend(verdict_told::cautions(d).iter().flat_map(caution));
     let mut blind: Vec<EffectId> = d.blind_to.iter().map(|b| b.effect).collect();
     blind.sort_unstable();
     blind.dedup();

@@ -74,6 +74,13 @@ fn an_indicator_spreads_where_its_own_readings_do() {
     // beside a noise of a tenth of that, and of more
     assert_eq!(Covariates::new(&model, &data, 0.99e-5).spread, [true, false, false]);
     assert_eq!(Covariates::new(&model, &data, 1.01e-5).spread, [false; 3]);
+    // nulled, beside errors of a millimetre; readings of millimetres are not, whatever the errors are
+    let nulled = |size: f64| {
+        let list =
+            (0..40).map(|k: i32| (swing(f64::from(k)), [if k % 2 == 0 { size } else { 0.0 }, 0.0, 0.0])).collect();
+        Covariates::new(&model, &touches(&[list]), 1e-3).nulled
+    };
+    assert!(nulled(1e-4) && !nulled(5e-3));
 }
 
 #[test]

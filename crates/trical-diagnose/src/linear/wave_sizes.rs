@@ -3,8 +3,9 @@
 //! A wave's coefficients are normal about zero. For each octave of cycles per turn one factor on the standard deviations that the effect
 //! has for its waves is learnt: `f^2 = (n0 + sum x^2 / s^2) / (n0 + gamma)`, where `x` are the coefficients as fitted with the factors so
 //! far, `s` the effect's own standard deviations, and `gamma = sum (1 - var(x) / (f s)^2)` counts the coefficients that the data
-//! determine. `n0` coefficients of the effect's own size are added, so that few coefficients cannot decide. Curves of all joints have one
-//! factor: the joints of an arm are of one maker.
+//! determine. `n0` coefficients of the effect's own size are added, so that few coefficients cannot decide. No factor is larger than one: where
+//! little of a turn was visited, a wave that may be larger than encoders usually show takes the place of a parameter of the arm. Curves of all
+//! joints have one factor: the joints of an arm are of one maker.
 
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Mat, Side};
@@ -54,7 +55,7 @@ impl Design {
                 sizes[octave] += x[(k, 0)].powi(2) * own[k];
                 counts[octave] += 1.0 - (variance[(k, k)] * own[k] / squares[octave]).min(1.0);
             }
-            let new: Vec<f64> = sizes.iter().zip(&counts).map(|(s, n)| s / n).collect();
+            let new: Vec<f64> = sizes.iter().zip(&counts).map(|(s, n)| (s / n).min(1.0)).collect();
             let change = new.iter().zip(&squares).map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
             squares = new;
             if change < SIZE_SETTLED {

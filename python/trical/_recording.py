@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from . import _html
-from ._native import RecordingError, Rows, TricalError
+from ._native import Rows, TricalError
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
@@ -131,7 +131,7 @@ class Recording:
         `identify`, `diagnose` and `validate` accept such a frame directly. Raises RecordingError.
         """
         import csv
-        import tempfile
+        import io
 
         import numpy as np
 
@@ -141,17 +141,11 @@ class Recording:
             # NaN is not equal to itself
             return "" if x is None or x != x else float(x) if isinstance(x, np.floating) else x
 
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, f"{name}.csv")
-            with open(path, "w", encoding="utf-8", newline="") as f:
-                writer = csv.writer(f, lineterminator="\n")
-                writer.writerow(columns)
-                writer.writerows([cell(x) for x in row] for row in zip(*columns.values(), strict=True))
-            # a person knows the frame, not the file that it passed through
-            try:
-                return cls._of(Rows.load(path, None, False).named(name))
-            except RecordingError as e:
-                raise RecordingError(str(e).replace(path, name)) from None
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows([cell(x) for x in row] for row in zip(*columns.values(), strict=True))
+        return cls._of(Rows.parse(name, text.getvalue()))
 
     def save(self, path: PathLike) -> None:
         """Write a .csv or an .mcap, by the ending of the name."""

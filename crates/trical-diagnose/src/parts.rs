@@ -95,15 +95,16 @@ pub(crate) fn what_does_not_pay(
     let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
     let mut out: Vec<usize> = Vec::new();
     let mut now = scores(&out, None);
+    let squares = |out: &[usize]| proofs.first().map_or(0.0, |p| p.squares(out));
     while !groups.is_empty() {
+        let with = squares(&out);
         let pays = |g: &Group| {
             let without = [&out[..], &g.members[..]].concat();
             let rivals = instead(g).into_iter().map(|c| surely(&now, &scores(&without, Some(c))));
             let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
             let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
             let pays = rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min);
-            let squares = |out: &[usize]| proofs.first().map_or(0.0, |p| p.squares(out));
-            unless_errors_rise(pays, squares(&without), squares(&out))
+            unless_errors_rise(pays, squares(&without), with)
         };
         let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };

@@ -112,11 +112,20 @@ pub const TRIED_WITH_CURVES: usize = 14;
 /// decide.
 pub const OWN_SIZE_WEIGHT: f64 = 4.0;
 
-/// Sizes of waves are learnt until no factor changes by more than this share,
+/// Sizes of waves are learnt until no factor changes by more than this share.
 pub const SIZE_SETTLED: f64 = 0.02;
 
-/// in so many rounds at most.
+/// Rounds of that at most.
 pub const SIZE_ROUNDS: usize = 20;
+
+/// Neighbours of a gear's number and of its multiples, this near in cycles a turn, are the same line, modulated.
+pub const GEAR_SIDEBANDS: f64 = 2.0;
+
+/// The strongest line of a gear is at its number or at a multiple up to this.
+pub const GEAR_MULTIPLES: u32 = 2;
+
+/// The smallest number of a gear whose lines are told from an encoder's waves: of smaller ones too many lines are multiples by chance.
+pub const SMALLEST_GEAR: f64 = 50.0;
 
 // Frequencies
 

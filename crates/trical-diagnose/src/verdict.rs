@@ -139,10 +139,11 @@ pub fn title_of(identifier: &str) -> String {
     }
 }
 
-/// Effect, place and session of a finding in words, whatever its probability.
+/// Effect, place and session of a finding: "Backlash at joint 3", "Perhaps backlash at joint 3".
 #[must_use]
 pub fn heading(f: &Finding) -> String {
-    named(f.effect, f.site) + &f.session.map_or_else(String::new, |s| format!(" in session {s}"))
+    let name = named(f.effect, f.site) + &f.session.map_or_else(String::new, |s| format!(" in session {s}"));
+    if f.confidence >= LIKELY { name } else { format!("Perhaps {}", small(&name)) }
 }
 
 /// A finding in a plain sentence, at the finest level that is more likely right than not.

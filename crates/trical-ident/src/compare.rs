@@ -16,8 +16,8 @@ use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recordin
 use crate::dataset::{Dataset, JointSource};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
-use crate::identifiability::dot;
 use crate::model_file::{ModelFile, Uncertainty};
+use crate::triangle::dot;
 use crate::units::unit;
 use crate::validate::{Refit, adapted};
 

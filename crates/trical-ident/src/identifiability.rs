@@ -14,6 +14,7 @@ use crate::known::{Known, KnownParameters};
 use crate::noise::Noise;
 use crate::optional::{rail, sag};
 use crate::rigid::median;
+use crate::triangle::{Triangle, dot};
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
@@ -559,7 +560,7 @@ fn independent_of(
     resting: &[(usize, f64)],
 ) -> Result<(Vec<Term>, Vec<Dependent>)> {
     let (mut columns, height) = columns_at_random_states(nominal, data, &terms, resting)?;
-    let mut triangle = Triangle { height, ..Triangle::default() };
+    let mut triangle = Triangle::new(height);
     let mut dependent = Vec::new();
     let named = |c: usize, with: Vec<String>| Dependent { name: terms[c].name.clone(), with, held: false };
     for (c, column) in columns.chunks_exact_mut(height.max(1)).enumerate() {
@@ -647,68 +648,6 @@ fn columns_at_random_states(
         }
     }
     Ok((columns, height))
-}
-
-/// Householder's reflections of the columns that are kept, one after the other; a column of which they leave nothing below their triangle
-/// is a sum of them.
-#[derive(Default)]
-struct Triangle {
-    height: usize,
-    kept: Vec<usize>,
-    reflectors: Vec<f64>,
-    /// Kept columns in the triangle, to put dependence into words.
-    columns: Vec<Vec<f64>>,
-}
-
-impl Triangle {
-    /// Keeps column `c`, of length one, if it is no sum of those kept so far.
-    ///
-    /// # Errors
-    /// Of a sum: how much of each kept column is in it.
-    fn keep(&mut self, c: usize, v: &mut [f64]) -> std::result::Result<(), Vec<(usize, f64)>> {
-        for (k, u) in self.reflectors.chunks_exact(self.height).enumerate() {
-            let d = 2.0 * dot(&u[k..], &v[k..]);
-            for (x, y) in v[k..].iter_mut().zip(&u[k..]) {
-                *x -= d * y;
-            }
-        }
-        let k = self.kept.len();
-        let left = if k < self.height { dot(&v[k..], &v[k..]).sqrt() } else { 0.0 };
-        if left <= 1e-6 {
-            // back substitution: the column as a sum of kept columns
-            let mut share = vec![0.0; k];
-            for i in (0..k).rev() {
-                let above: f64 = (i + 1..k).map(|j| self.columns[j][i] * share[j]).sum();
-                share[i] = (v[i] - above) / self.columns[i][i];
-            }
-            return Err(self.kept.iter().copied().zip(share).collect());
-        }
-        let mut u = vec![0.0; self.height];
-        u[k..].copy_from_slice(&v[k..]);
-        let pivot = if v[k] > 0.0 { -left } else { left };
-        u[k] -= pivot;
-        let length = dot(&u[k..], &u[k..]).sqrt();
-        self.reflectors.extend(u.iter().map(|x| x / length));
-        let mut above = v[..k].to_vec();
-        above.push(pivot);
-        self.columns.push(above);
-        self.kept.push(c);
-        Ok(())
-    }
-}
-
-/// Inner product by eight partial sums, which processors take at once.
-#[must_use]
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(x, y)| x * y).sum();
-    for (a, b) in a.zip(b) {
-        for ((sum, x), y) in sums.iter_mut().zip(a).zip(b) {
-            *sum += x * y;
-        }
-    }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// The smallest singular direction of `R` (scaled columns) where the data cannot tell parameters apart: names of those that

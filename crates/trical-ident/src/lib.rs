@@ -8,7 +8,7 @@
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
 //! | [`known`] | priors and limits of parameters |
 //! | [`torque_load`] | loads on the flange, by measured joint torques |
-//! | [`identifiability`] | parameter sets, rank, covariance, observability |
+//! | [`identifiability`], [`triangle`] | parameter sets, rank, covariance, observability; which columns are sums of others |
 //! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |
 //! | [`follow`] | indicators that read the same whatever the arm does |
@@ -52,6 +52,7 @@ pub mod solver;
 pub mod stream;
 pub mod torque_load;
 pub mod touches;
+pub mod triangle;
 pub mod trilateration;
 pub mod units;
 pub mod validate;

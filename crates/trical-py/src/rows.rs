@@ -10,7 +10,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use trical_ident::write_whole;
 use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{Places, open, open_damaged, to_csv};
+use trical_recording::{Places, open, open_damaged, parse, to_csv};
 
 use crate::arrays::floats;
 use crate::errors::{RecordingError, Result, bad};
@@ -133,6 +133,12 @@ impl PyRows {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, joints: Option<usize>, part: bool) -> Result<Self> {
         py.detach(|| load(&path, joints, part)).map(|r| Self(Arc::new(r)))
+    }
+
+    /// Reads the text of a CSV.
+    #[staticmethod]
+    fn parse(py: Python<'_>, name: &str, text: &str) -> Result<Self> {
+        py.detach(|| Ok(Self(Arc::new(parse(name, text.as_bytes())?))))
     }
 
     /// From arrays by name.
@@ -303,11 +309,6 @@ impl PyRows {
             rows,
             ..*shared.as_ref()
         })))
-    }
-
-    /// The same rows under another name.
-    fn named(&self, name: String) -> Self {
-        Self(Arc::new(Recording { name, ..self.0.as_ref().clone() }))
     }
 
     /// A column as an array, or None where no row has it.

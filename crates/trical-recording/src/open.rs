@@ -7,7 +7,7 @@ use trical_model::Recording;
 
 use crate::bounds::check_file;
 use crate::columns::{Field, find};
-use crate::csv::{header_names, load_csv, write_csv};
+use crate::csv::{header_names, load_csv, parse_csv, write_csv};
 use crate::error::{RecordError, Result};
 use crate::mcap::read_any;
 
@@ -69,10 +69,23 @@ fn joints_of_csv(path: &Path) -> Result<usize> {
     std::fs::File::open(path)
         .and_then(|f| BufReader::new(f.take(1 << 16)).read_until(b'\n', &mut line))
         .map_err(unreadable(path))?;
-    let line = String::from_utf8_lossy(&line);
+    Ok(joints_of_header(&line))
+}
+
+fn joints_of_header(line: &[u8]) -> usize {
+    let line = String::from_utf8_lossy(line);
     let names = header_names(line.trim_start_matches('\u{feff}'));
     let joints = names.iter().filter_map(|n| find(n)).filter(|(column, ..)| column.field == Field::Joints);
-    Ok(joints.map(|(_, k, _)| k + 1).max().unwrap_or(1))
+    joints.map(|(_, k, _)| k + 1).max().unwrap_or(1)
+}
+
+/// Reads the bytes of a CSV with as many joints as it has; `name` stands for the file in messages.
+///
+/// # Errors
+/// As [`open`].
+pub fn parse(name: &str, bytes: &[u8]) -> Result<Recording> {
+    let header = bytes.split(|b| *b == b'\n').next().unwrap_or_default();
+    parse_csv(bytes, name, joints_of_header(header))
 }
 
 /// Reads a recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it

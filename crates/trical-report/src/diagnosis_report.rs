@@ -24,9 +24,6 @@ const FEW: usize = 8;
 /// Findings and curves without a name whose pictures are open; those of the others are folded.
 const OPEN: usize = 4;
 
-/// What is less sure is told as a possibility.
-const LIKELY: f64 = 0.5;
-
 /// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
 const TURNS: f64 = 5.0;
 
@@ -38,16 +35,6 @@ fn rivals(f: &Finding) -> String {
     let more = f.rivals.len().saturating_sub(RIVALS);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
-}
-
-/// Effect, place and session of a finding: "Backlash at joint 3", "Perhaps backlash at joint 3".
-fn heading(f: &Finding) -> String {
-    let name = verdict::heading(f);
-    if f.confidence >= LIKELY {
-        return name;
-    }
-    let mut chars = name.chars();
-    format!("Perhaps {}{}", chars.next().map(|c| c.to_ascii_lowercase()).unwrap_or_default(), chars.as_str())
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -240,7 +227,13 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         svg: plots::scatter(&label, error, false, false, &series)?,
     });
     let folded = number_of > OPEN;
-    Ok(Section { heading: format!("{number_of}. {}", heading(f)), text, figures, folded, ..Section::default() })
+    Ok(Section {
+        heading: format!("{number_of}. {}", verdict::heading(f)),
+        text,
+        figures,
+        folded,
+        ..Section::default()
+    })
 }
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
@@ -301,7 +294,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         vec![row(["finding", "effect", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
         rows.push(vec![
-            format!("{}. {}", k + 1, heading(f)),
+            format!("{}. {}", k + 1, verdict::heading(f)),
             f.effect.to_string(),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
@@ -321,7 +314,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
             "The arm from the side at one of the measured poses. Places where something was found are red; numbers in \
                   circles are joints."
                 .into(),
-        svg: arm_map::draw(d, &d.findings.iter().take(SHOWN).map(heading).collect::<Vec<_>>())?,
+        svg: arm_map::draw(d, &d.findings.iter().take(SHOWN).map(verdict::heading).collect::<Vec<_>>())?,
     });
     // findings and nameless curves, in the order in which they were added
     let named = d

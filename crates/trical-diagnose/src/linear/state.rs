@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use faer::Mat;
 use pulp::Arch;
-use trical_ident::identifiability::dot;
+use trical_ident::triangle::dot;
 
 use super::design::Design;
 use crate::settings::ABSORBED_SHARE;

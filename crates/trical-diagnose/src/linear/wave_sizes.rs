@@ -21,24 +21,21 @@ fn octave(cycles: f64) -> usize {
 }
 
 impl Design {
-    /// Standard deviations of the waves of `curves`, beside `others` that are in the fit with them, as the data say they are: for each curve one
+    /// Standard deviations of the waves of the first `curves` of the candidates (which are those of the design), beside the others, as the data say they are: for each curve one
     /// for each of its coefficients. The noise must be that of a fit with all of them. `None` where they do not determine a fit.
     #[must_use]
-    pub fn wave_sizes(&self, candidates: &[Candidate], curves: &[usize], others: &[usize]) -> Option<Vec<Vec<f64>>> {
-        let all: Vec<usize> = curves.iter().chain(others).copied().collect();
-        self.prepare(&all);
-        let columns: Vec<usize> = all.iter().flat_map(|c| self.span(*c).0..self.span(*c).1).collect();
-        let mut gram = Mat::<f64>::zeros(columns.len(), 0);
-        for c in &all {
-            let own = self.gram(*c);
-            let at = gram.ncols();
-            gram.resize_with(columns.len(), at + own.ncols(), |i, j| own[(columns[i], j - at)]);
+    pub fn wave_sizes(&self, candidates: &[Candidate], curves: usize) -> Option<Vec<Vec<f64>>> {
+        self.prepare(&(0..candidates.len()).collect::<Vec<_>>());
+        let mut gram = Mat::<f64>::zeros(self.width, 0);
+        for c in 0..candidates.len() {
+            let (own, at) = (self.gram(c), gram.ncols());
+            gram.resize_with(self.width, at + own.ncols(), |i, j| own[(i, j - at)]);
         }
-        let push = Mat::from_fn(columns.len(), 1, |i, _| -self.b[columns[i]]);
+        let push = Mat::from_fn(self.width, 1, |i, _| -self.b[i]);
         let waves: Vec<Option<usize>> =
-            curves.iter().flat_map(|c| candidates[*c].terms.iter().map(|t| cycles_of(t).map(octave))).collect();
+            candidates[..curves].iter().flat_map(|c| c.terms.iter().map(|t| cycles_of(t).map(octave))).collect();
         let octaves = waves.iter().flatten().max()? + 1;
-        let own: Vec<f64> = columns.iter().map(|a| self.prior_precision(*a)).collect();
+        let own = &self.precision;
         // f^2 of each octave, and of a column
         let mut squares = vec![1.0; octaves];
         let square = |squares: &[f64], k: usize| waves.get(k).copied().flatten().map_or(1.0, |o: usize| squares[o]);
@@ -63,10 +60,10 @@ impl Design {
             }
         }
         let mut at = 0..;
-        let scaled = |c: &usize| {
-            let scales = candidates[*c].scales.iter().zip(&mut at);
+        let scaled = |c: &Candidate| {
+            let scales = c.scales.iter().zip(&mut at);
             scales.map(|(s, k)| s * square(&squares, k).sqrt()).collect()
         };
-        Some(curves.iter().map(scaled).collect())
+        Some(candidates[..curves].iter().map(scaled).collect())
     }
 }

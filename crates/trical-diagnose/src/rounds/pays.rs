@@ -44,9 +44,6 @@ impl Rounds {
             self.refit()?;
             return Ok(false);
         }
-        let held = self.held.clone();
-        self.learn_sizes(&held)?;
-        self.refit_with(true)?;
         Ok(true)
     }
 
@@ -90,17 +87,20 @@ impl Rounds {
         Ok(true)
     }
 
-    /// Held curves become as every other effect.
+    /// Held curves become as every other effect, their waves as large as the data say beside everything that was chosen since.
     pub(crate) fn release_curves(&mut self) -> Result<()> {
         let held = std::mem::take(&mut self.held);
-        if held.is_empty() { Ok(()) } else { self.choose_beside(&held) }
+        if held.is_empty() {
+            return Ok(());
+        }
+        self.learn_sizes(&held)?;
+        self.choose_beside(&held)
     }
 
     /// Chooses what is lean once more beside free curves: a curve that was fitted before another effect was known has taken its part, and gives it
     /// back only where both are free.
     fn choose_beside(&mut self, curves: &[usize]) -> Result<()> {
         let before = [curves, &self.chosen[..]].concat();
-        self.learn_sizes(curves)?;
         let lean = std::mem::replace(&mut self.chosen, before.clone());
         self.refit()?;
         let chosen = {

@@ -7,26 +7,14 @@ use crate::candidate::Candidate;
 use crate::correlated_noise::CorrelatedNoise;
 use crate::effect_id::EffectId;
 use crate::effects::further_wave;
-
-/// Neighbours of a gear's number and of its multiples that are the same line, modulated.
-const SIDEBANDS: f64 = 2.0;
-
-/// Multiples of a gear's number of which the strongest line may be one.
-const MULTIPLES: u32 = 2;
-
-/// The smallest number of a gear whose lines are told from an encoder's waves: of smaller ones too many lines are multiples by chance.
-const SMALLEST_GEAR: f64 = 50.0;
+use crate::settings::{GEAR_MULTIPLES, GEAR_SIDEBANDS, SMALLEST_GEAR};
 
 impl Rounds {
-    /// Gives the waves of `curves`, which are in the fit, the sizes that the data say they have.
+    /// Gives the waves of `curves`, which are in the fit but not among what was chosen, the sizes that the data say they have.
     pub(super) fn learn_sizes(&mut self, curves: &[usize]) -> Result<()> {
-        let others: Vec<usize> = self.chosen.iter().copied().filter(|c| !curves.contains(c)).collect();
-        let members = self.members(&[curves, &others].concat());
-        let held = std::mem::take(&mut self.held);
-        let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE);
-        self.held = held;
-        let (of_curves, of_others): (Vec<usize>, Vec<usize>) = (0..members.len()).partition(|k| *k < curves.len());
-        let sizes = design?.wave_sizes(&members, &of_curves, &of_others);
+        let members = self.members(&[curves, &self.chosen].concat());
+        let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+        let sizes = design.wave_sizes(&members, curves.len());
         for (c, scales) in curves.iter().zip(sizes.into_iter().flatten()) {
             self.candidates[*c].scales = scales;
         }
@@ -40,11 +28,11 @@ impl Rounds {
         };
         let mut waves: Vec<usize> = Vec::new();
         for curve in of(EffectId::EncoderError) {
-            let mut lines = of(EffectId::GearRipple);
-            lines.retain(|c| self.candidates[*c].site == self.candidates[curve].site);
-            let line = |c: &usize| Some((self.candidates[*c].cycles()?, self.power(&self.candidates[*c])));
-            let of_gear = of_gear(&lines.iter().filter_map(line).collect::<Vec<_>>());
-            waves.extend(lines.into_iter().zip(of_gear).filter(|(_, gear)| !gear).map(|(c, _)| c));
+            let mut here = of(EffectId::GearRipple);
+            here.retain(|c| self.candidates[*c].site == self.candidates[curve].site);
+            let line = |c: &usize| (self.candidates[*c].cycles().unwrap_or(0.0), self.power(&self.candidates[*c]));
+            let lines: Vec<(f64, f64)> = here.iter().map(line).collect();
+            waves.extend(here.into_iter().zip(of_gear(&lines)).filter(|(_, gear)| !gear).map(|(c, _)| c));
         }
         for wave in waves {
             let own = &mut self.candidates[wave];
@@ -73,9 +61,9 @@ fn of_gear(lines: &[(f64, f64)]) -> Vec<bool> {
     let is_pole = |n: f64| (n - n.log2().round().exp2()).abs() <= 1.0 && n > SMALLEST_GEAR;
     let others = || lines.iter().filter(|(n, _)| !is_pole(*n));
     let Some((strongest, _)) = others().max_by(|a, b| a.1.total_cmp(&b.1)) else { return vec![false; lines.len()] };
-    let belongs = |n: f64, gear: f64| (n - (n / gear).round().max(1.0) * gear).abs() <= SIDEBANDS;
+    let belongs = |n: f64, gear: f64| (n - (n / gear).round().max(1.0) * gear).abs() <= GEAR_SIDEBANDS;
     let power = |gear: f64| others().filter(|(n, _)| belongs(*n, gear)).map(|(_, p)| p).sum::<f64>();
-    let gears = (1..=MULTIPLES).map(|k| strongest / f64::from(k)).filter(|gear| *gear >= SMALLEST_GEAR);
+    let gears = (1..=GEAR_MULTIPLES).map(|k| strongest / f64::from(k)).filter(|gear| *gear >= SMALLEST_GEAR);
     let best = gears.max_by(|a, b| power(*a).total_cmp(&power(*b)).then(a.total_cmp(b)));
     let all: f64 = others().map(|(_, p)| p).sum();
     let of = best.filter(|gear| power(*gear) > 0.5 * all);
@@ -135,12 +123,13 @@ mod tests {
         let (_, mut rounds) = named(&[5.0, 7.0]);
         let curve = rounds.chosen[0];
         let before = rounds.candidates[curve].scales.clone();
+        rounds.chosen.remove(0);
         rounds.learn_sizes(&[curve]).unwrap();
         let after = &rounds.candidates[curve].scales;
         let factor = |n: usize| after[2 * n] / before[2 * n];
-        // waves 4 to 7 are there, 8 and more are not
+        // waves 4 to 7 are there, larger than usual, 8 and more are not
         assert!(
-            factor(4) > 0.9 && factor(8) < 0.6 && (factor(4) - factor(6)).abs() < 1e-12,
+            factor(4) == 1.0 && factor(8) < 0.6 && (factor(4) - factor(6)).abs() < 1e-12,
             "{} {}",
             factor(4),
             factor(8)

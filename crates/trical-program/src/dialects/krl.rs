@@ -5,6 +5,8 @@
 //!
 //! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
+mod setup;
+
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -46,17 +48,14 @@ const BUILT_IN: [&[u8]; 14] = [
     b"RSI_MOVECORR",
     b"ST_MOVESENS",
 ];
+/// What moves the arm as a sensor says.
+const MOVES_BY_SENSOR: &str =
+    "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected";
 /// Of them, those that displace what follows, or move the arm themselves.
 const BY_SENSOR: [(&[u8], &str); 3] = [
     (b"RSI_ON", "lets a sensor displace the motions that follow (RSI); they are corrected for where the text has them"),
-    (
-        b"RSI_MOVECORR",
-        "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected",
-    ),
-    (
-        b"ST_MOVESENS",
-        "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected",
-    ),
+    (b"RSI_MOVECORR", MOVES_BY_SENSOR),
+    (b"ST_MOVESENS", MOVES_BY_SENSOR),
 ];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
@@ -452,108 +451,6 @@ impl Reader<'_> {
         let is_comparison = value.starts_with(b"=") || part.iter().any(|b| b"<>".contains(b));
         let is_known = part == b"]" && value.starts_with(b"{") && !index.iter().any(u8::is_ascii_alphabetic);
         !is_comparison && !is_known
-    }
-
-    /// What is behind `$TOOL=` or `$BASE=`.
-    fn current(&mut self, is_tool: bool) -> String {
-        if self.c.peek() == b'{' {
-            let at = self.c.at;
-            let found = self.aggregate();
-            let frame = self.frame(&found);
-            let name = format!("{} at byte {at}", if is_tool { "$tool" } else { "$base" });
-            if is_tool {
-                self.scan.frames.tools.insert(name.clone(), frame.map(ToolFrame::massless));
-            } else {
-                self.scan.frames.frames.insert(name.clone(), frame);
-            }
-            return name;
-        }
-        let word = self.c.word();
-        if is_one_of(word, &[b"$NULLFRAME", b"$WORLD"]) {
-            return "0".into();
-        }
-        if is_one_of(word, &[b"STOOL", b"STOOL2", b"SBASE"]) && self.c.eat(b'(') {
-            return self.of_motion_data(is_tool);
-        }
-        if word.eq_ignore_ascii_case(b"EK") {
-            return self.on_external_axis();
-        }
-        self.c.skip_blank();
-        if (word.eq_ignore_ascii_case(b"TOOL_DATA") || word.eq_ignore_ascii_case(b"BASE_DATA")) && self.c.peek() == b'['
-        {
-            self.c.at += 1;
-            self.c.skip_blank();
-            if let Some(n) = self.c.number() {
-                return lower(n.text(self.c.bytes));
-            }
-        }
-        // calculated: $BASE = A : B
-        let name = lower(word);
-        if self.c.peek() == b':' || name.is_empty() { format!("{name}: (computed)") } else { name }
-    }
-
-    /// `BAS(#TOOL,1)`, `BAS(#BASE,2)`
-    fn bas(&mut self) {
-        if !(self.c.eat(b'(') && self.c.eat(b'#')) {
-            return;
-        }
-        let what = self.c.word();
-        if self.c.eat(b',') {
-            self.c.skip_blank();
-            let n = self.c.number().map(|n| lower(n.text(self.c.bytes)));
-            if what.eq_ignore_ascii_case(b"TOOL") {
-                self.now.tool = Some(n.unwrap_or_else(|| "(computed)".into()));
-            } else if what.eq_ignore_ascii_case(b"BASE") {
-                self.now.frame = Some(n.unwrap_or_else(|| "(computed)".into()));
-            } else if what.eq_ignore_ascii_case(b"EX_BASE") {
-                self.now.frame = Some(self.on_external_axis());
-            }
-        }
-    }
-
-    /// The name of a base that an external axis moves.
-    fn on_external_axis(&mut self) -> String {
-        let what = "the work stands on an external axis (#EX_BASE, EK), which is not supported";
-        self.scan.frames.frames.insert("#ex_base".into(), Err(what.into()));
-        "#ex_base".into()
-    }
-
-    /// What the motion data say that stand in `STOOL2(FP1)` or `SBASE(FP1.BASE_NO)`, from behind the bracket on.
-    fn of_motion_data(&mut self, is_tool: bool) -> String {
-        self.c.skip_blank();
-        let name = self.c.word();
-        let setup = self.motion_data.get(&target_of(name)).and_then(|s| self.scan.setups.get(*s as usize));
-        let said = setup.and_then(|s| if is_tool { s.tool.clone() } else { s.frame.clone() });
-        said.unwrap_or_else(|| format!("of '{}'", String::from_utf8_lossy(name)))
-    }
-
-    /// The name of a tool that stands still while the robot carries the work.
-    fn fixed_tool(&mut self) -> String {
-        let what = "the tool stands still and the robot carries the work (#TCP), which is not supported";
-        self.scan.frames.tools.insert("#tcp".into(), Err(what.into()));
-        "#tcp".into()
-    }
-
-    /// Tool and base of motion data.
-    fn said(&mut self, found: &Aggregate) -> Setup {
-        let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
-        let (tool, frame) = (text(found.tool), text(found.base));
-        Setup { tool: if found.fixed { Some(self.fixed_tool()) } else { tool }, frame }
-    }
-
-    fn motion_data(&mut self, name: &[u8]) {
-        if self.c.peek() != b'{' {
-            self.c.skip_blank();
-        }
-        if self.c.peek() != b'{' {
-            return;
-        }
-        let found = self.aggregate();
-        let setup = self.said(&found);
-        if setup != Setup::default() {
-            let setup = self.scan.setup(setup);
-            self.motion_data.insert(target_of(name), setup);
-        }
     }
 
     /// `E6POS NAME={...}`

@@ -382,7 +382,30 @@ fn arm_parameters(model: &Model) -> usize {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::{Basis, Shape, Variable};
+
     use super::*;
+    use crate::test_data::with_joint_2;
+
+    #[test]
+    fn an_encoders_curve_and_scattered_lines_beyond_it_are_one_finding() {
+        let wave = |(cycles, size)| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles }), size);
+        let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (cycles, 2e-4));
+        let hidden = [&curve[..], &[61.0, 88.0, 131.0].map(|cycles| (cycles, 3e-4))].concat().into_iter().map(wave);
+        let (truth, data) = with_joint_2(&hidden.collect::<Vec<_>>());
+        let said = diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap();
+        let found: Vec<(EffectId, &str)> = said
+            .findings
+            .iter()
+            .filter(|f| f.site == Place::Joint(2))
+            .map(|f| (f.effect, f.located.as_str()))
+            .collect();
+        let expected =
+            "a curve of joint 2's own angle that repeats every turn, and single waves of 61, 88, 131 cycles per turn";
+        assert_eq!(found, [(EffectId::EncoderError, expected)]);
+    }
 
     #[test]
     fn a_model_that_is_no_better_in_another_session_is_told_with_both_errors() {

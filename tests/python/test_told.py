@@ -63,7 +63,8 @@ def test_both_ways_say_that_no_arm_errs_like_this(place: Path) -> None:
         assert re.match(r"after identification the tool is still \d+ mm off", told["swapped"]["cautions"][0])
         assert not any("still" in c for c in told["touches"]["cautions"])
     # before the verdict
-    assert command(place, "diagnose", "swapped.csv", *ARGS).startswith("Caution: after identification the tool is still")
+    printed = command(place, "diagnose", "swapped.csv", *ARGS)
+    assert printed.startswith("Caution: after identification the tool is still")
 
 
 def test_reports_are_those_of_the_command_line(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

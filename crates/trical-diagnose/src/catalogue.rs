@@ -1,6 +1,6 @@
 //! What can be tried on a data set: candidates of all effects with their priors, and terms about the readings' own noise.
 
-use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Motion, Place, Scope, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, anything};
 use crate::covariates::Covariates;
@@ -21,7 +21,8 @@ const ORDER_ONLY: &str = "time (t_s): only the order of the poses could be asked
 
 /// All candidates that this data can be asked about, with priors, and the effects that it cannot test. The prior is uniform over
 /// effects, then over sites, then over scan points; of these, effects may hold some for less likely. What happens in the course of a
-/// session is asked of each of the `sessions` by itself; without any, of all the data at once.
+/// session is asked of each of the `sessions` by itself, and what goes with temperature of all of them too: it may do so on every day or on one;
+/// without any sessions, of all the data at once.
 #[must_use]
 pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) -> (Vec<Candidate>, Vec<Untestable>) {
     let mut all = Vec::new();
@@ -35,7 +36,8 @@ pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) 
         if !sessions.is_empty() {
             list.retain(|c| !c.is_course());
             for (session, own) in sessions {
-                let course = (effect.ask)(own).candidates.into_iter().filter(Candidate::is_course);
+                let of_a_day = |c: &Candidate| effect.scope == Scope::Course || c.is_course();
+                let course = (effect.ask)(own).candidates.into_iter().filter(of_a_day);
                 list.extend(course.map(|c| c.in_session(*session)));
             }
         }
@@ -140,6 +142,13 @@ mod tests {
         assert!(alone > 0);
         let two = [(1, r()), (2, r())];
         assert_eq!([count(&two, None), count(&two, Some(1)), count(&two, Some(2))], [0, alone, alone]);
+        // warmth acts on every day alike, or on one
+        let warm = states(40, |k| State { t: Some(20.0 * k), temp_c: Some(20.0 + 0.1 * k), ..joints(k) });
+        let r = || Covariates::new(&model, &warm, 1e-5);
+        let growth = |c: &&Candidate| c.cause == EffectId::ThermalGrowth.into();
+        let all = catalogue(&r(), &[(1, r()), (2, r())]).0;
+        let of_session: Vec<Option<u32>> = all.iter().filter(growth).map(Candidate::session).collect();
+        assert_eq!(of_session, [None, Some(1), Some(2)]);
         let (_, untestable) = catalogue(&Covariates::new(&model, &states(40, joints), 1e-5), &[]);
         let lacks = |id| untestable.iter().find(|u| u.effect == id).map(|u| u.lacks);
         assert!(lacks(EffectId::JointZeroShift).is_some_and(|l| l.starts_with("time (t_s)")));

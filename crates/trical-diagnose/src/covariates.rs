@@ -143,7 +143,19 @@ impl<'a> Covariates<'a> {
         let mut sessions: Vec<u32> = data.observations.iter().filter_map(|o| o.state.session).collect();
         sessions.sort_unstable();
         sessions.dedup();
-        let of = |s: u32| (s, Self::new(model, &data.filtered(|o| o.state.session == Some(s)), sigma));
+        let of = |s: u32| {
+            let data = data.filtered(|o| o.state.session == Some(s));
+            let mut own = Self::new(model, &data, sigma);
+            // when a session begins, the arm is as the other sessions say
+            let when = |o: &Observation| own.order.map_or(0.0, |order| value(order, &o.state));
+            let first = data.observations.iter().min_by(|a, b| when(a).total_cmp(&when(b)));
+            if let Some(reference_c) = first.and_then(|o| o.state.temp_c) {
+                for clock in own.clocks.iter_mut().filter(|c| matches!(c.basis.of, Variable::Temperature { .. })) {
+                    clock.basis.of = Variable::Temperature { reference_c };
+                }
+            }
+            (s, own)
+        };
         sessions.into_iter().map(of).collect()
     }
 

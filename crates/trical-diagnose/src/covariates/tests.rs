@@ -102,6 +102,20 @@ fn a_thermometer_is_the_clock_and_without_one_warm_up_curves_as_long_as_the_data
 }
 
 #[test]
+fn a_session_begins_with_the_arm_that_all_sessions_have() {
+    // rows in any order: the warmest come first
+    let day = |from: f64| -> Vec<(State, [f64; 3])> {
+        let row = |k: f64| (State { temp_c: Some(from + 0.1 * k), ..timed(k) }, [1e-6 * from; 3]);
+        (0..21).rev().map(|k| row(f64::from(k))).collect()
+    };
+    let model = arm();
+    let sessions = Covariates::of_sessions(&model, &touches(&[day(19.0), day(23.0)]), 1e-5);
+    let of = |(session, own): &(u32, Covariates<'_>)| (*session, own.clocks[0].basis.of);
+    let from = |reference_c| Variable::Temperature { reference_c };
+    assert_eq!(sessions.iter().map(of).collect::<Vec<_>>(), [(1, from(19.0)), (2, from(23.0))]);
+}
+
+#[test]
 fn a_joints_load_is_the_root_mean_square_of_its_torque_and_an_upright_axis_has_none() {
     let model = arm();
     let forward = Forward::new(model.clone(), Vec::new()).unwrap();

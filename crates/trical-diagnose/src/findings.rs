@@ -232,7 +232,7 @@ fn unexplained_by_probe(
 
 /// Curves without a name are what the model can hold; a probe may tell better on what the mismatch depends (a joint that depends on
 /// its last moves looks like a curve of time). Beside a place's curves, what its probe tells instead; and what a probe tells of
-/// places whose names are `doubted`. `without` and `held_out_rms_mm` leave out what was chosen at a place: its curves, or all of it.
+/// places whose names are `doubted`. `without` and `held_out_rms_mm` leave out what was chosen at a place: its curves, or what has such a name.
 pub(crate) fn add_probe_results(
     test: &SpecificationTest<'_>,
     full: &RegressionState,

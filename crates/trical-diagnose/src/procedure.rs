@@ -180,8 +180,8 @@ struct Found {
     /// Of each finding, its candidates and the best candidate of each rival.
     grounds: Vec<(Vec<Candidate>, Vec<Candidate>)>,
     unexplained: Vec<Unexplained>,
-    /// Places whose names are doubted.
-    doubted: Vec<Place>,
+    /// What was chosen under names that are doubted.
+    doubted: Vec<usize>,
 }
 
 /// What was chosen, with all that its proof asks.
@@ -255,7 +255,7 @@ impl<'a> Proving<'a> {
                 f.session = candidates[group.members[0]].session().filter(|_| kept.names.len() > 1);
                 f.summary = verdict::summary(&f);
                 if f.confidence <= DOUBTED_BELOW {
-                    found.doubted.extend(f.site.part().filter(|place| !found.doubted.contains(place)));
+                    found.doubted.extend(&group.members);
                 }
                 let members = members.into_iter().cloned().collect();
                 found.findings.push(f);
@@ -324,11 +324,10 @@ impl<'a> Proving<'a> {
         shares
     }
 
-    /// What was chosen but for what is at a place: only its curves without a name, or all of it.
-    fn chosen_elsewhere(&self, place: Place, curves: bool) -> Vec<usize> {
+    /// What was chosen but for some of what is at a place.
+    fn chosen_without(&self, place: Place, goes: &dyn Fn(usize) -> bool) -> Vec<usize> {
         let Rounds { candidates, chosen, .. } = self.rounds;
-        let goes = |c: &Candidate| (!curves || c.cause == Cause::Unexplained) && place.is_same_part(c.site);
-        chosen.iter().copied().filter(|c| !goes(&candidates[*c])).collect()
+        chosen.iter().copied().filter(|c| !(place.is_same_part(candidates[*c].site) && goes(*c))).collect()
     }
 
     /// How well the baseline with some of what was chosen predicts what it was not fitted to.
@@ -345,13 +344,30 @@ impl<'a> Proving<'a> {
     }
 
     /// Adds what probes find beside curves without a name, at doubted places, and where nothing was modelled; the largest first.
-    fn ask_probes(&self, unexplained: &mut Vec<Unexplained>, doubted: &[Place]) {
+    fn ask_probes(&self, unexplained: &mut Vec<Unexplained>, doubted: &[usize]) {
         let full = self.downdate.full();
-        let without = |place, curves| self.search.with(self.start, &self.chosen_elsewhere(place, curves));
-        add_probe_results(&self.test, full, unexplained, doubted, &without, &|place, curves, probe| {
-            self.rms_mm(&self.chosen_elsewhere(place, curves), probe)
-        });
-        let explained = |place| without(place, false).ss - full.ss;
+        let candidates = &self.rounds.candidates;
+        let mut places: Vec<Place> = Vec::new();
+        for place in doubted.iter().filter_map(|c| candidates[*c].site.part()) {
+            if !places.contains(&place) {
+                places.push(place);
+            }
+        }
+        let rest = |place, curves: bool| {
+            self.chosen_without(place, &|c| {
+                if curves { candidates[c].cause == Cause::Unexplained } else { doubted.contains(&c) }
+            })
+        };
+        let state = |set: &[usize]| self.search.with(self.start, set);
+        add_probe_results(
+            &self.test,
+            full,
+            unexplained,
+            &places,
+            &|place, curves| state(&rest(place, curves)),
+            &|place, curves, probe| self.rms_mm(&rest(place, curves), probe),
+        );
+        let explained = |place| state(&self.chosen_without(place, &|_| true)).ss - full.ss;
         let rms_mm = |probe| self.rms_mm(&self.rounds.chosen, probe);
         let left = remaining_lack_of_fit(&self.test, full, &explained, &rms_mm);
         let known = |m: &Unexplained| unexplained.iter().any(|u| u.site == m.site && u.variable == m.variable);
@@ -392,7 +408,7 @@ mod tests {
     #[test]
     fn an_encoders_curve_and_scattered_lines_beyond_it_are_one_finding() {
         let wave = |(cycles, size)| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles }), size);
-        let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (cycles, 2e-4));
+        let curve = [3.0, 5.0, 7.0, 11.0].map(|cycles| (cycles, 2e-4));
         let hidden = [&curve[..], &[61.0, 88.0, 131.0].map(|cycles| (cycles, 3e-4))].concat().into_iter().map(wave);
         let (truth, data) = with_joint_2(&hidden.collect::<Vec<_>>());
         let said = diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap();
@@ -405,6 +421,19 @@ mod tests {
         let expected =
             "a curve of joint 2's own angle that repeats every turn, and single waves of 61, 88, 131 cycles per turn";
         assert_eq!(found, [(EffectId::EncoderError, expected)]);
+    }
+
+    #[test]
+    fn a_sure_curve_is_not_told_again_without_a_name_beside_a_doubted_effect_of_the_same_joint() {
+        let wave = |cycles| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles }), 4e-4);
+        let hidden = [&[2.0, 3.0, 4.0, 7.0].map(wave)[..], &[(Basis::direction(2), -1.3e-5)]].concat();
+        let (truth, data) = with_joint_2(&hidden);
+        let said = diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap();
+        let sure = |f: &Finding| (f.effect, f.confidence > DOUBTED_BELOW);
+        let expected = [(EffectId::EncoderError, true), (EffectId::LostMotionDirection, false)];
+        assert_eq!(said.findings.iter().map(sure).collect::<Vec<_>>(), expected);
+        let again = |u: &&Unexplained| u.site == Place::Joint(2) && u.variable == "q2";
+        assert!(!said.unexplained.iter().chain(&said.more_unexplained).any(|u| again(&u)), "{:?}", said.unexplained);
     }
 
     #[test]

@@ -99,6 +99,9 @@ pub const VALUES_PER_KNOT: usize = 20;
 /// Waves of an encoder's curve: fewer than the first are no curve, more than the second were not seen on real arms.
 pub const ENCODER_WAVES: (usize, usize) = (6, 50);
 
+/// Waves of a curve that is smoother than most: one with so many is asked about too, and costs what it is worth.
+pub const SMOOTH_WAVES: usize = 12;
+
 /// Poses for every wave: fewer do not determine its two coefficients.
 pub const POSES_PER_WAVE: usize = 12;
 

@@ -9,7 +9,7 @@ use super::effect::{Asked, Effect, Family, Part, Remedy, deg, turning};
 use crate::candidate::cycles_of;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
-use crate::settings::{ENCODER_WAVES, POSES_PER_WAVE};
+use crate::settings::{ENCODER_WAVES, POSES_PER_WAVE, SMOOTH_WAVES};
 
 pub const EFFECT: Effect = Effect {
     id: EffectId::EncoderError,
@@ -38,7 +38,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
     if waves < ENCODER_WAVES.0 {
         return Asked::lacking("poses: an encoder's curve needs seventy and more");
     }
-    let of = |joint: usize| {
+    let of = |joint: usize, waves: usize| {
         let at = Site::Joint { joint };
         let q = Variable::Joint { joint };
         let mut parts: Vec<Part> = Vec::with_capacity(2 * waves);
@@ -54,7 +54,8 @@ fn ask(r: &Covariates<'_>) -> Asked {
         let behaviour = format!("a curve of joint {joint}'s own angle that repeats every turn");
         EFFECT.candidate_of_scales(Place::Joint(joint), behaviour, deg(0.004), scales, parts)
     };
-    turning(r).map(of).collect::<Vec<_>>().into()
+    let counts = if waves > SMOOTH_WAVES { vec![waves, SMOOTH_WAVES] } else { vec![waves] };
+    turning(r).flat_map(|joint| counts.iter().map(move |n| of(joint, *n))).collect::<Vec<_>>().into()
 }
 
 fn wave_name(part: &str, cycles: f64, joint: usize) -> String {

@@ -10,6 +10,7 @@ use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
 use crate::findings::{Group, grouped};
 use crate::parts::{Parts, what_does_not_pay};
+use crate::periodogram;
 use crate::selection::Search;
 use crate::settings::TRIED_WITH_CURVES;
 
@@ -20,6 +21,8 @@ impl Rounds {
         if self.curves.is_empty() {
             return Ok(false);
         }
+        // a line that a curve would hide is asked about too
+        self.add(periodogram::ripples(&self.fitted, &self.kept)?);
         let first = self.candidates.len();
         let all = [self.searched(), self.curves.clone()].concat();
         let chosen = {
@@ -27,7 +30,13 @@ impl Rounds {
             let search = Search::new(&design, &all, self.temper()).without_candidates(&self.held);
             search.first(&design.start(), &self.chosen, TRIED_WITH_CURVES)
         };
-        let new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();
+        let mut new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();
+        // of two curves of one joint the one with more waves says all that both say
+        let curves = new.clone();
+        let is_said = |c: &Candidate| {
+            curves.iter().map(|n| &all[first + n]).any(|o| c.terms.len() < o.terms.len() && c.is_part_of(o))
+        };
+        new.retain(|c| !is_said(&all[first + c]));
         if new.is_empty() {
             return Ok(false);
         }
@@ -35,12 +44,13 @@ impl Rounds {
         let (held, left): (Vec<Candidate>, Vec<Candidate>) =
             std::mem::take(&mut self.curves).into_iter().partition(|_| at.next().is_some_and(|k| new.contains(&k)));
         self.curves = left;
-        let before = self.held.len();
+        let before = self.held.clone();
+        self.held.retain(|h| !is_said(&all[*h]));
         self.held.extend(first..first + held.len());
         self.candidates.extend(held);
         if self.refit_with(true).is_err() {
             // the exact fit does not follow the linear picture: they stay out
-            self.held.truncate(before);
+            self.held = before;
             self.refit()?;
             return Ok(false);
         }
@@ -229,6 +239,22 @@ mod tests {
         assert_eq!(released(&[(Shape::Linear, 1e-3)]), [Cause::Effect(EffectId::GearRatio)]);
         let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (Shape::Sine { cycles }, 2e-4));
         assert_eq!(released(&curve), [Cause::Effect(EffectId::EncoderError)]);
+    }
+
+    /// Waves of the curves that are held first for an arm whose joint 2 is off by these waves.
+    fn held(waves: &[f64]) -> Vec<usize> {
+        let of = |cycles: &f64| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles: *cycles }), 2e-4);
+        let (truth, data) = with_joint_2(&waves.iter().map(of).collect::<Vec<_>>());
+        let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+        assert_eq!(rounds.hold_curves().unwrap(), !rounds.held.is_empty());
+        rounds.held.iter().map(|h| rounds.candidates[*h].terms.len() / 2).collect()
+    }
+
+    #[test]
+    fn a_curve_has_as_many_waves_as_the_data_ask_for_and_a_line_is_none() {
+        assert_eq!(held(&[2.0, 3.0, 5.0, 7.0]), [12]);
+        assert_eq!(held(&[3.0, 7.0, 11.0, 13.0, 15.0, 16.0]), [16]);
+        assert!(held(&[12.0]).is_empty());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The joint's output encoder is not linear: what it reads is off by a smooth curve of the joint's own angle that repeats every turn, and
 //! is the same in every session. Its waves are held together by one prior that falls with their number, so that the curve costs
-//! what it is worth (a Gaussian process on the circle, by its Fourier series), and returns to zero where no angle was visited. How large the
+//! what it is worth (a Gaussian process on the circle, by its Fourier series), and returns to zero where no angle was visited. A curve of few
+//! waves is asked about beside the longest that the poses allow: which one an encoder has, the evidence says. How large the
 //! waves of each octave are is then learnt from the curves of all joints (`linear/wave_sizes.rs`).
 
 use trical_model::{Basis, Place, Scope, Shape, Site, Term, Variable};
@@ -17,7 +18,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Transmission,
     scope: Scope::Arm,
     site: "joint",
-    form: "the output encoder is not linear: D = sum over n of (a_n sin(n q_j) + b_n cos(n q_j)), n = 1 to 50, the standard deviation \
+    form: "the output encoder is not linear: D = sum over n of (a_n sin(n q_j) + b_n cos(n q_j)), n = 1 to 12 or to 50, the standard deviation \
            of a_n and b_n falling as 1/sqrt(n), then octave by octave as the data of all joints say, with single waves beyond that are no \
            gear's; the same on every turn and in every session",
     needs: "joints, twelve poses and more for every wave",

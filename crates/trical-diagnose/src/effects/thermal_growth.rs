@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Heat,
     scope: Scope::Course,
     site: "links",
-    form: "a, d times (1 + alpha dT), or with 1 - exp(-t/T) where there is no thermometer",
+    form: "a, d times (1 + alpha dT), or with 1 - exp(-t/T) where there is no thermometer; in all sessions or in one",
     needs: "temperature, time or order",
     typical: "12e-6 to 26e-6 / K",
     rivals: "frame_drift, thermal_zero_drift",

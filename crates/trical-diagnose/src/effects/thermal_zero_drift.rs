@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Heat,
     scope: Scope::Course,
     site: "joint",
-    form: "D = k dT",
+    form: "D = k dT, in all sessions or in one",
     needs: "temperature, time or order",
     typical: "0.005 to 0.06 deg",
     rivals: "fixture_drift, thermal_growth",

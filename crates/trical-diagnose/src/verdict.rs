@@ -42,6 +42,9 @@ const OTHER_ANGLES: [&str; 2] = [
     "Look for a cable or hose that pulls; only what a second session shows again belongs to the arm.",
     "Look for a cable or hose that pulls.",
 ];
+/// ... with how it came there, ...
+const LAST_MOVES: &str = "Wait longer before joints are read, and visit some poses from both sides: what then remains is play or friction, \
+    what does not was read too early.";
 /// ... with something else, of one session, ...
 const OTHER: &str = "Measure a second session: only what it shows again belongs to the arm.";
 /// ... or with time.
@@ -200,6 +203,8 @@ fn what_to_do(u: &Unexplained, given: Given<'_>) -> Option<&'static str> {
     let several = usize::from(given.several);
     if in_the_course(u) {
         Some(IN_THE_COURSE)
+    } else if ["dir", "travel"].iter().any(|moves| u.variable.starts_with(moves)) {
+        Some(LAST_MOVES)
     } else if !is_joint(&u.variable) {
         (!given.several).then_some(OTHER)
     } else if given.robot.require_masses().is_err() {
@@ -675,5 +680,10 @@ mod tests {
         let row = of(&[], &own, [(31, 0.5), (60, 0.3)], with(true, false)).rows[1].clone();
         assert_eq!(row.text, "No known cause: smooth curve at joint 4 over the angle of joint 4");
         assert_eq!(row.action, Some(OWN_ANGLE[0]));
+        for variable in ["dir4", "travel4"] {
+            let moves = [curve(4, variable, "all moves", true, [0.5, 0.3])];
+            let rows = of(&[], &moves, [(31, 0.5), (60, 0.3)], with(true, true)).rows;
+            assert_eq!(rows[1].action, Some(LAST_MOVES), "{variable}");
+        }
     }
 }

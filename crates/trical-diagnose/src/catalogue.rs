@@ -21,8 +21,8 @@ const ORDER_ONLY: &str = "time (t_s): only the order of the poses could be asked
 
 /// All candidates that this data can be asked about, with priors, and the effects that it cannot test. The prior is uniform over
 /// effects, then over sites, then over scan points; of these, effects may hold some for less likely. What happens in the course of a
-/// session is asked of each of the `sessions` by itself, and what goes with temperature of all of them too: it may do so on every day or on one;
-/// without any sessions, of all the data at once.
+/// session is asked of each of the `sessions` by itself. What else is no property of the arm (a load, the gauge, how joints were read, warmth) is
+/// asked of all of them and of each: it may be so on every day or on one. Without any sessions all is asked of all the data.
 #[must_use]
 pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) -> (Vec<Candidate>, Vec<Untestable>) {
     let mut all = Vec::new();
@@ -36,9 +36,9 @@ pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) 
         if !sessions.is_empty() {
             list.retain(|c| !c.is_course());
             for (session, own) in sessions {
-                let of_a_day = |c: &Candidate| effect.scope == Scope::Course || c.is_course();
-                let course = (effect.ask)(own).candidates.into_iter().filter(of_a_day);
-                list.extend(course.map(|c| c.in_session(*session)));
+                let of_a_day = |c: &Candidate| effect.scope != Scope::Arm || c.is_course();
+                let here = (effect.ask)(own).candidates.into_iter().filter(of_a_day);
+                list.extend(here.map(|c| c.in_session(*session)));
             }
         }
         let mut sites: Vec<(Place, usize)> = Vec::new();
@@ -104,6 +104,8 @@ pub fn device_orientation(recorded: &Covariates<'_>) -> Option<Term> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
     use crate::test_data::{arm, states};
     use trical_model::State;
@@ -142,13 +144,17 @@ mod tests {
         assert!(alone > 0);
         let two = [(1, r()), (2, r())];
         assert_eq!([count(&two, None), count(&two, Some(1)), count(&two, Some(2))], [0, alone, alone]);
-        // warmth acts on every day alike, or on one
+        // warmth and loads are so on every day, or on one; what belongs to the arm is on all
         let warm = states(40, |k| State { t: Some(20.0 * k), temp_c: Some(20.0 + 0.1 * k), ..joints(k) });
         let r = || Covariates::new(&model, &warm, 1e-5);
-        let growth = |c: &&Candidate| c.cause == EffectId::ThermalGrowth.into();
         let all = catalogue(&r(), &[(1, r()), (2, r())]).0;
-        let of_session: Vec<Option<u32>> = all.iter().filter(growth).map(Candidate::session).collect();
-        assert_eq!(of_session, [None, Some(1), Some(2)]);
+        let of_session = |id: EffectId| -> BTreeSet<Option<u32>> {
+            all.iter().filter(|c| c.cause == id.into()).map(Candidate::session).collect()
+        };
+        for id in [EffectId::ThermalGrowth, EffectId::Payload] {
+            assert_eq!(of_session(id), [None, Some(1), Some(2)].into(), "{id}");
+        }
+        assert_eq!(of_session(EffectId::GearRatio), [None].into());
         let (_, untestable) = catalogue(&Covariates::new(&model, &states(40, joints), 1e-5), &[]);
         let lacks = |id| untestable.iter().find(|u| u.effect == id).map(|u| u.lacks);
         assert!(lacks(EffectId::JointZeroShift).is_some_and(|l| l.starts_with("time (t_s)")));

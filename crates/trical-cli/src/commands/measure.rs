@@ -167,7 +167,7 @@ pub fn run(args: &Args) -> Result<()> {
         stops: Some(Arc::clone(&interrupt.stops)),
     };
     let mut view = View::new();
-    let report = perform(&session, &mut |p| view.show(&p));
+    let report = perform(&session, ", --resume goes on", &mut |p| view.show(&p));
     view.end();
     let report = report?;
     for w in &report.warnings {

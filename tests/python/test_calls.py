@@ -23,7 +23,7 @@ ARM = ROOT / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 
 # the arm lags behind: the other sign would not be lost motion
-TRUTH = lost_motion(2, -0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
+TRUTH = lost_motion(2, 0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
 
 
 @pytest.fixture(scope="module")

@@ -123,7 +123,7 @@ impl Settings {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_output(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
+    input::check_recording(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
     let (robot, cell) = args.cell.load()?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;

@@ -233,6 +233,10 @@ fn bad_robots_and_cells_are_refused_with_file_and_field() {
     robot("mass_kg = 3.067\n", "", &["joint 1", "mass_kg", "compliance"]);
     robot("name =", "format_version = 99\nname =", &["robot.toml", "newer"]);
     robot("limits_deg = [-165.0, 165.0]", "limits_deg = [165.0, -165.0]", &["joint 1", "limits_deg"]);
+    robot("d_mm = 290.0", "d_mm = \"290\"", &["robot.toml", "line", "expected a number"]);
+    place.write("robot.toml", CELL);
+    place.refuses(&identify("r.csv"), &["robot.toml: is a cell file, expected a robot file"]);
+    place.write("robot.toml", ROBOT);
     let cell = |from: &str, to: &str, words: &[&str]| {
         place.write("cell.toml", &CELL.replacen(from, to, 1));
         place.refuses(&identify("r.csv"), words);
@@ -251,8 +255,15 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
         assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
         serde_json::from_slice::<serde_json::Value>(&o.stdout).unwrap()
     };
+    // neither plan nor recording stands for the other, and no recording is lost
+    place.write("r.csv", HEADER);
+    let over = place.run(&[&["plan"][..], &CELL_ARGS, &["--out", "r.csv"]].concat());
+    assert_eq!(over.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&over.stderr).contains("r.csv: is a recording, and would be replaced"));
+    assert_eq!(std::fs::read_to_string(place.path("r.csv")).unwrap(), HEADER);
     let d = plan(&["--report", "plan.html"]);
     assert_eq!((&d["touches"], &d["pool"]), (&serde_json::json!(45), &serde_json::json!(300)));
+    place.refuses(&identify("plan.csv"), &["plan.csv, header: is that of a plan"]);
     assert_eq!(std::fs::read_to_string(place.path("plan.csv")).unwrap().lines().count(), 46);
     assert_eq!(d["parameters"].as_array().unwrap().len(), 31);
     for p in d["parameters"].as_array().unwrap() {

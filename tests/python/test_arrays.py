@@ -58,7 +58,7 @@ def test_joints_come_back_from_where_they_led(model: trical.Model) -> None:
 
 WARM = '{ of = { temperature = { reference_c = 20.0 } }, shape = "linear" }'
 TERMS = (
-    lost_motion(2, 0.05)
+    lost_motion(2, -0.05)
     + term("drift_1", "drift", 0.001, "deg/s", joint(1), '{ of = "time", shape = "linear" }')
     + term(
         "warm_3",

@@ -23,7 +23,7 @@ ARM = ROOT / "cells" / "irb120"
 FILES = {"robot": ARM / "robot.toml", "cell": ARM / "cell.toml"}
 
 # the arm lags behind: the other sign would not be lost motion
-TRUTH = lost_motion(2, -0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
+TRUTH = lost_motion(2, 0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +245,7 @@ def test_an_arm_is_compared_with_what_it_was(truth: trical.Model, plan: trical.P
     assert changed["verdict"] != "unchanged" and changed["mean_mm"] > 3 * told["mean_mm"]
     history = trical.history(fitted.model, [again, moved], need_mm=0.1)
     assert [s["verdict"] for s in history["sessions"]] == [told["verdict"], changed["verdict"]]
-    assert history["due"].startswith("Now:") and len(history["sessions"]) == 2
+    assert history["due"].startswith("The next calibration is due now:") and len(history["sessions"]) == 2
 
 
 def test_what_is_known_beforehand_counts(touches: trical.Recording, tmp_path: Path) -> None:

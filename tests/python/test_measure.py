@@ -260,7 +260,10 @@ def test_a_virtual_cell_ends_with_its_block() -> None:
     ("wrong", "said"),
     [
         ({"hide": "backlash"}, "hide: backlash: no such effect; known are"),
-        ({"hide": ["lost_motion_direction@9"]}, "hide: .*expected EFFECT@SITE; sites of lost_motion_direction are"),
+        (
+            {"hide": ["lost_motion_direction@9"]},
+            "hide: .*expected EFFECT@SITE; this arm can have lost_motion_direction at",
+        ),
         ({"port": 70000}, "port is 70000, expected 0 to 65535"),
         ({"pace": -1}, "pace is -1, expected 0 to 100"),
         ({"unsettled": [0.1, 0.1]}, "unsettled has 2 numbers, expected 3"),

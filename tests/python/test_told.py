@@ -29,7 +29,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a plan's touches of an arm with a hidden flaw."""
     folder = tmp_path_factory.mktemp("told")
     truth = trical.Model.nominal(**FILES).with_terms(
-        lost_motion(2, -0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
+        lost_motion(2, 0.02) + term("a_2", "geometry", 0.7, "mm", link(2, "a"))
     )
     plan = trical.plan(**FILES)
     plan.save(folder / "plan.csv")

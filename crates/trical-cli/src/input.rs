@@ -1,5 +1,6 @@
 //! Robots, cells and recordings from the files that the user names.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -127,8 +128,30 @@ pub fn passes(paths: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> 
     })
 }
 
-/// Refuses an output that lies in a folder that does not exist, or that would replace what is read, before any work is done.
+/// Refuses an output that lies in a folder that does not exist, or that would replace what is read or a recording, before any work is
+/// done.
 pub fn check_output<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+    check_recording(path, inputs)?;
+    if is_recording(path) {
+        return Err(CliError::Input(format!(
+            "{}: is a recording, and would be replaced; expected another name for what this command writes",
+            path.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Whether a file is a recording, by its first bytes.
+fn is_recording(path: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = std::fs::File::open(path).and_then(|f| f.take(4096).read_to_end(&mut head));
+    let line = head.split(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
+    let measured = [&b"ix_mm"[..], b"target", b"reference", b"d_mm"];
+    read.is_ok() && (head.starts_with(b"\x89MCAP") || line.split(|b| *b == b',').any(|name| measured.contains(&name)))
+}
+
+/// The same of a command that writes a recording.
+pub fn check_recording<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
         return Err(CliError::Input(format!("{}: the folder {} does not exist", path.display(), folder.display())));

@@ -42,12 +42,10 @@ impl View {
     }
 }
 
-/// Runs a session, with the words of the command line.
-pub fn perform(session: &Session<'_>, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
+/// Runs a session, with the words of the command line: the way on where it is broken off is up to the caller.
+pub fn perform(session: &Session<'_>, then: &str, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
     session.perform(watch).map_err(|e| match e {
-        SessionError::Run(e) if !e.is_cancelled() => {
-            CliError::Failed(format!("{e}; what was measured is safe, --resume goes on"))
-        }
+        SessionError::Run(e) if !e.is_cancelled() => CliError::Failed(format!("{e}; what was measured is safe{then}")),
         SessionError::Run(_) | SessionError::Finish(_) => CliError::Failed(e.to_string()),
         _ => CliError::Input(e.to_string()),
     })

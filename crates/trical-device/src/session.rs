@@ -18,7 +18,7 @@ use trical_model::{Cell, Forward, Joints, Model, ModelError, Robot, State, urdf}
 
 pub use settings::Settings;
 pub use told::Told;
-pub use touch_here::{BaseFit, SetUpError, base, tool_point};
+pub use touch_here::{BaseFit, SetUpError, base, tool_point, turned};
 
 use crate::controller::{ControllerError, StopCount, open_controller};
 use crate::gauge::{GaugeError, open_gauge};

@@ -67,13 +67,11 @@ pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient>
 /// A term's coefficient in its unit.
 pub(crate) fn coefficient(term: &Term) -> Coefficient {
     let u = unit(term);
-    // a gap is what it measures: positive, though it adds to the angle against the sense of motion
-    let sign = if term.basis.sense.is_some() { -1.0 } else { 1.0 };
     Coefficient {
         name: term.name.clone(),
-        value: sign * term.value * u.per_si,
+        value: term.value * u.per_si,
         unit: u.name,
-        sd: term.sd.map(|s| s * u.per_si),
+        sd: term.sd.map(|s| s * u.per_si.abs()),
     }
 }
 

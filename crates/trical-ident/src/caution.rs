@@ -14,6 +14,9 @@ const TURNED: f64 = 0.35;
 const NO_ARM_MM: f64 = 5.0;
 const NO_ARM_DEG: f64 = 2.0;
 
+/// More than this is left of few arms, mm.
+const MUCH_MM: f64 = 1.0;
+
 /// Fewer numbers measured for each parameter than this leave little to check the fit with.
 const FEW: f64 = 2.0;
 
@@ -66,6 +69,22 @@ pub fn no_arm(mm: f64, deg: Option<f64>) -> Vec<String> {
         ));
     }
     out
+}
+
+/// What to look at where much is left, mm, and nothing is known that explains it.
+#[must_use]
+pub fn much_left(robot: &Robot, mm: f64) -> Option<String> {
+    let reach: f64 = robot.joints.iter().map(|j| j.a.hypot(j.d)).sum();
+    let deg = (mm * 1e-3 / reach.max(1e-3)).to_degrees();
+    (MUCH_MM..=NO_ARM_MM).contains(&mm).then(|| {
+        format!(
+            "{mm:.1} mm is left that neither the arm's geometry nor any known effect explains, as much as {deg:.2} deg at the first \
+             joint of the outstretched arm. Look at the measurements before the arm: measure one pose five times. If that scatters as \
+             much, something is loose (tool, balls, instrument), or joints are read while the arm still moves. If it repeats, check \
+             the robot file (is it this arm, with its joints in their order and signs?), the units, and whether tool, balls or base \
+             were moved during the recording: each such part is a session or a `place` of its own."
+        )
+    })
 }
 
 /// In one sentence each; `rows` numbers were measured for so many `parameters`.
@@ -189,6 +208,16 @@ mod tests {
         assert!(no_arm(4.9, None).is_empty() && no_arm(0.4, Some(1.9)).is_empty());
         assert!(no_arm(53.2, Some(0.1))[0].contains("still 53 mm off"));
         assert!(no_arm(3.0, Some(26.4))[0].contains("still 26 deg off"));
+    }
+
+    #[test]
+    fn much_that_is_left_says_what_to_look_at_and_in_angles_of_this_arm() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        assert!(much_left(&robot, 0.9).is_none() && much_left(&robot, 5.1).is_none());
+        // 290 + 270 + 310 (of 70 and 302) + 72 mm
+        let said = much_left(&robot, 3.0).unwrap();
+        assert!(said.starts_with("3.0 mm is left") && said.contains("as much as 0.18 deg"), "{said}");
+        assert!(said.contains("measure one pose five times") && said.contains("robot file"), "{said}");
     }
 
     #[test]

@@ -488,7 +488,7 @@ impl Whitened {
                 let number = |(i, term): (usize, &usize)| {
                     let (t, at) = (&model.terms[*term], first + i);
                     let u = unit(t);
-                    let sd = (solved[(at, at + 1)] * more_noise).max(0.0).sqrt() / lengths[at] * u.per_si;
+                    let sd = (solved[(at, at + 1)] * more_noise).max(0.0).sqrt() / lengths[at] * u.per_si.abs();
                     Changed { name: t.name.clone(), value: solved[(at, 0)] / lengths[at] * u.per_si, sd, unit: u.name }
                 };
                 e.terms.iter().enumerate().map(number).collect()
@@ -512,7 +512,7 @@ impl Whitened {
             let worst =
                 terms.map(|(t, c)| (dot(c, c).sqrt(), unit(&model.terms[*t]))).min_by(|a, b| a.0.total_cmp(&b.0));
             worst.map(|(length, u)| {
-                let smallest = needed / length * u.per_si;
+                let smallest = needed / length * u.per_si.abs();
                 Visible {
                     what: e.what.clone(),
                     smallest: (smallest < largest(&u.name)).then_some(smallest),

@@ -139,24 +139,31 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
     if last.verdict == "arm changed" {
-        return format!("Now: in the last session the arm is not what it was ({}).", last.recording);
+        return format!(
+            "The next calibration is due now: in the last session ({}) the arm is not what it was.",
+            last.recording
+        );
     }
     let Some(need) = need else {
-        return "Not known: the mean error that the work allows is not given.".into();
+        return "When the next calibration is due is not known: the mean error that the work allows is not given."
+            .into();
     };
     if last.mean_mm > need {
-        return format!("Now: the mean error is {:.3} mm, more than the {need} mm that the work allows.", last.mean_mm);
+        return format!(
+            "The next calibration is due now: the mean error is {:.3} mm, more than the {need} mm that the work allows.",
+            last.mean_mm
+        );
     }
     if trend.is_none() {
         return format!(
-            "Not yet: the mean error is {:.3} mm of the {need} mm that the work allows. Whether it grows cannot be told from fewer than four \
+            "The next calibration is not due yet: the mean error is {:.3} mm of the {need} mm that the work allows. Whether it grows cannot be told from fewer than four \
              sessions.",
             last.mean_mm
         );
     }
     match trend.filter(|t| t.p_value < 0.05) {
         None => format!(
-            "Not yet: the mean error is {:.3} mm of the {need} mm that the work allows, and does not grow.",
+            "The next calibration is not due yet: the mean error is {:.3} mm of the {need} mm that the work allows, and does not grow.",
             last.mean_mm
         ),
         Some(t) => {
@@ -165,7 +172,7 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
             let soonest = (need - last.mean_mm) / (t.mm_per_step + 2.0 * t.sd);
             let began = if unit == "days" { format!(" (day {here:.0} since the first)") } else { String::new() };
             format!(
-                "In {left:.0} {unit} after the last session{began}, in {soonest:.0} at the earliest: the mean error is {:.3} mm of the {need} mm that the work allows, and grows by {:.4} mm in each of them.",
+                "The next calibration is due {left:.0} {unit} after the last session{began}, {soonest:.0} {unit} at the earliest: the mean error is {:.3} mm of the {need} mm that the work allows, and grows by {:.4} mm in each of them.",
                 last.mean_mm, t.mm_per_step
             )
         }
@@ -220,13 +227,18 @@ mod tests {
         let says = |sessions: &[Comparison], trend, need| due(sessions, &[0.0, 30.0], trend, need, "days");
         // 0.1 mm are left, at 0.002 mm a day, or 0.003 at the most
         let found = says(&last(0.2, "unchanged"), grows(0.001), Some(0.3));
-        assert!(found.starts_with("In 50 days after the last session (day 30 since the first), in 33 at"), "{found}");
+        assert!(
+            found.starts_with(
+                "The next calibration is due 50 days after the last session (day 30 since the first), 33 days at"
+            ),
+            "{found}"
+        );
         let unchanged = last(0.2, "unchanged");
         assert!(says(&unchanged, grows(0.5), Some(0.3)).contains("and does not grow"));
         assert!(says(&unchanged, None, Some(0.3)).contains("fewer than four sessions"));
-        assert!(says(&unchanged, grows(0.001), Some(0.1)).starts_with("Now: the mean error is 0.200 mm"));
-        assert!(says(&unchanged, grows(0.001), None).starts_with("Not known"));
-        assert!(says(&last(0.2, "arm changed"), None, None).contains("not what it was (last.csv)"));
+        assert!(says(&unchanged, grows(0.001), Some(0.1)).contains("is due now: the mean error is 0.200 mm"));
+        assert!(says(&unchanged, grows(0.001), None).contains("is not known"));
+        assert!(says(&last(0.2, "arm changed"), None, None).contains("(last.csv) the arm is not what it was"));
         assert_eq!(says(&[], None, None), "");
     }
 }

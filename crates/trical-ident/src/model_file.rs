@@ -105,8 +105,8 @@ pub struct Session {
     pub visited: Support,
 }
 
-/// The newest version of model files: sessions came with 2.
-const FORMAT_VERSION: u32 = 2;
+/// The newest version of model files: sessions came with 2, and with 3 what goes with the sense of motion is positive as it is told.
+const FORMAT_VERSION: u32 = 3;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -203,7 +203,7 @@ struct FrameFile {
 struct TermFile {
     name: String,
     effect: String,
-    /// Coefficient: what is added to nominal, in `unit`.
+    /// Coefficient in `unit`: what is added to nominal, where the sense of motion counts what is lost in it.
     value: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sd: Option<f64>,
@@ -305,7 +305,7 @@ impl ModelFile {
                     name: t.name.clone(),
                     effect: t.effect.clone(),
                     value: t.value * u.per_si,
-                    sd: t.sd.map(|s| s * u.per_si),
+                    sd: t.sd.map(|s| s * u.per_si.abs()),
                     unit: u.name,
                     site: t.site,
                     basis: t.basis,
@@ -435,8 +435,9 @@ impl ModelFile {
             if let Err(problem) = term.basis.check() {
                 return Err(bad(format!("term {}: its basis {problem}", term.name)));
             }
-            term.value = t.value / u.per_si;
-            term.sd = t.sd.map(|s| s / u.per_si);
+            let per_si = if file.format_version < 3 { u.per_si.abs() } else { u.per_si };
+            term.value = t.value / per_si;
+            term.sd = t.sd.map(|s| s / per_si.abs());
             terms.push(term);
         }
         if let Some((k, s)) =

@@ -7,13 +7,20 @@ use trical_model::{Model, Motion, Parameter, Payload, Place, Pose, Shape, Site, 
 pub struct Unit {
     /// "deg", "mm", "deg/Nm", "mm/K" ...
     pub name: String,
-    /// Multiply an SI coefficient by this.
+    /// Multiply an SI coefficient by this. Below zero where the sense of motion counts: a gap is what it measures, positive, though it
+    /// adds to the angle against the sense.
     pub per_si: f64,
 }
 
 /// The unit of a term's coefficient.
 #[must_use]
 pub fn unit(term: &Term) -> Unit {
+    let unit = magnitude(term);
+    Unit { per_si: if term.basis.sense.is_some() { -unit.per_si } else { unit.per_si }, ..unit }
+}
+
+/// The unit, whatever the sense of motion does.
+fn magnitude(term: &Term) -> Unit {
     let deg = 1.0_f64.to_degrees();
     let (site, site_factor) = match term.site {
         Site::Link { parameter: Parameter::A | Parameter::D, .. }

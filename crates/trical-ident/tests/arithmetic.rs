@@ -236,6 +236,21 @@ fn a_touch_beyond_the_limit_is_rejected_and_its_ball_is_not_blamed() {
 }
 
 #[test]
+fn a_gap_is_positive_in_a_model_file_as_it_is_told_and_older_files_mean_what_they_did() {
+    let mut model = nominal();
+    let gap = Term::new("half_gap_2", "lost_motion_direction", Site::Joint { joint: 2 }, Basis::direction(2));
+    model.terms = vec![Term { value: -0.02_f64.to_radians(), sd: Some(1e-3_f64.to_radians()), ..gap }];
+    let text = ModelFile::unmeasured(model.clone()).to_toml().unwrap();
+    let term = text.split("[[term]]").nth(1).unwrap();
+    assert!(term.contains("value = 0.02") && term.contains("sd = 0.001"), "{term}");
+    assert_eq!(trical_ident::shown(&model, &model.terms[0]).value, 0.02);
+    let back = ModelFile::parse(&text, "m.toml").unwrap().model.terms[0].value;
+    assert!((back - model.terms[0].value).abs() < 1e-15);
+    let older = text.replace("format_version = 3", "format_version = 2").replace("value = 0.02", "value = -0.02");
+    assert_eq!(ModelFile::parse(&older, "m.toml").unwrap().model.terms[0].value, back);
+}
+
+#[test]
 fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
     let recording =
         Recording { name: "made".into(), joints: 6, rows: touch_rows(40, |_, rng| noise(rng)), ..Recording::default() };

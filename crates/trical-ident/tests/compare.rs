@@ -119,9 +119,13 @@ fn months_of_growing_errors_say_when_the_next_calibration_is_due() {
     let h = history(&truth.cell, &file, &sessions, None, Some(0.2)).unwrap();
     assert_eq!(h.days.as_ref().unwrap()[1], 31.0);
     assert!(h.trend.is_some_and(|t| t.mm_per_step > 0.0 && t.p_value < 0.05), "{:?}", h.trend);
-    assert!(h.due.starts_with("In ") && h.due.contains(" days after the last session"), "{}", h.due);
+    assert!(
+        h.due.starts_with("The next calibration is due ") && h.due.contains(" days after the last session"),
+        "{}",
+        h.due
+    );
     let h = history(&truth.cell, &file, &sessions[..4], None, Some(0.01)).unwrap();
-    assert!(h.due.starts_with("Now: the mean error is"), "{}", h.due);
+    assert!(h.due.starts_with("The next calibration is due now: the mean error is"), "{}", h.due);
 }
 
 #[test]
@@ -137,7 +141,11 @@ fn a_history_begins_with_the_recording_that_the_model_was_learnt_on() {
     assert!(first.mean_mm > 0.005 && first.mean_mm < 0.02, "{first:?}");
     assert_eq!(h.days, Some(vec![31.0, 33.0]), "days since the calibration");
     let h = history(&truth.cell, &file, &sessions, None, Some(0.2)).unwrap();
-    assert!(h.due.starts_with("Not yet") && h.due.contains("fewer than four sessions"), "{}", h.due);
+    assert!(
+        h.due.starts_with("The next calibration is not due yet") && h.due.contains("fewer than four sessions"),
+        "{}",
+        h.due
+    );
     // a recording without a date leaves sessions to be counted
     let other = Recording { name: "old.csv".into(), ..sessions[0].clone() };
     let h = history(&truth.cell, &file, &[other, sessions[1].clone()], None, None).unwrap();

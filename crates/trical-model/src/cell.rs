@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{ModelError, Result, parse_toml, read_text};
+use crate::error::{ModelError, Result, parse_toml_of, read_text};
 use crate::pose::{Pose, angles_zyx, rotation_zyx};
 use crate::robot::{check_version, tidy};
 
@@ -200,7 +200,7 @@ impl Cell {
     /// # Errors
     /// As [`Cell::load`].
     pub fn parse(text: &str, file: &str) -> Result<Self> {
-        let raw: CellFile = parse_toml(text, file)?;
+        let raw: CellFile = parse_toml_of("cell", text, file)?;
         check_version(raw.format_version, file)?;
         let bad = |place: &str, problem: String| ModelError::Input {
             file: file.to_owned(),

@@ -75,7 +75,23 @@ pub fn parse_toml<T: serde::de::DeserializeOwned>(text: &str, file: &str) -> Res
         ModelError::Input {
             file: file.to_owned(),
             place: format!("line {line}"),
-            problem: shortened(&e.message().replace('\n', " "), 300),
+            problem: shortened(&e.message().replace('\n', " ").replace("expected f64", "expected a number"), 300),
+        }
+    })
+}
+
+/// Parses the TOML text of a file of this kind ("robot" or "cell"); one of another kind, given in its place, is called that.
+pub(crate) fn parse_toml_of<T: serde::de::DeserializeOwned>(kind: &str, text: &str, file: &str) -> Result<T> {
+    parse_toml(text, file).map_err(|e| {
+        let table: toml::Table = text.parse().unwrap_or_default();
+        let has = |keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
+        let kinds = [("model", &["term", "robot"][..]), ("robot", &["joint"]), ("cell", &["base", "tool", "balls"])];
+        match kinds.iter().find(|(_, keys)| has(keys)) {
+            Some((found, _)) if *found != kind => ModelError::Unreadable {
+                file: file.to_owned(),
+                problem: format!("is a {found} file, expected a {kind} file ({kind}.toml)"),
+            },
+            _ => e,
         }
     })
 }

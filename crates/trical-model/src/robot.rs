@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{ModelError, Result, parse_toml};
+use crate::error::{ModelError, Result, parse_toml_of};
 use crate::pose::{Pose, angles_zyx, rotation_zyx};
 use crate::recording::MAX_JOINTS;
 
@@ -168,7 +168,7 @@ impl Robot {
     /// # Errors
     /// As [`Robot::load`].
     pub fn parse(text: &str, file: &str) -> Result<Self> {
-        let raw: RobotFile = parse_toml(text, file)?;
+        let raw: RobotFile = parse_toml_of("robot", text, file)?;
         check_version(raw.format_version, file)?;
         let bad = |place: String, problem: String| ModelError::Input { file: file.to_owned(), place, problem };
         if raw.joint.is_empty() || raw.joint.len() > MAX_JOINTS {

@@ -284,7 +284,7 @@ impl<'a> Tally<'a> {
             all += &format!(" and {more} more");
         }
         (!all.is_empty()).then(|| {
-            format!("calls routines that are in none of the files read: {all}; they are taken to leave tools, frames and targets as they are")
+            format!("calls routines that are in none of the files read: {all}; they are taken to leave tools, frames and targets that they are not given as they are")
         })
     }
 

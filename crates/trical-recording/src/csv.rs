@@ -94,6 +94,9 @@ impl Reader<'_> {
             if self.header.iter().all(|n| n.parse::<f64>().is_ok()) {
                 return Err(self.wrong_header(format!("found numbers, expected names of columns; known are {known}")));
             }
+            if self.header.iter().any(|n| n == "a1_deg") && self.header.iter().any(|n| n == "via") {
+                return Err(self.wrong_header("is that of a plan of touches, expected a recording of them"));
+            }
             return Err(self.wrong_header(format!("unknown column{s} {}; known are {known}", unknown.join(", "))));
         }
         let mut found: [[[Option<Slot>; 2]; MAX_JOINTS]; FIELDS] = [[[None; 2]; MAX_JOINTS]; FIELDS];
@@ -403,7 +406,13 @@ impl<'a> Parser<'a> {
             }
             if record.len() != self.reader.header.len() {
                 let (found, expected) = (record.len(), self.reader.header.len());
-                let problem = format!("found {found} fields, expected {expected} as in the header");
+                // a decimal comma divides its number in two
+                let hint = if found > expected && record.iter().any(|f| f.trim().parse::<i64>().is_ok()) {
+                    "; with decimal commas, the fields have to be divided by semicolons or tabs"
+                } else {
+                    ""
+                };
+                let problem = format!("found {found} fields, expected {expected} as in the header{hint}");
                 problems.push(self.reader.error(format!("line {line}"), problem));
                 continue;
             }

@@ -66,7 +66,7 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
         sections.insert(1, Section { heading: "What changed".into(), list: told, ..Section::default() });
     }
     let title = format!("History of {}", file.model.robot.name);
-    page::render(&title, &format!("Next calibration: {}", h.due), &sections, &made)
+    page::render(&title, &h.due, &sections, &made)
 }
 
 /// A row for each recording: those of the fit first.

@@ -109,7 +109,9 @@ pub fn no_arm(d: &Diagnosis) -> Vec<String> {
 /// What else should make the owner look twice, in one sentence each.
 #[must_use]
 pub fn cautions(d: &Diagnosis) -> Vec<String> {
-    let all = d.cautions.iter().cloned().chain(caution::beyond_limits(&d.model.robot, &d.data));
+    let named = d.findings.iter().any(|f| f.confidence >= 0.5);
+    let much = (!named).then(|| caution::much_left(&d.model.robot, d.after.holdout_rms_mm)).flatten();
+    let all = much.into_iter().chain(d.cautions.iter().cloned()).chain(caution::beyond_limits(&d.model.robot, &d.data));
     all.map(|c| table::ended(&c)).collect()
 }
 

@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> Result<()> {
     let Some(output) = args.output.as_ref().or(args.out.as_ref()) else {
         return Err(CliError::Input("expected the name of a file to write".into()));
     };
-    input::check_output(output, [args.input.as_path()])?;
+    input::check_recording(output, [args.input.as_path()])?;
     if args.input.extension().is_some_and(|e| e == "conf") {
         return by_maker(args, output);
     }

@@ -299,7 +299,7 @@ fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry], acc
         cancel: &AtomicBool::new(false),
         stops: None,
     };
-    let measured = perform(&session, &mut |p| view.show(&p))?;
+    let measured = perform(&session, "", &mut |p| view.show(&p))?;
     view.end();
     story.tell(format!(
         "3. The arm touched each ball until all three indicators read less than {} mm: {} touches,",

@@ -13,12 +13,14 @@ use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::{bare_url, check_on_calibrator, master};
 use trical_device::gauge::with_zero;
 use trical_device::procedure::{MoveGuard, stride};
-use trical_device::session::{SetUpError, Settings, base, now_ns, tool_point};
+use trical_device::session::{SetUpError, Settings, base, now_ns, tool_point, turned};
 use trical_device::{PlanEntry, Progress, Session, open_controller, visits};
 use trical_ident::write_whole;
-use trical_model::{Cell, Joints, Robot, Row};
+use trical_model::pose::rotation_vector;
+use trical_model::{Cell, Joints, Measured, Robot, Row};
 use trical_plan::{MotionGuard, PlanOptions, plan_touches, write_plan};
 use trical_recording::RecordingWriter;
+use trical_report::table;
 
 use crate::commands::gauge::shown;
 use crate::commands::plan;
@@ -34,8 +36,14 @@ use kept::{Kept, beside};
 /// Orientations in which the first ball is touched for the tool point.
 const ORIENTATIONS: usize = 4;
 
+/// Touches for the tool point are asked to be turned by so much from each other, deg.
+const TURNED_DEG: f64 = 20.0;
+
 /// Balls that say where the arm stands.
 const BALLS: usize = 3;
+
+/// A base that is turned by more than this from that of the cell file comes from balls in another order, or the file is no guess, deg.
+const BASE_TURNED_DEG: f64 = 15.0;
 
 /// For touches where the arm stands: a person brought it there.
 const FREE: MoveGuard<'static> = &|_, _, _| Ok(());
@@ -139,6 +147,10 @@ impl<'a> Guided<'a> {
              0,10,20,0,45,0) to have the arm driven there slowly and straight: check that the way is free. Keep a hand \
              on the emergency stop. Every step is saved: --resume continues where you stopped.",
         )?;
+        if led.kept.step > 0 {
+            let zero = led.kept.zero.map_or("none".to_owned(), |zero| format!("the calibrator read {}", shown(&zero)));
+            tell(&format!("The session goes on where it stopped. Mastering: {zero}."))?;
+        }
         let ended = led.steps();
         let finished = led.close();
         ended.map_err(|e| match e {
@@ -182,25 +194,33 @@ impl<'a> Guided<'a> {
         let led = self.begin()?;
         let about = &led.about;
         tell("With --go, you are led through these steps, each when you press Enter:")?;
-        for at in led.kept.step..=Step::PLAN + 1 {
+        let parts = [0, 1, Step::FIRST_BALL, Step::PLAN, Step::PLAN + 1, usize::MAX];
+        for part in parts.windows(2).filter(|part| part[1] > led.kept.step) {
+            let at = part[0].max(led.kept.step);
             let text = match Step::at(at) {
                 Step::Master => {
                     "1. Mastering: the stems are read in the air and on the calibrator. Nothing moves.".to_owned()
                 }
                 Step::Orientation(k) => format!(
-                    "2. Tool point: ball 1, orientation {} of {ORIENTATIONS}. You bring the device over the ball; the arm then \
-                     corrects by {:.1} mm at most each time, {:.1} mm in all, until the reading is below {:.3} mm.",
-                    k + 1,
+                    "2. Tool point: ball 1 in {} orientations. You bring the device over the ball each time; the arm then \
+                     corrects by {:.1} mm at most at once, {:.1} mm in all, until the reading is below {:.3} mm. The tool point is \
+                     computed; you accept it or keep that of the cell file.",
+                    ORIENTATIONS - k,
                     about.settings.max_correction * 1e3,
                     about.settings.max_sum * 1e3,
                     about.settings.epsilon * 1e3
                 ),
                 Step::ToolPoint => {
-                    "   The tool point is computed; you accept it or keep that of the cell file.".to_owned()
+                    "2. Tool point: it is computed; you accept it or keep that of the cell file.".to_owned()
                 }
-                Step::Ball(k) => format!("3. World frame: ball {}, touched in the same way.", k + 1),
+                Step::Ball(k) => format!(
+                    "3. World frame: balls {} are touched once each in the same way. The base of the arm is computed and checked \
+                     by the distances of the balls.",
+                    (k + 1..=BALLS).map(|k| k.to_string()).collect::<Vec<_>>().join(", ")
+                ),
                 Step::World => {
-                    "   The base of the arm is computed and checked by the distances of the balls.".to_owned()
+                    "3. World frame: the base of the arm is computed and checked by the distances of the balls."
+                        .to_owned()
                 }
                 Step::Plan => "4. Plan. From where the arm stands then; from joints at zero it is this one:".to_owned(),
                 Step::Measure => "5. Measurement: the arm moves by itself.".to_owned(),
@@ -219,7 +239,7 @@ impl<'a> Guided<'a> {
         let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
         let session =
             Session { stride: Some(stride), go: false, ..led.session(&led.cell, &entries, about.out, &guard) };
-        let report = perform(&session, &mut |_| ())?;
+        let report = perform(&session, "", &mut |_| ())?;
         for w in &report.warnings {
             tell(&format!("Note: {w}."))?;
         }
@@ -306,7 +326,7 @@ impl Led<'_> {
             match self.person.ask(text, about.robot, Some((&gauge, about.controller)), about.settings.stroke)? {
                 Answer::Joints(q) => {
                     if let Err(e) = self.drive(&q) {
-                        tell(&format!("That did not work: {e}."))?;
+                        tell(&format!("That did not work: {}", table::ended(&e.to_string())))?;
                     }
                 }
                 answer => return Ok(answer),
@@ -351,9 +371,12 @@ impl Led<'_> {
                 _ => return not_mastered(),
             }
             let free = match master(&bare, &cancel) {
-                Ok(read) => read.zero,
+                Ok(read) => {
+                    read.warnings.iter().try_for_each(|w| tell(&format!("Note: {w}.")))?;
+                    read.zero
+                }
                 Err(e) => {
-                    tell(&format!("That did not work: {e}. Try again."))?;
+                    tell(&format!("That did not work: {} Try again.", table::ended(&e.to_string())))?;
                     continue;
                 }
             };
@@ -372,7 +395,7 @@ impl Led<'_> {
                     tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&zero)))?;
                     return Ok(Next::On);
                 }
-                Err(e) => tell(&format!("That did not work: {e}. Try again."))?,
+                Err(e) => tell(&format!("That did not work: {} Try again.", table::ended(&e.to_string())))?,
             }
         }
     }
@@ -399,9 +422,9 @@ impl Led<'_> {
     /// Asks for a touch until it is there. Skipping keeps one that is there, or goes to `skipped`.
     fn touch(&mut self, ball: usize, index: u64, what: &str, skipped: (&str, usize)) -> Result<Next> {
         self.log = Some(self.open()?);
-        let there = self.rows.contains_key(&index);
-        let skip = if there { "touched already; s: keep that touch" } else { skipped.0 };
         loop {
+            let there = self.rows.contains_key(&index);
+            let skip = if there { "touched already; s: keep that touch" } else { skipped.0 };
             match self.ask(&format!("{what}. ({skip}.)"))? {
                 Answer::Back => return Ok(Next::Back),
                 Answer::Skip if there => return Ok(Next::On),
@@ -411,22 +434,50 @@ impl Led<'_> {
             let mut log = self.open()?;
             tell("The arm closes in on the ball.")?;
             let gauge = self.gauge();
-            let mut note = |p| {
-                if let Progress::Warning(w) = p {
-                    crate::note!("trical: note: {w}");
-                }
+            let mut corrected = 0;
+            let mut note = |p| match p {
+                Progress::Warning(w) => crate::note!("trical: note: {w}"),
+                Progress::Measured { corrections, .. } => corrected = corrections,
+                _ => {}
             };
             let session = Session { gauge: &gauge, ..self.session(&self.cell, &[], self.about.out, FREE) };
             let touched = session.touch_here(&mut log, ball, index, &mut note);
             self.log = Some(log);
             match touched {
                 Ok(row) => {
+                    let left = if let Measured::Touch { reading, .. } = row.measured {
+                        shown(&reading)
+                    } else {
+                        String::new()
+                    };
+                    let plural = if corrected == 1 { "" } else { "s" };
+                    tell(&format!(
+                        "Touched and recorded, after {corrected} correction{plural}; the reading left is {left}."
+                    ))?;
                     self.rows.insert(index, row);
-                    return Ok(Next::On);
+                    if !self.alike(index)? {
+                        return Ok(Next::On);
+                    }
                 }
-                Err(e) => tell(&format!("That did not work: {e}. Try again."))?,
+                Err(e) => tell(&format!("That did not work: {} Try again.", table::ended(&e.to_string())))?,
             }
         }
+    }
+
+    /// Whether a touch for the tool point is hardly turned from another one, which is told.
+    fn alike(&self, index: u64) -> Result<bool> {
+        let Some(row) = self.rows.get(&index).filter(|_| index < ORIENTATIONS as u64) else { return Ok(false) };
+        for (other, before) in self.rows.range(..ORIENTATIONS as u64).filter(|(other, _)| **other != index) {
+            let by = turned(self.about.robot, &self.cell, row, before).map_err(failed)?.to_degrees();
+            if by < TURNED_DEG {
+                tell(&format!(
+                    "It is turned by {by:.1} degrees only from orientation {}: turn the device further and touch again.",
+                    other + 1
+                ))?;
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     fn orientation(&mut self, k: usize) -> Result<Next> {
@@ -442,13 +493,16 @@ impl Led<'_> {
 
     fn tool_point(&mut self) -> Result<Next> {
         self.log = Some(self.open()?);
-        let rows: Vec<Row> = (0..ORIENTATIONS as u64).filter_map(|k| self.rows.get(&k).copied()).collect();
+        if let Some(missing) = (0..ORIENTATIONS).find(|k| !self.rows.contains_key(&(*k as u64))) {
+            return Ok(Next::To(1 + missing));
+        }
+        let rows: Vec<Row> = self.rows.range(..ORIENTATIONS as u64).map(|(_, row)| *row).collect();
         self.cell.tool.tcp = self.about.cell.tool.tcp;
         let fit = match tool_point(self.about.robot, &self.cell, &rows) {
             Ok(fit) => fit,
             Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
             Err(e) => {
-                tell(&format!("No tool point: {e}. Repeat the touches that are wrong."))?;
+                tell(&format!("No tool point: {} Repeat the touches that are wrong.", table::ended(&e.to_string())))?;
                 return Ok(Next::To(1));
             }
         };
@@ -486,7 +540,7 @@ impl Led<'_> {
             Ok(fit) => fit,
             Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
             Err(e) => {
-                tell(&format!("No world frame: {e}. Repeat the touches that are wrong."))?;
+                tell(&format!("No world frame: {} Repeat the touches that are wrong.", table::ended(&e.to_string())))?;
                 return Ok(Next::To(Step::FIRST_BALL));
             }
         };
@@ -501,8 +555,24 @@ impl Led<'_> {
             tell("An arm is never off by so much: was each touch at the right ball? Repeat the wrong ones.")?;
             return Ok(Next::To(Step::FIRST_BALL));
         }
+        let file = &self.about.cell.world_from_base;
+        let by = rotation_vector(&(file.rotation.transpose() * fit.world_from_base.rotation)).norm().to_degrees();
+        let far = (file.translation - fit.world_from_base.translation).norm() * 1e3;
+        tell(&format!(
+            "The base of the arm has been found from the balls: {far:.1} mm and {by:.2} degrees from that of the cell file."
+        ))?;
+        if by > BASE_TURNED_DEG {
+            // balls at equal distances do not tell that two were exchanged
+            match self.ask(
+                "That is far: were the balls touched in another order than 1, 2, 3? Use it all the same? (s: keep the base of the \
+                 cell file; b: repeat the touches.)",
+            )? {
+                Answer::Back => return Ok(Next::To(Step::FIRST_BALL)),
+                Answer::Skip => return Ok(Next::On),
+                _ => {}
+            }
+        }
         self.cell.world_from_base = fit.world_from_base;
-        tell("The base of the arm has been found from the balls.")?;
         Ok(Next::On)
     }
 
@@ -566,7 +636,7 @@ impl Led<'_> {
                     self.plan = Some(plan);
                     return Ok(Next::On);
                 }
-                Err(e) => tell(&format!("That did not work: {e}."))?,
+                Err(e) => tell(&format!("That did not work: {}", table::ended(&e.to_string())))?,
             }
         }
     }
@@ -592,13 +662,13 @@ impl Led<'_> {
             let session = self.session(&self.cell, &entries, self.about.out, &guard);
             let session = Session { stride: Some(stride), gauge: &gauge, ..session };
             let mut view = View::new();
-            let result = perform(&session, &mut |p| view.show(&p));
+            let result = perform(&session, "", &mut |p| view.show(&p));
             view.end();
             match result {
                 Ok(report) => return self.measured(&report),
                 Err(e) if self.about.interrupt.asked.load(Ordering::Relaxed) => return Err(e),
                 Err(e) => {
-                    tell(&format!("The measurement has stopped: {e}."))?;
+                    tell(&format!("The measurement has stopped: {}", table::ended(&e.to_string())))?;
                     text = "Find the cause and remove it; then press Enter to go on where it stopped.".to_owned();
                 }
             }

@@ -75,7 +75,7 @@ fn print(h: &History) -> Result<()> {
             say(line)?;
         }
     }
-    say(format!("Next calibration: {}", h.due))
+    say(&h.due)
 }
 
 /// Recordings of a folder, by name.

@@ -123,7 +123,7 @@ impl Settings {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_output(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
+    input::check_recording(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
     let (robot, cell) = args.cell.load()?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;
@@ -167,7 +167,7 @@ pub fn run(args: &Args) -> Result<()> {
         stops: Some(Arc::clone(&interrupt.stops)),
     };
     let mut view = View::new();
-    let report = perform(&session, &mut |p| view.show(&p));
+    let report = perform(&session, ", --resume goes on", &mut |p| view.show(&p));
     view.end();
     let report = report?;
     for w in &report.warnings {

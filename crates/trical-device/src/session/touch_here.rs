@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
+use trical_model::pose::rotation_vector;
 use trical_model::recording::Row;
 use trical_model::{Cell, Forward, Joints, Measured, Model, ModelError, Pose, Robot, State};
 
@@ -15,7 +16,7 @@ use crate::procedure::{
 };
 use trical_recording::mcap::RecordingWriter;
 
-/// Two balls cannot be farther from where they should be than an arm is off, m.
+/// Balls cannot be farther from where they should be than an arm is off, m.
 const TOO_FAR: f64 = 5e-3;
 
 /// Why touches say nothing of tool or base.
@@ -27,6 +28,14 @@ pub enum SetUpError {
     /// The touches do not say it.
     #[error(transparent)]
     Tcp(#[from] TcpError),
+    /// The touches are not of one ball.
+    #[error(
+        "the touches agree to {rms_mm:.1} mm only, more than an arm can be off: was each of them at the same ball, with all stems on it?"
+    )]
+    OtherBall {
+        /// Root mean square of the distances left, mm.
+        rms_mm: f64,
+    },
     /// The cell has too few balls.
     #[error("the cell has {0} balls, expected three or more for the world frame")]
     TooFewBalls(usize),
@@ -93,7 +102,7 @@ fn base_from_flange(robot: &Robot, cell: &Cell, q: &Joints) -> Result<Pose, Mode
 /// The tool point by touches of one ball in four or more orientations, by the nominal arm.
 ///
 /// # Errors
-/// Too few touches, or orientations that do not differ enough.
+/// Too few touches, orientations that do not differ enough, or touches of different balls.
 pub fn tool_point(robot: &Robot, cell: &Cell, rows: &[Row]) -> Result<TcpFit, SetUpError> {
     let mut touches = Vec::new();
     for row in rows {
@@ -105,7 +114,20 @@ pub fn tool_point(robot: &Robot, cell: &Cell, rows: &[Row]) -> Result<TcpFit, Se
             reading: (cell.tool.rotation * Vector3::from(reading)).into(),
         });
     }
-    Ok(tcp_from_touches(&touches)?)
+    let fit = tcp_from_touches(&touches)?;
+    if fit.rms > TOO_FAR {
+        return Err(SetUpError::OtherBall { rms_mm: fit.rms * 1e3 });
+    }
+    Ok(fit)
+}
+
+/// By how much the flange is turned from one touch to another, rad, by the nominal arm.
+///
+/// # Errors
+/// An arm or a cell that makes no sense.
+pub fn turned(robot: &Robot, cell: &Cell, a: &Row, b: &Row) -> Result<f64, SetUpError> {
+    let [a, b] = [a, b].map(|row| base_from_flange(robot, cell, &row.state.q));
+    Ok(rotation_vector(&(a?.rotation.transpose() * b?.rotation)).norm())
 }
 
 /// The base by one touch of each of balls 1, 2 and 3.

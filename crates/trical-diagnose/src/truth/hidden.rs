@@ -34,7 +34,10 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
             detail.map(|d| d.parse().map_err(|_| wrong(wish, "a number behind /", &candidates))).transpose()?;
         let found = if EffectId::named(effect) == Some(EffectId::GearRipple) {
             let joint = site.and_then(|s| s.parse().ok()).filter(|j| (1..=model.robot.dof()).contains(j));
-            let joint = joint.ok_or_else(|| wrong(wish, "gear_ripple@JOINT/CYCLES", &candidates))?;
+            let joint = joint.ok_or_else(|| TruthError::Wish {
+                wish: wish.clone(),
+                problem: format!("expected gear_ripple@JOINT/CYCLES; the arm has joints 1 to {}", model.robot.dof()),
+            })?;
             ripple(joint, detail.unwrap_or(100.0), model.robot.dof())
         } else {
             let id = EffectId::named(effect).map(Cause::Effect);
@@ -77,16 +80,12 @@ fn terms(c: &Candidate, size: f64) -> impl Iterator<Item = Term> {
 fn wrong(wish: &str, expected: &str, candidates: &[Candidate]) -> TruthError {
     let says = |problem: String| TruthError::Wish { wish: wish.to_owned(), problem };
     let effect = wish.split(['@', '*']).next().unwrap_or_default();
-    let mut sites: Vec<String> = candidates
-        .iter()
-        .filter(|c| c.cause.name() == effect)
-        .map(|c| serde_json::to_string(&c.site).unwrap_or_default())
-        .collect();
-    sites.dedup();
+    let mut sites: Vec<String> =
+        candidates.iter().filter(|c| c.cause.name() == effect).map(|c| c.site.to_string()).collect();
     if !sites.is_empty() {
         sites.sort();
         sites.dedup();
-        return says(format!("expected {expected}; sites of {effect} are {}", sites.join(" ")));
+        return says(format!("expected {expected}; this arm can have {effect} at {}", sites.join(", ")));
     }
     let mut names: Vec<&str> = candidates.iter().map(|c| c.cause.name()).collect();
     names.push(EffectId::GearRipple.name());
@@ -175,7 +174,8 @@ mod tests {
         assert!(coefficients[0].value > 0.0 && coefficients[0].unit == "deg", "{coefficients:?}");
         let says = |wish: &str| hide(&mut model(), &[wish.to_owned()]).unwrap_err().to_string();
         assert!(says("backlash").contains("known are") && says("backlash").contains("lost_motion_direction"));
-        assert!(says("lost_motion_direction@9").contains("{\"joint\":1}"));
+        assert!(says("lost_motion_direction@9").contains("at joint 1, joint 2"));
+        assert!(says("gear_ripple@9").contains("the arm has joints 1 to 6"), "{}", says("gear_ripple@9"));
         assert!(says("lost_motion_direction*x").contains("a number behind *"));
     }
 }

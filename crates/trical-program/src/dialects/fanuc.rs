@@ -254,6 +254,22 @@ fn places(upper: &[u8]) -> Vec<(usize, bool, &[u8])> {
     found
 }
 
+/// Where `=` stands behind the bracket that the line begins with, `PR[R[1],3]=`; a motion's `DO[1]=ON` stands farther.
+fn assigned(upper: &[u8]) -> Option<usize> {
+    let mut depth = 0_usize;
+    let close = upper.iter().position(|b| {
+        depth = match b {
+            b'[' => depth + 1,
+            b']' => depth.saturating_sub(1),
+            _ => return false,
+        };
+        depth == 0
+    })?;
+    let behind = &upper[close + 1..];
+    let blanks = behind.iter().take_while(|b| b.is_ascii_whitespace()).count();
+    (behind.get(blanks) == Some(&b'=')).then_some(close + 1 + blanks)
+}
+
 /// What a register is called among the names.
 fn register(digits: &[u8]) -> u64 {
     hashed(&[b"pr", digits].concat())
@@ -307,11 +323,16 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             scan.problems.push((offset, changed_here("a tool or user frame")));
             continue;
         }
-        if let Some(equals) = upper.iter().position(|b| *b == b'=')
-            && let Some((0, true, digits)) = all.first().copied()
+        if let Some(equals) = assigned(&upper)
+            && let Some((0, is_register, digits)) = all.first().copied()
         {
             let is_element = upper[..equals].contains(&b',');
-            set_register(&upper[equals + 1..], (digits, is_element), offset, names, &all[1..]);
+            if is_register {
+                set_register(&upper[equals + 1..], (digits, is_element), offset, names, &all[1..]);
+            } else {
+                let what = "a position is set here while the program runs; it is corrected for what /POS has";
+                scan.problems.push((offset, what.into()));
+            }
             continue;
         }
         let moves = matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
@@ -339,6 +360,10 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             if increment || other.is_some() {
                 names.visit(Visit::Unknown);
                 no_targets.push(hashed(digits));
+            } else if *is_register && digits.is_empty() {
+                names.visit(Visit::Unknown);
+                let what = "goes to a position register whose number only the running program knows (PR[R[...]])";
+                scan.problems.push((offset, what.into()));
             } else if *is_register {
                 names.used(register(digits), OWN_SETUP, Way::To, offset + place);
             } else if !digits.is_empty() {

@@ -5,6 +5,7 @@
 //!
 //! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
+mod arguments;
 mod setup;
 
 use std::collections::btree_map::Entry;
@@ -76,6 +77,7 @@ pub fn header(bytes: &[u8]) -> usize {
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let (moved_to, frame_names) = targets(bytes);
+    let only_read = arguments::only_read(bytes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
@@ -83,6 +85,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             names: Names::default(),
             moved_to: &moved_to,
             frame_names: &frame_names,
+            only_read: &only_read,
             constants: Constants::with_degrees(),
             now: Setup::default(),
             spline: None,
@@ -197,6 +200,8 @@ struct Reader<'a> {
     names: Names,
     moved_to: &'a HashSet<u64>,
     frame_names: &'a HashSet<u64>,
+    /// Which arguments the file's own routines only read (`:IN`), by the routine's name.
+    only_read: &'a HashMap<u64, Vec<bool>>,
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
@@ -319,6 +324,7 @@ impl Reader<'_> {
         } else {
             if let Some(is_statement) = flow.perhaps_called(word, c, now) {
                 names.called(hashed(word), is_statement && !is_one_of(word, &BUILT_IN));
+                self.arguments(word);
             }
             return false;
         }

@@ -10,6 +10,9 @@ use crate::literal::Shape;
 use crate::scan::{Scan, Setup, Visit};
 use crate::text::{Span, lower, number};
 
+/// Columns of what was measured: a file that has one is a recording, and nothing in it is a target.
+const MEASURED: [&str; 8] = ["ball", "ix_mm", "iy_mm", "iz_mm", "target", "reference", "d_mm", "anchor"];
+
 const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
 
 /// No row is this long, bytes.
@@ -68,6 +71,12 @@ impl Columns {
             turns.or_else(|| find(&format!("q{k}_mm")).map(|at| (at, true)))
         };
         let (joints, in_mm): (Vec<usize>, Vec<bool>) = (1..=9).map_while(joint).unzip();
+        if let Some(column) = MEASURED.iter().find(|name| find(name).is_some()) {
+            return Err(format!(
+                "header: found {column}, as measurements have; expected a table of targets, {} or q1_deg,...",
+                POSE.join(",")
+            ));
+        }
         let found = || shortened(&names.iter().take(12).cloned().collect::<Vec<_>>().join(","), 200);
         let (shape, numbers) = match (pose.len(), joints.len()) {
             (7, 0) => (Shape::Quaternion, pose),
@@ -75,7 +84,9 @@ impl Columns {
             (0, 0) | (1..7, 0) => {
                 return Err(format!("header: found {}, expected {} or q1_deg,...", found(), POSE.join(",")));
             }
-            _ => return Err("header: has both a pose and joint values; expected one of them".into()),
+            _ => {
+                return Err("header: has both a pose and joint values, as a recording has; expected one of them".into());
+            }
         };
         Ok(Self { shape, numbers, in_mm, tool: find("tool"), frame: find("frame"), width: names.len() })
     }

@@ -29,7 +29,9 @@ const HERE: [&[u8]; 6] = [
     b"get_joint_positions",
 ];
 /// Functions behind which motions end elsewhere than they say.
-const DISPLACES: [&[u8]; 3] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set"];
+const DISPLACES: [&[u8]; 4] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set", b"force_mode"];
+/// Functions that move the arm to where the script does not say, or let a person or a force do so.
+const ELSEWHERE: [&[u8]; 5] = [b"speedl", b"speedj", b"freedrive_mode", b"teach_mode", b"end_force_mode"];
 /// Functions inside functions, at most.
 const DEEPEST: usize = 8;
 
@@ -242,6 +244,8 @@ impl Reader<'_> {
             } else if DISPLACES.contains(&word) {
                 let what = "displaces the motions that follow; they are corrected for where the text has them";
                 self.scan.problems.push((from, what.into()));
+            } else if ELSEWHERE.contains(&word) {
+                self.names.visit(Visit::Unknown);
             } else if word.starts_with(b"mc_add_") && self.c.eat(b'(') {
                 let what = "moves with the tool that mc_initialize names, which is not read";
                 self.scan.problems.push((from, what.into()));

@@ -286,6 +286,18 @@ const KRL: &[Case] = &[
         &[(2, "set here")],
     ),
     case(
+        "what routines may change of their arguments",
+        "DEF A()\nDECL E6POS XP1={@0}\nDECL E6POS XP2={@1}\nLIN XP1\nSHIFT(XP1,10)\nLIN XP1\nLOOK(XP2)\nLIN XP2\nEND\nDEF LOOK(P:IN)\nEND\n",
+        &[2, 3],
+        &[(5, "calculated")],
+    ),
+    case(
+        "targets and bases from a network",
+        "DEF A()\nDECL E6POS XP1={@0}\nRET=EKI_GETFRAME(\"Srv\",\"Pos\",XP1)\nLIN XP1\nEKI_GETREAL(\"Srv\",\"X\",XP1.X)\nRET=EKI_GETFRAME(\"Srv\",\"Base\",$BASE)\nPTP {@1}\nEND\n",
+        &[2],
+        &[(3, "calculated"), (5, "calculated"), (7, "set by a routine")],
+    ),
+    case(
         "moved by a sensor, in the world",
         "$BASE=$WORLD\nPTP {@0}\nret=RSI_ON(#RELATIVE)\nRSI_MOVECORR()\nSET_CD_PARAMS (0)\nPTP {@1}\n",
         &[2, 6],
@@ -426,6 +438,12 @@ const FANUC: &[Case] = &[
         "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[14],
         &[(6, "register"), (8, "calculated")],
+    ),
+    case(
+        "a register whose number a register gives, a position that is set, an output that a motion sets",
+        "/PROG A\n/MN\n   1:  PR[R[1]]=P[1] ;\n   2:L PR[R[1]] 100mm/sec FINE ;\n   3:L P[1] 100mm/sec FINE DB 10mm,DO[1]=ON ;\n   4:  P[2]=PR[1] ;\n   5:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[12, 17],
+        &[(4, "R[...]"), (6, "is set here")],
     ),
     case(
         "a position that is not taught",
@@ -570,6 +588,12 @@ const URSCRIPT: &[Case] = &[
         &[],
     ),
     case("a coordinate that is set", "wp=p[@0]\nwp[2]=sensor\nmovel(wp)\n", &[1], &[(2, "calculated")]),
+    case(
+        "under force",
+        "movel(p[@0])\nforce_mode(p[0,0,0,0,0,0],[0,0,1,0,0,0],[0,0,-10,0,0,0],2,[0.1,0.1,0.05,0.3,0.3,0.3])\nmovel(p[@1])\nend_force_mode()\nmovel(p[@2])\n",
+        &[1, 3, 5],
+        &[(2, "displaces")],
+    ),
     case("copies", "wp=p[@0]\nnext=wp\nmovel(next)\nmovel(nowhere)\n", &[1], &[(4, "'nowhere'")]),
     case("a circle", "movec(p[@0], over)\n", &[1], &[(1, "'over'")]),
     case(

@@ -61,10 +61,10 @@ impl Person {
 
     /// Asks until the answer is understood. `live` = gauge and controller whose readings are shown meanwhile.
     pub fn ask(&self, text: &str, robot: &Robot, live: Option<(&str, &str)>, stroke: [f64; 2]) -> Result<Answer> {
-        tell(&format!("> {text}"))?;
         let terminal = std::io::stderr().is_terminal() && std::io::stdin().is_terminal();
-        let mut live = live.filter(|_| terminal).map(|(g, c)| Live::open(g, c, stroke));
+        let mut live = live.filter(|_| terminal).map(|(g, c)| Live::new(g, c, stroke));
         loop {
+            tell(&format!("> {text}"))?;
             if live.is_some() {
                 // the two lines of the readings; what is typed stands below them
                 crate::note!("\n");
@@ -84,7 +84,7 @@ impl Person {
     }
 
     /// The next line.
-    fn typed(&self, robot: &Robot, mut live: Option<&mut Live>) -> Result<String> {
+    fn typed(&self, robot: &Robot, mut live: Option<&mut Live<'_>>) -> Result<String> {
         let mut readings = None;
         loop {
             if self.interrupt.asked.load(Ordering::Relaxed) {
@@ -109,23 +109,36 @@ impl Person {
 }
 
 /// Readings and joints as they are now, in the two lines of the terminal above the one in which the answer is typed.
-struct Live {
+struct Live<'a> {
+    urls: (&'a str, &'a str),
     gauge: Option<Box<dyn Gauge>>,
     controller: Option<Box<dyn Controller>>,
     stroke: [f64; 2],
 }
 
-impl Live {
-    /// A device that cannot be read is left out: the step that needs it says why.
-    fn open(gauge: &str, controller: &str, stroke: [f64; 2]) -> Self {
-        Self { gauge: open_gauge(gauge).ok(), controller: open_controller(controller).ok(), stroke }
+impl<'a> Live<'a> {
+    fn new(gauge: &'a str, controller: &'a str, stroke: [f64; 2]) -> Self {
+        Self { urls: (gauge, controller), gauge: None, controller: None, stroke }
     }
 
+    /// A device that cannot be read is opened anew the next time: a cable may have been plugged in again.
     fn read(&mut self, robot: &Robot) -> [String; 2] {
-        let reading = self.gauge.as_mut().and_then(|gauge| gauge.read().ok());
-        let q = self.controller.as_mut().and_then(|controller| controller.joints().ok());
-        now(reading, q, robot, self.stroke)
+        let indicators = reading(&mut self.gauge, || open_gauge(self.urls.0), |gauge| gauge.read());
+        let q = reading(&mut self.controller, || open_controller(self.urls.1), |controller| controller.joints());
+        now(indicators, q, robot, self.stroke)
     }
+}
+
+/// Reads a device that is opened where it is not; why it cannot be read.
+fn reading<D, T, E: std::fmt::Display>(
+    device: &mut Option<D>,
+    open: impl FnOnce() -> std::result::Result<D, E>,
+    read: impl FnOnce(&mut D) -> std::result::Result<T, E>,
+) -> std::result::Result<T, String> {
+    let mut opened = device.take().map_or_else(open, Ok).map_err(|e| e.to_string())?;
+    let found = read(&mut opened).map_err(|e| e.to_string())?;
+    *device = Some(opened);
+    Ok(found)
 }
 
 /// Writes two lines anew that stand above the cursor, and leaves the cursor and what is typed where they are. Lines that are longer
@@ -136,9 +149,14 @@ fn above([first, second]: &[String; 2]) -> String {
 }
 
 /// Indicators in mm, each with where its stem is in its stroke (m), and joints: a line each.
-fn now(reading: Option<[f64; 3]>, q: Option<Joints>, robot: &Robot, [low, high]: [f64; 2]) -> [String; 2] {
+fn now(
+    reading: std::result::Result<[f64; 3], String>,
+    q: std::result::Result<Joints, String>,
+    robot: &Robot,
+    [low, high]: [f64; 2],
+) -> [String; 2] {
     let indicators = reading.map_or_else(
-        || "  the indicators give no reading".to_owned(),
+        |why| format!("  no reading: {why}"),
         |reading| {
             let axis = |(name, v): (&char, f64)| {
                 let state = if (low..=high).contains(&v) { "touches" } else { "free" };
@@ -148,7 +166,7 @@ fn now(reading: Option<[f64; 3]>, q: Option<Joints>, robot: &Robot, [low, high]:
         },
     );
     let joints = q.map_or_else(
-        || "  the controller does not say where the joints are".to_owned(),
+        |why| format!("  no joints: {why}"),
         |q| {
             let shown = robot.joints.iter().zip(q).map(|(joint, v)| match joint.kind {
                 JointKind::Prismatic => format!("{:.2} mm", v * 1e3),
@@ -190,7 +208,7 @@ mod tests {
     fn live_readings_say_which_stem_touches_and_where_the_joints_are() {
         let robot = Robot::parse(include_str!("../../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let q = joints("0,10 -20,0,45,0", &robot).unwrap();
-        let lines = now(Some([6e-3, -1.2345e-3, 0.0]), Some(q), &robot, [-5.9e-3, 5.9e-3]);
+        let lines = now(Ok([6e-3, -1.2345e-3, 0.0]), Ok(q), &robot, [-5.9e-3, 5.9e-3]);
         assert_eq!(
             lines,
             [
@@ -199,8 +217,8 @@ mod tests {
             ]
         );
         assert!(lines.iter().all(|line| line.len() < 80), "two lines of a terminal");
-        let none = now(None, None, &robot, [0.0, 0.0]);
-        assert_eq!(none, ["  the indicators give no reading", "  the controller does not say where the joints are"]);
+        let none = now(Err("unplugged".into()), Err("silent".into()), &robot, [0.0, 0.0]);
+        assert_eq!(none, ["  no reading: unplugged", "  no joints: silent"]);
         let refused = joints("0,1000,0,0,0,0", &robot).unwrap_err();
         assert!(refused.contains("joint 2 at 1000 deg is outside its limits, -110.0 to 110.0 deg"), "{refused}");
     }

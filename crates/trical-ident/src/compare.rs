@@ -291,6 +291,17 @@ fn extend(basis: &mut Vec<Vec<f64>>, columns: &[Vec<f64>]) -> usize {
     basis.len() - before
 }
 
+/// What changed, in two words.
+fn verdict(changes: &[Change]) -> &'static str {
+    let has = |scope| changes.iter().any(|c| c.scope == scope);
+    match (has(Scope::Arm), has(Scope::Setup), changes.is_empty()) {
+        (true, ..) => "arm changed",
+        (_, true, _) => "setup changed",
+        (.., true) => "unchanged",
+        _ => "wrong touches",
+    }
+}
+
 impl Whitened {
     fn of(model: &Model, free: &Free, explanations: &[Explanation], data: &Dataset, old: &Uncertainty) -> Result<Self> {
         let asked = explanations.iter().flat_map(|e| e.terms.iter().copied());
@@ -370,17 +381,7 @@ impl Whitened {
         let mut found: Vec<(usize, f64, f64, Vec<String>)> = Vec::new();
         let mut basis: Vec<Vec<f64>> = Vec::new();
         while found.len() < CHANGES {
-            let mut left = self.residual.clone();
-            project_out(&mut left, &basis);
-            // statistic, rank, evidence in nats
-            let tried: Vec<(f64, usize, f64)> = (0..families)
-                .map(|k| {
-                    let mut with = basis.clone();
-                    let rank = if taken.contains(&k) { 0 } else { extend(&mut with, &self.columns[k]) };
-                    let t: f64 = with[basis.len()..].iter().map(|q| dot(q, &left).powi(2)).sum::<f64>() / more_noise;
-                    (t, rank, evidence(t, rank))
-                })
-                .collect();
+            let tried = self.tried(&basis, &taken, more_noise);
             let significant = |k: &usize| {
                 let (t, rank, _) = tried[*k];
                 rank > 0 && tail(t, rank) < limit && (!machine(*k) || (t / rows).sqrt() > SHARE)
@@ -407,13 +408,6 @@ impl Whitened {
                 Change { what: e.what.clone(), scope: e.scope, probability, p_value, by, rivals }
             })
             .collect();
-        let has = |scope| changes.iter().any(|c| c.scope == scope);
-        let verdict = match (has(Scope::Arm), has(Scope::Setup), changes.is_empty()) {
-            (true, ..) => "arm changed",
-            (_, true, _) => "setup changed",
-            (.., true) => "unchanged",
-            _ => "wrong touches",
-        };
         let whole = |k: usize| explanations[k].what != "base"; // its turned form has the same numbers
         let alone = (0..families)
             .filter(|k| machine(*k) && whole(*k))
@@ -423,7 +417,7 @@ impl Whitened {
             recording: String::new(),
             hash: String::new(),
             measurements: 0,
-            verdict,
+            verdict: verdict(&changes),
             summary: String::new(),
             changes,
             visible: self.visible(model, explanations, more_noise),
@@ -433,6 +427,20 @@ impl Whitened {
             temp_c: None,
             alone: alone.collect(),
         }
+    }
+
+    /// What each family explains beside `basis`: statistic, rank, evidence in nats.
+    fn tried(&self, basis: &[Vec<f64>], taken: &[usize], more_noise: f64) -> Vec<(f64, usize, f64)> {
+        let mut left = self.residual.clone();
+        project_out(&mut left, basis);
+        (0..self.columns.len())
+            .map(|k| {
+                let mut with = basis.to_vec();
+                let rank = if taken.contains(&k) { 0 } else { extend(&mut with, &self.columns[k]) };
+                let t: f64 = with[basis.len()..].iter().map(|q| dot(q, &left).powi(2)).sum::<f64>() / more_noise;
+                (t, rank, evidence(t, rank))
+            })
+            .collect()
     }
 
     /// By how much the variance of what nothing explains is larger than it was, at least 1.

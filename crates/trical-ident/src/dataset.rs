@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use trical_model::{Joints, Measured, Pose, Recording, State};
+use trical_model::{Joints, Measured, Pose, Recording, Row, State};
 
 use crate::error::{IdentError, Result};
 use crate::rigid::{median, rigid_from_points};
@@ -18,6 +18,21 @@ pub enum JointSource {
     Read,
     /// Those that were commanded (`qc`).
     Commanded,
+}
+
+impl JointSource {
+    /// What a row says of the arm, with the joints that are believed.
+    pub(crate) fn state(self, row: &Row, recording: &str) -> Result<State> {
+        if self == Self::Read {
+            return Ok(row.state);
+        }
+        let q = row.state.q_commanded.ok_or_else(|| IdentError::Recording {
+            file: recording.to_owned(),
+            place: format!("line {}", row.line),
+            problem: "has no commanded joints (qc1_deg ...), but --joints commanded was asked for".into(),
+        })?;
+        Ok(State { q, ..row.state })
+    }
 }
 
 /// One measurement that the model can predict.
@@ -122,17 +137,7 @@ impl Dataset {
             joints,
             dof: first.joints,
         };
-        for (k, print) in this.fingerprints.iter().enumerate() {
-            if let Some(same) = this.fingerprints[..k].iter().position(|p| p == print) {
-                return Err(IdentError::File {
-                    file: this.names[k].clone(),
-                    problem: format!(
-                        "holds the same measurements as {}; expected each recording once",
-                        this.names[same]
-                    ),
-                });
-            }
-        }
+        this.refuse_twice()?;
         let mut row = 0;
         for (index, recording) in recordings.iter().enumerate() {
             if recording.joints != this.dof {
@@ -150,43 +155,8 @@ impl Dataset {
             });
             this.frame_of_recording.push(framed.then_some(this.references.len()));
             let first_observation = this.observations.len();
-            let mut references: Vec<(usize, usize, Vector3<f64>, usize, usize)> = Vec::new();
-            let mut last: Option<Joints> = None;
-            // rows are in the order of time: numbers that fall are not
-            let numbered = recording.rows.iter().all(|r| r.seq.is_some()) && recording.rows.is_sorted_by_key(|r| r.seq);
-            let first_pose = this.poses;
-            for r in &recording.rows {
-                row += 1;
-                let mut state = r.state;
-                if joints == JointSource::Commanded {
-                    state.q = state.q_commanded.ok_or_else(|| IdentError::Recording {
-                        file: recording.name.clone(),
-                        place: format!("line {}", r.line),
-                        problem: "has no commanded joints (qc1_deg ...), but --joints commanded was asked for".into(),
-                    })?;
-                }
-                // rows at the same joints are one pose, whether or not `seq` says so
-                if last != Some(r.state.q) {
-                    this.poses += 1;
-                    last = Some(r.state.q);
-                }
-                let counted = (this.poses - 1 - first_pose) as u64;
-                state = state.numbered(if numbered { r.seq } else { Some(counted) });
-                state.session = u32::try_from(index + 1).ok();
-                if let Measured::Reference { reference, position } = r.measured {
-                    references.push((this.poses - 1, reference, Vector3::from(position), row, r.line));
-                } else {
-                    this.observations.push(Observation {
-                        state,
-                        measured: r.measured,
-                        frame: if framed { this.references.len() } else { 0 },
-                        pose: this.poses - 1,
-                        recording: index,
-                        row,
-                        line: r.line,
-                    });
-                }
-            }
+            let references = this.take(index, recording, row)?;
+            row += recording.rows.len();
             if framed {
                 let known = known.and_then(|k| k.get(this.references.len()));
                 let found = this.register(first_observation, &references, known, &recording.name);
@@ -203,21 +173,70 @@ impl Dataset {
         Ok(this)
     }
 
+    fn refuse_twice(&self) -> Result<()> {
+        for (k, print) in self.fingerprints.iter().enumerate() {
+            if let Some(same) = self.fingerprints[..k].iter().position(|p| p == print) {
+                return Err(IdentError::File {
+                    file: self.names[k].clone(),
+                    problem: format!(
+                        "holds the same measurements as {}; expected each recording once",
+                        self.names[same]
+                    ),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the observations of one recording, whose rows come behind `before` others. Its references are returned, each with its pose.
+    fn take(&mut self, index: usize, recording: &Recording, before: usize) -> Result<Vec<(usize, Seen)>> {
+        let mut references = Vec::new();
+        let mut last: Option<Joints> = None;
+        // rows are in the order of time: numbers that fall are not
+        let numbered = recording.rows.iter().all(|r| r.seq.is_some()) && recording.rows.is_sorted_by_key(|r| r.seq);
+        let first_pose = self.poses;
+        for (k, r) in recording.rows.iter().enumerate() {
+            let state = self.joints.state(r, &recording.name)?;
+            // rows at the same joints are one pose, whether or not `seq` says so
+            if last != Some(r.state.q) {
+                self.poses += 1;
+                last = Some(r.state.q);
+            }
+            let pose = self.poses - 1;
+            if let Measured::Reference { reference, position } = r.measured {
+                references.push((pose, (reference, Vector3::from(position))));
+                continue;
+            }
+            let mut state = state.numbered(if numbered { r.seq } else { Some((pose - first_pose) as u64) });
+            state.session = u32::try_from(index + 1).ok();
+            self.observations.push(Observation {
+                state,
+                measured: r.measured,
+                frame: self.frame_of_recording[index].unwrap_or(0),
+                pose,
+                recording: index,
+                row: before + k + 1,
+                line: r.line,
+            });
+        }
+        Ok(references)
+    }
+
     /// Brings every pose of one recording into the frame in which its references stand still.
     fn register(
         &mut self,
         first_observation: usize,
-        seen: &[(usize, usize, Vector3<f64>, usize, usize)],
+        seen: &[(usize, Seen)],
         known: Option<&References>,
         name: &str,
     ) -> References {
-        let count = seen.iter().map(|s| s.1 + 1).max().unwrap_or(0);
+        let count = seen.iter().map(|s| s.1.0 + 1).max().unwrap_or(0);
         let known = known.filter(|k| k.positions.iter().flatten().count() >= 3);
         if count < 3 {
             return known.cloned().unwrap_or_default();
         }
         let place = |k: usize| -> Option<Vector3<f64>> {
-            let of: Vec<&Vector3<f64>> = seen.iter().filter(|s| s.1 == k).map(|s| &s.2).collect();
+            let of: Vec<&Vector3<f64>> = seen.iter().filter(|s| s.1.0 == k).map(|s| &s.1.1).collect();
             (!of.is_empty()).then(|| Vector3::from_fn(|i, _| median(&of.iter().map(|p| p[i]).collect::<Vec<_>>())))
         };
         let mut places: Vec<Option<Vector3<f64>>> = match known {
@@ -225,10 +244,10 @@ impl Dataset {
             None => (0..count).map(place).collect(),
         };
         let mut by_pose: Vec<(usize, Vec<Seen>)> = Vec::new();
-        for s in seen {
+        for (at, seen) in seen {
             match by_pose.last_mut() {
-                Some((pose, list)) if *pose == s.0 => list.push((s.1, s.2)),
-                _ => by_pose.push((s.0, vec![(s.1, s.2)])),
+                Some((pose, list)) if pose == at => list.push(*seen),
+                _ => by_pose.push((*at, vec![*seen])),
             }
         }
         let fits = onto_places(&by_pose, &mut places, known.is_some());

@@ -139,7 +139,8 @@ impl KnownParameters {
             let factor = crate::units::unit(&term).per_si;
             let si = |v: f64| (v - offset) / factor;
             let prior = k.value.zip(k.sd).map(|(value, sd)| Prior { value: si(value), sd: sd / factor.abs() });
-            out[i] = Known { prior, limits: [k.min.map_or(f64::NEG_INFINITY, si), k.max.map_or(f64::INFINITY, si)] };
+            let [min, max] = if factor < 0.0 { [k.max, k.min] } else { [k.min, k.max] };
+            out[i] = Known { prior, limits: [min.map_or(f64::NEG_INFINITY, si), max.map_or(f64::INFINITY, si)] };
         }
         Ok(out)
     }

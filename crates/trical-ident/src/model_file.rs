@@ -213,6 +213,72 @@ struct TermFile {
     basis: Basis,
 }
 
+/// Refuses what is no model file, or one of a later version.
+fn check_kind(text: &str) -> std::result::Result<(), String> {
+    if !text.contains("[[term]]") && !text.contains("format_version") {
+        return Err("is not a model file (calibrated.toml or improved.toml, as trical identify writes it)".into());
+    }
+    match text.parse::<toml::Table>().ok().and_then(|t| t.get("format_version")?.as_integer()) {
+        Some(v) if v > i64::from(FORMAT_VERSION) => {
+            Err(format!("format_version is {v}: written by a newer TriCal than this one"))
+        }
+        _ => Ok(()),
+    }
+}
+
+impl SessionFile {
+    fn read(self, robot: &Robot) -> Session {
+        Session {
+            visited: Support::from_stretches(robot, &self.visited),
+            recording: self.recording,
+            fingerprint: self.fingerprint,
+            frame: self.frame,
+            places: self.places,
+        }
+    }
+}
+
+impl FrameFile {
+    fn read(&self) -> std::result::Result<(Pose, References), String> {
+        let Self { xyz_mm, quaternion_wxyz, references_mm } = self;
+        if xyz_mm.iter().chain(quaternion_wxyz).any(|v| !v.is_finite()) {
+            return Err("[[frame]] holds a number that is not finite".into());
+        }
+        let length = quaternion_wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if (length - 1.0).abs() > 1e-2 || xyz_mm.iter().any(|x| x.abs() > 1e9) {
+            return Err(format!(
+                "[[frame]] has quaternion_wxyz of length {length:.4} and xyz_mm {xyz_mm:?}, expected length 1 and a place"
+            ));
+        }
+        let rotation = rotation_from_quaternion(*quaternion_wxyz);
+        let translation = nalgebra::Vector3::from(*xyz_mm) * 1e-3;
+        let seen = |p: &[f64; 3]| p.iter().all(|x| x.is_finite()).then(|| p.map(|x| x * 1e-3));
+        Ok((Pose { rotation, translation }, References { positions: references_mm.iter().map(seen).collect() }))
+    }
+}
+
+impl TermFile {
+    /// A term of a file of this version.
+    fn read(self, format_version: u32) -> std::result::Result<Term, String> {
+        let mut term = Term::new(self.name, self.effect, self.site, self.basis);
+        let u = unit(&term);
+        if u.name != self.unit {
+            return Err(format!("term {} has unit '{}', expected '{}'", term.name, self.unit, u.name));
+        }
+        if !self.value.is_finite() {
+            return Err(format!("term {} has value {}, expected a finite number", term.name, self.value));
+        }
+        if let Some(sd) = self.sd.filter(|sd| !(sd.is_finite() && *sd >= 0.0)) {
+            return Err(format!("term {} has sd {sd}, expected 0 or more", term.name));
+        }
+        term.basis.check().map_err(|problem| format!("term {}: its basis {problem}", term.name))?;
+        let per_si = if format_version < 3 { u.per_si.abs() } else { u.per_si };
+        term.value = self.value / per_si;
+        term.sd = self.sd.map(|s| s / per_si.abs());
+        Ok(term)
+    }
+}
+
 fn constant() -> Basis {
     Basis::CONSTANT
 }
@@ -377,69 +443,21 @@ impl ModelFile {
     /// # Errors
     /// As [`ModelFile::load`].
     pub fn parse(text: &str, name: &str) -> Result<Self> {
-        let looks_right = text.contains("[[term]]") || text.contains("format_version");
         let bad = |problem: String| IdentError::WrongModel(format!("{name}: {problem}"));
-        if !looks_right {
-            return Err(bad(
-                "is not a model file (calibrated.toml or improved.toml, as trical identify writes it)".into()
-            ));
-        }
-        if let Ok(t) = text.parse::<toml::Table>()
-            && let Some(v) = t.get("format_version").and_then(toml::Value::as_integer)
-            && v > i64::from(FORMAT_VERSION)
-        {
-            return Err(bad(format!("format_version is {v}: written by a newer TriCal than this one")));
-        }
+        check_kind(text).map_err(bad)?;
         let file: File = parse_toml(text, name)?;
         let part = |t: &toml::Table| toml::to_string(t).map_err(|e| bad(e.to_string()));
         let robot = Robot::parse(&part(&file.robot)?, &format!("{name} [robot]"))?;
         let cell = Cell::parse(&part(&file.cell)?, &format!("{name} [cell]"))?;
-        let mut references = Vec::new();
-        let mut frames = Vec::new();
-        for f in &file.frames {
-            if f.xyz_mm.iter().chain(&f.quaternion_wxyz).any(|v| !v.is_finite()) {
-                return Err(bad("[[frame]] holds a number that is not finite".into()));
-            }
-            let length = f.quaternion_wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if (length - 1.0).abs() > 1e-2 || f.xyz_mm.iter().any(|x| x.abs() > 1e9) {
-                return Err(bad(format!(
-                    "[[frame]] has quaternion_wxyz of length {length:.4} and xyz_mm {:?}, expected length 1 and a place",
-                    f.xyz_mm
-                )));
-            }
-            frames.push(Pose {
-                rotation: rotation_from_quaternion(f.quaternion_wxyz),
-                translation: nalgebra::Vector3::from(f.xyz_mm) * 1e-3,
-            });
-            references.push(References {
-                positions: f
-                    .references_mm
-                    .iter()
-                    .map(|p| p.iter().all(|x| x.is_finite()).then(|| p.map(|x| x * 1e-3)))
-                    .collect(),
-            });
-        }
-        let mut terms = Vec::new();
-        for t in file.terms {
-            let mut term = Term::new(t.name, t.effect, t.site, t.basis);
-            let u = unit(&term);
-            if u.name != t.unit {
-                return Err(bad(format!("term {} has unit '{}', expected '{}'", term.name, t.unit, u.name)));
-            }
-            if !t.value.is_finite() {
-                return Err(bad(format!("term {} has value {}, expected a finite number", term.name, t.value)));
-            }
-            if let Some(sd) = t.sd.filter(|sd| !(sd.is_finite() && *sd >= 0.0)) {
-                return Err(bad(format!("term {} has sd {sd}, expected 0 or more", term.name)));
-            }
-            if let Err(problem) = term.basis.check() {
-                return Err(bad(format!("term {}: its basis {problem}", term.name)));
-            }
-            let per_si = if file.format_version < 3 { u.per_si.abs() } else { u.per_si };
-            term.value = t.value / per_si;
-            term.sd = t.sd.map(|s| s / per_si.abs());
-            terms.push(term);
-        }
+        let frames =
+            file.frames.iter().map(FrameFile::read).collect::<std::result::Result<Vec<_>, _>>().map_err(bad)?;
+        let (frames, references): (Vec<Pose>, Vec<References>) = frames.into_iter().unzip();
+        let terms = file
+            .terms
+            .into_iter()
+            .map(|t| t.read(file.format_version))
+            .collect::<std::result::Result<_, _>>()
+            .map_err(bad)?;
         if let Some((k, s)) =
             file.sessions.iter().enumerate().find(|(_, s)| s.frame.is_some_and(|f| !(1..=frames.len()).contains(&f)))
         {
@@ -459,16 +477,11 @@ impl ModelFile {
             }
             read => read.flatten(),
         };
-        let named = file.recordings.into_iter().map(|recording| Session { recording, ..Session::default() });
-        let known = file.sessions.into_iter().map(|s| Session {
-            recording: s.recording,
-            fingerprint: s.fingerprint,
-            frame: s.frame,
-            places: s.places,
-            visited: Support::from_stretches(&robot, &s.visited),
-        });
-        let known: Vec<Session> = known.collect();
-        let sessions = if known.is_empty() { named.collect() } else { known };
+        let sessions = if file.sessions.is_empty() {
+            file.recordings.into_iter().map(|recording| Session { recording, ..Session::default() }).collect()
+        } else {
+            file.sessions.into_iter().map(|s| s.read(&robot)).collect()
+        };
         let model = Model { robot, cell, frames, terms };
         if let Err(e @ ModelError::NoSuchSite { .. }) = Forward::new(model.clone(), Vec::new()) {
             return Err(bad(e.to_string()));

@@ -10,11 +10,12 @@
 //! has seen the sample. The sums are products where the sample is far from losing rank, else orthogonal factors, which keep the
 //! digits that products would square away. Sums of blocks are joined in order: the number of threads changes no bit.
 
-use trical_model::{Cell, Forward, Robot};
+use faer::Mat;
+use trical_model::{Cell, Forward, Model, Robot, Workspace};
 use trical_recording::CsvStream;
 use trical_recording::stream::BlockRows;
 
-use crate::dataset::{Dataset, JointSource, Observation, Rejected};
+use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
 use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
@@ -214,17 +215,13 @@ pub fn identify_stream(
     let before = Forward::new(nominal.model, Vec::new())?;
     let before_of_sample = crate::fit::position_errors(&before, data);
     let p = start.free.len();
-    let mut fit = Forward::new(start.model, start.free.clone())?;
-    let mut noise = start.noise;
+    let mut fit = Forward::new(start.model.clone(), start.free.clone())?;
+    let mut noise = start.noise.clone();
     let mut last_cost = f64::INFINITY;
     let mut verdict: Option<Verdict> = None;
     // sums of products are cheaper, and keep the digits where the sample is far from losing rank
     let mut keep = if start.observability.condition < WELL_CONDITIONED { Keep::Products } else { Keep::Factor };
-    let mut pass = 0;
-    while pass < PASSES {
-        pass += 1;
-        let mut sums = Sums::new(p, data.names.len(), keep);
-        let mut found = Verdict::default();
+    for pass in 1..=PASSES {
         let shared = Pass {
             fit: &fit,
             noise: &noise,
@@ -233,20 +230,9 @@ pub fn identify_stream(
             judges: Judges { nominal: &before, robust: robust.as_ref() },
             known: verdict.as_ref(),
         };
-        stream.pass(|index, rows| add_up(&shared, index, rows), &mut |index, mut part: Sums| {
-            if let Some(block) = part.verdict.take() {
-                found.join(index, block);
-            }
-            sums.join(&part);
-            Ok(())
-        })?;
+        let (sums, found) = shared.over(stream)?;
         let known = verdict.get_or_insert(found);
-        sums.rows.flush();
-        let whole = sums.rows.factor().or_else(|| sums.rows.factor_of_products());
-        let factored = whole.map(|whole| (Factored::of(whole.submatrix(0, 0, p, p).to_owned()), whole));
-        let digits =
-            |f: &Factored| keep == Keep::Factor || f.spectrum.as_ref().is_some_and(|(_, s)| is_well_conditioned(s));
-        let Some((Factored { r, spectrum }, whole)) = factored.filter(|(f, _)| digits(f)) else {
+        let Some((Factored { r, spectrum }, whole)) = factored(&sums.rows, p, keep) else {
             if keep == Keep::Factor {
                 return Err(not_converged("no rows"));
             }
@@ -259,151 +245,217 @@ pub fn identify_stream(
             let weak = crate::identifiability::weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
             return Err(rank_deficient(robot, data, &weak));
         };
-        // Gauss-Newton: R dx = -Q'r
+        let estimate = Estimate::of(r, whole, scale, singular, &sums.squares);
+        let mut updated = noise.clone();
+        let one_group = updated.update_from(&sums.squares, p).is_some();
+        if estimate.step_in_sd() < SMALL && (one_group || pass > 2) {
+            let identified = estimate.identified(start, fit.into_model(), updated, pass);
+            let after = crate::fit::position_errors(&Forward::new(identified.model.clone(), Vec::new())?, data);
+            return Ok(Streamed {
+                identified,
+                observations: sums.count,
+                rejected: known.rejected,
+                named: std::mem::take(&mut known.named),
+                errors: sums.after.summary(&after),
+                before: known.before.summary(&before_of_sample),
+                passes: pass,
+            });
+        }
+        // the rows under one noise only are comparable from pass to pass
+        if one_group && estimate.cost > last_cost * (1.0 + 1e-9) {
+            return Err(not_converged("a step that the whole file asks for makes it worse"));
+        }
+        last_cost = estimate.cost;
+        if !one_group && pass <= 2 {
+            noise = updated;
+        }
+        let x: Vec<f64> = fit.coefficients().iter().zip(&estimate.step).map(|(x, d)| x + d).collect();
+        fit.set_coefficients(&x);
+    }
+    Err(not_converged(&format!("{PASSES} passes over the file")))
+}
+
+/// The triangular factors of J and of `[J r]`; `None` without rows, and where sums of products have lost too many digits.
+fn factored(rows: &Rows, p: usize, keep: Keep) -> Option<(Factored, Mat<f64>)> {
+    let whole = rows.factor().or_else(|| rows.factor_of_products())?;
+    let factored = Factored::of(whole.submatrix(0, 0, p, p).to_owned());
+    let digits = keep == Keep::Factor || factored.spectrum.as_ref().is_some_and(|(_, s)| is_well_conditioned(s));
+    digits.then_some((factored, whole))
+}
+
+/// What the sums of a pass say of the parameters.
+struct Estimate {
+    /// Triangular factors of J, and of `[J r]`.
+    r: Mat<f64>,
+    whole: Mat<f64>,
+    /// Lengths of the columns of J, and its singular values with columns of unit length.
+    scale: Vec<f64>,
+    singular: Vec<f64>,
+    /// Scalars that were measured.
+    scalars: f64,
+    cost: f64,
+    /// Of the residuals, in units of the noise.
+    variance: f64,
+    /// Of unit variance, row by row.
+    covariance: Vec<f64>,
+    /// Standard deviations of the parameters.
+    sd: Vec<f64>,
+    /// Gauss-Newton's.
+    step: Vec<f64>,
+}
+
+impl Estimate {
+    fn of(r: Mat<f64>, whole: Mat<f64>, scale: Vec<f64>, singular: Vec<f64>, squares: &Squares) -> Self {
+        let p = r.ncols();
+        // R dx = -Q'r
         let mut step: Vec<f64> = (0..p).map(|i| -whole[(i, p)]).collect();
         for i in (0..p).rev() {
             let sum: f64 = (i + 1..p).map(|j| r[(i, j)] * step[j]).sum();
             step[i] = (step[i] - sum) / r[(i, i)];
         }
         let covariance = covariance(&r, &scale);
-        let cost = 0.5 * sums.squares.total();
-        let freedom = (sums.squares.count() - f64::from(u32::try_from(p).unwrap_or(u32::MAX))).max(1.0);
+        let cost = 0.5 * squares.total();
+        let scalars = squares.count();
+        let freedom = (scalars - f64::from(u32::try_from(p).unwrap_or(u32::MAX))).max(1.0);
         let variance = 2.0 * cost / freedom;
-        let sd: Vec<f64> = (0..p).map(|k| (covariance[k * p + k] * variance).max(0.0).sqrt()).collect();
-        let size = step.iter().zip(&sd).map(|(d, sd)| d.abs() / sd.max(1e-300)).fold(0.0, f64::max);
-        let mut updated = noise.clone();
-        let one_group = updated.update_from(&sums.squares, p).is_some();
-        if size < SMALL && (one_group || pass > 2) {
-            let length = (2.0 * cost).sqrt().max(1e-300);
-            let gradient = (0..p)
-                .map(|j| ((0..=j).map(|i| r[(i, j)] * whole[(i, p)]).sum::<f64>() / (scale[j] * length)).abs())
-                .fold(0.0, f64::max);
-            let covariance: Vec<f64> = covariance.iter().map(|c| c * variance).collect();
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-            let scalars = sums.squares.count() as usize;
-            let (rejected, named) = (known.rejected, std::mem::take(&mut known.named));
-            let before = known.before.summary(&before_of_sample);
-            let mut model = fit.into_model();
-            for (k, index) in start.free.iter().enumerate() {
-                model.terms[*index].sd = Some(sd[k]);
-            }
-            let after = crate::fit::position_errors(&Forward::new(model.clone(), Vec::new())?, data);
-            let report = LmReport { iterations: pass, cost, gradient, ended: Ended::Step };
-            return Ok(Streamed {
-                observations: sums.count,
-                rejected,
-                named,
-                errors: sums.after.summary(&after),
-                before,
-                passes: pass,
-                identified: Identified {
-                    model,
-                    free: start.free,
-                    at_limit: Vec::new(),
-                    data: data.clone(),
-                    noise: updated,
-                    covariance,
-                    observability: indices(&singular, scalars),
-                    dependent: start.dependent,
-                    known: start.known,
-                    weak: start.weak,
-                    report,
-                },
-            });
-        }
-        // the rows under one noise only are comparable from pass to pass
-        if one_group && cost > last_cost * (1.0 + 1e-9) {
-            return Err(not_converged("a step that the whole file asks for makes it worse"));
-        }
-        last_cost = cost;
-        if !one_group && pass <= 2 {
-            noise = updated;
-        }
-        let x: Vec<f64> = fit.coefficients().iter().zip(&step).map(|(x, d)| x + d).collect();
-        fit.set_coefficients(&x);
+        let sd = (0..p).map(|k| (covariance[k * p + k] * variance).max(0.0).sqrt()).collect();
+        Self { r, whole, scale, singular, scalars, cost, variance, covariance, sd, step }
     }
-    Err(not_converged(&format!("{PASSES} passes over the file")))
+
+    /// The largest part of the step.
+    fn step_in_sd(&self) -> f64 {
+        self.step.iter().zip(&self.sd).map(|(d, sd)| d.abs() / sd.max(1e-300)).fold(0.0, f64::max)
+    }
+
+    /// Largest cosine between the residuals and a column of J.
+    fn gradient(&self) -> f64 {
+        let p = self.r.ncols();
+        let length = (2.0 * self.cost).sqrt().max(1e-300);
+        let along = |j: usize| (0..=j).map(|i| self.r[(i, j)] * self.whole[(i, p)]).sum::<f64>();
+        (0..p).map(|j| (along(j) / (self.scale[j] * length)).abs()).fold(0.0, f64::max)
+    }
+
+    /// What was identified from the sample, with all rows' `model`, noise and accuracy.
+    fn identified(self, start: Identified, mut model: Model, noise: Noise, passes: usize) -> Identified {
+        for (index, sd) in start.free.iter().zip(&self.sd) {
+            model.terms[*index].sd = Some(*sd);
+        }
+        let report = LmReport { iterations: passes, cost: self.cost, gradient: self.gradient(), ended: Ended::Step };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+        let observability = indices(&self.singular, self.scalars as usize);
+        let covariance = self.covariance.iter().map(|c| c * self.variance).collect();
+        Identified { model, at_limit: Vec::new(), noise, covariance, observability, report, ..start }
+    }
 }
 
 fn not_converged(what: &str) -> IdentError {
     IdentError::NotConverged(format!("{what}; are robot.toml and cell.toml those of this arm?"))
 }
 
-/// One block's share of a pass.
-fn add_up(pass: &Pass<'_>, index: usize, rows: &BlockRows<'_>) -> Result<Sums> {
-    let Pass { fit, noise, data, .. } = pass;
-    let Judges { nominal, robust } = pass.judges;
-    let name = &data.names[index];
-    let marks = pass.known.and_then(|v| v.marks.get(index)?.get(rows.number()));
-    let mut found = BlockVerdict::default();
-    let mut sums = Sums::new(fit.free().len(), data.names.len(), pass.keep);
-    let mut ws = fit.workspace();
-    let mut ws_nominal = nominal.workspace();
-    let mut ws_robust = robust.map(|r| r.0.workspace());
-    let length = |r: &[f64; 6], rows: usize| r[..rows.min(3)].iter().map(|v| v * v).sum::<f64>().sqrt();
-    let mut number = 0;
-    rows.each_row::<IdentError>(&mut |row| {
-        let place = || format!("line {}", row.line);
-        number += 1;
-        if marks.is_some_and(|m| m.has(number - 1)) {
-            return Ok(());
-        }
-        let mut state = row.state.numbered(row.seq);
-        if data.joints == JointSource::Commanded {
-            state.q = state.q_commanded.ok_or_else(|| IdentError::Recording {
-                file: name.clone(),
-                place: place(),
-                problem: "has no commanded joints (qc1_deg ...), but --joints commanded was asked for".into(),
-            })?;
-        }
-        let frame = data.frame_of_recording[index].unwrap_or(0);
-        let o = Observation {
-            state,
-            measured: row.measured,
-            frame,
-            pose: 0,
-            recording: index,
-            row: number,
-            line: row.line,
-        };
-        if pass.known.is_none() {
-            fit.check(&o.state, &o.measured, o.frame).map_err(|e| IdentError::Recording {
-                file: name.clone(),
-                place: place(),
-                problem: e.to_string(),
-            })?;
-            if let (Some((robust, noise)), Some(ws)) = (robust, &mut ws_robust) {
-                let rows = robust.residual(&o.state, &o.measured, o.frame, ws);
-                let r = ws.residual();
-                let off = (0..rows).map(|k| (r[k] / noise.sigma(index, &o.measured, k)).powi(2)).sum::<f64>().sqrt();
-                if off > GROSS || off.is_nan() {
-                    found.rejected += 1;
-                    found.marks.set(number - 1);
-                    if found.named.len() < NAMED {
-                        found.named.push(Rejected {
-                            recording: name.clone(),
-                            line: row.line,
-                            row: number,
-                            reason: gross_error(length(r, rows), off, right_ball(robust, noise, &o, ws)),
-                        });
-                    }
+/// Length of the residual of a place or a length, m.
+fn length(residual: &[f64; 6], rows: usize) -> f64 {
+    residual[..rows.min(3)].iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+impl Pass<'_> {
+    /// Sums over all rows, and what the first pass finds out about them.
+    fn over(&self, stream: &CsvStream) -> Result<(Sums, Verdict)> {
+        let mut sums = Sums::new(self.fit.free().len(), self.data.names.len(), self.keep);
+        let mut found = Verdict::default();
+        stream.pass(|index, rows| self.add_up(index, rows), &mut |index, mut part: Sums| {
+            if let Some(block) = part.verdict.take() {
+                found.join(index, block);
+            }
+            sums.join(&part);
+            Ok(())
+        })?;
+        sums.rows.flush();
+        Ok((sums, found))
+    }
+
+    /// One block's share.
+    fn add_up(&self, index: usize, rows: &BlockRows<'_>) -> Result<Sums> {
+        let Self { fit, noise, data, .. } = self;
+        let name = &data.names[index];
+        let marks = self.known.and_then(|v| v.marks.get(index)?.get(rows.number()));
+        let mut found = BlockVerdict::default();
+        let mut sums = Sums::new(fit.free().len(), data.names.len(), self.keep);
+        let mut ws = fit.workspace();
+        let mut judges = (self.judges.nominal.workspace(), self.judges.robust.map(|r| r.0.workspace()));
+        let mut number = 0;
+        rows.each_row::<IdentError>(&mut |row| {
+            number += 1;
+            if marks.is_some_and(|m| m.has(number - 1)) {
+                return Ok(());
+            }
+            let o = Observation {
+                state: data.joints.state(&row, name)?.numbered(row.seq),
+                measured: row.measured,
+                frame: data.frame_of_recording[index].unwrap_or(0),
+                pose: 0,
+                recording: index,
+                row: number,
+                line: row.line,
+            };
+            if self.known.is_none() {
+                fit.check(&o.state, &o.measured, o.frame).map_err(|e| IdentError::Recording {
+                    file: name.clone(),
+                    place: format!("line {}", row.line),
+                    problem: e.to_string(),
+                })?;
+                if !self.judges.accept(&o, name, &mut judges, &mut found) {
                     return Ok(());
                 }
             }
-            let rows = nominal.residual(&o.state, &o.measured, o.frame, &mut ws_nominal);
-            found.before.add(length(ws_nominal.residual(), rows));
+            sums.rows.observe(fit, &mut ws, &o, noise, f64::INFINITY);
+            let rows = trical_model::residual_rows(&o.measured);
+            sums.after.add(length(ws.residual(), rows));
+            let weighted: [f64; 6] =
+                std::array::from_fn(
+                    |k| {
+                        if k < rows { ws.residual()[k] / noise.sigma(index, &o.measured, k) } else { 0.0 }
+                    },
+                );
+            sums.squares.add(index, &o.measured, &weighted[..rows]);
+            sums.count += 1;
+            Ok(())
+        })?;
+        sums.rows.flush();
+        found.rows = number;
+        sums.verdict = self.known.is_none().then_some(found);
+        Ok(sums)
+    }
+}
+
+impl Judges<'_> {
+    /// Whether a row is used, and what is to be kept of it in `found`.
+    fn accept(
+        &self,
+        o: &Observation,
+        name: &str,
+        (ws_nominal, ws_robust): &mut (Workspace, Option<Workspace>),
+        found: &mut BlockVerdict,
+    ) -> bool {
+        if let (Some((robust, noise)), Some(ws)) = (self.robust, ws_robust) {
+            let rows = robust.residual(&o.state, &o.measured, o.frame, ws);
+            let r = ws.residual();
+            let off = (0..rows).map(|k| (r[k] / noise.sigma(o.recording, &o.measured, k)).powi(2)).sum::<f64>().sqrt();
+            if off > GROSS || off.is_nan() {
+                found.rejected += 1;
+                found.marks.set(o.row - 1);
+                if found.named.len() < NAMED {
+                    found.named.push(Rejected {
+                        recording: name.to_owned(),
+                        line: o.line,
+                        row: o.row,
+                        reason: gross_error(length(r, rows), off, right_ball(robust, noise, o, ws)),
+                    });
+                }
+                return false;
+            }
         }
-        sums.rows.observe(fit, &mut ws, &o, noise, f64::INFINITY);
-        let rows = trical_model::residual_rows(&o.measured);
-        sums.after.add(length(ws.residual(), rows));
-        let weighted: [f64; 6] =
-            std::array::from_fn(|k| if k < rows { ws.residual()[k] / noise.sigma(index, &o.measured, k) } else { 0.0 });
-        sums.squares.add(index, &o.measured, &weighted[..rows]);
-        sums.count += 1;
-        Ok(())
-    })?;
-    sums.rows.flush();
-    found.rows = number;
-    sums.verdict = pass.known.is_none().then_some(found);
-    Ok(sums)
+        let rows = self.nominal.residual(&o.state, &o.measured, o.frame, ws_nominal);
+        found.before.add(length(ws_nominal.residual(), rows));
+        true
+    }
 }

@@ -7,7 +7,7 @@
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 use serde::Serialize;
-use trical_model::{Cell, Forward, Joints, Model, Robot, State};
+use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State, Workspace};
 
 use crate::dataset::Dataset;
 use crate::error::Result;
@@ -69,75 +69,127 @@ pub fn torque_loads(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Vec<To
         return Ok(Vec::new());
     }
     let n = robot.dof();
-    // four of each link, four of the tool for each further session, a zero of each torque sensor
-    let links = 4 * n;
-    let p = links + 4 * (sessions - 1) + n;
     let mut bodies = Vec::with_capacity(n + 1);
     for body in 0..=n {
         bodies.push(unit_loads(robot, cell, body)?);
     }
     let mut workspaces: Vec<Vec<_>> = bodies.iter().map(|b| b.iter().map(Forward::workspace).collect()).collect();
-    let (mut normal, mut right) = (Mat::<f64>::zeros(p, p), Mat::<f64>::zeros(p, 1));
-    let (mut squares, mut rows, mut sense) = (0.0, 0_usize, 0.0);
-    let mut columns = vec![[0.0; trical_model::MAX_JOINTS]; links + 4];
-    let mut line = vec![0.0; p];
+    let mut fit = Fit::new(n, sessions);
     for o in &data.observations {
         let Some(measured) = o.state.torques else { continue };
         let state = State { payload_kg: None, torques: None, ..o.state };
-        for (body, forwards) in bodies.iter().enumerate() {
-            let mut torques = [[0.0; trical_model::MAX_JOINTS]; 4];
-            for (k, forward) in forwards.iter().enumerate() {
-                torques[k] = forward.gravity_torques(&state, &mut workspaces[body][k])?;
-            }
-            for (k, torque) in torques.iter().enumerate() {
-                // a unit mass off the origin is a unit mass at the origin and a first moment
-                let at_origin = if k == 0 { [0.0; trical_model::MAX_JOINTS] } else { torques[0] };
-                columns[4 * body + k] = difference(torque, &at_origin);
-            }
-        }
-        for joint in 0..n {
-            line.fill(0.0);
-            (0..links).for_each(|c| line[c] = columns[c][joint]);
-            if o.recording > 0 {
-                let own = links + 4 * (o.recording - 1);
-                (0..4).for_each(|k| line[own + k] = columns[links + k][joint]);
-            }
-            line[p - n + joint] = 1.0;
-            for i in (0..p).filter(|i| line[*i] != 0.0) {
-                right[(i, 0)] += line[i] * measured[joint];
-                for j in 0..p {
-                    normal[(i, j)] += line[i] * line[j];
-                }
-            }
-            squares += measured[joint] * measured[joint];
-            rows += 1;
-            // torques of an arm of equal links: controllers report what gravity does, or what holds against it
-            sense += measured[joint] * (0..n).map(|link| columns[4 * link][joint]).sum::<f64>();
+        let columns = torques_of_unit_loads(&bodies, &mut workspaces, &state)?;
+        for (joint, torque) in measured.iter().enumerate().take(n) {
+            fit.add(o.recording, joint, *torque, &columns);
         }
     }
-    (0..p).for_each(|i| normal[(i, i)] += WEAK.powi(-2));
-    let Ok(llt) = Llt::new(normal.as_ref(), Side::Lower) else { return Ok(Vec::new()) };
-    let solution = llt.solve(&right);
-    let explained: f64 = (0..p).map(|i| solution[(i, 0)] * right[(i, 0)]).sum();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
-    let variance = ((squares - explained) / rows.saturating_sub(p).max(1) as f64).max(0.0);
-    let inverse = llt.solve(Mat::<f64>::identity(p, p));
-    let sign = if sense < 0.0 { -1.0 } else { 1.0 };
-    let load = |session: usize| {
-        let own = links + 4 * (session - 1);
-        let sd = |k: usize| (variance * inverse[(own + k, own + k)]).max(0.0).sqrt();
-        let mass = sign * solution[(own, 0)];
-        let cog: [f64; 3] = std::array::from_fn(|k| sign * solution[(own + 1 + k, 0)] / mass);
-        let known = (0..3).all(|k| sd(1 + k).hypot(cog[k] * sd(0)) < KNOWN_COG * mass.abs());
-        TorqueLoad {
-            recording: data.names[session].clone(),
-            beside: data.names[0].clone(),
-            mass_kg: mass,
-            sd_kg: sd(0),
-            cog_mm: known.then(|| cog.map(|c| c * 1e3)),
-        }
+    let Some(loads) = fit.loads() else { return Ok(Vec::new()) };
+    let told = |(k, load): (usize, Load)| TorqueLoad {
+        recording: data.names[k + 1].clone(),
+        beside: data.names[0].clone(),
+        mass_kg: load.mass,
+        sd_kg: load.sd,
+        cog_mm: load.cog.map(|cog| cog.map(|c| c * 1e3)),
     };
-    Ok((1..sessions).map(load).collect())
+    Ok(loads.into_iter().enumerate().map(told).collect())
+}
+
+/// Torques of a unit mass at the origin of a body and of its three unit first moments, body by body, the tool last.
+fn torques_of_unit_loads(
+    bodies: &[Vec<Forward>],
+    workspaces: &mut [Vec<Workspace>],
+    state: &State,
+) -> Result<Vec<Joints>> {
+    let mut columns = Vec::with_capacity(4 * bodies.len());
+    for (forwards, workspaces) in bodies.iter().zip(workspaces) {
+        let first = columns.len();
+        for (forward, ws) in forwards.iter().zip(workspaces) {
+            let torque = forward.gravity_torques(state, ws)?;
+            // a unit mass off the origin is a unit mass at the origin and a first moment
+            let at_origin = columns.get(first).copied().unwrap_or([0.0; MAX_JOINTS]);
+            columns.push(difference(&torque, &at_origin));
+        }
+    }
+    Ok(columns)
+}
+
+/// Least squares of measured torques: four unknowns of each link, four of the load of each session but the first, and a zero of each torque
+/// sensor.
+struct Fit {
+    joints: usize,
+    sessions: usize,
+    normal: Mat<f64>,
+    right: Mat<f64>,
+    /// One row.
+    line: Vec<f64>,
+    squares: f64,
+    rows: usize,
+    /// Below 0 where the controller reports what holds against gravity.
+    sense: f64,
+}
+
+/// What is on the flange beside the first session's load: kg, and the centre of gravity in m where it is known.
+struct Load {
+    mass: f64,
+    sd: f64,
+    cog: Option<[f64; 3]>,
+}
+
+impl Fit {
+    fn new(joints: usize, sessions: usize) -> Self {
+        let p = 4 * joints + 4 * (sessions - 1) + joints;
+        let (normal, right) = (Mat::zeros(p, p), Mat::zeros(p, 1));
+        Self { joints, sessions, normal, right, line: vec![0.0; p], squares: 0.0, rows: 0, sense: 0.0 }
+    }
+
+    /// Where the unknowns of a session's load begin; sessions from 1.
+    fn own(&self, session: usize) -> usize {
+        4 * self.joints + 4 * (session - 1)
+    }
+
+    /// Adds what was measured about one joint.
+    fn add(&mut self, session: usize, joint: usize, measured: f64, columns: &[Joints]) {
+        let (links, p) = (4 * self.joints, self.line.len());
+        self.line.fill(0.0);
+        (0..links).for_each(|c| self.line[c] = columns[c][joint]);
+        if session > 0 {
+            let own = self.own(session);
+            (0..4).for_each(|k| self.line[own + k] = columns[links + k][joint]);
+        }
+        self.line[p - self.joints + joint] = 1.0;
+        for i in (0..p).filter(|i| self.line[*i] != 0.0) {
+            self.right[(i, 0)] += self.line[i] * measured;
+            for j in 0..p {
+                self.normal[(i, j)] += self.line[i] * self.line[j];
+            }
+        }
+        self.squares += measured * measured;
+        self.rows += 1;
+        // torques of an arm of equal links
+        self.sense += measured * (0..self.joints).map(|link| columns[4 * link][joint]).sum::<f64>();
+    }
+
+    /// The loads of the sessions but the first; `None` where the torques do not determine them.
+    fn loads(mut self) -> Option<Vec<Load>> {
+        let p = self.line.len();
+        (0..p).for_each(|i| self.normal[(i, i)] += WEAK.powi(-2));
+        let llt = Llt::new(self.normal.as_ref(), Side::Lower).ok()?;
+        let solution = llt.solve(&self.right);
+        let explained: f64 = (0..p).map(|i| solution[(i, 0)] * self.right[(i, 0)]).sum();
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let variance = ((self.squares - explained) / self.rows.saturating_sub(p).max(1) as f64).max(0.0);
+        let inverse = llt.solve(Mat::<f64>::identity(p, p));
+        let sign = if self.sense < 0.0 { -1.0 } else { 1.0 };
+        let load = |session: usize| {
+            let own = self.own(session);
+            let sd = |k: usize| (variance * inverse[(own + k, own + k)]).max(0.0).sqrt();
+            let mass = sign * solution[(own, 0)];
+            let cog: [f64; 3] = std::array::from_fn(|k| sign * solution[(own + 1 + k, 0)] / mass);
+            let known = (0..3).all(|k| sd(1 + k).hypot(cog[k] * sd(0)) < KNOWN_COG * mass.abs());
+            Load { mass, sd: sd(0), cog: known.then_some(cog) }
+        };
+        Some((1..self.sessions).map(load).collect())
+    }
 }
 
 /// Arms of which one body alone weighs: a link (from 0), or behind them the tool; 1 kg at its origin, then 1 m off along x, y and z.

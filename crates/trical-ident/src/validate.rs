@@ -215,8 +215,8 @@ pub fn validate(
     let before = position_errors(&Forward::new(nominal.model.clone(), Vec::new())?, &plain);
     let pairs: Vec<(f64, f64)> = before.iter().copied().zip(after.iter().copied()).collect();
     let sessions = places.iter().enumerate().map(|(r, place)| {
-        let of: Vec<&(f64, f64)> =
-            scored.observations.iter().zip(&pairs).filter(|(o, _)| o.recording == r).map(|(_, p)| p).collect();
+        let (n, before, after) =
+            before_and_after(scored.observations.iter().zip(&pairs).filter(|(o, _)| o.recording == r).map(|(_, p)| p));
         let from_poses = if place.refit.any() { poses[r].iter().filter(|p| all.contains(p)).count() } else { 0 };
         SessionErrors {
             recording: data.names[r].clone(),
@@ -224,9 +224,9 @@ pub fn validate(
             refitted: place.refit.names(),
             from_poses,
             poses: poses[r].len() - from_poses,
-            n: of.len(),
-            before: ErrorSummary::of(&of.iter().map(|p| p.0).collect::<Vec<_>>()),
-            after: ErrorSummary::of(&of.iter().map(|p| p.1).collect::<Vec<_>>()),
+            n,
+            before,
+            after,
         }
     });
     let visited = file.visited();
@@ -506,18 +506,35 @@ fn stretch(robot: &Robot, joint: usize, ends: [f64; 2]) -> String {
     format!("q{} {low:.1} to {high:.1} {unit}", joint + 1)
 }
 
+/// How many errors, and what they are before and after.
+fn before_and_after<'a>(pairs: impl Iterator<Item = &'a (f64, f64)>) -> (usize, ErrorSummary, ErrorSummary) {
+    let (before, after): (Vec<f64>, Vec<f64>) = pairs.copied().unzip();
+    (before.len(), ErrorSummary::of(&before), ErrorSummary::of(&after))
+}
+
+/// How far each place that was seen is from the middle of them all, m.
+fn from_the_middle(data: &Dataset) -> Vec<Option<f64>> {
+    let places: Vec<Option<nalgebra::Vector3<f64>>> = data
+        .observations
+        .iter()
+        .map(|o| match o.measured {
+            Measured::Point { position, .. } | Measured::Pose { position, .. } => Some(position.into()),
+            _ => None,
+        })
+        .collect();
+    let along = |k: usize| places.iter().flatten().map(|p| p[k]).collect::<Vec<_>>();
+    let middle = nalgebra::Vector3::from_fn(|k, _| crate::rigid::median(&along(k)));
+    places.iter().map(|p| p.map(|p| (p - middle).norm())).collect()
+}
+
 /// Errors by joint angle (of joints that move), ball, and place; and, where some are `beyond` the angles that the model was learnt at, of these and the others.
 fn regions(robot: &Robot, data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]) -> Vec<Region> {
     let mut out = Vec::new();
     let mut add = |region: String, pick: &dyn Fn(usize) -> bool| {
-        let chosen: Vec<&(f64, f64)> = errors.iter().enumerate().filter(|(i, _)| pick(*i)).map(|(_, e)| e).collect();
-        if !chosen.is_empty() {
-            out.push(Region {
-                region,
-                n: chosen.len(),
-                before: ErrorSummary::of(&chosen.iter().map(|e| e.0).collect::<Vec<_>>()),
-                after: ErrorSummary::of(&chosen.iter().map(|e| e.1).collect::<Vec<_>>()),
-            });
+        let chosen = errors.iter().enumerate().filter(|(i, _)| pick(*i)).map(|(_, e)| e);
+        let (n, before, after) = before_and_after(chosen);
+        if n > 0 {
+            out.push(Region { region, n, before, after });
         }
     };
     let o = &data.observations;
@@ -546,26 +563,15 @@ fn regions(robot: &Robot, data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]
         let name = format!("place {}", ball_places::name(data, *place));
         add(name, &|i| place_of(&o[i]) == Some(*place));
     }
-    let places: Vec<Option<nalgebra::Vector3<f64>>> = o
-        .iter()
-        .map(|o| match o.measured {
-            Measured::Point { position, .. } | Measured::Pose { position, .. } => {
-                Some(nalgebra::Vector3::from(position))
-            }
-            _ => None,
-        })
-        .collect();
-    let seen: Vec<nalgebra::Vector3<f64>> = places.iter().flatten().copied().collect();
-    if !seen.is_empty() {
-        let middle =
-            nalgebra::Vector3::from_fn(|k, _| crate::rigid::median(&seen.iter().map(|p| p[k]).collect::<Vec<_>>()));
+    let off = from_the_middle(data);
+    if off.iter().any(Option::is_some) {
         for (low, high) in [(0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, f64::INFINITY)] {
             let name = if high.is_finite() {
                 format!("{:.0} to {:.0} mm from the middle", low * 1e3, high * 1e3)
             } else {
                 format!("more than {:.0} mm from the middle", low * 1e3)
             };
-            add(name, &|i| places[i].is_some_and(|p| (low..high).contains(&(p - middle).norm())));
+            add(name, &|i| off[i].is_some_and(|off| (low..high).contains(&off)));
         }
     }
     out

@@ -168,3 +168,12 @@ fn what_a_file_may_not_say() {
         assert!(said.starts_with("known.toml") && said.contains(word), "{text:?}: {said}");
     }
 }
+
+#[test]
+fn limits_of_a_gap_are_those_of_what_is_lost() {
+    let mut model = nominal();
+    model.terms = vec![Term::new("half_gap_2", "lost_motion_direction", Site::Joint { joint: 2 }, Basis::direction(2))];
+    let known = KnownParameters::parse("[[parameter]]\nname = \"half_gap_2\"\nmin = 0.0\n", "known.toml").unwrap();
+    // in the angle, against the sense of motion
+    assert_eq!(known.of(&model).unwrap()[0].limits, [f64::NEG_INFINITY, -0.0]);
+}

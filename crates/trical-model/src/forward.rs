@@ -16,7 +16,7 @@ use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotatio
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
 use crate::robot::Robot;
 use crate::target::{Map, Target, Through};
-use crate::term::{Dof, Term, actions};
+use crate::term::{Action, Dof, Term, actions};
 
 type V3 = Vector3<f64>;
 
@@ -139,13 +139,43 @@ pub fn residual_rows(measured: &Measured) -> usize {
     }
 }
 
+/// Where it stands in a list, at the end of which it is put where it is new.
+fn place_in<T: PartialEq>(list: &mut Vec<T>, one: T) -> usize {
+    list.iter().position(|o| *o == one).unwrap_or_else(|| {
+        list.push(one);
+        list.len() - 1
+    })
+}
+
 impl Forward {
     /// Prepares a model. `free` are the indices of the terms whose columns the Jacobian has, in that order.
     ///
     /// # Errors
     /// A term at a site that the arm does not have, or gravity moments of an arm without masses.
     pub fn new(model: Model, free: Vec<usize>) -> Result<Self> {
-        let mut this = Self {
+        let mut this = Self::unbound(model, free);
+        for k in 0..this.model.terms.len() {
+            let start = this.bound.len();
+            for action in actions(&this.model.terms[k], &this.model.robot, &this.model.cell, this.model.frames.len())? {
+                this.bind(k, action)?;
+            }
+            this.spans.push((start, this.bound.len()));
+        }
+        if !this.moments.is_empty() {
+            this.model.robot.require_masses()?;
+        }
+        this.rebuild();
+        if this.model.terms.is_empty() {
+            let Model { robot, cell, .. } = &this.model;
+            let flange_from_tool = Pose { rotation: cell.tool.rotation, translation: cell.tool.tcp };
+            this.usual = Usual::of(robot, &cell.world_from_base, &flange_from_tool);
+        }
+        Ok(this)
+    }
+
+    /// Before any term acts.
+    fn unbound(model: Model, free: Vec<usize>) -> Self {
+        Self {
             bound: Vec::new(),
             spans: Vec::new(),
             dofs: Vec::new(),
@@ -174,67 +204,49 @@ impl Forward {
             gravity: V3::zeros(),
             payload: (0.0, V3::zeros()),
             model,
+        }
+    }
+
+    /// Adds an action of term `k`.
+    fn bind(&mut self, k: usize, action: Action) -> Result<()> {
+        let Action { dof, basis, weight } = action;
+        let constant = basis.is_constant();
+        // the payload comes before the moments that a basis may look at
+        let of_a_session = basis == Basis { session: basis.session, place: basis.place, ..Basis::CONSTANT };
+        let can_vary = match dof {
+            Dof::Chain(..)
+            | Dof::Base(_)
+            | Dof::Tool(_)
+            | Dof::Fixture(_)
+            | Dof::Frame(..)
+            | Dof::Target(..)
+            | Dof::Ball(..) => true,
+            Dof::PayloadMass | Dof::PayloadMoment(_) => of_a_session,
+            _ => false,
         };
-        for (k, term) in this.model.terms.iter().enumerate() {
-            let start = this.bound.len();
-            for action in actions(term, &this.model.robot, &this.model.cell, this.model.frames.len())? {
-                let constant = action.basis.is_constant();
-                // the payload comes before the moments that a basis may look at
-                let of_a_session = action.basis
-                    == Basis { session: action.basis.session, place: action.basis.place, ..Basis::CONSTANT };
-                let can_vary = match action.dof {
-                    Dof::Chain(..)
-                    | Dof::Base(_)
-                    | Dof::Tool(_)
-                    | Dof::Fixture(_)
-                    | Dof::Frame(..)
-                    | Dof::Target(..)
-                    | Dof::Ball(..) => true,
-                    Dof::PayloadMass | Dof::PayloadMoment(_) => of_a_session,
-                    _ => false,
-                };
-                if !constant && !can_vary {
-                    return Err(ModelError::NoSuchSite {
-                        term: term.name.clone(),
-                        site: format!("{} as a quantity that varies from pose to pose", term.site),
-                    });
-                }
-                let dof = this.dofs.iter().position(|d| *d == action.dof).unwrap_or_else(|| {
-                    this.dofs.push(action.dof);
-                    this.dofs.len() - 1
-                });
-                let at = match action.basis.of {
-                    Variable::Moment { joint, axis } => Some(MomentAt { joint: joint - 1, axis, foot: false }),
-                    Variable::FootMoment { joint, axis } => Some(MomentAt { joint: joint - 1, axis, foot: true }),
-                    _ => None,
-                };
-                let moment = at.map(|at| {
-                    this.moments.iter().position(|m| *m == at).unwrap_or_else(|| {
-                        this.moments.push(at);
-                        this.moments.len() - 1
-                    })
-                });
-                if !constant {
-                    this.varying.push((k, this.bound.len()));
-                    if matches!(action.dof, Dof::PayloadMass | Dof::PayloadMoment(_)) {
-                        this.payloads.push((k, this.bound.len()));
-                    }
-                    this.moves_base |= matches!(action.dof, Dof::Base(_));
-                }
-                this.bound.push(Bound { dof, basis: action.basis, weight: action.weight, constant, moment });
+        if !constant && !can_vary {
+            let term = &self.model.terms[k];
+            return Err(ModelError::NoSuchSite {
+                term: term.name.clone(),
+                site: format!("{} as a quantity that varies from pose to pose", term.site),
+            });
+        }
+        let at = match basis.of {
+            Variable::Moment { joint, axis } => Some(MomentAt { joint: joint - 1, axis, foot: false }),
+            Variable::FootMoment { joint, axis } => Some(MomentAt { joint: joint - 1, axis, foot: true }),
+            _ => None,
+        };
+        if !constant {
+            self.varying.push((k, self.bound.len()));
+            if matches!(dof, Dof::PayloadMass | Dof::PayloadMoment(_)) {
+                self.payloads.push((k, self.bound.len()));
             }
-            this.spans.push((start, this.bound.len()));
+            self.moves_base |= matches!(dof, Dof::Base(_));
         }
-        if !this.moments.is_empty() {
-            this.model.robot.require_masses()?;
-        }
-        this.rebuild();
-        if this.model.terms.is_empty() {
-            let Model { robot, cell, .. } = &this.model;
-            let flange_from_tool = Pose { rotation: cell.tool.rotation, translation: cell.tool.tcp };
-            this.usual = Usual::of(robot, &cell.world_from_base, &flange_from_tool);
-        }
-        Ok(this)
+        let dof = place_in(&mut self.dofs, dof);
+        let moment = at.map(|at| place_in(&mut self.moments, at));
+        self.bound.push(Bound { dof, basis, weight, constant, moment });
+        Ok(())
     }
 
     /// The model with its present coefficients.

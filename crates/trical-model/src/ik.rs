@@ -71,8 +71,44 @@ pub fn inverse_kinematics(
     {
         return Ok(solutions);
     }
+    let Found { roots, mut failure } = branches(forward, world_from_tool, state, ws);
+    if let (true, Some(IkError::NotConverged { miss_m, miss_rad, .. })) = (roots.is_empty(), failure) {
+        failure = Some(IkError::Unreachable { miss_m, miss_rad });
+    }
     let robot = &forward.model().robot;
-    let n = robot.dof();
+    let turning = changes_with_turns(forward);
+    let mut order: Vec<(f64, Solution)> = Vec::with_capacity(roots.len());
+    for (branch, root) in roots.iter().enumerate() {
+        let mut wraps = Vec::new();
+        if let Err(e) = all_wraps(robot, root, &mut wraps) {
+            keep_better(&mut failure, e);
+        }
+        for mut joints in wraps {
+            if turning {
+                let mut at = State { q: joints, ..*state };
+                if newton::refine(forward, world_from_tool, &mut at, ws) != Ended::Converged {
+                    continue;
+                }
+                joints = at.q;
+                if let Err(e) = put_within(robot, &mut joints) {
+                    keep_better(&mut failure, e);
+                    continue;
+                }
+            }
+            order.push((farthest(robot.dof(), &joints, &state.q), Solution { joints, branch }));
+        }
+    }
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order.truncate(MOST);
+    if order.is_empty() {
+        return Err(failure.unwrap_or(IkError::Unreachable { miss_m: f64::NAN, miss_rad: f64::NAN }));
+    }
+    Ok(order.into_iter().map(|(_, s)| s).collect())
+}
+
+/// The solution of each branch, whole turns aside.
+fn branches(forward: &Forward, world_from_tool: &Pose, state: &State, ws: &mut Workspace) -> Found {
+    let robot = &forward.model().robot;
     let seeds = seeds(forward, world_from_tool, state, ws);
     let mut found = Found { roots: Vec::with_capacity(8), failure: None };
     let exact = forward.model().terms.is_empty();
@@ -82,7 +118,7 @@ pub fn inverse_kinematics(
             continue;
         }
         // a branch that led nowhere, or to another's solution: near a fold its own may lie a little aside
-        for joint in 0..n {
+        for joint in 0..robot.dof() {
             for aside in [0.15, -0.15, 0.4, -0.4] {
                 let mut seed = *seed;
                 seed[joint] += aside;
@@ -102,42 +138,7 @@ pub fn inverse_kinematics(
         // nothing to be had: one descent says by how much
         found.attempt(forward, world_from_tool, &state.q, state, ws);
     }
-    let Found { roots, mut failure } = found;
-    if let (true, Some(IkError::NotConverged { miss_m, miss_rad, .. })) = (roots.is_empty(), failure) {
-        failure = Some(IkError::Unreachable { miss_m, miss_rad });
-    }
-    let turning = changes_with_turns(forward);
-    let mut solutions = Vec::with_capacity(roots.len());
-    for (branch, root) in roots.iter().enumerate() {
-        let mut wraps = Vec::new();
-        match all_wraps(robot, root, &mut wraps) {
-            Ok(()) => {}
-            Err(e) => keep_better(&mut failure, e),
-        }
-        for q in wraps {
-            let mut joints = q;
-            if turning {
-                let mut at = State { q, ..*state };
-                if newton::refine(forward, world_from_tool, &mut at, ws) != Ended::Converged {
-                    continue;
-                }
-                joints = at.q;
-                if let Err(e) = put_within(robot, &mut joints) {
-                    keep_better(&mut failure, e);
-                    continue;
-                }
-            }
-            solutions.push(Solution { joints, branch });
-        }
-    }
-    let mut order: Vec<(f64, Solution)> =
-        solutions.into_iter().map(|s| (farthest(n, &s.joints, &state.q), s)).collect();
-    order.sort_by(|a, b| a.0.total_cmp(&b.0));
-    order.truncate(MOST);
-    if order.is_empty() {
-        return Err(failure.unwrap_or(IkError::Unreachable { miss_m: f64::NAN, miss_rad: f64::NAN }));
-    }
-    Ok(order.into_iter().map(|(_, s)| s).collect())
+    found
 }
 
 /// The solution on the same branch as `state.q`, by Newton's method from there: what a small correction of a pose needs.

@@ -121,6 +121,61 @@ struct JointFile {
     cog_mm: Option<[f64; 3]>,
 }
 
+impl JointFile {
+    /// The joint; else which field is wrong, and how.
+    fn read(&self) -> std::result::Result<Joint, (&'static str, String)> {
+        for (field, value, limit) in [
+            ("alpha_deg", self.alpha_deg, 360.0),
+            ("a_mm", self.a_mm, 1e5),
+            ("beta_deg", self.beta_deg, 360.0),
+            ("d_mm", self.d_mm, 1e5),
+            ("theta_offset_deg", self.theta_offset_deg, 720.0),
+        ] {
+            if !value.is_finite() || value.abs() > limit {
+                return Err((field, format!("found {value}, expected a number between -{limit} and {limit}")));
+            }
+        }
+        let (limits, unit, field) = match (self.kind, self.limits_deg, self.limits_mm) {
+            (JointKind::Revolute, Some(l), None) => (l, 1.0_f64.to_radians(), "limits_deg"),
+            (JointKind::Prismatic, None, Some(l)) => (l, 1e-3, "limits_mm"),
+            (JointKind::Revolute, ..) => {
+                return Err(("limits_deg", "a revolute joint needs limits_deg (and no limits_mm)".into()));
+            }
+            (JointKind::Prismatic, ..) => {
+                return Err(("limits_mm", "a prismatic joint needs limits_mm (and no limits_deg)".into()));
+            }
+        };
+        if !(limits[0] < limits[1] && limits.iter().all(|l| l.abs() <= FARTHEST)) {
+            let [low, high] = limits;
+            return Err((
+                field,
+                format!("found [{low}, {high}], expected a lower and a higher number, at most {FARTHEST}"),
+            ));
+        }
+        if let Some(m) = self.mass_kg.filter(|m| !(m.is_finite() && (0.0..1e5).contains(m))) {
+            return Err(("mass_kg", format!("found {m}, expected a mass of 0 to 100000 kg")));
+        }
+        if self.mass_kg.is_some_and(|m| m > 0.0) && self.cog_mm.is_none() {
+            return Err(("cog_mm", "is missing, and a mass_kg is given".into()));
+        }
+        let cog = self.cog_mm.unwrap_or([0.0; 3]);
+        if cog.iter().any(|c| !c.is_finite() || c.abs() > 1e5) {
+            return Err(("cog_mm", "expected three finite numbers".into()));
+        }
+        Ok(Joint {
+            kind: self.kind,
+            alpha: self.alpha_deg.to_radians(),
+            a: self.a_mm * 1e-3,
+            beta: self.beta_deg.to_radians(),
+            d: self.d_mm * 1e-3,
+            theta_offset: self.theta_offset_deg.to_radians(),
+            limits: limits.map(|l| l * unit),
+            mass: self.mass_kg,
+            cog: Vector3::from(cog) * 1e-3,
+        })
+    }
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
 fn is_revolute(kind: &JointKind) -> bool {
     *kind == JointKind::Revolute
@@ -177,72 +232,10 @@ impl Robot {
                 format!("{} joints found, expected 1 to {MAX_JOINTS}", raw.joint.len()),
             ));
         }
-        let mut joints = Vec::with_capacity(raw.joint.len());
-        for (i, j) in raw.joint.iter().enumerate() {
-            let place = |field: &str| format!("joint {}, {field}", i + 1);
-            for (field, value, limit) in [
-                ("alpha_deg", j.alpha_deg, 360.0),
-                ("a_mm", j.a_mm, 1e5),
-                ("beta_deg", j.beta_deg, 360.0),
-                ("d_mm", j.d_mm, 1e5),
-                ("theta_offset_deg", j.theta_offset_deg, 720.0),
-            ] {
-                if !value.is_finite() || value.abs() > limit {
-                    return Err(bad(
-                        place(field),
-                        format!("found {value}, expected a number between -{limit} and {limit}"),
-                    ));
-                }
-            }
-            let (limits, unit, field) = match (j.kind, j.limits_deg, j.limits_mm) {
-                (JointKind::Revolute, Some(l), None) => (l, 1.0_f64.to_radians(), "limits_deg"),
-                (JointKind::Prismatic, None, Some(l)) => (l, 1e-3, "limits_mm"),
-                (JointKind::Revolute, ..) => {
-                    return Err(bad(
-                        place("limits_deg"),
-                        "a revolute joint needs limits_deg (and no limits_mm)".into(),
-                    ));
-                }
-                (JointKind::Prismatic, ..) => {
-                    return Err(bad(
-                        place("limits_mm"),
-                        "a prismatic joint needs limits_mm (and no limits_deg)".into(),
-                    ));
-                }
-            };
-            if !(limits[0] < limits[1] && limits.iter().all(|l| l.abs() <= FARTHEST)) {
-                return Err(bad(
-                    place(field),
-                    format!(
-                        "found [{}, {}], expected a lower and a higher number, at most {FARTHEST}",
-                        limits[0], limits[1]
-                    ),
-                ));
-            }
-            if let Some(m) = j.mass_kg
-                && !(m.is_finite() && (0.0..1e5).contains(&m))
-            {
-                return Err(bad(place("mass_kg"), format!("found {m}, expected a mass of 0 to 100000 kg")));
-            }
-            if j.mass_kg.is_some_and(|m| m > 0.0) && j.cog_mm.is_none() {
-                return Err(bad(place("cog_mm"), "is missing, and a mass_kg is given".into()));
-            }
-            let cog = j.cog_mm.unwrap_or([0.0; 3]);
-            if cog.iter().any(|c| !c.is_finite() || c.abs() > 1e5) {
-                return Err(bad(place("cog_mm"), "expected three finite numbers".into()));
-            }
-            joints.push(Joint {
-                kind: j.kind,
-                alpha: j.alpha_deg.to_radians(),
-                a: j.a_mm * 1e-3,
-                beta: j.beta_deg.to_radians(),
-                d: j.d_mm * 1e-3,
-                theta_offset: j.theta_offset_deg.to_radians(),
-                limits: limits.map(|l| l * unit),
-                mass: j.mass_kg,
-                cog: Vector3::from(cog) * 1e-3,
-            });
-        }
+        let joint = |(i, j): (usize, &JointFile)| {
+            j.read().map_err(|(field, problem)| bad(format!("joint {}, {field}", i + 1), problem))
+        };
+        let joints = raw.joint.iter().enumerate().map(joint).collect::<Result<_>>()?;
         let pose = |table: Option<PoseFile>, name: &str| match table {
             None => Ok(Pose::identity()),
             Some(p) => p.pose().ok_or_else(|| {

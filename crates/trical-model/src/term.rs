@@ -232,88 +232,22 @@ impl std::fmt::Display for Site {
 /// Resolves a term's site into degrees of freedom.
 pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) -> Result<Vec<Action>> {
     let n = robot.dof();
-    let no_site = || ModelError::NoSuchSite { term: term.name.clone(), site: term.site.to_string() };
-    let joint_index = |joint: usize| (1..=n).contains(&joint).then(|| joint - 1).ok_or_else(no_site);
-    let index = |number: usize, have: usize| (1..=have).contains(&number).then(|| number - 1).ok_or_else(no_site);
-    let own = |i: usize| match robot.joints[i].kind {
-        JointKind::Revolute => Dof::Chain(i, ChainDof::Theta),
-        JointKind::Prismatic => Dof::Chain(i, ChainDof::D),
-    };
-    match term.basis.of {
-        Variable::Joint { joint }
-        | Variable::Moment { joint, .. }
-        | Variable::FootMoment { joint, .. }
-        | Variable::PartMoment { joint, .. }
-        | Variable::Torque { joint }
-        | Variable::Lag { joint } => {
-            joint_index(joint)?;
-        }
-        Variable::Inclination { first, last } if joint_index(last)? < joint_index(first)? => return Err(no_site()),
-        _ => {}
-    }
-    for joint in term.basis.sense.into_iter().chain(term.basis.beside.map(|b| b.joint)) {
-        joint_index(joint)?;
-    }
-    if matches!(term.basis.of, Variable::PartMoment { .. }) && !matches!(term.site, Site::Across { .. }) {
-        return Err(no_site());
-    }
+    check_joints(term, n)?;
+    let joint_index = |joint| index(term, joint, n);
     let one = |dof| Ok(vec![Action { dof, basis: term.basis, weight: 1.0 }]);
     match term.site {
-        Site::Link { link, parameter } => {
-            let (i, dof) = match parameter {
-                Parameter::Alpha => (link, ChainDof::Alpha),
-                Parameter::A => (link, ChainDof::A),
-                Parameter::Beta => (link, ChainDof::Beta),
-                Parameter::Theta => (link.checked_sub(1).ok_or_else(no_site)?, ChainDof::Theta),
-                Parameter::D => (link.checked_sub(1).ok_or_else(no_site)?, ChainDof::D),
-            };
-            if i >= n {
-                return Err(no_site());
-            }
-            one(Dof::Chain(i, dof))
-        }
-        Site::Joint { joint } => one(own(joint_index(joint)?)),
+        Site::Link { link, parameter } => one(of_link(term, link, parameter, n)?),
+        Site::Joint { joint } => one(own(robot, joint_index(joint)?)),
         Site::Tilt { joint, axis } => {
             let i = joint_index(joint)?;
             match axis {
                 Axis::X => one(Dof::Chain(i, ChainDof::TiltX)),
                 Axis::Y => one(Dof::Chain(i, ChainDof::TiltY)),
-                Axis::Z => Err(no_site()),
+                Axis::Z => Err(no_site(term)),
             }
         }
-        Site::Across { joint } => {
-            let i = joint_index(joint)?;
-            if let Variable::PartMoment { share, .. } = term.basis.of {
-                return if term.basis.shape == Shape::Linear && (0.0..=1.0).contains(&share) {
-                    Ok(across_between(i, share, term.basis))
-                } else {
-                    Err(no_site())
-                };
-            }
-            let foot = matches!(term.basis.of, Variable::FootMoment { .. });
-            let dofs = if foot { [ChainDof::Alpha, ChainDof::Beta] } else { [ChainDof::TiltX, ChainDof::TiltY] };
-            let about = |axis, dof| {
-                let of = if foot { Variable::FootMoment { joint, axis } } else { Variable::Moment { joint, axis } };
-                Action { dof: Dof::Chain(i, dof), basis: Basis { of, ..term.basis }, weight: 1.0 }
-            };
-            Ok(vec![about(Axis::X, dofs[0]), about(Axis::Y, dofs[1])])
-        }
-        Site::AllJoints => Ok((0..n)
-            .map(|i| {
-                let of = match term.basis.of {
-                    Variable::Lag { .. } => Variable::Lag { joint: i + 1 },
-                    Variable::Joint { .. } => Variable::Joint { joint: i + 1 },
-                    Variable::Moment { axis, .. } => Variable::Moment { joint: i + 1, axis },
-                    Variable::FootMoment { axis, .. } => Variable::FootMoment { joint: i + 1, axis },
-                    other => other,
-                };
-                Action {
-                    dof: own(i),
-                    basis: Basis { of, sense: term.basis.sense.map(|_| i + 1), ..term.basis },
-                    weight: 1.0,
-                }
-            })
-            .collect()),
+        Site::Across { joint } => across(term, joint_index(joint)?),
+        Site::AllJoints => Ok((0..n).map(|i| of_every_joint(term, robot, i)).collect()),
         Site::Links => Ok(robot
             .joints
             .iter()
@@ -324,16 +258,102 @@ pub(crate) fn actions(term: &Term, robot: &Robot, cell: &Cell, frames: usize) ->
             .collect()),
         Site::Base(m) => one(Dof::Base(m.index())),
         Site::Tool(m) => one(Dof::Tool(m.index())),
-        Site::Target { target, axis } => one(Dof::Target(index(target, cell.tool.targets.len())?, axis.index())),
+        Site::Target { target, axis } => one(Dof::Target(index(term, target, cell.tool.targets.len())?, axis.index())),
         Site::Fixture(m) => one(Dof::Fixture(m.index())),
-        Site::Ball { ball, axis } => one(Dof::Ball(index(ball, cell.balls.len())?, axis.index())),
-        Site::Frame { frame, motion } => one(Dof::Frame(index(frame, frames)?, motion.index())),
+        Site::Ball { ball, axis } => one(Dof::Ball(index(term, ball, cell.balls.len())?, axis.index())),
+        Site::Frame { frame, motion } => one(Dof::Frame(index(term, frame, frames)?, motion.index())),
         Site::Gravity(axis) => one(Dof::Gravity(axis.index())),
         Site::Payload(Payload::Mass) => one(Dof::PayloadMass),
         Site::Payload(Payload::Moment(axis)) => one(Dof::PayloadMoment(axis.index())),
-        Site::Anchor { anchor, axis } => one(Dof::Anchor(index(anchor, cell.anchors.len())?, axis.index())),
-        Site::LengthZero { anchor } => one(Dof::LengthZero(index(anchor, cell.anchors.len())?)),
+        Site::Anchor { anchor, axis } => one(Dof::Anchor(index(term, anchor, cell.anchors.len())?, axis.index())),
+        Site::LengthZero { anchor } => one(Dof::LengthZero(index(term, anchor, cell.anchors.len())?)),
     }
+}
+
+fn no_site(term: &Term) -> ModelError {
+    ModelError::NoSuchSite { term: term.name.clone(), site: term.site.to_string() }
+}
+
+/// From a number, of which there are 1 to `have`.
+fn index(term: &Term, number: usize, have: usize) -> Result<usize> {
+    if (1..=have).contains(&number) { Ok(number - 1) } else { Err(no_site(term)) }
+}
+
+/// Refuses a basis that looks at joints which the arm does not have.
+fn check_joints(term: &Term, n: usize) -> Result<()> {
+    match term.basis.of {
+        Variable::Joint { joint }
+        | Variable::Moment { joint, .. }
+        | Variable::FootMoment { joint, .. }
+        | Variable::PartMoment { joint, .. }
+        | Variable::Torque { joint }
+        | Variable::Lag { joint } => {
+            index(term, joint, n)?;
+        }
+        Variable::Inclination { first, last } if index(term, last, n)? < index(term, first, n)? => {
+            return Err(no_site(term));
+        }
+        _ => {}
+    }
+    for joint in term.basis.sense.into_iter().chain(term.basis.beside.map(|b| b.joint)) {
+        index(term, joint, n)?;
+    }
+    if matches!(term.basis.of, Variable::PartMoment { .. }) && !matches!(term.site, Site::Across { .. }) {
+        return Err(no_site(term));
+    }
+    Ok(())
+}
+
+/// The motion of joint `i` itself.
+fn own(robot: &Robot, i: usize) -> Dof {
+    match robot.joints[i].kind {
+        JointKind::Revolute => Dof::Chain(i, ChainDof::Theta),
+        JointKind::Prismatic => Dof::Chain(i, ChainDof::D),
+    }
+}
+
+fn of_link(term: &Term, link: usize, parameter: Parameter, n: usize) -> Result<Dof> {
+    let (i, dof) = match parameter {
+        Parameter::Alpha => (Some(link), ChainDof::Alpha),
+        Parameter::A => (Some(link), ChainDof::A),
+        Parameter::Beta => (Some(link), ChainDof::Beta),
+        Parameter::Theta => (link.checked_sub(1), ChainDof::Theta),
+        Parameter::D => (link.checked_sub(1), ChainDof::D),
+    };
+    i.filter(|i| *i < n).map(|i| Dof::Chain(i, dof)).ok_or_else(|| no_site(term))
+}
+
+/// Rotation across the axis of joint `i`.
+fn across(term: &Term, i: usize) -> Result<Vec<Action>> {
+    if let Variable::PartMoment { share, .. } = term.basis.of {
+        return if term.basis.shape == Shape::Linear && (0.0..=1.0).contains(&share) {
+            Ok(across_between(i, share, term.basis))
+        } else {
+            Err(no_site(term))
+        };
+    }
+    let joint = i + 1;
+    let foot = matches!(term.basis.of, Variable::FootMoment { .. });
+    let dofs = if foot { [ChainDof::Alpha, ChainDof::Beta] } else { [ChainDof::TiltX, ChainDof::TiltY] };
+    let about = |axis, dof| {
+        let of = if foot { Variable::FootMoment { joint, axis } } else { Variable::Moment { joint, axis } };
+        Action { dof: Dof::Chain(i, dof), basis: Basis { of, ..term.basis }, weight: 1.0 }
+    };
+    Ok(vec![about(Axis::X, dofs[0]), about(Axis::Y, dofs[1])])
+}
+
+/// What a term at all joints does at joint `i`.
+fn of_every_joint(term: &Term, robot: &Robot, i: usize) -> Action {
+    let joint = i + 1;
+    let of = match term.basis.of {
+        Variable::Lag { .. } => Variable::Lag { joint },
+        Variable::Joint { .. } => Variable::Joint { joint },
+        Variable::Moment { axis, .. } => Variable::Moment { joint, axis },
+        Variable::FootMoment { axis, .. } => Variable::FootMoment { joint, axis },
+        other => other,
+    };
+    let basis = Basis { of, sense: term.basis.sense.map(|_| joint), ..term.basis };
+    Action { dof: own(robot, i), basis, weight: 1.0 }
 }
 
 /// Rotation across the axis of joint `i` about a point of it. A small rotation about a point between is in part one about the

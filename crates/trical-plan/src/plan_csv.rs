@@ -107,106 +107,150 @@ pub fn write_plan(robot: &Robot, entries: &[PlanEntry]) -> String {
     String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
 }
 
+/// For which arm a plan is read, and the name of its file for messages.
+struct Reader<'a> {
+    file: &'a str,
+    robot: &'a Robot,
+    balls: usize,
+    columns: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn error(&self, line: usize, column: &str, found: String, expected: &str) -> PlanFileError {
+        PlanFileError {
+            file: self.file.to_owned(),
+            line,
+            column: shortened(column, 60),
+            found: shortened(&found, 100),
+            expected: expected.to_owned(),
+        }
+    }
+
+    /// Where each of the columns stands.
+    fn places(&self, header: &csv::StringRecord) -> Result<Vec<usize>, PlanFileError> {
+        for (k, name) in header.iter().enumerate() {
+            if !self.columns.iter().any(|n| n == name) {
+                let expected = format!("one of the columns {}", self.columns.join(", "));
+                return Err(self.error(1, name, format!("the unknown column '{name}'"), &expected));
+            }
+            if header.iter().take(k).any(|n| n == name) {
+                return Err(self.error(1, name, "it twice".into(), "each column once"));
+            }
+        }
+        let place = |name: &String| {
+            let missing = || self.error(1, name, "no such column".into(), "it in the header line");
+            header.iter().position(|n| n == name).ok_or_else(missing)
+        };
+        self.columns.iter().map(place).collect()
+    }
+}
+
+/// A line of a plan.
+struct Line<'a> {
+    reader: &'a Reader<'a>,
+    number: usize,
+    /// In the order of the reader's columns.
+    cells: Vec<&'a str>,
+}
+
+impl Line<'_> {
+    fn wrong(&self, column: usize, text: &str, expected: &str) -> PlanFileError {
+        let found = if text.is_empty() { "nothing".to_owned() } else { format!("'{text}'") };
+        self.reader.error(self.number, &self.reader.columns[column], found, expected)
+    }
+
+    /// What `text` in a column says of joint `k`.
+    fn joint(&self, column: usize, text: &str, k: usize) -> Result<f64, PlanFileError> {
+        let limits = self.reader.robot.joints[k].limits;
+        let unit = Unit::of(self.reader.robot, k);
+        let [low, high] = limits.map(|l| unit.shown(l));
+        // the limits themselves may have been rounded on their way here
+        match text.parse::<f64>() {
+            Ok(x) if x >= low - 1e-6 && x <= high + 1e-6 => Ok(unit.si(x).clamp(limits[0], limits[1])),
+            _ => {
+                let expected = format!("a number of {low:.3} to {high:.3} {}, the joint's limits", unit.name());
+                Err(self.wrong(column, text, &expected))
+            }
+        }
+    }
+
+    /// Joints in a column each, from this one on.
+    fn joints(&self, first: usize) -> Result<Joints, PlanFileError> {
+        let mut q = [0.0; MAX_JOINTS];
+        for (k, q) in q.iter_mut().enumerate().take(self.reader.robot.dof()) {
+            *q = self.joint(first + k, self.cells[first + k], k)?;
+        }
+        Ok(q)
+    }
+
+    /// Configurations in one column.
+    fn configurations(&self, column: usize) -> Result<Vec<Joints>, PlanFileError> {
+        let n = self.reader.robot.dof();
+        let mut all = Vec::new();
+        for group in self.cells[column].split(';').filter(|g| !g.trim().is_empty()) {
+            let values: Vec<&str> = group.split_whitespace().collect();
+            if values.len() != n {
+                let found = format!("{} numbers in '{}'", values.len(), group.trim());
+                let name = &self.reader.columns[column];
+                return Err(self.reader.error(self.number, name, found, &format!("{n}, one for each joint")));
+            }
+            let mut q = [0.0; MAX_JOINTS];
+            for (k, text) in values.iter().enumerate() {
+                q[k] = self.joint(column, text, k)?;
+            }
+            all.push(q);
+        }
+        Ok(all)
+    }
+
+    /// The touch, before which there are `index` others.
+    fn entry(&self, index: usize) -> Result<PlanEntry, PlanFileError> {
+        let (n, balls) = (self.reader.robot.dof(), self.reader.balls);
+        if self.cells[0].parse::<usize>() != Ok(index + 1) {
+            return Err(self.wrong(0, self.cells[0], &format!("{}", index + 1)));
+        }
+        let ball = match self.cells[1].parse::<usize>() {
+            Ok(b) if (1..=balls).contains(&b) => b - 1,
+            _ => return Err(self.wrong(1, self.cells[1], &format!("a ball, 1 to {balls}"))),
+        };
+        let (joints, approach) = (self.joints(2)?, self.joints(2 + n)?);
+        Ok(PlanEntry { index, ball, joints, approach, via: self.configurations(2 + 2 * n)? })
+    }
+}
+
 /// Reads the text of a `plan.csv` for an arm with `balls` balls; `file` is its name for messages. Joints are checked against
 /// the arm's limits: what is read may be driven.
 ///
 /// # Errors
 /// The first thing that is wrong: line, column, what was found and what is expected.
 pub fn read_plan(text: &str, file: &str, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>, PlanFileError> {
-    let error = |line: usize, column: &str, found: String, expected: &str| PlanFileError {
-        file: file.to_owned(),
-        line,
-        column: shortened(column, 60),
-        found: shortened(&found, 100),
-        expected: expected.to_owned(),
-    };
+    let reader = Reader { file, robot, balls, columns: columns(robot) };
     let mut csv = csv::ReaderBuilder::new()
         .flexible(true)
         .trim(csv::Trim::All)
         // with lines that end with \r\n the crate would count one too few
         .terminator(csv::Terminator::Any(b'\n'))
         .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
-    let unreadable = |e: csv::Error| error(1, "order", e.to_string(), "a table");
+    let unreadable = |e: csv::Error| reader.error(1, "order", e.to_string(), "a table");
     let header = csv.headers().map_err(unreadable)?.clone();
-    let known = columns(robot);
-    for (k, name) in header.iter().enumerate() {
-        if !known.iter().any(|n| n == name) {
-            let expected = format!("one of the columns {}", known.join(", "));
-            return Err(error(1, name, format!("the unknown column '{name}'"), &expected));
-        }
-        if header.iter().take(k).any(|n| n == name) {
-            return Err(error(1, name, "it twice".into(), "each column once"));
-        }
-    }
-    // place[c]: where column known[c] stands
-    let mut place = Vec::with_capacity(known.len());
-    for name in &known {
-        match header.iter().position(|n| n == name) {
-            Some(at) => place.push(at),
-            None => return Err(error(1, name, "no such column".into(), "it in the header line")),
-        }
-    }
-    let n = robot.dof();
+    let places = reader.places(&header)?;
     let mut entries: Vec<PlanEntry> = Vec::new();
     for record in csv.records() {
         let cells = record.map_err(unreadable)?;
-        let line = cells.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(usize::MAX));
+        let number = cells.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(usize::MAX));
         if cells.len() == 1 && cells[0].is_empty() {
             continue;
         }
         if cells.len() != header.len() {
             let found = format!("{} columns", cells.len());
             let last = header.get(cells.len().min(header.len()).saturating_sub(1)).unwrap_or("order");
-            return Err(error(line, last, found, &format!("{} as in the header line", header.len())));
+            return Err(reader.error(number, last, found, &format!("{} as in the header line", header.len())));
         }
-        let cell = |c: usize| place.get(c).and_then(|p| cells.get(*p)).unwrap_or("");
-        let name = |c: usize| known.get(c).map_or("", String::as_str);
-        let quoted = |text: &str| if text.is_empty() { "nothing".to_owned() } else { format!("'{text}'") };
-        let joint = |text: &str, column: &str, k: usize| {
-            let j = &robot.joints[k];
-            let unit = Unit::of(robot, k);
-            let [low, high] = j.limits.map(|l| unit.shown(l));
-            let expected = format!("a number of {low:.3} to {high:.3} {}, the joint's limits", unit.name());
-            let value = text.parse::<f64>().ok().filter(|x| x.is_finite());
-            // the limits themselves may have been rounded on their way here
-            match value {
-                Some(x) if x >= low - 1e-6 && x <= high + 1e-6 => Ok(unit.si(x).clamp(j.limits[0], j.limits[1])),
-                _ => Err(error(line, column, quoted(text), &expected)),
-            }
-        };
-        let order = entries.len() + 1;
-        if cell(0).parse::<usize>() != Ok(order) {
-            return Err(error(line, "order", quoted(cell(0)), &format!("{order}")));
-        }
-        let ball = match cell(1).parse::<usize>() {
-            Ok(b) if (1..=balls).contains(&b) => b - 1,
-            _ => return Err(error(line, "ball", quoted(cell(1)), &format!("a ball, 1 to {balls}"))),
-        };
-        let read = |first: usize| {
-            let mut q = [0.0; MAX_JOINTS];
-            for (k, q) in q.iter_mut().enumerate().take(n) {
-                *q = joint(cell(first + k), name(first + k), k)?;
-            }
-            Ok(q)
-        };
-        let (joints, approach) = (read(2)?, read(2 + n)?);
-        let mut via = Vec::new();
-        for group in cell(2 + 2 * n).split(';').filter(|g| !g.trim().is_empty()) {
-            let values: Vec<&str> = group.split_whitespace().collect();
-            if values.len() != n {
-                let found = format!("{} numbers in '{}'", values.len(), group.trim());
-                return Err(error(line, "via", found, &format!("{n}, one for each joint")));
-            }
-            let mut q = [0.0; MAX_JOINTS];
-            for (k, text) in values.iter().enumerate() {
-                q[k] = joint(text, "via", k)?;
-            }
-            via.push(q);
-        }
-        entries.push(PlanEntry { index: order - 1, ball, joints, approach, via });
+        let cells = places.iter().map(|p| cells.get(*p).unwrap_or("")).collect();
+        entries.push(Line { reader: &reader, number, cells }.entry(entries.len())?);
     }
     if entries.is_empty() {
-        return Err(error(2, "order", "no line".into(), "one touch or more"));
+        return Err(reader.error(2, "order", "no line".into(), "one touch or more"));
     }
     Ok(entries)
 }

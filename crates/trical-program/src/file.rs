@@ -75,28 +75,8 @@ impl Job<'_> {
         }
         read_with.extend(files.iter().filter(|f| *f != self.program).map(|f| f.display().to_string()));
         let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
-        let (mut bytes, mut ends) = (Vec::new(), Vec::new());
-        for (path, name) in files.iter().zip(&names) {
-            let read = read_program(path, name, bytes.len())?;
-            if bytes.is_empty() {
-                bytes = read
-            } else {
-                bytes.extend(read)
-            }
-            ends.push(bytes.len());
-        }
-        let outs: Vec<PathBuf> = match self.out {
-            Some(out) => {
-                files.iter().map(|f| if f == self.program { out.to_owned() } else { beside(out, f) }).collect()
-            }
-            None => Vec::new(),
-        };
-        if let Some(same) = outs.iter().find(|o| files.len() > 1 && files.contains(o)) {
-            return Err(ProgramError::Input(format!(
-                "{}: is a file of the program itself; choose another folder or name for the output",
-                same.display()
-            )));
-        }
+        let (bytes, ends) = read_all(&files, &names)?;
+        let outs = self.outputs(&files)?;
         let halves: Vec<Half> = outs.iter().map(|o| Half::beside(o)).collect();
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         for half in &halves {
@@ -134,6 +114,35 @@ impl Job<'_> {
         }
         Ok(report)
     }
+
+    /// Where the rewritten files go; nowhere where nothing is written.
+    fn outputs(&self, files: &[PathBuf]) -> Result<Vec<PathBuf>, ProgramError> {
+        let Some(out) = self.out else { return Ok(Vec::new()) };
+        let outs: Vec<PathBuf> =
+            files.iter().map(|f| if f == self.program { out.to_owned() } else { beside(out, f) }).collect();
+        match outs.iter().find(|o| files.len() > 1 && files.contains(o)) {
+            Some(same) => Err(ProgramError::Input(format!(
+                "{}: is a file of the program itself; choose another folder or name for the output",
+                same.display()
+            ))),
+            None => Ok(outs),
+        }
+    }
+}
+
+/// The bytes of files one behind the other, and where each ends.
+fn read_all(files: &[PathBuf], names: &[String]) -> Result<(Vec<u8>, Vec<usize>), ProgramError> {
+    let (mut bytes, mut ends) = (Vec::new(), Vec::new());
+    for (path, name) in files.iter().zip(names) {
+        let read = read_program(path, name, bytes.len())?;
+        if bytes.is_empty() {
+            bytes = read;
+        } else {
+            bytes.extend(read);
+        }
+        ends.push(bytes.len());
+    }
+    Ok((bytes, ends))
 }
 
 /// What a rewritten file goes to.

@@ -322,18 +322,13 @@ impl Names {
             };
             let is_motion = !matches!(way, Way::Perhaps | Way::Unlisted | Way::Said);
             let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
+                scan.visits.extend((is_motion || matches!(way, Way::Unlisted)).then_some(Visit::Unknown));
                 if is_motion {
-                    scan.visits.push(Visit::Unknown);
-                    let mut c = Cursor::new(bytes, 0);
-                    c.at = at as usize;
-                    let listed = scan.problems.len();
-                    if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
-                        scan.problems.push((at as usize, elsewhere(c.word())));
-                    } else if scan.problems.len() == listed && !self.listed.contains(&name) {
-                        scan.relative.push(at);
-                    }
-                } else if matches!(way, Way::Unlisted) {
-                    scan.visits.push(Visit::Unknown);
+                    self.goes_to_undefined(name, setup, at, scan, &|| {
+                        let mut c = Cursor::new(bytes, 0);
+                        c.at = at as usize;
+                        elsewhere(c.word())
+                    });
                 }
                 continue;
             };
@@ -344,18 +339,7 @@ impl Names {
                 scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
                 scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
-            // other routines may have data of the same name, which nobody uses from here on
-            let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
-            while let Some(g) = earlier.and_then(|k| self.groups.get_mut(k as usize)) {
-                if g.used.is_some() {
-                    break;
-                }
-                g.used = Some(setup);
-                for spot in g.first..g.first + g.count {
-                    scan.assign(spot, setup);
-                }
-                earlier = g.earlier;
-            }
+            self.use_earlier(newest, setup, scan);
         }
         self.approached_from_anywhere(scan);
         let unused = |name: &u64| {
@@ -364,6 +348,31 @@ impl Names {
         };
         let gone: HashSet<u32> = self.no_targets.iter().filter_map(unused).flatten().collect();
         scan.remove(&gone);
+    }
+
+    /// A motion to a name that this file does not define.
+    fn goes_to_undefined(&mut self, name: u64, setup: u32, at: u32, scan: &mut Scan, problem: &dyn Fn() -> String) {
+        let listed = scan.problems.len();
+        if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
+            scan.problems.push((at as usize, problem()));
+        } else if scan.problems.len() == listed && !self.listed.contains(&name) {
+            scan.relative.push(at);
+        }
+    }
+
+    /// Other routines may have data of the same name, which nobody uses from here on.
+    fn use_earlier(&mut self, newest: u32, setup: u32, scan: &mut Scan) {
+        let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
+        while let Some(g) = earlier.and_then(|k| self.groups.get_mut(k as usize)) {
+            if g.used.is_some() {
+                break;
+            }
+            g.used = Some(setup);
+            for spot in g.first..g.first + g.count {
+                scan.assign(spot, setup);
+            }
+            earlier = g.earlier;
+        }
     }
 
     /// Visits, after all others, of targets to which motions go by other names only.

@@ -84,112 +84,21 @@ pub fn compensate_together(
     let Program { bytes, parts, dialect, elsewhere } = program;
     let file = parts.iter().map(|p| p.name).collect::<Vec<_>>().join(" and ");
     let input = |e: String| ProgramError::Input(format!("{file}: {e}"));
-    if u32::try_from(bytes.len()).is_err() {
-        return Err(input("is larger than 4 GB; divide the program".into()));
-    }
-    if bytes.contains(&0) {
-        return Err(input(
-            "holds zero bytes: a binary program, or text in UTF-16; expected plain text (ASCII, UTF-8, Latin-1)".into(),
-        ));
-    }
-    if contains(bytes, MARK.as_bytes()) {
-        return Err(input(format!(
-            "is compensated already (it has the mark '{MARK} ...'); compensate the original instead"
-        )));
-    }
+    check_text(bytes).map_err(input)?;
     let mut scan = dialect.scan_with(bytes, elsewhere).map_err(input)?;
     if scan.spots.is_empty() && scan.problems.is_empty() {
         return Err(input(format!("no targets found; expected {}", dialect.expected())));
     }
     let mut known = std::mem::take(&mut scan.frames);
     known.or(frames);
-    for setup in &scan.setups {
-        if let Some(name) = setup.tool.as_ref().filter(|n| !known.tools.contains_key(*n)) {
-            known.tools.extend(elsewhere.tool(name).map(|tool| (name.clone(), tool)));
-        }
-        if let Some(name) = setup.frame.as_ref().filter(|n| !known.frames.contains_key(*n)) {
-            known.frames.extend(elsewhere.frame(name).map(|frame| (name.clone(), frame)));
-        }
-    }
+    find_elsewhere(&mut known, &scan, elsewhere);
     known.world = known.world.or_else(|| dialect.usual_world(&nominal.robot));
-    for name in [&options.tool, &options.frame].into_iter().flatten() {
-        if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
-            let all = known.tools.keys().chain(known.frames.keys()).cloned().collect::<Vec<_>>().join(", ");
-            return Err(input(format!(
-                "'{name}' is neither a tool nor a frame of the program or of --frames; known are {all}"
-            )));
-        }
-    }
+    check_names(&known, options).map_err(input)?;
     settle_unnamed(&mut scan, &mut known, options);
     let all = Compensator::new(&scan, bytes, nominal, model, &known, options)?;
-    let begins: Vec<usize> = std::iter::once(0).chain(parts.iter().map(|p| p.end)).take(parts.len()).collect();
-    let mut marks: VecDeque<(usize, String)> = begins
-        .iter()
-        .zip(parts.iter())
-        .map(|(begin, part)| {
-            let (at, line) = dialect.mark(bytes.get(*begin..part.end).unwrap_or(&[]), &options.model_name);
-            (begin + at, line)
-        })
-        .collect();
-    let files = if parts.len() > 1 {
-        begins.into_iter().zip(parts.iter().map(|p| p.name.to_owned())).collect()
-    } else {
-        Vec::new()
-    };
-    let mut out = Splice { bytes, at: 0, parts, part: 0 };
-    let mut tally = Tally::new(&scan, bytes, files, options);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
-    let size = BLOCK * threads;
-    // one thread goes through the program ahead of the others, which rewrite what is known; what they cannot write, nobody wants
-    let failed = &AtomicBool::new(false);
-    let targets: HashSet<u32> =
-        scan.visits.iter().filter_map(|v| if let Visit::Near { spot, .. } = v { Some(*spot) } else { None }).collect();
-    let mut moved: HashMap<u32, (Pose, Pose)> = HashMap::new();
-    let mut index = 0;
-    let shifted = std::thread::scope(|scope| -> Result<Vec<Shifted>, ProgramError> {
-        let (give, starts) = channel();
-        let all = &all;
-        let ahead = scope.spawn(move || {
-            // whoever no longer listens has failed, and says so
-            all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed))
-        });
-        let mut write = || -> Result<(), ProgramError> {
-            for spots in scan.spots.chunks(size) {
-                let Some(starts) = next(&starts)? else { break };
-                for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
-                    while let Some((at, line)) = marks.pop_front_if(|(at, _)| *at <= scan.at(spot)) {
-                        out.insert(at, &line)?;
-                    }
-                    if let Ok(done) = &done {
-                        if targets.contains(&index) {
-                            moved.insert(index, (done.wanted, done.commanded));
-                        }
-                        let mut edits: Vec<_> = done.edits.iter().collect();
-                        edits.sort_by_key(|(span, _)| span.at);
-                        for (span, text) in edits {
-                            out.replace(span.at as usize, span.len as usize, text)?;
-                        }
-                    }
-                    index += 1;
-                    tally.take(spot, done);
-                }
-            }
-            Ok(())
-        };
-        let result = write();
-        failed.store(result.is_err(), Ordering::Relaxed);
-        result?;
-        Ok(ahead.join().unwrap_or_default())
-    })?;
-    for (at, line) in marks {
-        out.insert(at, &line)?;
-    }
-    out.finish()?;
-    let mut ws = all.workspaces();
-    for one in &shifted {
-        let Some((wanted, commanded)) = moved.get(&one.spot) else { continue };
-        tally.relative(one.at, all.left(one, wanted, commanded, &mut ws));
-    }
+    let mut writer = Writer::new(bytes, parts, dialect, &scan, options);
+    let shifted = rewrite_all(&all, &scan, &mut writer)?;
+    let mut tally = writer.finish(&all, &shifted)?;
     scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
     let called_elsewhere = tally.called_elsewhere();
     let mut report = tally.report();
@@ -198,6 +107,149 @@ pub fn compensate_together(
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
     Ok(report)
+}
+
+/// Refuses what is too large, no text, or compensated already.
+fn check_text(bytes: &[u8]) -> Result<(), String> {
+    if u32::try_from(bytes.len()).is_err() {
+        return Err("is larger than 4 GB; divide the program".into());
+    }
+    if bytes.contains(&0) {
+        return Err(
+            "holds zero bytes: a binary program, or text in UTF-16; expected plain text (ASCII, UTF-8, Latin-1)".into(),
+        );
+    }
+    if contains(bytes, MARK.as_bytes()) {
+        return Err(format!("is compensated already (it has the mark '{MARK} ...'); compensate the original instead"));
+    }
+    Ok(())
+}
+
+/// Tools and frames of the program's setups that only other files declare.
+fn find_elsewhere(known: &mut Frames, scan: &Scan, elsewhere: &dyn Elsewhere) {
+    for setup in &scan.setups {
+        if let Some(name) = setup.tool.as_ref().filter(|n| !known.tools.contains_key(*n)) {
+            known.tools.extend(elsewhere.tool(name).map(|tool| (name.clone(), tool)));
+        }
+        if let Some(name) = setup.frame.as_ref().filter(|n| !known.frames.contains_key(*n)) {
+            known.frames.extend(elsewhere.frame(name).map(|frame| (name.clone(), frame)));
+        }
+    }
+}
+
+/// Refuses a tool or frame of the options that nobody declares.
+fn check_names(known: &Frames, options: &Options) -> Result<(), String> {
+    for name in [&options.tool, &options.frame].into_iter().flatten() {
+        if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
+            let all = known.tools.keys().chain(known.frames.keys()).cloned().collect::<Vec<_>>().join(", ");
+            return Err(format!(
+                "'{name}' is neither a tool nor a frame of the program or of --frames; known are {all}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Rewrites all targets into `writer`: one thread goes through the program ahead of the others, which rewrite what is known. What they cannot
+/// write, nobody wants. The motions to shifted places are returned.
+fn rewrite_all(all: &Compensator<'_>, scan: &Scan, writer: &mut Writer<'_, '_>) -> Result<Vec<Shifted>, ProgramError> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
+    let size = BLOCK * threads;
+    let failed = &AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let (give, starts) = channel();
+        let ahead = scope.spawn(move || {
+            // whoever no longer listens has failed, and says so
+            all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed))
+        });
+        let mut write = || -> Result<(), ProgramError> {
+            for spots in scan.spots.chunks(size) {
+                let Some(starts) = next(&starts)? else { break };
+                for (spot, done) in spots.iter().zip(in_parallel(all, spots, &starts)) {
+                    writer.take(spot, done)?;
+                }
+            }
+            Ok(())
+        };
+        let result = write();
+        failed.store(result.is_err(), Ordering::Relaxed);
+        result?;
+        Ok(ahead.join().unwrap_or_default())
+    })
+}
+
+/// Writes the targets in the order of the file, each with its correction, and counts them.
+struct Writer<'a, 'b> {
+    scan: &'a Scan,
+    out: Splice<'a, 'b>,
+    /// The lines that say that a file is compensated, and where they go.
+    marks: VecDeque<(usize, String)>,
+    tally: Tally<'a>,
+    /// Index of the target that comes next.
+    index: u32,
+    /// Targets beside which the program goes to shifted places.
+    shifted: HashSet<u32>,
+    /// Of these, what the program wants and where the new numbers send the nominal arm.
+    moved: HashMap<u32, (Pose, Pose)>,
+}
+
+impl<'a, 'b> Writer<'a, 'b> {
+    fn new(bytes: &'a [u8], parts: &'a mut [Part<'b>], dialect: Dialect, scan: &'a Scan, options: &'a Options) -> Self {
+        let begins: Vec<usize> = std::iter::once(0).chain(parts.iter().map(|p| p.end)).take(parts.len()).collect();
+        let mark = |(begin, part): (&usize, &Part<'_>)| {
+            let (at, line) = dialect.mark(bytes.get(*begin..part.end).unwrap_or(&[]), &options.model_name);
+            (begin + at, line)
+        };
+        let marks = begins.iter().zip(parts.iter()).map(mark).collect();
+        let files = if parts.len() > 1 {
+            begins.into_iter().zip(parts.iter().map(|p| p.name.to_owned())).collect()
+        } else {
+            Vec::new()
+        };
+        let near = |v: &Visit| if let Visit::Near { spot, .. } = v { Some(*spot) } else { None };
+        Self {
+            scan,
+            out: Splice { bytes, at: 0, parts, part: 0 },
+            marks,
+            tally: Tally::new(scan, bytes, files, options),
+            index: 0,
+            shifted: scan.visits.iter().filter_map(near).collect(),
+            moved: HashMap::new(),
+        }
+    }
+
+    fn take(&mut self, spot: &Spot, done: Result<Done, String>) -> Result<(), ProgramError> {
+        while let Some((at, line)) = self.marks.pop_front_if(|(at, _)| *at <= self.scan.at(spot)) {
+            self.out.insert(at, &line)?;
+        }
+        if let Ok(done) = &done {
+            if self.shifted.contains(&self.index) {
+                self.moved.insert(self.index, (done.wanted, done.commanded));
+            }
+            let mut edits: Vec<_> = done.edits.iter().collect();
+            edits.sort_by_key(|(span, _)| span.at);
+            for (span, text) in edits {
+                self.out.replace(span.at as usize, span.len as usize, text)?;
+            }
+        }
+        self.index += 1;
+        self.tally.take(spot, done);
+        Ok(())
+    }
+
+    /// Writes what is left, and adds the motions to shifted places to what was counted.
+    fn finish(mut self, all: &Compensator<'_>, shifted: &[Shifted]) -> Result<Tally<'a>, ProgramError> {
+        for (at, line) in self.marks {
+            self.out.insert(at, &line)?;
+        }
+        self.out.finish()?;
+        let mut ws = all.workspaces();
+        for one in shifted {
+            let Some((wanted, commanded)) = self.moved.get(&one.spot) else { continue };
+            self.tally.relative(one.at, all.left(one, wanted, commanded, &mut ws));
+        }
+        Ok(self.tally)
+    }
 }
 
 /// A program whose first pose can be reached in several ways, and nothing says in which.

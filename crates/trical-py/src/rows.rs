@@ -59,36 +59,22 @@ pub fn read_all(list: &[RecordingArgument], joints: usize) -> Result<Vec<Recordi
     list.iter().map(one).collect()
 }
 
-/// Columns that came from Python.
-struct Given<'a, 'py> {
-    columns: &'a Bound<'py, PyDict>,
-    n: usize,
-}
-
-/// The values of a column, row by row.
-struct Values {
+/// A column that came from Python, row by row; without values where it was not given.
+struct Column {
+    name: &'static str,
     width: usize,
     data: Vec<f64>,
 }
 
-impl Values {
-    fn row(&self, k: usize) -> &[f64] {
-        &self.data[self.width * k..self.width * (k + 1)]
-    }
-
-    /// Nothing was measured or known here.
-    fn empty(&self, k: usize) -> bool {
-        self.row(k).iter().all(|x| x.is_nan())
-    }
-}
-
-impl Given<'_, '_> {
-    /// A column with `width` numbers a row; one row (one number) stands for all. `None` where it is not given.
-    fn values(&self, name: &str, width: usize) -> PyResult<Option<Values>> {
-        let Some(value) = self.columns.get_item(name)?.filter(|v| !v.is_none()) else { return Ok(None) };
+impl Column {
+    /// A column of `n` rows with `width` numbers each; one row (one number) stands for all.
+    fn of(columns: &Bound<'_, PyDict>, name: &'static str, n: usize, width: usize) -> PyResult<Self> {
+        let Some(value) = columns.get_item(name)?.filter(|v| !v.is_none()) else {
+            return Ok(Self { name, width, data: Vec::new() });
+        };
         let array = floats(&value, name)?;
         let view = array.as_array();
-        let (shape, n) = (view.shape(), self.n);
+        let shape = view.shape();
         let whole: &[usize] = if width == 1 { &[n] } else { &[n, width] };
         let data: Vec<f64> = if shape == whole {
             view.iter().copied().collect()
@@ -98,28 +84,197 @@ impl Given<'_, '_> {
         } else {
             return Err(wrong(format!("{name} has the shape {shape:?}, expected {whole:?}")));
         };
-        Ok(Some(Values { width, data }))
+        Ok(Self { name, width, data })
     }
-}
 
-fn finite(v: &[f64], limit: f64, name: &str, k: usize) -> PyResult<()> {
-    match v.iter().find(|x| x.is_nan() || x.abs() > limit) {
-        None => Ok(()),
-        Some(x) => Err(wrong(format!("{name}, row {k}: found {x}, expected a number between -{limit} and {limit}"))),
+    /// The numbers of a row; `None` where nothing was measured or known.
+    fn row(&self, k: usize) -> Option<&[f64]> {
+        let row = self.data.get(self.width * k..self.width * (k + 1))?;
+        row.iter().any(|x| !x.is_nan()).then_some(row)
     }
-}
 
-/// A number counted from 1, or `None` for 0 and nan.
-fn count(values: Option<&Values>, name: &str, k: usize) -> PyResult<Option<usize>> {
-    match values.map(|v| v.row(k)[0]) {
-        None => Ok(None),
-        Some(x) if x.is_nan() || x == 0.0 => Ok(None),
-        Some(x) if x.fract() == 0.0 && (1.0..1e6).contains(&x) => {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
-            let n = x as usize;
-            Ok(Some(n - 1))
+    /// [`Column::row`], whose numbers are between -`limit` and `limit`.
+    fn within(&self, k: usize, limit: f64) -> PyResult<Option<&[f64]>> {
+        let Some(row) = self.row(k) else { return Ok(None) };
+        match row.iter().find(|x| x.is_nan() || x.abs() > limit) {
+            None => Ok(Some(row)),
+            Some(x) => Err(self.wrong(k, *x, &format!("a number between -{limit} and {limit}"))),
         }
-        Some(x) => Err(wrong(format!("{name}, row {k}: found {x}, expected a number counted from 1"))),
+    }
+
+    fn number(&self, k: usize) -> Option<f64> {
+        self.row(k).map(|row| row[0])
+    }
+
+    /// A number counted from 1 as one counted from 0, or `None` for 0 and nan.
+    fn index(&self, k: usize) -> PyResult<Option<usize>> {
+        match self.number(k).filter(|x| *x != 0.0) {
+            None => Ok(None),
+            Some(x) if x.fract() == 0.0 && (1.0..1e6).contains(&x) => {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+                let n = x as usize;
+                Ok(Some(n - 1))
+            }
+            Some(x) => Err(self.wrong(k, x, "a number counted from 1")),
+        }
+    }
+
+    fn wrong(&self, k: usize, found: f64, expected: &str) -> PyErr {
+        wrong(format!("{}, row {k}: found {found}, expected {expected}", self.name))
+    }
+}
+
+/// All columns of a recording.
+struct Columns {
+    q: Column,
+    commanded: Column,
+    directions: Column,
+    torques: Column,
+    place: Option<Vec<String>>,
+    prismatic: [bool; MAX_JOINTS],
+    time: Column,
+    temperature: Column,
+    payload: Column,
+    pose: Column,
+    ball: Column,
+    target: Column,
+    reference: Column,
+    anchor: Column,
+    distance: Column,
+    line: Column,
+    indicators: Column,
+    position: Column,
+    orientation: Column,
+}
+
+impl Columns {
+    fn of(columns: &Bound<'_, PyDict>, n: usize, joints: usize) -> PyResult<Self> {
+        let column = |name, width| Column::of(columns, name, n, width);
+        let (q, commanded) = (column("q", joints)?, column("commanded", joints)?);
+        let (directions, torques) = (column("directions", joints)?, column("torques", joints)?);
+        let place: Option<Vec<String>> = columns.get_item("place")?.map(|names| names.extract()).transpose()?;
+        if let Some(found) = place.as_ref().map(Vec::len).filter(|found| *found != n) {
+            return Err(wrong(format!("place has {found} names, expected {n}")));
+        }
+        let mut prismatic = [false; MAX_JOINTS];
+        if let Some(slides) = columns.get_item("prismatic")? {
+            prismatic.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
+        }
+        Ok(Self {
+            q,
+            commanded,
+            directions,
+            torques,
+            place,
+            prismatic,
+            time: column("time", 1)?,
+            temperature: column("temperature", 1)?,
+            payload: column("payload", 1)?,
+            pose: column("pose", 1)?,
+            ball: column("ball", 1)?,
+            target: column("target", 1)?,
+            reference: column("reference", 1)?,
+            anchor: column("anchor", 1)?,
+            distance: column("distance", 1)?,
+            line: column("line", 1)?,
+            indicators: column("indicators", 3)?,
+            position: column("position", 3)?,
+            orientation: column("orientation", 4)?,
+        })
+    }
+
+    /// What is known of the arm at row `k`; rows come in the order of time, `last` is the latest so far.
+    fn state(&self, k: usize, places: &mut Places, last: &mut f64) -> PyResult<State> {
+        // a row without joints is one whose first joint is nan
+        let Some(q) = self.q.within(k, FAR_JOINT)? else {
+            return Err(self.q.wrong(k, f64::NAN, &format!("a number between -{FAR_JOINT} and {FAR_JOINT}")));
+        };
+        let mut state = State::at(q);
+        state.q_commanded = self.commanded.within(k, FAR_JOINT)?.map(|c| State::at(c).q);
+        if let Some(d) = self.directions.row(k) {
+            let mut dir = [0; MAX_JOINTS];
+            for (to, from) in dir.iter_mut().zip(d) {
+                *to = match *from {
+                    1.0 => 1,
+                    0.0 => 0,
+                    -1.0 => -1,
+                    x => return Err(self.directions.wrong(k, x, "-1, 0 or 1")),
+                };
+            }
+            state.dir = Some(dir);
+        }
+        state.torques = self.torques.within(k, 1e9)?.map(|t| State::at(t).q);
+        if let Some(name) = self.place.as_ref().map(|names| names[k].trim()).filter(|name| !name.is_empty()) {
+            state.place = Some(places.index_of(name).map_err(|e| wrong(format!("place, row {k}: {e}")))?);
+        }
+        let number = |column: &Column| Ok::<_, PyErr>(column.within(k, 1e9)?.map(|x| x[0]));
+        state.t = number(&self.time)?;
+        state.temp_c = number(&self.temperature)?;
+        state.payload_kg = number(&self.payload)?;
+        if let Some(t) = state.t {
+            if t < *last {
+                let text = format!("time, row {k}: found {t} after {last}, expected rows in the order of time");
+                return Err(wrong(text));
+            }
+            *last = t;
+        }
+        Ok(state)
+    }
+
+    /// What was measured at row `k`.
+    fn measured(&self, k: usize) -> PyResult<Measured> {
+        let touch = self.ball.index(k)?;
+        let kinds = [touch.is_some(), self.distance.row(k).is_some(), self.position.row(k).is_some()];
+        if kinds.iter().filter(|k| **k).count() != 1 {
+            return Err(wrong(format!(
+                "row {k}: {}; expected ball and indicators (a touch), position (a point or pose) or distance",
+                if kinds.contains(&true) { "found several measurements" } else { "found no measurement" }
+            )));
+        }
+        if let Some(ball) = touch {
+            let reading = self
+                .indicators
+                .within(k, FAR)?
+                .map(array)
+                .ok_or_else(|| wrong(format!("row {k}: touches ball {}, but has no indicators", ball + 1)))?;
+            return Ok(Measured::Touch { ball, reading });
+        }
+        if let Some(length) = self.distance.within(k, FAR)?.map(|x| x[0]) {
+            if length <= 0.0 {
+                return Err(self.distance.wrong(k, length, "a positive length"));
+            }
+            return Ok(Measured::Distance { anchor: self.anchor.index(k)?.unwrap_or(0), length });
+        }
+        let position = self.position.within(k, FAR)?.map(array).unwrap_or_default();
+        let (target, reference) = (self.target.index(k)?, self.reference.index(k)?);
+        match (self.orientation.row(k), target, reference) {
+            (_, Some(_), Some(_)) => {
+                Err(wrong(format!("row {k}: names a target and a reference, expected one of them")))
+            }
+            (Some(o), ..) => {
+                let norm = o.iter().map(|x| x * x).sum::<f64>().sqrt();
+                if norm.is_nan() || (norm - 1.0).abs() > 1e-2 {
+                    let text = format!("orientation, row {k}: the quaternion has length {norm:.4}, expected 1");
+                    return Err(wrong(text));
+                }
+                Ok(Measured::Pose { position, quaternion: array(o) })
+            }
+            (None, _, Some(reference)) => Ok(Measured::Reference { reference, position }),
+            (None, target, None) => Ok(Measured::Point { target: target.unwrap_or(0), position }),
+        }
+    }
+
+    /// The number of the pose at row `k`.
+    fn seq(&self, k: usize) -> PyResult<Option<u64>> {
+        match self.pose.number(k) {
+            None => Ok(None),
+            Some(x) if x.fract() == 0.0 && (0.0..1e15).contains(&x) => {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+                let x = x as u64;
+                Ok(Some(x))
+            }
+            Some(x) => Err(self.pose.wrong(k, x, "a whole number from 0")),
+        }
     }
 }
 
@@ -155,129 +310,17 @@ impl PyRows {
                 )));
             }
         };
-        let given = Given { columns, n };
-        let all_q = given.values("q", joints)?.ok_or_else(|| wrong("q is missing".into()))?;
-        let commanded = given.values("commanded", joints)?;
-        let directions = given.values("directions", joints)?;
-        let torques = given.values("torques", joints)?;
-        let place: Option<Vec<String>> = columns.get_item("place")?.map(|names| names.extract()).transpose()?;
-        if let Some(found) = place.as_ref().map(Vec::len).filter(|found| *found != n) {
-            return Err(wrong(format!("place has {found} names, expected {n}")));
-        }
+        let columns = Columns::of(columns, n, joints)?;
         let mut places = Places::default();
-        let mut prismatic = [false; MAX_JOINTS];
-        if let Some(slides) = columns.get_item("prismatic")? {
-            prismatic.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
-        }
-        let [time, temperature, payload, pose, ball, target, reference, anchor, distance, line] =
-            ["time", "temperature", "payload", "pose", "ball", "target", "reference", "anchor", "distance", "line"]
-                .map(|name| given.values(name, 1));
-        let (time, temperature, payload, pose) = (time?, temperature?, payload?, pose?);
-        let (ball, target, reference, anchor, distance, line) = (ball?, target?, reference?, anchor?, distance?, line?);
-        let indicators = given.values("indicators", 3)?;
-        let position = given.values("position", 3)?;
-        let orientation = given.values("orientation", 4)?;
-        let number = |v: &Option<Values>, k: usize| v.as_ref().map(|v| v.row(k)[0]).filter(|x| !x.is_nan());
-        let filled = |v: &Option<Values>, k: usize| v.as_ref().is_some_and(|v| !v.empty(k));
-        let mut rows = Vec::with_capacity(n);
         let mut last = f64::NEG_INFINITY;
-        for k in 0..n {
-            let mut state = State::at(all_q.row(k));
-            finite(all_q.row(k), FAR_JOINT, "q", k)?;
-            if let Some(c) = commanded.as_ref().filter(|c| !c.empty(k)) {
-                finite(c.row(k), FAR_JOINT, "commanded", k)?;
-                state.q_commanded = Some(State::at(c.row(k)).q);
-            }
-            if let Some(d) = directions.as_ref().filter(|d| !d.empty(k)) {
-                let mut dir = [0; MAX_JOINTS];
-                for (to, from) in dir.iter_mut().zip(d.row(k)) {
-                    *to = match *from {
-                        1.0 => 1,
-                        0.0 => 0,
-                        -1.0 => -1,
-                        x => return Err(wrong(format!("directions, row {k}: found {x}, expected -1, 0 or 1"))),
-                    };
-                }
-                state.dir = Some(dir);
-            }
-            if let Some(t) = torques.as_ref().filter(|t| !t.empty(k)) {
-                finite(t.row(k), 1e9, "torques", k)?;
-                state.torques = Some(State::at(t.row(k)).q);
-            }
-            if let Some(name) = place.as_ref().map(|names| names[k].trim()).filter(|name| !name.is_empty()) {
-                state.place = Some(places.index_of(name).map_err(|e| wrong(format!("place, row {k}: {e}")))?);
-            }
-            for (v, name) in [(&time, "time"), (&temperature, "temperature"), (&payload, "payload")] {
-                if let Some(x) = number(v, k) {
-                    finite(&[x], 1e9, name, k)?;
-                }
-            }
-            state.t = number(&time, k);
-            state.temp_c = number(&temperature, k);
-            state.payload_kg = number(&payload, k);
-            if let Some(t) = state.t {
-                if t < last {
-                    let text = format!("time, row {k}: found {t} after {last}, expected rows in the order of time");
-                    return Err(wrong(text));
-                }
-                last = t;
-            }
-            let touch = count(ball.as_ref(), "ball", k)?;
-            let kinds = [touch.is_some(), filled(&distance, k), filled(&position, k)];
-            if kinds.iter().filter(|k| **k).count() != 1 {
-                return Err(wrong(format!(
-                    "row {k}: {}; expected ball and indicators (a touch), position (a point or pose) or distance",
-                    if kinds.contains(&true) { "found several measurements" } else { "found no measurement" }
-                )));
-            }
-            let measured = if let Some(ball) = touch {
-                let Some(i) = indicators.as_ref().filter(|i| !i.empty(k)) else {
-                    return Err(wrong(format!("row {k}: touches ball {}, but has no indicators", ball + 1)));
-                };
-                finite(i.row(k), FAR, "indicators", k)?;
-                Measured::Touch { ball, reading: array(i.row(k)) }
-            } else if let Some(length) = number(&distance, k) {
-                finite(&[length], FAR, "distance", k)?;
-                if length <= 0.0 {
-                    return Err(wrong(format!("distance, row {k}: found {length}, expected a positive length")));
-                }
-                Measured::Distance { anchor: count(anchor.as_ref(), "anchor", k)?.unwrap_or(0), length }
-            } else if let Some(p) = &position {
-                finite(p.row(k), FAR, "position", k)?;
-                let position = array(p.row(k));
-                let target = count(target.as_ref(), "target", k)?;
-                let reference = count(reference.as_ref(), "reference", k)?;
-                match (orientation.as_ref().filter(|o| !o.empty(k)), target, reference) {
-                    (_, Some(_), Some(_)) => {
-                        return Err(wrong(format!("row {k}: names a target and a reference, expected one of them")));
-                    }
-                    (Some(o), ..) => {
-                        let norm = o.row(k).iter().map(|x| x * x).sum::<f64>().sqrt();
-                        if norm.is_nan() || (norm - 1.0).abs() > 1e-2 {
-                            let text = format!("orientation, row {k}: the quaternion has length {norm:.4}, expected 1");
-                            return Err(wrong(text));
-                        }
-                        Measured::Pose { position, quaternion: array(o.row(k)) }
-                    }
-                    (None, _, Some(reference)) => Measured::Reference { reference, position },
-                    (None, target, None) => Measured::Point { target: target.unwrap_or(0), position },
-                }
-            } else {
-                return Err(wrong(format!("row {k}: found no measurement")));
-            };
-            let seq = match number(&pose, k) {
-                None => None,
-                Some(x) if x.fract() == 0.0 && (0.0..1e15).contains(&x) => {
-                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
-                    let x = x as u64;
-                    Some(x)
-                }
-                Some(x) => return Err(wrong(format!("pose, row {k}: found {x}, expected a whole number from 0"))),
-            };
-            let line = count(line.as_ref(), "line", k)?.map_or(k + 2, |l| l + 1);
-            rows.push(Row { state, measured, seq, line });
-        }
-        Ok(Self(Arc::new(Recording { name, joints, prismatic, places: places.into_names(), rows, notes: Vec::new() })))
+        let mut row = |k: usize| {
+            let state = columns.state(k, &mut places, &mut last)?;
+            let (measured, seq) = (columns.measured(k)?, columns.seq(k)?);
+            Ok(Row { state, measured, seq, line: columns.line.index(k)?.map_or(k + 2, |l| l + 1) })
+        };
+        let rows = (0..n).map(&mut row).collect::<PyResult<_>>()?;
+        let (prismatic, places) = (columns.prismatic, places.into_names());
+        Ok(Self(Arc::new(Recording { name, joints, prismatic, places, rows, notes: Vec::new() })))
     }
 
     /// Where it came from.

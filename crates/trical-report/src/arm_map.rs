@@ -8,8 +8,9 @@ use trical_model::{Forward, Place, Pose};
 
 use crate::error::Result;
 
-/// A mark that more than so many pixels lie apart from is not crowded.
-const CROWDED: f64 = 24.0;
+/// Colours of lines, and of places where something was found.
+const INK: &str = "#47566a";
+const RED: &str = "#c85c46";
 
 /// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
 fn places(d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
@@ -43,6 +44,27 @@ fn from_the_side(points: &[Vector3<f64>]) -> Vec<(f64, f64)> {
     points.iter().map(|p| ((p - base).dot(&ahead), p.z - base.z)).collect()
 }
 
+/// Where two joints fall together, the first moves back along its link.
+fn move_apart(flat: &mut [(f64, f64)]) {
+    let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
+    for k in 1..flat.len().saturating_sub(2) {
+        let (here, next, before) = (flat[k], flat[k + 1], flat[k - 1]);
+        if (here.0 - next.0).hypot(here.1 - next.1) < 0.03 * size {
+            flat[k] = (0.5 * (here.0 + before.0), 0.5 * (here.1 + before.1));
+        }
+    }
+}
+
+/// The dot at which a finding is marked, of `last + 1`.
+fn dot_of(site: &Place, last: usize) -> Option<usize> {
+    match *site {
+        Place::Joint(j) | Place::Coupling { joint: j, .. } if j < last => Some(j),
+        Place::Base => Some(0),
+        Place::Tool | Place::Target(_) | Place::Axis(_) => Some(last),
+        _ => None,
+    }
+}
+
 /// The arm from the side, with the guilty places marked, and beside it the first findings by their headings.
 pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     const WIDE: f64 = 600.0;
@@ -50,20 +72,13 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     // of the list beside the arm
     const LIST: f64 = 330.0;
     let mut flat = from_the_side(&places(d)?);
-    let last = flat.len().saturating_sub(1);
-    let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
-    for k in 1..last.saturating_sub(1) {
-        let (here, next, before) = (flat[k], flat[k + 1], flat[k - 1]);
-        if (here.0 - next.0).hypot(here.1 - next.1) < 0.03 * size {
-            flat[k] = (0.5 * (here.0 + before.0), 0.5 * (here.1 + before.1));
-        }
-    }
+    move_apart(&mut flat);
     let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
     let high = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
     let (left, right, down, up) = (low(|p| p.0), high(|p| p.0), low(|p| p.1), high(|p| p.1));
     let scale = ((WIDE - LIST - 100.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
-    let at = |p: (f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
-    let dots: Vec<(f64, f64)> = flat.iter().map(|p| at(*p)).collect();
+    let at = |p: &(f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
+    let dots: Vec<(f64, f64)> = flat.iter().map(at).collect();
     let whole_arm = d.findings.iter().any(|f| matches!(f.site, Place::Links | Place::Joints));
     let mut svg = format!(
         "<svg class=\"chart\" viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
@@ -77,41 +92,30 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
         list.join(" "),
         if whole_arm { "#e3b5a8" } else { "#c9d3df" }
     );
-    let mut marks: Vec<Vec<usize>> = vec![Vec::new(); dots.len() + 1];
-    for (k, f) in d.findings.iter().enumerate() {
-        let place = match f.site {
-            Place::Joint(j) | Place::Coupling { joint: j, .. } if j < last => j,
-            Place::Base => 0,
-            Place::Tool | Place::Target(_) | Place::Axis(_) => last,
-            _ => dots.len(),
-        };
-        marks[place].push(k + 1);
-    }
+    let last = dots.len().saturating_sub(1);
     for (k, (x, y)) in dots.iter().enumerate() {
-        let name = match k {
-            0 => "base".to_owned(),
-            k if k == last => "tool".to_owned(),
-            k => k.to_string(),
-        };
-        let guilty = !marks[k].is_empty();
-        let (fill, ink, r) = if guilty { ("#c85c46", "#fff", 13.0) } else { ("#fff", "#47566a", 10.0) };
-        if k == 0 || k == last {
-            let _ = write!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{}\" fill=\"{}\" stroke=\"#47566a\"/>\
-                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#47566a\">{name}</text>",
-                if guilty { 11.0 } else { 6.0 },
-                if guilty { "#c85c46" } else { "#47566a" },
-                y + CROWDED
-            );
+        let guilty = d.findings.iter().any(|f| dot_of(&f.site, last) == Some(k));
+        // the ends have their names beneath, joints their numbers inside
+        let joint = k.to_string();
+        let (name, below) = if k == 0 {
+            ("base", 24.0)
+        } else if k == last {
+            ("tool", 24.0)
         } else {
-            let _ = write!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"#47566a\"/>\
-                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{name}</text>",
-                y + 4.5
-            );
-        }
+            (&*joint, 4.5)
+        };
+        let (r, fill, ink) = match (k == 0 || k == last, guilty) {
+            (true, true) => (11.0, RED, INK),
+            (true, false) => (6.0, INK, INK),
+            (false, true) => (13.0, RED, "#fff"),
+            (false, false) => (10.0, "#fff", INK),
+        };
+        let _ = write!(
+            svg,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"{INK}\"/>\
+             <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{name}</text>",
+            y + below
+        );
     }
     for (k, heading) in headings.iter().enumerate() {
         let short = format!("{}. {heading}", k + 1);

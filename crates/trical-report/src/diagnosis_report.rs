@@ -379,8 +379,15 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
         .collect()
 }
 
-/// The whole report.
-pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<String> {
+/// The first two claims and how far the error falls, or that nothing was found.
+fn summary(d: &Diagnosis) -> String {
+    if d.findings.is_empty() && d.unexplained.is_none() {
+        return format!(
+            "The model explains the data: {} parameters leave {:.4} mm rms at poses that the fit did not see, and nothing was found \
+             that is missing in it.",
+            d.baseline.parameters, d.baseline.holdout_rms_mm
+        );
+    }
     let claims = d
         .verdict
         .rows
@@ -388,21 +395,43 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         .filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves))
         .take(2)
         .map(|r| format!("{}.", verdict_told::sentence(r)));
-    let said = if d.findings.is_empty() && d.unexplained.is_none() {
-        format!(
-            "The model explains the data: {} parameters leave {:.4} mm rms at poses that the fit did not see, and nothing was found \
-             that is missing in it.",
-            d.baseline.parameters, d.baseline.holdout_rms_mm
-        )
-    } else {
-        let decimals = verdict_told::decimals(d, &d.verdict.rows);
-        let falls = format!(
-            "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
-             modelled.",
-            d.baseline.holdout_rms_mm, d.after.holdout_rms_mm
-        );
-        claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
-    };
+    let decimals = verdict_told::decimals(d, &d.verdict.rows);
+    let falls = format!(
+        "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
+         modelled.",
+        d.baseline.holdout_rms_mm, d.after.holdout_rms_mm
+    );
+    claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
+}
+
+/// Effects that would not be visible in this data.
+fn blind_to(d: &Diagnosis) -> Section {
+    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "what is missing"])];
+    blind.extend(d.blind_to.iter().map(|b| {
+        vec![
+            format!("{} ({})", b.effect.effect().title, b.effect),
+            b.site.to_string(),
+            format!("{:.2}", b.lambda),
+            b.lacks.clone().unwrap_or_default(),
+        ]
+    }));
+    Section {
+        heading: "What this data could not show".into(),
+        text: vec![
+            "At these sites an effect of typical size would not be visible in this data (lambda below 3): it may be there although \
+             it was not found."
+                .into(),
+            "On one arm a scale error of the measuring frame (all lengths together) cannot be told from the arm's own size."
+                .into(),
+        ],
+        tables: vec![blind],
+        folded: true,
+        ..Section::default()
+    }
+}
+
+/// The whole report.
+pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<String> {
     // of lengths and positions alike, m
     let lengths =
         |m: &Model| -> Result<Vec<f64>> { Ok(residuals(m, &d.data)?.iter().map(|r| r.norm() * 1e-3).collect()) };
@@ -442,34 +471,12 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         folded: true,
         ..Section::default()
     });
-    let mut blind = vec![row(["effect", "site", "lambda of a typical size", "what is missing"])];
-    for b in &d.blind_to {
-        let lacks = b.lacks.clone().unwrap_or_default();
-        blind.push(vec![
-            format!("{} ({})", b.effect.effect().title, b.effect),
-            b.site.to_string(),
-            format!("{:.2}", b.lambda),
-            lacks,
-        ]);
-    }
-    sections.push(Section {
-        heading: "What this data could not show".into(),
-        text: vec![
-            "At these sites an effect of typical size would not be visible in this data (lambda below 3): it may be there although \
-             it was not found."
-                .into(),
-            "On one arm a scale error of the measuring frame (all lengths together) cannot be told from the arm's own size."
-                .into(),
-        ],
-        tables: vec![blind],
-        folded: true,
-        ..Section::default()
-    });
+    sections.push(blind_to(d));
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
     made.notes.push(format!("Joint angles that were used: {source:?}.").to_lowercase().replacen('j', "J", 1));
-    page::render("TriCal: diagnosis", &said, &sections, &made)
+    page::render("TriCal: diagnosis", &summary(d), &sections, &made)
 }
 
 #[cfg(test)]

@@ -70,6 +70,18 @@ impl Grid {
         Self { low: [range[0][0], range[1][0]], side, columns, rows, squares }
     }
 
+    /// Side of a square in the picture.
+    fn drawn_side(&self) -> f64 {
+        self.side * (PANEL / (self.side * (SQUARES + 1.0)))
+    }
+
+    /// Upper left corner of a square in the picture, of a panel that begins at `x0`, `y0`.
+    fn corner(&self, (x0, y0): (f64, f64), i: usize, j: usize) -> (f64, f64) {
+        #[expect(clippy::cast_precision_loss, reason = "small counts")]
+        let (i, j) = (i as f64, (self.rows - 1 - j) as f64);
+        (x0 + i * self.drawn_side(), y0 + j * self.drawn_side())
+    }
+
     fn means(&self) -> impl Iterator<Item = f64> + '_ {
         self.squares.iter().filter(|s| s.2 > 0).map(|s| s.0 / f64::from(s.2))
     }
@@ -97,72 +109,75 @@ fn draw(panels: &[Panel]) -> String {
     );
     for (k, (panel, grid)) in panels.iter().zip(&grids).enumerate() {
         #[expect(clippy::cast_precision_loss, reason = "small counts")]
-        let (x0, y0) = ((k % 2) as f64 * wide + left, (k / 2) as f64 * tall + around);
-        let px = PANEL / (grid.side * (SQUARES + 1.0));
-        let side = grid.side * px;
-        let at = |i: usize, j: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "small counts")]
-            let (i, j) = (i as f64, (grid.rows - 1 - j) as f64);
-            (x0 + i * side, y0 + j * side)
-        };
+        let begin = ((k % 2) as f64 * wide + left, (k / 2) as f64 * tall + around);
+        svg += &squares(panel, grid, begin, most);
+        svg += &axes(panel, grid, begin);
+    }
+    svg + &scale_of_colors((left, rows * tall + 8.0), most) + "</svg>"
+}
+
+/// The heading of a panel that begins at `begin`, and its squares in the colours of their mean errors.
+fn squares(panel: &Panel, grid: &Grid, begin: (f64, f64), most: f64) -> String {
+    let mut svg = format!(
+        "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" font-weight=\"600\">{}</text>",
+        begin.0,
+        begin.1 - 10.0,
+        panel.heading
+    );
+    let side = grid.drawn_side();
+    for (n, (sum, largest, count)) in grid.squares.iter().enumerate().filter(|s| s.1.2 > 0) {
+        let (i, j) = (n % grid.columns, n / grid.columns);
+        let ((x, y), mean) = (grid.corner(begin, i, j), sum / f64::from(*count));
+        #[expect(clippy::cast_precision_loss, reason = "small counts")]
+        let middle = [i, j].map(|n| (n as f64 + 0.5) * grid.side);
         let _ = write!(
             svg,
-            "<text x=\"{x0:.1}\" y=\"{:.1}\" font-size=\"13\" font-weight=\"600\">{}</text>",
-            y0 - 10.0,
-            panel.heading
-        );
-        for (n, (sum, largest, count)) in grid.squares.iter().enumerate().filter(|s| s.1.2 > 0) {
-            let (i, j) = (n % grid.columns, n / grid.columns);
-            let ((x, y), mean) = (at(i, j), sum / f64::from(*count));
-            #[expect(clippy::cast_precision_loss, reason = "small counts")]
-            let middle = [i, j].map(|n| (n as f64 + 0.5) * grid.side);
-            let _ = write!(
-                svg,
-                "<path d=\"M{x:.1} {y:.1}h{side:.1}v{side:.1}h-{side:.1}z\" fill=\"{}\"><title>{} {:.0}, {} {:.0} mm: {mean:.2} \
-                 mm, at most {largest:.2}; {count} pose{}</title></path>",
-                color(mean / most),
-                panel.axes[0],
-                grid.low[0] + middle[0],
-                panel.axes[1],
-                grid.low[1] + middle[1],
-                if *count == 1 { "" } else { "s" }
-            );
-        }
-        let (bottom, end) = (at(0, 0).1 + side, at(grid.columns - 1, 0).0 + side);
-        let top = at(0, grid.rows - 1).1;
-        let high = |n: usize, k: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "small counts")]
-            let n = n as f64;
-            grid.low[k] + n * grid.side
-        };
-        let _ = write!(
-            svg,
-            "<text x=\"{x0:.1}\" y=\"{:.1}\">{:.0}</text><text x=\"{end:.1}\" y=\"{:.1}\" text-anchor=\"end\">{:.0}</text>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}, mm</text>\
-             <text x=\"{:.1}\" y=\"{bottom:.1}\" text-anchor=\"end\">{:.0}</text>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{:.0}</text>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 {:.1} {:.1})\">{}, mm</text>",
-            bottom + 15.0,
-            grid.low[0],
-            bottom + 15.0,
-            high(grid.columns, 0),
-            0.5 * (x0 + end),
-            // between the numbers, where there is room
-            bottom + if end - x0 > LABEL { 15.0 } else { 30.0 },
+            "<path d=\"M{x:.1} {y:.1}h{side:.1}v{side:.1}h-{side:.1}z\" fill=\"{}\"><title>{} {:.0}, {} {:.0} mm: {mean:.2} \
+             mm, at most {largest:.2}; {count} pose{}</title></path>",
+            color(mean / most),
             panel.axes[0],
-            x0 - 6.0,
-            grid.low[1],
-            x0 - 6.0,
-            top + 10.0,
-            high(grid.rows, 1),
-            x0 - 30.0,
-            0.5 * (top + bottom),
-            x0 - 30.0,
-            0.5 * (top + bottom),
-            panel.axes[1]
+            grid.low[0] + middle[0],
+            panel.axes[1],
+            grid.low[1] + middle[1],
+            if *count == 1 { "" } else { "s" }
         );
     }
-    let (x0, y0) = (left, rows * tall + 8.0);
+    svg
+}
+
+/// Names and ends of a panel's axes.
+fn axes(panel: &Panel, grid: &Grid, begin: (f64, f64)) -> String {
+    let (x0, side) = (begin.0, grid.drawn_side());
+    let (bottom, end) = (grid.corner(begin, 0, 0).1 + side, grid.corner(begin, grid.columns - 1, 0).0 + side);
+    let top = grid.corner(begin, 0, grid.rows - 1).1;
+    #[expect(clippy::cast_precision_loss, reason = "small counts")]
+    let high = |n: usize, k: usize| grid.low[k] + n as f64 * grid.side;
+    let middle = 0.5 * (top + bottom);
+    format!(
+        "<text x=\"{x0:.1}\" y=\"{0:.1}\">{1:.0}</text><text x=\"{end:.1}\" y=\"{0:.1}\" text-anchor=\"end\">{2:.0}</text>\
+         <text x=\"{3:.1}\" y=\"{4:.1}\" text-anchor=\"middle\">{5}, mm</text>\
+         <text x=\"{6:.1}\" y=\"{bottom:.1}\" text-anchor=\"end\">{7:.0}</text>\
+         <text x=\"{6:.1}\" y=\"{8:.1}\" text-anchor=\"end\">{9:.0}</text>\
+         <text x=\"{10:.1}\" y=\"{middle:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 {10:.1} {middle:.1})\">{11}, mm</text>",
+        bottom + 15.0,
+        grid.low[0],
+        high(grid.columns, 0),
+        0.5 * (x0 + end),
+        // between the numbers, where there is room
+        bottom + if end - x0 > LABEL { 15.0 } else { 30.0 },
+        panel.axes[0],
+        x0 - 6.0,
+        grid.low[1],
+        top + 10.0,
+        high(grid.rows, 1),
+        x0 - 30.0,
+        panel.axes[1]
+    )
+}
+
+/// Which mean error has which colour.
+fn scale_of_colors((x0, y0): (f64, f64), most: f64) -> String {
+    let mut svg = String::new();
     for k in 0..40_u8 {
         let part = f64::from(k) / 40.0;
         let x = x0 + part * PANEL;
@@ -175,11 +190,10 @@ fn draw(panels: &[Panel]) -> String {
     }
     let _ = write!(
         svg,
-        "<text x=\"{x0:.1}\" y=\"{:.1}\">0</text><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{most:.2} mm on \
-         average</text></svg>",
+        "<text x=\"{x0:.1}\" y=\"{0:.1}\">0</text><text x=\"{1:.1}\" y=\"{0:.1}\" text-anchor=\"end\">{most:.2} mm on \
+         average</text>",
         y0 + 27.0,
-        x0 + PANEL,
-        y0 + 27.0
+        x0 + PANEL
     );
     svg
 }

@@ -14,7 +14,7 @@ use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
 pub use page::View;
-use page::{Camera, Drawn, Page};
+use page::{Camera, Drawn, Page, Paint, escaped};
 
 type V3 = Vector3<f64>;
 
@@ -76,163 +76,118 @@ fn middle(scene: &Scene<'_>) -> V3 {
     }
 }
 
+/// Looks along the line from the base to the balls, as `view` says.
+fn camera(scene: &Scene<'_>, view: View, base: &V3) -> Camera {
+    let to_balls = middle(scene) - base;
+    Camera::new(view, V3::new(to_balls.x, to_balls.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x))
+}
+
 /// Direction (in the world) in which [`View::Oblique`] looks.
 pub fn oblique_look(scene: &Scene<'_>) -> V3 {
     let base = scene.model.forward().model().cell.world_from_base.translation;
-    let middle = middle(scene);
-    let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
-    Camera::new(View::Oblique, ahead).rows.row(2).transpose()
+    camera(scene, View::Oblique, &base).rows.row(2).transpose()
 }
 
 /// An SVG of the cell, `width` pixels wide at most.
 pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
-    let model = scene.model;
-    let forward = model.forward();
-    let cell = &forward.model().cell;
-    let mut ws = forward.workspace();
-    let links = forward.world_from_links(&State::at(&scene.shown), &mut ws);
+    let forward = scene.model.forward();
+    let balls = &forward.model().cell.balls;
+    let links = forward.world_from_links(&State::at(&scene.shown), &mut forward.workspace());
     let skeletons = skeletons(scene);
     let base = links.first().map_or_else(V3::zeros, |b| b.translation);
-    let middle = middle(scene);
-    let ahead = V3::new(middle.x - base.x, middle.y - base.y, 0.0).try_normalize(1e-6).unwrap_or_else(V3::x);
-    let camera = Camera::new(view, ahead);
 
     // the page shows what belongs to arm and balls; larger things are cut off at its edge
     let mut shown: Vec<V3> = vec![base];
-    shown.extend(cell.balls.iter().copied());
+    shown.extend(balls);
     shown.extend(links.iter().map(|l| l.translation));
-    shown.extend(skeletons.iter().flat_map(|s| s.1.iter().copied()));
+    shown.extend(skeletons.iter().flat_map(|s| &s.1));
     shown.extend(scene.marks.iter().map(|m| m.place));
-    let pad = 0.16;
-    let seen: Vec<V3> = shown.iter().map(|p| camera.see(p)).collect();
-    let range = |k: usize| {
-        let low = seen.iter().map(|s| s[k]).fold(f64::INFINITY, f64::min) - pad;
-        (low, seen.iter().map(|s| s[k]).fold(f64::NEG_INFINITY, f64::max) + pad)
-    };
-    let ((left, right), (top, bottom)) = (range(0), range(1));
-    let scale = width / (right - left);
-    let height = (bottom - top) * scale;
-    let page = Page { camera, scale, left, top };
-
-    let mut drawn: Vec<Drawn> = Vec::new();
-    let mut floor: Vec<Drawn> = Vec::new();
-    for body in model.bodies() {
-        let title = body.name.replace('&', "&amp;").replace('<', "&lt;");
-        match (body.place, body.role) {
-            (Place::World, Role::Ball(k)) => {
-                for s in &body.solids {
-                    let (x, y, depth) = page.at(&cell.balls.get(k).copied().unwrap_or(middle));
-                    let r = (s.radius * scale).max(4.0);
-                    let color = ball_color(k);
-                    drawn.push(Drawn {
-                        depth: depth - 0.02,
-                        svg: format!(
-                            "<g><title>{title}</title><circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r:.1}\" fill=\"{color}\" \
-                             stroke=\"#fff\" stroke-width=\"1\"/><circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{:.1}\" \
-                             fill=\"#fff\" opacity=\"0.7\"/></g>",
-                            x - r * 0.3,
-                            y - r * 0.35,
-                            r * 0.25
-                        ),
-                    });
-                }
-            }
-            (Place::World, _) => {
-                for s in &body.solids {
-                    // what is as large as the room is drawn first and pale: it must hide nothing
-                    let large = extent(s) > 0.6;
-                    let (fill, opacity) = if large { ("#eceff3", 0.75) } else { ("#d5dbe3", 1.0) };
-                    let list = page.solid(&Pose::identity(), s, fill, "#b4bfcc", opacity, &title);
-                    if large { floor.extend(list) } else { drawn.extend(list) }
-                }
-            }
-            (Place::Link(k), _) => {
-                let pose = links.get(k).copied().unwrap_or_else(Pose::identity);
-                let (fill, edge) = if body.device { ("#5d6b7c", "#39434f") } else { ("#f0a35e", "#b06c2c") };
-                for s in &body.solids {
-                    drawn.extend(page.solid(&pose, s, fill, edge, 1.0, &title));
-                }
-            }
-        }
-    }
-    floor.sort_by(|a, b| b.depth.total_cmp(&a.depth));
-    drawn.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    let (page, height) = Page::around(&shown, camera(scene, view, &base), width);
 
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"100%\" style=\"max-width:{width:.0}px\" \
          viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"system-ui, sans-serif\">\
          <rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#fafbfc\"/>"
     );
-    floor.iter().chain(&drawn).for_each(|d| svg += &d.svg);
+    svg += &bodies(scene, &page, &links);
     if let Some((centre, radius)) = scene.sphere {
         let (x, y, _) = page.at(&centre);
         let _ = write!(
             svg,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"#2666a5\" fill-opacity=\"0.05\" stroke=\"#2666a5\" \
              stroke-opacity=\"0.6\" stroke-dasharray=\"5 4\"><title>where the arm is to be accurate</title></circle>",
-            radius * scale
+            radius * page.scale
         );
     }
     // the poses over everything: they are what the picture is about
     for (k, (ball, points, approach)) in skeletons.iter().enumerate() {
-        let color = ball_color(*ball);
-        let tip = points.last().copied().unwrap_or_default();
-        let arm = page.line(
-            points,
-            &format!("stroke=\"{color}\" stroke-width=\"1.3\" stroke-opacity=\"0.5\" stroke-linejoin=\"round\""),
-        );
-        let last =
-            page.line(&[*approach, tip], &format!("stroke=\"{color}\" stroke-width=\"2.2\" stroke-opacity=\"0.9\""));
-        let _ = write!(svg, "<g><title>touch {} of ball {}</title>{arm}", k + 1, ball + 1);
-        for p in points.iter().skip(1).take(points.len().saturating_sub(2)) {
-            let (x, y, _) = page.at(p);
-            let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"1.7\" fill=\"{color}\" opacity=\"0.6\"/>");
-        }
-        let _ = write!(svg, "{last}</g>");
+        svg += &touch(&page, k, *ball, points, approach);
     }
     for m in scene.marks {
         let (x, y, _) = page.at(&m.place);
-        let title = m.title.replace('&', "&amp;").replace('<', "&lt;");
         let _ = write!(
             svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\" fill=\"{}\" fill-opacity=\"0.8\"><title>{title}</title></circle>",
-            m.color
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\" fill=\"{}\" fill-opacity=\"0.8\"><title>{}</title></circle>",
+            m.color,
+            escaped(&m.title)
         );
     }
-    for (k, ball) in cell.balls.iter().enumerate() {
-        svg += &page.text(
-            ball,
-            9.0,
-            -8.0,
-            &format!("{}", k + 1),
-            &format!(
-                "font-size=\"15\" font-weight=\"700\" fill=\"{}\" stroke=\"#fff\" stroke-width=\"3\" paint-order=\"stroke\"",
-                ball_color(k)
-            ),
+    for (k, ball) in balls.iter().enumerate() {
+        let style = format!(
+            "font-size=\"15\" font-weight=\"700\" fill=\"{}\" stroke=\"#fff\" stroke-width=\"3\" paint-order=\"stroke\"",
+            ball_color(k)
         );
+        svg += &page.text(ball, 9.0, -8.0, &format!("{}", k + 1), &style);
     }
-    // axes of {w}
-    for (axis, name) in [V3::x(), V3::y(), V3::z()].into_iter().zip(["x", "y", "z"]) {
-        let tip = axis * 0.1;
-        let (x0, y0, _) = page.at(&V3::zeros());
-        let (x1, y1, _) = page.at(&tip);
-        if (x1 - x0).hypot(y1 - y0) < 6.0 {
-            continue;
+    svg + &page.axes() + &page.scale_bar(height) + "</svg>"
+}
+
+/// The bodies from the farthest to the nearest; first those as large as the room, pale: they must hide nothing.
+fn bodies(scene: &Scene<'_>, page: &Page, links: &[Pose]) -> String {
+    let balls = &scene.model.forward().model().cell.balls;
+    let mut large: Vec<Drawn> = Vec::new();
+    let mut drawn: Vec<Drawn> = Vec::new();
+    for body in scene.model.bodies() {
+        let title = &escaped(&body.name);
+        let paint = |fill, edge, opacity| Paint { fill, edge, opacity, title };
+        for s in &body.solids {
+            match (body.place, body.role) {
+                (Place::World, Role::Ball(k)) => {
+                    let centre = balls.get(k).copied().unwrap_or_else(|| middle(scene));
+                    drawn.push(page.ball(&centre, s.radius, ball_color(k), title));
+                }
+                (Place::World, _) if extent(s) > 0.6 => {
+                    large.extend(page.solid(&Pose::identity(), s, paint("#eceff3", "#b4bfcc", 0.75)));
+                }
+                (Place::World, _) => drawn.extend(page.solid(&Pose::identity(), s, paint("#d5dbe3", "#b4bfcc", 1.0))),
+                (Place::Link(k), _) => {
+                    let pose = links.get(k).copied().unwrap_or_else(Pose::identity);
+                    let (fill, edge) = if body.device { ("#5d6b7c", "#39434f") } else { ("#f0a35e", "#b06c2c") };
+                    drawn.extend(page.solid(&pose, s, paint(fill, edge, 1.0)));
+                }
+            }
         }
-        svg += &page.line(&[V3::zeros(), tip], "stroke=\"#1d2733\" stroke-width=\"1.6\"");
-        svg += &page.text(&(axis * 0.118), -4.0, 4.0, name, "font-size=\"13\" font-style=\"italic\" fill=\"#1d2733\"");
     }
-    // how long 200 mm are
-    let (x, y, long) = (16.0, height - 16.0, 0.2 * scale);
-    let _ = write!(
-        svg,
-        "<path d=\"M{x:.1} {:.1}v6h{long:.1}v-6\" fill=\"none\" stroke=\"#47566a\" stroke-width=\"1.4\"/>\
-         <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" fill=\"#47566a\">200 mm</text></svg>",
-        y - 6.0,
-        x + long + 8.0,
-        y + 2.0
+    large.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    drawn.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    large.into_iter().chain(drawn).map(|d| d.svg).collect()
+}
+
+/// The arm of a touch, and the way of the tool from where it comes.
+fn touch(page: &Page, k: usize, ball: usize, points: &[V3], approach: &V3) -> String {
+    let color = ball_color(ball);
+    let tip = points.last().copied().unwrap_or_default();
+    let arm = page.line(
+        points,
+        &format!("stroke=\"{color}\" stroke-width=\"1.3\" stroke-opacity=\"0.5\" stroke-linejoin=\"round\""),
     );
-    svg
+    let way = page.line(&[*approach, tip], &format!("stroke=\"{color}\" stroke-width=\"2.2\" stroke-opacity=\"0.9\""));
+    let mut svg = format!("<g><title>touch {} of ball {}</title>{arm}", k + 1, ball + 1);
+    for p in points.iter().skip(1).take(points.len().saturating_sub(2)) {
+        let (x, y, _) = page.at(p);
+        let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"1.7\" fill=\"{color}\" opacity=\"0.6\"/>");
+    }
+    svg + &way + "</g>"
 }
 
 /// Length of the longest edge or axis of a solid, m.

@@ -87,42 +87,38 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
 
 fn verdict(cell: &Cell, told: &Told) -> String {
     let e = &told.plan.expected;
+    let touches = format!("{} touches of {} balls", told.plan.entries.len(), cell.balls.len());
+    if !told.determined() {
+        return format!("{touches}: too few to determine the {} parameters.", told.parameters.len());
+    }
+    let mean = |p: Option<PredictedError>| {
+        p.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3))
+    };
     format!(
-        "{} touches of {} balls. With a noise of {} mm the expected position error is {} on average in the sphere and {} in the \
+        "{touches}. With a noise of {} mm the expected position error is {} on average in the sphere and {} in the \
          whole workspace, if the model is complete. {} of the known effects would not be seen at one place or more.",
-        told.plan.entries.len(),
-        cell.balls.len(),
         told.options.noise_m * 1e3,
-        e.in_sphere.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
-        e.in_workspace.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3)),
+        mean(e.in_sphere),
+        mean(e.in_workspace),
         blindness::count(&told.seen)
     )
 }
 
-/// The whole report.
-pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<String> {
-    let e = &told.plan.expected;
-    let verdict = if told.determined() {
-        verdict(cell, told)
-    } else {
-        format!(
-            "{} touches of {} balls: too few to determine the {} parameters.",
-            told.plan.entries.len(),
-            cell.balls.len(),
-            told.parameters.len()
-        )
-    };
-    let mut pictures = pictures(robot, cell, told)?;
-    let others = pictures.split_off(1);
-    let mut dropped = vec![row(["ball", "tried", "refused because of", "most contacts between"])];
+/// Candidates of each ball that were refused.
+fn refused(told: &Told) -> Vec<Vec<String>> {
+    let mut rows = vec![row(["ball", "tried", "refused because of", "most contacts between"])];
     for (k, r) in told.plan.rejected.iter().enumerate() {
         let reasons: Vec<String> =
             r.reasons().iter().filter(|r| r.1 > 0).map(|(reason, n)| format!("{reason} {n}")).collect();
         let contact = r.contacts.iter().max_by_key(|c| *c.1).map_or_else(String::new, |(p, n)| format!("{p}: {n}"));
-        dropped.push(vec![format!("{}", k + 1), r.attempts.to_string(), reasons.join(", "), contact]);
+        rows.push(vec![format!("{}", k + 1), r.attempts.to_string(), reasons.join(", "), contact]);
     }
-    let mut parameters = vec![row(["parameter", "nominal", "expected sd", "unit"])];
-    parameters.extend(told.parameters.iter().map(|s| {
+    rows
+}
+
+fn parameters(told: &Told) -> Vec<Vec<String>> {
+    let mut rows = vec![row(["parameter", "nominal", "expected sd", "unit"])];
+    rows.extend(told.parameters.iter().map(|s| {
         vec![
             s.name.clone(),
             s.nominal.map_or_else(|| "-".into(), |n| format!("{n:.3}")),
@@ -130,24 +126,47 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
             s.unit.clone(),
         ]
     }));
-    let mut seen = vec![row(["effect", "site", "lambda"])];
+    rows
+}
+
+/// All effects at all sites, those that are seen least first.
+fn detectability(told: &Told) -> Vec<Vec<String>> {
     let mut sorted: Vec<_> = told.seen.iter().collect();
     sorted.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
-    seen.extend(
-        sorted.iter().map(|s| vec![s.effect.effect().title.to_owned(), s.site.to_string(), format!("{:.1}", s.lambda)]),
-    );
+    let cells =
+        sorted.iter().map(|s| vec![s.effect.effect().title.to_owned(), s.site.to_string(), format!("{:.1}", s.lambda)]);
+    std::iter::once(row(["effect", "site", "lambda"])).chain(cells).collect()
+}
+
+/// What would not be seen, and what would help.
+fn not_seen(told: &Told) -> Section {
     let mut advice = vec![row(["what would help", "to see"])];
     advice.extend(blindness::advice(&told.seen).into_iter().map(|(remedy, what)| vec![remedy, what]));
-    let lacking: Vec<String> = told
-        .lacking
-        .iter()
-        .map(|(effect, lacks)| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title)))
-        .collect();
+    let mut text = vec![
+        "Lambda is how large an effect of typical size would be in these measurements, in standard deviations of the \
+         noise, after the fit of the parameters has absorbed what it can. An effect with lambda below 3 is not seen."
+            .to_owned(),
+    ];
+    text.extend(
+        told.lacking
+            .iter()
+            .map(|(effect, lacks)| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title))),
+    );
+    Section { heading: "What would not be seen".into(), text, tables: vec![advice], ..Section::default() }
+}
+
+/// The whole report.
+pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<String> {
+    let e = &told.plan.expected;
+    let mut pictures = pictures(robot, cell, told)?;
+    let others = pictures.split_off(1);
     let expected = vec![
         row(["position error to be expected, mm", "mean", "rms", "rms at the worst pose"]),
         error_row("in the sphere", e.in_sphere),
         error_row("in the whole workspace", e.in_workspace),
     ];
+    let dependent = (!e.dependent.is_empty())
+        .then(|| format!("Cannot be told from others by these touches: {}.", e.dependent.join(", ")));
     let sections = [
         Section { heading: "The poses".into(), figures: pictures, ..Section::default() },
         Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
@@ -162,30 +181,20 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
             tables: vec![expected, coverage(robot, cell, told)?],
             ..Section::default()
         },
-        Section {
-            heading: "What would not be seen".into(),
-            text: std::iter::once(
-                "Lambda is how large an effect of typical size would be in these measurements, in standard deviations of the \
-                 noise, after the fit of the parameters has absorbed what it can. An effect with lambda below 3 is not seen."
-                    .to_owned(),
-            )
-            .chain(lacking)
-            .collect(),
-            tables: vec![advice],
-            ..Section::default()
-        },
-        Section { heading: "Candidates".into(), tables: vec![dropped], ..Section::default() },
+        not_seen(told),
+        Section { heading: "Candidates".into(), tables: vec![refused(told)], ..Section::default() },
         Section {
             heading: "Parameters".into(),
-            text: if e.dependent.is_empty() {
-                Vec::new()
-            } else {
-                vec![format!("Cannot be told from others by these touches: {}.", e.dependent.join(", "))]
-            },
-            tables: vec![parameters],
+            text: dependent.into_iter().collect(),
+            tables: vec![parameters(told)],
             ..Section::default()
         },
-        Section { heading: "All effects".into(), tables: vec![seen], folded: true, ..Section::default() },
+        Section {
+            heading: "All effects".into(),
+            tables: vec![detectability(told)],
+            folded: true,
+            ..Section::default()
+        },
     ];
-    page::render("TriCal: plan", &verdict, &sections, made)
+    page::render("TriCal: plan", &verdict(cell, told), &sections, made)
 }

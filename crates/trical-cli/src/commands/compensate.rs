@@ -136,6 +136,27 @@ pub fn run(args: &Args) -> Result<()> {
     if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }
 }
 
+/// Rows of a table of targets, each with its error before and after.
+fn target_rows(report: &Report) -> Vec<Vec<String>> {
+    let heads = ["line", "target", "moves, mm", "error before", "after", "standard deviation"];
+    let told = if report.rows.iter().any(|r| r.deviation.is_some()) { 6 } else { 5 };
+    let mut rows = vec![heads[..told].iter().map(ToString::to_string).collect::<Vec<_>>()];
+    rows.extend(report.rows.iter().map(|r| {
+        let name = if r.name.is_empty() { "(inline)" } else { &r.name };
+        let file = if r.file.is_empty() { String::new() } else { format!("{}, ", r.file) };
+        let mut row = vec![
+            format!("{file}{}", r.line),
+            name.to_owned(),
+            format!("{:.3}", r.moved * 1e3),
+            format!("{:.3}", r.before * 1e3),
+            format!("{:.4}", r.after * 1e3),
+        ];
+        row.extend(r.deviation.map(|sd| format!("{:.3}", sd * 1e3)));
+        row
+    }));
+    rows
+}
+
 fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
     let mm = |x: f64| x * 1e3;
     if args.json {
@@ -143,23 +164,7 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         return say(serde_json::to_string_pretty(&report.json(dialect))?);
     }
     if args.check {
-        let heads = ["line", "target", "moves, mm", "error before", "after", "standard deviation"];
-        let told = if report.rows.iter().any(|r| r.deviation.is_some()) { 6 } else { 5 };
-        let mut rows = vec![heads[..told].iter().map(ToString::to_string).collect::<Vec<_>>()];
-        rows.extend(report.rows.iter().map(|r| {
-            let name = if r.name.is_empty() { "(inline)" } else { &r.name };
-            let file = if r.file.is_empty() { String::new() } else { format!("{}, ", r.file) };
-            let mut row = vec![
-                format!("{file}{}", r.line),
-                name.to_owned(),
-                format!("{:.3}", mm(r.moved)),
-                format!("{:.3}", mm(r.before)),
-                format!("{:.4}", mm(r.after)),
-            ];
-            row.extend(r.deviation.map(|sd| format!("{:.3}", mm(sd))));
-            row
-        }));
-        for line in table::lines(&rows) {
+        for line in table::lines(&target_rows(report)) {
             say(line)?;
         }
     }

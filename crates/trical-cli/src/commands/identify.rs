@@ -183,6 +183,23 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     if !dropped.is_empty() {
         say(format!("\nNot identified, because other parameters have the same effect: {}", dropped.join("; ")))?;
     }
+    for line in by_place_lines(found) {
+        say(line)?;
+    }
+    for caution in found.cautions() {
+        for line in table::wrapped(&format!("Caution: {}", table::ended(&caution)), 108, "") {
+            say(line)?;
+        }
+    }
+    say("")?;
+    for line in table::lines(&error_rows(found)) {
+        say(line)?;
+    }
+    super::wrote(&[&args.out, &args.report, &args.certificate])
+}
+
+/// Rows of a table of errors: at the poses of the fit, and at others.
+fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
     let mut rows = vec![vec!["position error, mm".into(), "mean".into(), "rms".into(), "max".into()]];
     let mut add = |name: &str, e: &ErrorSummary| {
         rows.push(vec![
@@ -213,19 +230,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
             rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.rms_deg), angle(e.max_deg)]);
         }
     }
-    for line in by_place_lines(found) {
-        say(line)?;
-    }
-    for caution in found.cautions() {
-        for line in table::wrapped(&format!("Caution: {}", table::ended(&caution)), 108, "") {
-            say(line)?;
-        }
-    }
-    say("")?;
-    for line in table::lines(&rows) {
-        say(line)?;
-    }
-    super::wrote(&[&args.out, &args.report, &args.certificate])
+    rows
 }
 
 /// What places of sockets say beside the errors: which physics earned its place, and the distance between sockets as a check.

@@ -56,6 +56,21 @@ fn lengths(e: &Vector6<f64>) -> (f64, f64) {
     (e.fixed_rows::<3>(0).norm(), e.fixed_rows::<3>(3).norm())
 }
 
+/// Why no step made the miss `e` smaller.
+fn stuck(e: &Vector6<f64>, gradient: f64, size: f64, singular: bool, iterations: usize) -> Ended {
+    let (far, turn) = lengths(e);
+    // a miss that no joint can reduce: the arm's reach ends here
+    if gradient < 1e-3 * e.norm() * size.sqrt() && e.norm() > 1e-6 {
+        Ended::Unreachable(far, turn)
+    } else if singular || e.norm() < 1e-6 {
+        Ended::Singular(far, turn)
+    } else if iterations >= ITERATIONS {
+        Ended::NotConverged(iterations, far, turn)
+    } else {
+        Ended::Unreachable(far, turn)
+    }
+}
+
 /// Changes `state.q` until the tool is at `target`: `dq = J' (J J' + damping)^-1 e`, the damping growing when a step fails
 /// and falling to zero when steps succeed, so that the end is Newton's quadratic one.
 pub(super) fn refine(forward: &Forward, target: &Pose, state: &mut State, ws: &mut Workspace) -> Ended {
@@ -125,18 +140,8 @@ pub(super) fn refine(forward: &Forward, target: &Pose, state: &mut State, ws: &m
             }
         }
         if !improved {
-            let (far, turn) = lengths(&e);
             let gradient = (j.transpose() * e).norm();
-            // a miss that no joint can reduce: the arm's reach ends here
-            return if gradient < 1e-3 * e.norm() * size.sqrt() && e.norm() > 1e-6 {
-                Ended::Unreachable(far, turn)
-            } else if singular || e.norm() < 1e-6 {
-                Ended::Singular(far, turn)
-            } else if iterations >= ITERATIONS {
-                Ended::NotConverged(iterations, far, turn)
-            } else {
-                Ended::Unreachable(far, turn)
-            };
+            return stuck(&e, gradient, size, singular, iterations);
         }
         if !e.iter().all(|x| x.is_finite()) {
             return Ended::NotConverged(iterations, f64::NAN, f64::NAN);

@@ -265,44 +265,52 @@ fn element(urdf: &mut Urdf, path: &[String], start: &BytesStart<'_>, file: &str,
         (["robot", "link", "inertial"], _) => {
             let Some(link) = urdf.links.last_mut() else { return Ok(()) };
             e.owner = format!("link '{}': ", link.name);
-            match tag {
-                "origin" => link.inertial.cog = e.origin()?.translation,
-                "mass" => {
-                    let mass = e.number("value", &e.required("value")?, 1e5, "kg")?;
-                    if mass < 0.0 {
-                        return Err(e.error(format!("<mass> value: found {mass}, expected a mass of 0 to 100000 kg")));
-                    }
-                    link.inertial.mass = mass;
-                }
-                _ => {}
-            }
+            return read_inertial(&mut link.inertial, &e);
         }
         (["robot", "joint"], _) => {
             let Some(joint) = urdf.joints.last_mut() else { return Ok(()) };
             e.owner = format!("joint '{}': ", joint.name);
-            match tag {
-                "parent" => joint.parent = e.required("link")?,
-                "child" => joint.child = e.required("link")?,
-                "origin" => joint.parent_from_joint = e.origin()?,
-                "mimic" => joint.mimics = Some(e.required("joint")?),
-                "axis" => {
-                    let axis = e.three("xyz", 1e6, "").map(|axis| axis.unwrap_or_else(V3::x));
-                    match axis {
-                        Ok(axis) if axis.norm() >= 1e-6 => joint.axis = axis.normalize(),
-                        Ok(_) => joint.has(e.error("<axis> xyz has no length, expected a direction")),
-                        Err(problem) => joint.has(problem),
-                    }
-                }
-                "limit" => {
-                    let number = |name| -> Result<Option<f64>> {
-                        e.get(name)?.map(|t| e.number(name, &t, 1e4, "rad (m)")).transpose()
-                    };
-                    match number("lower").and_then(|lower| Ok((lower, number("upper")?))) {
-                        Ok((lower, upper)) => joint.limit = Some((line, lower, upper)),
-                        Err(problem) => joint.has(problem),
-                    }
-                }
-                _ => {}
+            return read_joint(joint, &e);
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// An element of an `<inertial>`.
+fn read_inertial(inertial: &mut Inertial, e: &Element<'_>) -> Result<()> {
+    match e.tag.as_str() {
+        "origin" => inertial.cog = e.origin()?.translation,
+        "mass" => {
+            let mass = e.number("value", &e.required("value")?, 1e5, "kg")?;
+            if mass < 0.0 {
+                return Err(e.error(format!("<mass> value: found {mass}, expected a mass of 0 to 100000 kg")));
+            }
+            inertial.mass = mass;
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// An element of a `<joint>`.
+fn read_joint(joint: &mut Joint, e: &Element<'_>) -> Result<()> {
+    match e.tag.as_str() {
+        "parent" => joint.parent = e.required("link")?,
+        "child" => joint.child = e.required("link")?,
+        "origin" => joint.parent_from_joint = e.origin()?,
+        "mimic" => joint.mimics = Some(e.required("joint")?),
+        "axis" => match e.three("xyz", 1e6, "").map(|axis| axis.unwrap_or_else(V3::x)) {
+            Ok(axis) if axis.norm() >= 1e-6 => joint.axis = axis.normalize(),
+            Ok(_) => joint.has(e.error("<axis> xyz has no length, expected a direction")),
+            Err(problem) => joint.has(problem),
+        },
+        "limit" => {
+            let number =
+                |name| -> Result<Option<f64>> { e.get(name)?.map(|t| e.number(name, &t, 1e4, "rad (m)")).transpose() };
+            match number("lower").and_then(|lower| Ok((lower, number("upper")?))) {
+                Ok((lower, upper)) => joint.limit = Some((e.line, lower, upper)),
+                Err(problem) => joint.has(problem),
             }
         }
         _ => {}

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use toml::Value;
-use trical_model::{Cell, Pose, Robot};
+use trical_model::{Cell, Pose, Robot, Tool};
 
 use super::{Balls, Body, Place, Role, derived};
 use crate::error::{PlanError, Result};
@@ -217,6 +217,68 @@ fn each<T: DeserializeOwned>(
     .transpose()
 }
 
+/// What the file says of the balls, and what is usual.
+fn balls(value: Value, cell: &Cell) -> Result<Balls> {
+    let place = "[geometry.balls]";
+    let b: BallsFile = take(value, place)?;
+    let usual = derived::balls(cell);
+    let or = |field, mm: Option<f64>, usual: f64, most| mm.map_or(Ok(usual), |mm| number(place, field, mm, 0.1, most));
+    Ok(Balls {
+        radius: or("diameter_mm", b.diameter_mm, usual.radius * 2.0, 1e3)? * 0.5,
+        post_radius: or("post_radius_mm", b.post_radius_mm, usual.post_radius, 1e3)?,
+        post_length: or("post_length_mm", b.post_length_mm, usual.post_length, 1e4)?,
+    })
+}
+
+impl LinkFile {
+    /// Of an arm with `n` joints.
+    fn body(self, n: usize, place: &str) -> Result<Body> {
+        if self.link > n {
+            return Err(bad(
+                format!("{place}, link"),
+                format!("found {}, expected 0 (the base) to {n} (the flange)", self.link),
+            ));
+        }
+        Ok(Body {
+            name: self.name.unwrap_or_else(|| format!("link {}", self.link)),
+            place: Place::Link(self.link),
+            role: Role::Plain,
+            device: false,
+            solids: solids(self.solids, &Pose::identity(), place)?,
+        })
+    }
+}
+
+impl DeviceFile {
+    /// On link `n`, the flange.
+    fn body(self, tool: &Tool, n: usize, place: &str) -> Result<Body> {
+        let flange_from_tool = Pose { rotation: tool.rotation, translation: tool.tcp };
+        let frame = if self.frame == DeviceFrame::Tool { flange_from_tool } else { Pose::identity() };
+        let solids = solids(self.solids, &frame, place)?;
+        let role = if self.touches {
+            let side = solids.iter().map(|s| s.centre).sum::<V3>() / solids.len().max(1) as f64 - tool.tcp;
+            if side.norm() < 1e-6 {
+                return Err(bad(
+                    place,
+                    "touches = true, but the solid is centred on the TCP and lies to no side of it",
+                ));
+            }
+            Role::Stem(tool.rotation.transpose() * side.normalize())
+        } else {
+            Role::Plain
+        };
+        Ok(Body { name: self.name, place: Place::Link(n), role, device: true, solids })
+    }
+}
+
+impl ObstacleFile {
+    fn body(self, cell: &Cell, place: &str) -> Result<Body> {
+        let frame = if self.frame == ObstacleFrame::Base { cell.world_from_base } else { Pose::identity() };
+        let solids = solids(self.solids, &frame, place)?;
+        Ok(Body { name: self.name, place: Place::World, role: Role::Plain, device: false, solids })
+    }
+}
+
 pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
     let table = cell.geometry.clone().unwrap_or_default();
     let raw: GeometryFile = take(Value::Table(table), "[geometry]")?;
@@ -227,66 +289,15 @@ pub(super) fn read(robot: &Robot, cell: &Cell) -> Result<Sections> {
         Some(v) if v.iter().all(|x| x.is_finite()) && V3::from(v).norm() > 1e-6 => Some(V3::from(v).normalize()),
         Some(v) => return Err(bad("[geometry], retreat", format!("found {v:?}, expected a direction"))),
     };
-    let balls = raw
-        .balls
-        .map(|v| {
-            let place = "[geometry.balls]";
-            let b: BallsFile = take(v, place)?;
-            let usual = derived::balls(cell);
-            let or = |field, mm: Option<f64>, usual: f64, most| {
-                mm.map_or(Ok(usual), |mm| number(place, field, mm, 0.1, most))
-            };
-            Ok::<_, PlanError>(Balls {
-                radius: or("diameter_mm", b.diameter_mm, usual.radius * 2.0, 1e3)? * 0.5,
-                post_radius: or("post_radius_mm", b.post_radius_mm, usual.post_radius, 1e3)?,
-                post_length: or("post_length_mm", b.post_length_mm, usual.post_length, 1e4)?,
-            })
-        })
-        .transpose()?;
-    let tool = &cell.tool;
-    let flange_from_tool = Pose { rotation: tool.rotation, translation: tool.tcp };
+    let balls = raw.balls.map(|b| balls(b, cell)).transpose()?;
     Ok(Sections {
         margin,
         retreat,
         ignore: raw.ignore.into_iter().map(|[a, b]| (a, b)).collect(),
         balls,
-        links: each(raw.link, "link", |l: LinkFile, place| {
-            if l.link > n {
-                return Err(bad(
-                    format!("{place}, link"),
-                    format!("found {}, expected 0 (the base) to {n} (the flange)", l.link),
-                ));
-            }
-            Ok(Body {
-                name: l.name.unwrap_or_else(|| format!("link {}", l.link)),
-                place: Place::Link(l.link),
-                role: Role::Plain,
-                device: false,
-                solids: solids(l.solids, &Pose::identity(), place)?,
-            })
-        })?,
-        device: each(raw.device, "device", |d: DeviceFile, place| {
-            let frame = if d.frame == DeviceFrame::Tool { flange_from_tool } else { Pose::identity() };
-            let solids = solids(d.solids, &frame, place)?;
-            let role = if d.touches {
-                let side = solids.iter().map(|s| s.centre).sum::<V3>() / solids.len().max(1) as f64 - tool.tcp;
-                if side.norm() < 1e-6 {
-                    return Err(bad(
-                        place,
-                        "touches = true, but the solid is centred on the TCP and lies to no side of it",
-                    ));
-                }
-                Role::Stem(tool.rotation.transpose() * side.normalize())
-            } else {
-                Role::Plain
-            };
-            Ok(Body { name: d.name, place: Place::Link(n), role, device: true, solids })
-        })?,
-        obstacles: each(raw.obstacle, "obstacle", |o: ObstacleFile, place| {
-            let frame = if o.frame == ObstacleFrame::Base { cell.world_from_base } else { Pose::identity() };
-            let solids = solids(o.solids, &frame, place)?;
-            Ok(Body { name: o.name, place: Place::World, role: Role::Plain, device: false, solids })
-        })?,
+        links: each(raw.link, "link", |l: LinkFile, place| l.body(n, place))?,
+        device: each(raw.device, "device", |d: DeviceFile, place| d.body(&cell.tool, n, place))?,
+        obstacles: each(raw.obstacle, "obstacle", |o: ObstacleFile, place| o.body(cell, place))?,
     })
 }
 

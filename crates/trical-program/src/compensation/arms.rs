@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use trical_model::{
-    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Scope, Shape, Site, State, Term, Variable, Workspace,
+    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, Scope, Shape, Site, State, Term, Variable,
+    Workspace,
 };
 
 use crate::branch::Branches;
@@ -79,6 +80,28 @@ fn moves_tool(term: &Term) -> bool {
     )
 }
 
+/// What of a model holds where a program runs.
+fn of_programs(model: &Model, nominal: &Model, options: &Options) -> Model {
+    let mut model = model.clone();
+    model.terms.retain(|t| moves_tool(t) && !by_measured_torque(t));
+    if options.own_base {
+        model.terms.retain(|t| !matches!(t.site, Site::Base(_)));
+        model.cell.world_from_base = nominal.cell.world_from_base;
+    }
+    model
+}
+
+/// Refuses a program whose columns say mm of a joint that turns, or deg of one that slides.
+fn check_units(robot: &Robot, scan: &Scan) -> Result<(), ProgramError> {
+    let kinds = robot.joints.iter().map(|j| j.kind == JointKind::Prismatic);
+    let Some((k, (slides, _))) = kinds.zip(&scan.in_mm).enumerate().find(|(_, (slides, mm))| slides != *mm) else {
+        return Ok(());
+    };
+    let (does, expected) = if slides { ("slides", "mm") } else { ("turns", "deg") };
+    let what = format!("joint {} of the robot {does}: expected a column q{}_{expected}", k + 1, k + 1);
+    Err(ProgramError::Input(what))
+}
+
 impl<'a> Compensator<'a> {
     /// Prepares arms and frames for what `scan` found.
     ///
@@ -93,18 +116,8 @@ impl<'a> Compensator<'a> {
         options: &'a Options,
     ) -> Result<Self, ProgramError> {
         let input = |e: trical_model::ModelError| ProgramError::Input(e.to_string());
-        let mut model = model.clone();
-        model.terms.retain(|t| moves_tool(t) && !by_measured_torque(t));
-        if options.own_base {
-            model.terms.retain(|t| !matches!(t.site, Site::Base(_)));
-            model.cell.world_from_base = nominal.cell.world_from_base;
-        }
-        let kinds = nominal.robot.joints.iter().map(|j| j.kind == JointKind::Prismatic);
-        if let Some((k, (slides, _))) = kinds.zip(&scan.in_mm).enumerate().find(|(_, (slides, mm))| slides != *mm) {
-            let (does, expected) = if slides { ("slides", "mm") } else { ("turns", "deg") };
-            let what = format!("joint {} of the robot {does}: expected a column q{}_{expected}", k + 1, k + 1);
-            return Err(ProgramError::Input(what));
-        }
+        let model = of_programs(model, nominal, options);
+        check_units(&nominal.robot, scan)?;
         let moves_rail = nominal.robot.is_on_rail() && scan.spots.iter().any(|s| s.external != External::None);
         let carried = if moves_rail { nominal.on_rail(0.0).map_err(input)?.robot } else { nominal.robot.clone() };
         let mut this = Self {
@@ -126,7 +139,15 @@ impl<'a> Compensator<'a> {
                 .and_then(|_| model.terms.iter().filter(|t| t.scope() == Scope::Course).find_map(|t| t.basis.session)),
             options,
         };
-        let state = this.state(&[0.0; MAX_JOINTS], [0; MAX_JOINTS]);
+        this.check_needs(&model)?;
+        this.take_setups(nominal, &model, frames).map_err(input)?;
+        this.put_on_rail().map_err(input)?;
+        Ok(this)
+    }
+
+    /// Refuses a model with a term that asks for what nobody said of the program.
+    fn check_needs(&self, model: &Model) -> Result<(), ProgramError> {
+        let state = self.state(&[0.0; MAX_JOINTS], [0; MAX_JOINTS]);
         let anything = Measured::Touch { ball: 0, reading: [0.0; 3] };
         for term in &model.terms {
             if let Some(needs) = term.basis.missing(&state, &anything) {
@@ -138,32 +159,37 @@ impl<'a> Compensator<'a> {
                 return Err(ProgramError::Input(format!("the model's term '{}' needs {needs}: {how}", term.name)));
             }
         }
+        Ok(())
+    }
+
+    /// Makes the places of all setups, and the arms with their tools.
+    fn take_setups(&mut self, nominal: &Model, model: &Model, frames: &Frames) -> trical_model::Result<()> {
         let world_from_controller = nominal.cell.world_from_base.compose(&frames.world.unwrap_or_else(Pose::identity));
         let mut tools: Vec<Option<ToolFrame>> = Vec::new();
-        for setup in scan.setups.iter().chain(std::iter::once(&Setup::default())) {
-            let (tool, frame) = (known_tool(setup, frames, options), known_frame(setup, frames, options));
-            let place = match (tool, frame) {
-                (Err(e), _) | (_, Err(e)) => Err(e),
-                (Ok(tool), Ok(frame)) => {
-                    let tool = tool.filter(|t| !t.is_of(&nominal.cell));
-                    let arm = match tools.iter().position(|t| *t == tool) {
-                        Some(k) => k,
-                        None => {
-                            this.arms.push(Arm {
-                                nominal: Forward::new(with_tool(nominal, tool.as_ref()), Vec::new()).map_err(input)?,
-                                model: Forward::new(with_tool(&model, tool.as_ref()), Vec::new()).map_err(input)?,
-                            });
-                            tools.push(tool);
-                            tools.len() - 1
-                        }
-                    };
-                    Ok(Place { arm, world_from_frame: world_from_controller.compose(&frame) })
+        for setup in self.scan.setups.iter().chain(std::iter::once(&Setup::default())) {
+            let frame = known_frame(setup, frames, self.options);
+            let known = known_tool(setup, frames, self.options).and_then(|tool| Ok((tool, frame?)));
+            let (tool, frame) = match known {
+                Ok((tool, frame)) => (tool.filter(|t| !t.is_of(&nominal.cell)), frame),
+                Err(e) => {
+                    self.places.push(Err(e));
+                    continue;
                 }
             };
-            this.places.push(place);
+            let arm = match tools.iter().position(|t| *t == tool) {
+                Some(k) => k,
+                None => {
+                    self.arms.push(Arm {
+                        nominal: Forward::new(with_tool(nominal, tool.as_ref()), Vec::new())?,
+                        model: Forward::new(with_tool(model, tool.as_ref()), Vec::new())?,
+                    });
+                    tools.push(tool);
+                    tools.len() - 1
+                }
+            };
+            self.places.push(Ok(Place { arm, world_from_frame: world_from_controller.compose(&frame) }));
         }
-        this.put_on_rail().map_err(input)?;
-        Ok(this)
+        Ok(())
     }
 
     /// Makes the arms that the program's targets need, the rail standing where they say.

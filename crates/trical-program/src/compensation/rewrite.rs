@@ -6,7 +6,7 @@ use trical_model::{Joints, Pose, State, Workspace};
 
 use super::arms::Compensator;
 use super::starts::Start;
-use crate::literal::Meant;
+use crate::literal::{MOST, Meant};
 use crate::scan::Spot;
 use crate::text::{Span, written};
 
@@ -71,45 +71,15 @@ impl Compensator<'_> {
             }
             _ => e.to_string(),
         })?;
-        let mut farthest = (0, 0.0_f64);
-        for (k, (a, b)) in joints.iter().zip(&start.q).enumerate() {
-            if !self.slides.get(k).copied().unwrap_or(false) && (a - b).abs() > farthest.1 {
-                farthest = (k + 1, (a - b).abs());
-            }
-        }
-        if farthest.1 > (2.0 * (before.1 + before.0 / LEVER)).clamp(MOST_JOINT_MOVE, MOST_TURN) {
-            return Err(format!(
-                "near a singularity: the correction would turn joint {} by {:.1} deg",
-                farthest.0,
-                farthest.1.to_degrees()
-            ));
-        }
-        if let Some(how) = self.branches.changed(&start.q, &joints) {
-            return Err(format!("the branch changes: {how}"));
-        }
+        self.check_change(start, &joints, before)?;
         let commanded = arm.nominal.world_from_tool(&State::at(&joints), nominal_ws);
         let new = match meant {
             Meant::Pose(_) => Meant::Pose(place.world_from_frame.inverse().compose(&commanded)),
             Meant::Joints(_) => Meant::Joints(joints),
         };
-        let count = spot.shape.count(self.dof);
-        let spans = self.scan.spans(spot);
-        let numbers = spot.shape.numbers(&new, &values[..count], &meant, &self.slides);
-        let mut edits = Vec::with_capacity(count);
-        let mut read_back = values;
-        for (k, (new, span)) in numbers.iter().zip(spans).enumerate().take(count) {
-            let Some(x) = new else { continue };
-            let text = written(*x, span.text(self.bytes), spot.shape.decimals(k));
-            read_back[k] = text.parse().unwrap_or(*x);
-            edits.push((*span, text));
-        }
-        if !self.scan.configuration_off && !self.options.configuration_off {
-            let new = self.branches.rewritten(&spot.configuration, &start.q, &joints);
-            let behind = spans.get(count..).unwrap_or(&[]);
-            edits.extend(new.iter().zip(behind).filter_map(|(n, span)| Some((*span, (*n)?.to_string()))));
-        }
+        let (edits, read_back) = self.edits(spot, start, &joints, (&values, &meant), &new);
         // what the controller will make of the new text, by the nominal arm, and where the real arm then is
-        let reached = match spot.shape.meant(&read_back[..count], &self.slides)? {
+        let reached = match spot.shape.meant(&read_back[..spot.shape.count(self.dof)], &self.slides)? {
             Meant::Joints(q) => q,
             Meant::Pose(pose) => {
                 let world = place.world_from_frame.compose(&pose);
@@ -119,6 +89,55 @@ impl Compensator<'_> {
         let after = apart(&arm.model.world_from_tool(&self.state(&reached, start.dir), model_ws), &wanted);
         let moved = (commanded.translation - wanted.translation).norm();
         Ok(Done { edits, moved, before, after, wanted, commanded, joints: self.with_rail(spot, &reached) })
+    }
+
+    /// Refuses a correction that turns a joint much further than the error of the tool explains (`off`, m and rad), or leaves the branch.
+    fn check_change(&self, start: &Start, joints: &Joints, off: (f64, f64)) -> Result<(), String> {
+        let mut farthest = (0, 0.0_f64);
+        for (k, (a, b)) in joints.iter().zip(&start.q).enumerate() {
+            if !self.slides.get(k).copied().unwrap_or(false) && (a - b).abs() > farthest.1 {
+                farthest = (k + 1, (a - b).abs());
+            }
+        }
+        if farthest.1 > (2.0 * (off.1 + off.0 / LEVER)).clamp(MOST_JOINT_MOVE, MOST_TURN) {
+            return Err(format!(
+                "near a singularity: the correction would turn joint {} by {:.1} deg",
+                farthest.0,
+                farthest.1.to_degrees()
+            ));
+        }
+        match self.branches.changed(&start.q, joints) {
+            Some(how) => Err(format!("the branch changes: {how}")),
+            None => Ok(()),
+        }
+    }
+
+    /// The new numbers and, where the text has one, the new configuration; and the numbers as the controller will read them.
+    fn edits(
+        &self,
+        spot: &Spot,
+        start: &Start,
+        joints: &Joints,
+        (values, meant): (&[f64; MOST], &Meant),
+        new: &Meant,
+    ) -> (Vec<(Span, String)>, [f64; MOST]) {
+        let count = spot.shape.count(self.dof);
+        let spans = self.scan.spans(spot);
+        let numbers = spot.shape.numbers(new, &values[..count], meant, &self.slides);
+        let mut edits = Vec::with_capacity(count);
+        let mut read_back = *values;
+        for (k, (new, span)) in numbers.iter().zip(spans).enumerate().take(count) {
+            let Some(x) = new else { continue };
+            let text = written(*x, span.text(self.bytes), spot.shape.decimals(k));
+            read_back[k] = text.parse().unwrap_or(*x);
+            edits.push((*span, text));
+        }
+        if !self.scan.configuration_off && !self.options.configuration_off {
+            let new = self.branches.rewritten(&spot.configuration, &start.q, joints);
+            let behind = spans.get(count..).unwrap_or(&[]);
+            edits.extend(new.iter().zip(behind).filter_map(|(n, span)| Some((*span, (*n)?.to_string()))));
+        }
+        (edits, read_back)
     }
 }
 

@@ -36,6 +36,81 @@ pub struct Start {
     pub(super) dir: [i8; MAX_JOINTS],
 }
 
+/// Where the nominal arm is as the program runs, and how it came there.
+struct Walk<'a> {
+    all: &'a Compensator<'a>,
+    ws: Vec<(Workspace, Workspace)>,
+    last: Joints,
+    sense: MotionSense,
+    /// Of each branch that is open: before the first of them, and whether one moves the arm.
+    open: Vec<(MotionSense, bool)>,
+    /// Loops that move the arm.
+    repeated: HashSet<usize>,
+    shifted: Vec<Shifted>,
+}
+
+fn unknown_sense() -> MotionSense {
+    MotionSense::new(MotionSense::DEAD_BAND)
+}
+
+impl Walk<'_> {
+    /// The program need not come from the text above: visit `index` says from where.
+    fn branch(&mut self, index: usize, fork: Fork) {
+        match fork {
+            Fork::Anywhere => self.sense = unknown_sense(),
+            Fork::Opens => self.open.push((self.sense.clone(), false)),
+            Fork::Repeats => {
+                self.open.push((self.sense.clone(), false));
+                if self.repeated.contains(&index) {
+                    self.sense = unknown_sense();
+                }
+            }
+            Fork::Other => {
+                if let Some((before, moves)) = self.open.last_mut() {
+                    *moves |= self.sense != *before;
+                    self.sense.clone_from(before);
+                }
+            }
+            Fork::Closes => {
+                if self.open.pop().is_some_and(|(before, moves)| moves || self.sense != before) {
+                    self.sense = unknown_sense();
+                }
+            }
+        }
+    }
+
+    fn go_near(&mut self, spot: u32, shift: Vector3<f64>, in_tool: bool, at: u32) {
+        let (all, last) = (self.all, &self.last);
+        let target = all.scan.spots.get(spot as usize);
+        let Some(q) = target.and_then(|s| all.near(s, &shift, in_tool, last, &mut self.ws)) else {
+            self.sense = unknown_sense();
+            return;
+        };
+        self.sense.push(&q);
+        self.last = q;
+        if self.shifted.len() < MOST_RELATIVE {
+            let start = Start { q, dir: self.sense.sense() };
+            self.shifted.push(Shifted { spot, at, shift, in_tool, start });
+        }
+    }
+
+    /// The joints at a target are those of its first visit; a target without a solution is passed over.
+    fn go_to(&mut self, spot: &Spot, slot: &mut Option<Result<Start, String>>) {
+        let q = match slot {
+            Some(Ok(known)) => Ok(known.q),
+            Some(Err(_)) => return,
+            None => self.all.start(spot, &self.last, &mut self.ws),
+        };
+        if let Ok(q) = &q {
+            self.sense.push(q);
+            self.last = *q;
+        }
+        if slot.is_none() {
+            *slot = Some(q.map(|q| Start { q, dir: self.sense.sense() }));
+        }
+    }
+}
+
 impl Compensator<'_> {
     /// Where loops begin that move the arm, as indices of visits.
     fn moving_loops(&self) -> HashSet<usize> {
@@ -62,6 +137,19 @@ impl Compensator<'_> {
         moving
     }
 
+    /// Targets that no motion names.
+    fn unvisited(&self) -> impl Iterator<Item = Visit> {
+        let mut seen = vec![false; self.scan.spots.len()];
+        for v in &self.scan.visits {
+            if let Visit::To(s) = v
+                && let Some(seen) = seen.get_mut(*s as usize)
+            {
+                *seen = true;
+            }
+        }
+        seen.into_iter().enumerate().filter(|(_, seen)| !*seen).map(|(k, _)| Visit::To(k as u32))
+    }
+
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
     /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
     /// each as soon as it is known: what is done with it need not wait for the rest. `unwanted` is asked before each target; when
@@ -72,32 +160,21 @@ impl Compensator<'_> {
         give: &mut dyn FnMut(Vec<Result<Start, String>>),
         unwanted: &dyn Fn() -> bool,
     ) -> Vec<Shifted> {
-        let mut shifted = Vec::new();
         let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
-        let mut ws = self.workspaces();
-        let mut last = [0.0; MAX_JOINTS];
-        let unknown = MotionSense::new(MotionSense::DEAD_BAND);
-        let mut sense = unknown.clone();
-        // of each branch that is open: before the first of them, and whether one moves the arm
-        let mut open: Vec<(MotionSense, bool)> = Vec::new();
-        let unvisited = {
-            let mut seen = vec![false; self.scan.spots.len()];
-            for v in &self.scan.visits {
-                if let Visit::To(s) = v
-                    && let Some(seen) = seen.get_mut(*s as usize)
-                {
-                    *seen = true;
-                }
-            }
-            seen
+        let mut walk = Walk {
+            all: self,
+            ws: self.workspaces(),
+            last: [0.0; MAX_JOINTS],
+            sense: unknown_sense(),
+            open: Vec::new(),
+            repeated: self.moving_loops(),
+            shifted: Vec::new(),
         };
-        let rest = unvisited.iter().enumerate().filter(|(_, seen)| !**seen).map(|(k, _)| Visit::To(k as u32));
         let mut given = 0;
         let mut known = 0;
-        let repeated = self.moving_loops();
-        for (index, visit) in self.scan.visits.iter().copied().chain(rest).enumerate() {
+        for (index, visit) in self.scan.visits.iter().copied().chain(self.unvisited()).enumerate() {
             if unwanted() {
-                return shifted;
+                return walk.shifted;
             }
             while let Some(Some(_)) = out.get(known) {
                 known += 1;
@@ -107,55 +184,13 @@ impl Compensator<'_> {
                 given += size;
             }
             match visit {
-                Visit::Unknown | Visit::Fork(Fork::Anywhere) => sense = unknown.clone(),
-                Visit::Fork(Fork::Opens) => open.push((sense.clone(), false)),
-                Visit::Fork(Fork::Repeats) => {
-                    open.push((sense.clone(), false));
-                    if repeated.contains(&index) {
-                        sense = unknown.clone();
-                    }
-                }
-                Visit::Fork(Fork::Other) => {
-                    if let Some((before, moves)) = open.last_mut() {
-                        *moves |= sense != *before;
-                        sense.clone_from(before);
-                    }
-                }
-                Visit::Fork(Fork::Closes) => {
-                    if open.pop().is_some_and(|(before, moves)| moves || sense != before) {
-                        sense = unknown.clone();
-                    }
-                }
-                Visit::Like(k) => last = self.scan.nearest.get(k as usize).copied().unwrap_or(last),
-                Visit::Near { spot, shift, in_tool, at } => {
-                    match self.scan.spots.get(spot as usize).and_then(|s| self.near(s, &shift, in_tool, &last, &mut ws))
-                    {
-                        Some(q) => {
-                            sense.push(&q);
-                            last = q;
-                            if shifted.len() < MOST_RELATIVE {
-                                let start = Start { q, dir: sense.sense() };
-                                shifted.push(Shifted { spot, at, shift, in_tool, start });
-                            }
-                        }
-                        None => sense = unknown.clone(),
-                    }
-                }
+                Visit::Unknown => walk.sense = unknown_sense(),
+                Visit::Fork(fork) => walk.branch(index, fork),
+                Visit::Like(k) => walk.last = self.scan.nearest.get(k as usize).copied().unwrap_or(walk.last),
+                Visit::Near { spot, shift, in_tool, at } => walk.go_near(spot, shift, in_tool, at),
                 Visit::To(k) => {
-                    let (Some(spot), Some(slot)) = (self.scan.spots.get(k as usize), out.get_mut(k as usize)) else {
-                        continue;
-                    };
-                    let q = match slot {
-                        Some(Ok(known)) => Ok(known.q),
-                        Some(Err(_)) => continue,
-                        None => self.start(spot, &last, &mut ws),
-                    };
-                    if let Ok(q) = &q {
-                        sense.push(q);
-                        last = *q;
-                    }
-                    if slot.is_none() {
-                        *slot = Some(q.map(|q| Start { q, dir: sense.sense() }));
+                    if let (Some(spot), Some(slot)) = (self.scan.spots.get(k as usize), out.get_mut(k as usize)) {
+                        walk.go_to(spot, slot);
                     }
                 }
             }
@@ -163,7 +198,7 @@ impl Compensator<'_> {
         let lost = || Err("is not reached by the program".into());
         let rest: Vec<_> = out.drain(given..).map(|s| s.unwrap_or_else(lost)).collect();
         rest.chunks(size).for_each(|block| give(block.to_vec()));
-        shifted
+        walk.shifted
     }
 
     /// How far the arm is off at a shifted place before and after its target was rewritten, by the model, m. `wanted` is where the

@@ -109,21 +109,7 @@ impl Reader<'_> {
             let from = self.c.at;
             let word = self.c.word();
             if word.is_empty() {
-                match self.c.peek() {
-                    b'[' => self.list(0),
-                    b'"' => {
-                        self.c.skip_string();
-                        Some(Piece::Other)
-                    }
-                    b => {
-                        self.c.at += 1;
-                        // a routine whose name the program puts together
-                        if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
-                            self.names.fork(Fork::Anywhere);
-                        }
-                        None
-                    }
-                };
+                self.between_words(from);
                 before = b"";
                 continue;
             }
@@ -148,24 +134,9 @@ impl Reader<'_> {
                     self.names.visit(Visit::Unknown);
                 }
             } else if is("moveextj") {
-                // no motion of the arm: these joint values are those of other machines
-                self.c.skip_space();
-                if self.c.peek() == b'[' {
-                    let first = self.scan.spots.len();
-                    self.list(0);
-                    self.names.define(hashed(b"\0"), first, self.scan.spots.len());
-                    self.names.no_target(hashed(b"\0"));
-                } else {
-                    let name = self.c.word();
-                    self.names.no_target(hashed(name));
-                }
+                self.motion_of_others();
             } else if is("confl") || is("confj") {
-                let at = self.c;
-                if self.c.eat(b'\\') && self.c.word().eq_ignore_ascii_case(b"off") {
-                    self.scan.configuration_off = true;
-                } else {
-                    self.c = at;
-                }
+                self.configuration_switch();
             } else if MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
                 && ![&b"proc"[..], b"func", b"trap", b"module"].iter().any(|k| before.eq_ignore_ascii_case(k))
             {
@@ -174,6 +145,45 @@ impl Reader<'_> {
                 self.assignment(from, word);
             }
             before = word;
+        }
+    }
+
+    /// What is no word, from `from` on.
+    fn between_words(&mut self, from: usize) {
+        match self.c.peek() {
+            b'[' => drop(self.list(0)),
+            b'"' => self.c.skip_string(),
+            b => {
+                self.c.at += 1;
+                // a routine whose name the program puts together
+                if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
+                    self.names.fork(Fork::Anywhere);
+                }
+            }
+        }
+    }
+
+    /// `MoveExtJ`, no motion of the arm: its joint values are those of other machines.
+    fn motion_of_others(&mut self) {
+        self.c.skip_space();
+        if self.c.peek() == b'[' {
+            let first = self.scan.spots.len();
+            self.list(0);
+            self.names.define(hashed(b"\0"), first, self.scan.spots.len());
+            self.names.no_target(hashed(b"\0"));
+        } else {
+            let name = self.c.word();
+            self.names.no_target(hashed(name));
+        }
+    }
+
+    /// Behind `ConfL` or `ConfJ`.
+    fn configuration_switch(&mut self) {
+        let at = self.c;
+        if self.c.eat(b'\\') && self.c.word().eq_ignore_ascii_case(b"off") {
+            self.scan.configuration_off = true;
+        } else {
+            self.c = at;
         }
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::rapid_reader::{Place, Reader, key};
+use super::rapid_reader::{Place, Reader};
 use crate::names::Way;
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, lower};
@@ -24,135 +24,44 @@ fn targets_of(instruction: &[u8]) -> Option<usize> {
     known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
 }
 
+/// What the arguments of a motion say, as far as they are read.
+struct Arguments {
+    /// How many of the first ones are targets; `None` where nobody knows.
+    targets: Option<usize>,
+    /// `SearchL` and its like: a signal and a variable stand before the target.
+    search: bool,
+    places: Vec<Place>,
+    /// The name that comes last; those before it are places, or speeds and zones, as far as the instruction goes.
+    tool: Option<Span>,
+    frame: Option<String>,
+}
+
+impl Arguments {
+    fn awaits_target(&self) -> bool {
+        self.targets.is_some_and(|n| self.places.len() < n)
+    }
+
+    /// How the arm goes to the next name.
+    fn way(&self) -> Way {
+        let k = self.places.len();
+        match self.targets {
+            Some(n) if k < n => Way::To,
+            Some(_) => Way::Perhaps,
+            None if self.search && k == 2 => Way::To,
+            None if self.search || k > 0 => Way::Perhaps,
+            None => Way::Unlisted,
+        }
+    }
+}
+
 impl Reader<'_> {
     /// The arguments of a motion: which targets it goes to, with which tool and work object.
     pub(super) fn motion(&mut self, instruction: &[u8]) {
-        let search = instruction.to_ascii_lowercase().starts_with(b"search");
-        let targets = targets_of(instruction);
-        let mut places: Vec<Place> = Vec::new();
-        let (mut tool, mut frame): (Option<Span>, Option<String>) = (None, None);
-        let bytes = self.c.bytes;
-        let most = if search { 4 } else { 3 };
-        // the name that comes last is the tool; those before it are places, or speeds and zones, as far as the instruction goes
-        let way = |k: usize| match targets {
-            Some(n) if k < n => Way::To,
-            Some(_) => Way::Perhaps,
-            None if search && k == 2 => Way::To,
-            None if search || k > 0 => Way::Perhaps,
-            None => Way::Unlisted,
-        };
-        let parameters = self.parameters.clone();
-        let flush = |tool: &mut Option<Span>, places: &mut Vec<Place>| {
-            if let Some(span) = tool.take()
-                && places.len() < most
-            {
-                let way = way(places.len());
-                places.push(Place::Name { name: key(&parameters, span.text(bytes)), way, at: span.at as usize });
-            }
-        };
-        let begin = self.c.at;
-        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
-        let word = lower(instruction);
-        let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
-        let mut left = if targets.is_some() && more { 4 } else { usize::MAX };
-        loop {
-            self.c.skip_space();
-            if self.c.done() || self.c.peek() == b';' || self.c.at > begin + 4000 {
-                break;
-            }
-            match self.c.peek() {
-                b',' => {
-                    self.c.at += 1;
-                    left -= 1;
-                    if left == 0 {
-                        break;
-                    }
-                }
-                b'\\' => {
-                    self.c.at += 1;
-                    let option = self.c.word();
-                    if self.c.eat(b':') {
-                        self.c.eat(b'=');
-                        self.c.skip_space();
-                        let from = self.c.at;
-                        let value = self.c.word();
-                        if option.eq_ignore_ascii_case(b"wobj") {
-                            frame = Some(lower(value));
-                        } else if option.eq_ignore_ascii_case(b"tool") {
-                            flush(&mut tool, &mut places);
-                            tool = Some(Span::new(from, self.c.at));
-                        }
-                    }
-                }
-                b'[' => {
-                    flush(&mut tool, &mut places);
-                    let at = self.c.at;
-                    let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
-                    let whole = self.list(0).is_some();
-                    let end = self.scan.spots.len() as u32;
-                    if end > first {
-                        places.push(Place::Spots(first, end));
-                    } else if self.scan.problems.len() > problems {
-                        places.push(Place::Here);
-                    } else if targets.is_some_and(|n| places.len() < n) {
-                        places.push(Place::Computed(at));
-                    }
-                    if !whole {
-                        break;
-                    }
-                }
-                b'"' => self.c.skip_string(),
-                // not the call of an instruction
-                b':' | b'=' | b'(' if self.c.at <= begin + 2 => return,
-                _ => {
-                    let from = self.c.at;
-                    let word = self.c.word();
-                    if word.is_empty() {
-                        if self.c.number().is_none() {
-                            self.c.at += 1;
-                        }
-                        flush(&mut tool, &mut places);
-                        continue;
-                    }
-                    flush(&mut tool, &mut places);
-                    self.c.skip_space();
-                    match self.c.peek() {
-                        b'(' => match self.relative(word) {
-                            // perhaps the tool, of which nobody knows which
-                            Place::Computed(_) if targets.is_none_or(|n| places.len() >= n) => {
-                                tool = Some(Span::new(from, from + word.len()));
-                            }
-                            place => places.push(place),
-                        },
-                        b'{' => {
-                            self.c.at += 1;
-                            self.c.skip_space();
-                            let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
-                            let whole = index.filter(|_| self.c.eat(b'}'));
-                            while whole.is_none() && !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
-                                self.c.at += 1;
-                            }
-                            if whole.is_none() {
-                                self.c.eat(b'}');
-                            }
-                            if targets.is_some_and(|n| places.len() >= n) {
-                                tool = Some(Span::new(from, from + word.len()));
-                                continue;
-                            }
-                            let way = whole.filter(|k| *k >= 1.0).map_or(Way::To, |k| Way::Element(k as usize - 1));
-                            places.push(Place::Name { name: self.key(word), way, at: from });
-                        }
-                        _ => tool = Some(Span::new(from, from + word.len())),
-                    }
-                }
-            }
-        }
-        if places.is_empty() {
-            return;
-        }
-        let tool = tool.map(|t| lower(t.text(bytes)));
-        let setup = self.scan.setup(Setup { tool, frame: Some(frame.unwrap_or_else(|| "wobj0".into())) });
-        for place in places {
+        let Some(arguments) = self.arguments(instruction).filter(|a| !a.places.is_empty()) else { return };
+        let tool = arguments.tool.map(|t| lower(t.text(self.c.bytes)));
+        let frame = arguments.frame.unwrap_or_else(|| "wobj0".into());
+        let setup = self.scan.setup(Setup { tool, frame: Some(frame) });
+        for place in arguments.places {
             match place {
                 Place::Name { name, way, at } => self.names.used(name, setup, way, at),
                 Place::Spots(first, end) => {
@@ -168,6 +77,140 @@ impl Reader<'_> {
                 }
             }
         }
+    }
+
+    /// `None` where the word is not the call of an instruction.
+    fn arguments(&mut self, instruction: &[u8]) -> Option<Arguments> {
+        let word = lower(instruction);
+        let mut arguments = Arguments {
+            targets: targets_of(instruction),
+            search: word.starts_with("search"),
+            places: Vec::new(),
+            tool: None,
+            frame: None,
+        };
+        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
+        let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
+        let mut left = if arguments.targets.is_some() && more { 4 } else { usize::MAX };
+        let begin = self.c.at;
+        loop {
+            self.c.skip_space();
+            if self.c.done() || self.c.at > begin + 4000 {
+                return Some(arguments);
+            }
+            match self.c.peek() {
+                b';' => return Some(arguments),
+                b',' => {
+                    self.c.at += 1;
+                    left -= 1;
+                    if left == 0 {
+                        return Some(arguments);
+                    }
+                }
+                b'\\' => self.option(&mut arguments),
+                b'[' => {
+                    if !self.literal(&mut arguments) {
+                        return Some(arguments);
+                    }
+                }
+                b'"' => self.c.skip_string(),
+                b':' | b'=' | b'(' if self.c.at <= begin + 2 => return None,
+                _ => self.next_argument(&mut arguments),
+            }
+        }
+    }
+
+    /// The name that came last is not the tool, for another argument follows.
+    fn not_the_tool(&mut self, arguments: &mut Arguments) {
+        let most = if arguments.search { 4 } else { 3 };
+        if let Some(span) = arguments.tool.take()
+            && arguments.places.len() < most
+        {
+            let name = self.key(span.text(self.c.bytes));
+            arguments.places.push(Place::Name { name, way: arguments.way(), at: span.at as usize });
+        }
+    }
+
+    /// `\WObj:=name`, `\Tool:=name`, and those that say nothing of the place.
+    fn option(&mut self, arguments: &mut Arguments) {
+        self.c.at += 1;
+        let option = self.c.word();
+        if !self.c.eat(b':') {
+            return;
+        }
+        self.c.eat(b'=');
+        self.c.skip_space();
+        let from = self.c.at;
+        let value = self.c.word();
+        if option.eq_ignore_ascii_case(b"wobj") {
+            arguments.frame = Some(lower(value));
+        } else if option.eq_ignore_ascii_case(b"tool") {
+            self.not_the_tool(arguments);
+            arguments.tool = Some(Span::new(from, self.c.at));
+        }
+    }
+
+    /// A target that is written out; whether its list is whole.
+    fn literal(&mut self, arguments: &mut Arguments) -> bool {
+        self.not_the_tool(arguments);
+        let at = self.c.at;
+        let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
+        let whole = self.list(0).is_some();
+        let end = self.scan.spots.len() as u32;
+        if end > first {
+            arguments.places.push(Place::Spots(first, end));
+        } else if self.scan.problems.len() > problems {
+            arguments.places.push(Place::Here);
+        } else if arguments.awaits_target() {
+            arguments.places.push(Place::Computed(at));
+        }
+        whole
+    }
+
+    /// A name, an element of an array, what a function returns, or a number.
+    fn next_argument(&mut self, arguments: &mut Arguments) {
+        let from = self.c.at;
+        let word = self.c.word();
+        if word.is_empty() && self.c.number().is_none() {
+            self.c.at += 1;
+        }
+        self.not_the_tool(arguments);
+        if word.is_empty() {
+            return;
+        }
+        self.c.skip_space();
+        let name = Span::new(from, from + word.len());
+        match self.c.peek() {
+            b'(' => match self.relative(word) {
+                // perhaps the tool, of which nobody knows which
+                Place::Computed(_) if !arguments.awaits_target() => arguments.tool = Some(name),
+                place => arguments.places.push(place),
+            },
+            b'{' => {
+                let way = self.element().map_or(Way::To, Way::Element);
+                if arguments.targets.is_some() && !arguments.awaits_target() {
+                    arguments.tool = Some(name);
+                } else {
+                    arguments.places.push(Place::Name { name: self.key(word), way, at: from });
+                }
+            }
+            _ => arguments.tool = Some(name),
+        }
+    }
+
+    /// The index of an array's element, from 0, where it is a number of which the text says which.
+    fn element(&mut self) -> Option<usize> {
+        self.c.at += 1;
+        self.c.skip_space();
+        let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
+        let whole = index.filter(|_| self.c.eat(b'}'));
+        if whole.is_none() {
+            while !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
+                self.c.at += 1;
+            }
+            self.c.eat(b'}');
+        }
+        whole.filter(|k| *k >= 1.0).map(|k| k as usize - 1)
     }
 
     /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.

@@ -4,45 +4,102 @@ use std::borrow::Cow;
 
 use crate::columns;
 
-/// Separators that are known, beside the comma.
-const SEPARATORS: [(char, &str); 2] = [(';', "semicolons"), ('\t', "tabs")];
+/// Separators that are known, beside the comma, and what is said of them.
+const SEPARATORS: [(char, &str); 2] =
+    [(';', "columns are separated by semicolons"), ('\t', "columns are separated by tabs")];
 
 /// Names that an index column has.
 const INDEX: [&str; 4] = ["", "index", "unnamed: 0", "#"];
 
+/// How a file is written.
+struct Form {
+    by: char,
+    /// What is said of the separator, where it is no comma.
+    separated: Option<&'static str>,
+    /// Of its columns, as they are known.
+    names: Vec<String>,
+    /// Whether the first column only counts the rows.
+    index: bool,
+}
+
+impl Form {
+    fn of(text: &str) -> Self {
+        let header = header(text);
+        let separator = SEPARATORS.into_iter().find(|(c, _)| header.contains(*c) && !header.contains(','));
+        let by = separator.map_or(',', |(c, _)| c);
+        let names: Vec<String> = header.split(by).map(known_name).collect();
+        Self { by, separated: separator.map(|(_, says)| says), index: has_index(text, by, &names), names }
+    }
+
+    fn is_blank(&self, line: &str) -> bool {
+        line.chars().all(|c| c == self.by || c.is_whitespace())
+    }
+
+    /// Whether the text is as it should be already.
+    fn is_tidy(&self, text: &str) -> bool {
+        self.separated.is_none()
+            && !self.index
+            && header(text).split(self.by).map(|n| n.trim().trim_matches('"').trim()).eq(self.names.iter())
+            && text.lines().all(|l| !self.is_blank(l))
+    }
+
+    /// Adds a line, `headed` where it is not the header, and what was done to it.
+    fn copy(&self, line: &str, headed: bool, out: &mut String, done: &mut Vec<&'static str>) {
+        let first = usize::from(self.index);
+        for (k, cell) in line.split(self.by).enumerate().skip(first) {
+            if k > first {
+                out.push(',');
+            }
+            match (headed, self.names.get(k)) {
+                (false, Some(name)) => {
+                    if name != cell.trim() {
+                        note(done, "names of columns are read in lower case");
+                    }
+                    out.push_str(name);
+                }
+                _ if self.by != ',' && decimal_comma(cell) => {
+                    note(done, "decimal commas are read as points");
+                    out.push_str(&cell.replace(',', "."));
+                }
+                // a comma that is no decimal one must not become a separator
+                _ if self.by != ',' && cell.contains(',') && !cell.contains('"') => {
+                    out.push('"');
+                    out.push_str(cell);
+                    out.push('"');
+                }
+                _ => out.push_str(cell),
+            }
+        }
+        out.push('\n');
+    }
+}
+
+fn header(text: &str) -> &str {
+    text.lines().find(|l| !l.trim().is_empty()).unwrap_or("")
+}
+
+fn note(done: &mut Vec<&'static str>, what: &'static str) {
+    if !done.contains(&what) {
+        done.push(what);
+    }
+}
+
 /// The text with commas and decimal points, column names as they are known, without an index column; line numbers stay. And
 /// what was done, in one sentence, where anything was.
 pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
-    let header = text.lines().find(|l| !l.trim().is_empty()).unwrap_or("");
-    let separator = SEPARATORS.into_iter().find(|(c, _)| header.contains(*c) && !header.contains(','));
-    let by = separator.map_or(',', |(c, _)| c);
-    let names: Vec<String> = header.split(by).map(known_name).collect();
-    let index = has_index(text, by, &names);
-    let blank = |line: &str| line.chars().all(|c| c == by || c.is_whitespace());
+    let form = Form::of(text);
     // a quoted cell may hold anything: such a file is read as it is
-    if text.contains('"') && separator.is_none() {
-        return (Cow::Borrowed(text), None);
-    }
-    let as_it_is = separator.is_none()
-        && !index
-        && header.split(by).map(|n| n.trim().trim_matches('"').trim()).eq(names.iter())
-        && text.lines().all(|l| !blank(l));
-    if as_it_is {
+    if text.contains('"') && form.separated.is_none() || form.is_tidy(text) {
         return (Cow::Borrowed(text), None);
     }
     let mut done: Vec<&str> = Vec::new();
-    let mut did = |what: &'static str| {
-        if !done.contains(&what) {
-            done.push(what);
-        }
-    };
     let mut out = String::with_capacity(text.len());
     let mut headed = false;
     for line in text.split('\n') {
-        let ended = line.strip_suffix('\r').unwrap_or(line);
-        if blank(ended) {
-            if !ended.is_empty() {
-                did("lines without a value are left out");
+        let line = line.strip_suffix('\r').unwrap_or(line);
+        if form.is_blank(line) {
+            if !line.is_empty() {
+                note(&mut done, "lines without a value are left out");
             }
             // where the header is still to come, the number of the line is lost
             if headed {
@@ -51,46 +108,12 @@ pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
             }
             continue;
         }
-        for (k, cell) in ended.split(by).enumerate().skip(usize::from(index)) {
-            if k > usize::from(index) {
-                out.push(',');
-            }
-            match (headed, names.get(k)) {
-                (false, Some(name)) => {
-                    if name != cell.trim() {
-                        did("names of columns are read in lower case");
-                    }
-                    out.push_str(name);
-                }
-                _ if by != ',' && decimal_comma(cell) => {
-                    did("decimal commas are read as points");
-                    out.push_str(&cell.replace(',', "."));
-                }
-                // a comma that is no decimal one must not become a separator
-                _ if by != ',' && cell.contains(',') && !cell.contains('"') => {
-                    out.push('"');
-                    out.push_str(cell);
-                    out.push('"');
-                }
-                _ => out.push_str(cell),
-            }
-        }
+        form.copy(line, headed, &mut out, &mut done);
         headed = true;
-        out.push('\n');
     }
-    if let Some((_, name)) = separator {
-        did(name);
-    }
-    if index {
-        did("the first column is an index and is left out");
-    }
-    if done.is_empty() {
-        return (Cow::Owned(out), None);
-    }
-    if let Some(name) = done.iter_mut().find(|d| SEPARATORS.iter().any(|(_, name)| name == *d)) {
-        *name = if *name == "tabs" { "columns are separated by tabs" } else { "columns are separated by semicolons" };
-    }
-    (Cow::Owned(out), Some(done.join("; ")))
+    done.extend(form.separated);
+    done.extend(form.index.then_some("the first column is an index and is left out"));
+    (Cow::Owned(out), (!done.is_empty()).then(|| done.join("; ")))
 }
 
 /// A column's name as it is known: as it stands, or in lower case.

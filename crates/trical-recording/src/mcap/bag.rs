@@ -65,23 +65,8 @@ pub(super) fn recording(
     let bad = |problem: String| RecordError::Unreadable { path: path.to_owned(), problem };
     let states_on = one_topic(raw, None, &|c| c.schema.as_ref().is_some_and(|s| s.name == JOINT_STATE))
         .map_err(|found| bad(several(&found, "joint states (sensor_msgs/msg/JointState)", schema::JOINT_STATES)))?;
-    // of a tree of transforms one frame is a measurement: it has to be named, as in /tf:probe
-    let (topic, child) = topic.map_or((None, None), |t| match t.split_once(':') {
-        Some((topic, child)) => (Some(topic), Some(child)),
-        None => (Some(t), None),
-    });
-    let is_tree = |c: &super::walk::RawChannel| kind_of(c) == Some(StampedKind::Tree);
-    let only_trees = !raw.channels.values().any(|c| kind_of(c).is_some() && !is_tree(c));
-    let fits = |c: &super::walk::RawChannel| kind_of(c).is_some() && (topic.is_some() || only_trees || !is_tree(c));
-    let default = only_trees.then_some(TREE).filter(|t| raw.channels.values().any(|c| c.topic == *t));
-    let seen_on = one_topic(raw, topic.or(default), &fits).map_err(|found| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let example = found.first().map_or(String::new(), |t| format!("; name one of them, as in {name}#{t}"));
-        bad(format!(
-            "{}{example}",
-            several(&found, "measurements (PoseStamped, PointStamped, TransformStamped or TFMessage)", "")
-        ))
-    })?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let (seen_on, child) = topic_of_measurements(raw, topic, &name).map_err(bad)?;
     let states: Vec<(&RawMessage, JointState)> = messages(raw, &states_on)
         .map(|(number, m)| match JointState::from_cdr(&m.data) {
             Some(state) => Ok((m, state)),
@@ -96,18 +81,7 @@ pub(super) fn recording(
         seen.extend(all.into_iter().map(|stamped| (m, stamped)));
     }
     if kind == StampedKind::Tree {
-        let children: BTreeSet<String> = seen.iter().map(|(_, s)| s.child.clone()).collect();
-        let wanted =
-            child.map(str::to_owned).or_else(|| children.iter().next().filter(|_| children.len() == 1).cloned());
-        let Some(wanted) = wanted.filter(|w| children.contains(w)) else {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let all: Vec<&str> = children.iter().take(20).map(String::as_str).collect();
-            let example = all.last().map_or(String::new(), |c| format!(", as in {name}#{seen_on}:{c}"));
-            return Err(bad(format!(
-                "has transforms of {} on {seen_on}; name the frame that the instrument measured{example}",
-                if all.is_empty() { "no frame".to_owned() } else { all.join(", ") }
-            )));
-        };
+        let wanted = frame_of_tree(&seen, child, &format!("{name}#{seen_on}"), &seen_on).map_err(bad)?;
         seen.retain(|(_, s)| s.child == wanted);
     }
     let (Some((_, first)), Some((_, instrument))) = (states.first(), seen.first()) else {
@@ -142,15 +116,56 @@ pub(super) fn recording(
         stands.without
     ));
     notes.push(format!("positions in m in the frame '{}', which is taken as the measuring frame", instrument.frame));
-    let mut prismatic = [false; MAX_JOINTS];
-    if let Some(described) = described.as_ref().filter(|d| d.joints.len() == order.len()) {
-        for (slides, joint) in prismatic.iter_mut().zip(&described.robot.joints) {
-            *slides = joint.kind == JointKind::Prismatic;
-        }
-    }
+    let described = described.as_ref().filter(|d| d.joints.len() == order.len());
+    let slides =
+        |k: usize| described.and_then(|d| d.robot.joints.get(k)).is_some_and(|j| j.kind == JointKind::Prismatic);
+    let prismatic = std::array::from_fn(slides);
     let name = path.display().to_string();
     let notes = notes.into_iter().map(|n| format!("{name}: {n}")).collect();
     Ok(Recording { name, joints: order.len(), prismatic, places: Vec::new(), rows: stands.rows, notes })
+}
+
+/// The topic with measurements, and the frame that was asked for: of a tree of transforms one frame is a measurement, which has to be
+/// named, as in /tf:probe. `name` is the file's.
+fn topic_of_measurements<'a>(
+    raw: &RawFile,
+    asked: Option<&'a str>,
+    name: &str,
+) -> Result<(String, Option<&'a str>), String> {
+    let (topic, child) = asked.map_or((None, None), |t| match t.split_once(':') {
+        Some((topic, child)) => (Some(topic), Some(child)),
+        None => (Some(t), None),
+    });
+    let is_tree = |c: &super::walk::RawChannel| kind_of(c) == Some(StampedKind::Tree);
+    let only_trees = !raw.channels.values().any(|c| kind_of(c).is_some() && !is_tree(c));
+    let fits = |c: &super::walk::RawChannel| kind_of(c).is_some() && (topic.is_some() || only_trees || !is_tree(c));
+    let default = only_trees.then_some(TREE).filter(|t| raw.channels.values().any(|c| c.topic == *t));
+    let seen_on = one_topic(raw, topic.or(default), &fits).map_err(|found| {
+        let example = found.first().map_or(String::new(), |t| format!("; name one of them, as in {name}#{t}"));
+        let what = "measurements (PoseStamped, PointStamped, TransformStamped or TFMessage)";
+        format!("{}{example}", several(&found, what, ""))
+    })?;
+    Ok((seen_on, child))
+}
+
+/// The frame of a tree of transforms that is the measurement: the one that was asked for, or the only one.
+fn frame_of_tree(
+    seen: &[(&RawMessage, Stamped)],
+    asked: Option<&str>,
+    place: &str,
+    topic: &str,
+) -> Result<String, String> {
+    let children: BTreeSet<&str> = seen.iter().map(|(_, s)| s.child.as_str()).collect();
+    let wanted = asked.or_else(|| children.first().copied().filter(|_| children.len() == 1));
+    if let Some(wanted) = wanted.filter(|w| children.contains(w)) {
+        return Ok(wanted.to_owned());
+    }
+    let all: Vec<&str> = children.into_iter().take(20).collect();
+    let example = all.last().map_or(String::new(), |c| format!(", as in {place}:{c}"));
+    Err(format!(
+        "has transforms of {} on {topic}; name the frame that the instrument measured{example}",
+        if all.is_empty() { "no frame".to_owned() } else { all.join(", ") }
+    ))
 }
 
 fn wrong(path: &Path, topic: &str, number: usize, problem: &str) -> RecordError {

@@ -21,9 +21,11 @@ use crate::shared::{Places, Shared};
 /// Where the metadata hold the plan's hash.
 const PLAN: &str = "plan_sha256";
 
+type Mcap = mcap::Writer<BufWriter<File>>;
+
 /// Writes a recording; every accepted measurement is on disk before [`RunLog::measurement`] returns.
 pub struct RecordingWriter {
-    mcap: mcap::Writer<BufWriter<File>>,
+    mcap: Mcap,
     // dropped after what writes to it
     file: Locked,
     path: PathBuf,
@@ -40,6 +42,62 @@ struct Channels {
     indicators: u16,
     temperature: u16,
     measurement: u16,
+}
+
+impl Channels {
+    fn open(mcap: &mut Mcap, shared: &Shared) -> mcap::McapResult<Self> {
+        let joint_states = ros_channel(mcap, schema::JOINT_STATES, schema::JOINT_STATE_NAME, schema::JOINT_STATE_TEXT)?;
+        let mut json = |topic: &str, (name, text): (&str, String)| {
+            let id = mcap.add_schema(name, "jsonschema", text.as_bytes())?;
+            mcap.add_channel(id, topic, "json", &BTreeMap::new())
+        };
+        Ok(Self {
+            joint_states,
+            indicators: json(schema::INDICATORS, schema::indicators())?,
+            temperature: json(schema::TEMPERATURE, schema::temperature())?,
+            measurement: json(schema::MEASUREMENT, schema::measurement(shared))?,
+        })
+    }
+}
+
+fn ros_channel(mcap: &mut Mcap, topic: &str, name: &str, text: &str) -> mcap::McapResult<u16> {
+    let id = mcap.add_schema(name, "ros2msg", text.as_bytes())?;
+    mcap.add_channel(id, topic, "cdr", &BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]))
+}
+
+/// Those of a recording that is taken up, and behind them how it is taken up.
+fn write_metadata(mcap: &mut Mcap, header: &Header, before: Option<&RawFile>) -> mcap::McapResult<()> {
+    let mut metadata = header.settings.clone();
+    metadata.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+    metadata.insert("start_ns".to_owned(), header.start_ns.to_string());
+    metadata.extend(header.plan_sha256.iter().map(|hash| (PLAN.to_owned(), hash.clone())));
+    let mut records = before.map(|raw| raw.metadata.clone()).unwrap_or_default();
+    if before.is_some() {
+        let times = records.iter().filter(|(name, _)| name.starts_with("trical.resumed")).count();
+        records.push((format!("trical.resumed.{}", times + 1), metadata));
+    } else {
+        records.push(("trical".to_owned(), metadata));
+    }
+    records.into_iter().try_for_each(|(name, metadata)| mcap.write_metadata(&Metadata { name, metadata }))
+}
+
+/// Those of a recording that is taken up, and what is new.
+fn write_attachments(mcap: &mut Mcap, header: &Header, before: Option<&RawFile>) -> mcap::McapResult<()> {
+    let mut attachments = before.map(|raw| raw.attachments.clone()).unwrap_or_default();
+    for ours in &header.attachments {
+        if !attachments.iter().any(|theirs| theirs.name == ours.name) {
+            attachments.push(ours.clone());
+        }
+    }
+    attachments.into_iter().try_for_each(|attachment| {
+        mcap.attach(&mcap::Attachment {
+            log_time: header.start_ns,
+            create_time: header.start_ns,
+            name: attachment.name,
+            media_type: attachment.media_type,
+            data: attachment.data.into(),
+        })
+    })
 }
 
 impl RecordingWriter {
@@ -136,59 +194,12 @@ impl RecordingWriter {
             .create(BufWriter::new(stream))
             .map_err(failed())?;
 
-        let mut metadata = header.settings.clone();
-        metadata.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-        metadata.insert("start_ns".to_owned(), header.start_ns.to_string());
-        metadata.extend(header.plan_sha256.iter().map(|hash| (PLAN.to_owned(), hash.clone())));
-        let mut records = before.map(|raw| raw.metadata.clone()).unwrap_or_default();
-        if before.is_some() {
-            let times = records.iter().filter(|(name, _)| name.starts_with("trical.resumed")).count();
-            records.push((format!("trical.resumed.{}", times + 1), metadata));
-        } else {
-            records.push(("trical".to_owned(), metadata));
-        }
-        for (name, metadata) in records {
-            mcap.write_metadata(&Metadata { name, metadata }).map_err(failed())?;
-        }
-
-        let mut attachments = before.map(|raw| raw.attachments.clone()).unwrap_or_default();
-        for ours in &header.attachments {
-            if !attachments.iter().any(|theirs| theirs.name == ours.name) {
-                attachments.push(ours.clone());
-            }
-        }
-        for attachment in attachments {
-            mcap.attach(&mcap::Attachment {
-                log_time: header.start_ns,
-                create_time: header.start_ns,
-                name: attachment.name,
-                media_type: attachment.media_type,
-                data: attachment.data.into(),
-            })
-            .map_err(failed())?;
-        }
-
-        let mut channel = |topic: &str, name: &str, encoding: [&str; 2], text: &str, metadata: &BTreeMap<_, _>| {
-            let [message, schema] = encoding;
-            let id = mcap.add_schema(name, schema, text.as_bytes())?;
-            mcap.add_channel(id, topic, message, metadata)
-        };
-        let ros = ["cdr", "ros2msg"];
-        let json = ["json", "jsonschema"];
-        let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-        let none = BTreeMap::new();
-        let joint_states =
-            channel(schema::JOINT_STATES, schema::JOINT_STATE_NAME, ros, schema::JOINT_STATE_TEXT, &quality)
-                .map_err(failed())?;
-        let (name, text) = schema::indicators();
-        let indicators = channel(schema::INDICATORS, name, json, &text, &none).map_err(failed())?;
-        let (name, text) = schema::temperature();
-        let temperature = channel(schema::TEMPERATURE, name, json, &text, &none).map_err(failed())?;
-        let (name, text) = schema::measurement(&shared);
-        let measurement = channel(schema::MEASUREMENT, name, json, &text, &none).map_err(failed())?;
+        write_metadata(&mut mcap, header, before).map_err(failed())?;
+        write_attachments(&mut mcap, header, before).map_err(failed())?;
+        let channels = Channels::open(&mut mcap, &shared).map_err(failed())?;
         let description = match (&header.robot_description, before) {
             (Some(text), None) => {
-                let id = channel(schema::ROBOT_DESCRIPTION, schema::STRING_NAME, ros, schema::STRING_TEXT, &quality)
+                let id = ros_channel(&mut mcap, schema::ROBOT_DESCRIPTION, schema::STRING_NAME, schema::STRING_TEXT)
                     .map_err(failed())?;
                 Some((id, cdr::string_to_cdr(text)))
             }
@@ -201,7 +212,7 @@ impl RecordingWriter {
             joint_names: header.joint_names.clone(),
             shared,
             start_ns: header.start_ns,
-            channels: Channels { joint_states, indicators, temperature, measurement },
+            channels,
             sequences: BTreeMap::new(),
             last_t: 0.0,
         };

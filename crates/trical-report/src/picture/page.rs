@@ -63,41 +63,116 @@ pub(super) struct Page {
     pub(super) top: f64,
 }
 
+/// How a body looks.
+#[derive(Clone, Copy)]
+pub(super) struct Paint<'a> {
+    pub(super) fill: &'static str,
+    pub(super) edge: &'static str,
+    pub(super) opacity: f64,
+    /// What shows under the pointer.
+    pub(super) title: &'a str,
+}
+
+impl Paint<'_> {
+    /// The beginning of a body's group.
+    fn group(&self) -> String {
+        format!("<g opacity=\"{}\"><title>{}</title>", self.opacity, self.title)
+    }
+}
+
+/// Text as it stands in SVG.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
+
+fn list(points: impl IntoIterator<Item = (f64, f64)>) -> String {
+    points.into_iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
+}
+
 impl Page {
+    /// A page `width` pixels wide on which the points are with a margin, and its height.
+    pub(super) fn around(points: &[V3], camera: Camera, width: f64) -> (Self, f64) {
+        let margin = 0.16;
+        let seen: Vec<V3> = points.iter().map(|p| camera.see(p)).collect();
+        let range = |k: usize| {
+            let low = seen.iter().map(|s| s[k]).fold(f64::INFINITY, f64::min) - margin;
+            (low, seen.iter().map(|s| s[k]).fold(f64::NEG_INFINITY, f64::max) + margin)
+        };
+        let ((left, right), (top, bottom)) = (range(0), range(1));
+        let scale = width / (right - left);
+        (Self { camera, scale, left, top }, (bottom - top) * scale)
+    }
+
     pub(super) fn at(&self, p: &V3) -> (f64, f64, f64) {
         let s = self.camera.see(p);
         ((s.x - self.left) * self.scale, (s.y - self.top) * self.scale, s.z)
     }
 
+    fn list(&self, points: &[V3]) -> String {
+        list(points.iter().map(|p| self.at(p)).map(|(x, y, _)| (x, y)))
+    }
+
     pub(super) fn line(&self, points: &[V3], style: &str) -> String {
-        let list: Vec<String> = points
-            .iter()
-            .map(|p| {
-                let (x, y, _) = self.at(p);
-                format!("{x:.1},{y:.1}")
-            })
-            .collect();
-        format!("<polyline points=\"{}\" fill=\"none\" {style}/>", list.join(" "))
+        format!("<polyline points=\"{}\" fill=\"none\" {style}/>", self.list(points))
     }
 
     pub(super) fn text(&self, p: &V3, dx: f64, dy: f64, text: &str, style: &str) -> String {
         let (x, y, _) = self.at(p);
-        let text = text.replace('&', "&amp;").replace('<', "&lt;");
-        format!("<text x=\"{:.1}\" y=\"{:.1}\" {style}>{text}</text>", x + dx, y + dy)
+        format!("<text x=\"{:.1}\" y=\"{:.1}\" {style}>{}</text>", x + dx, y + dy, escaped(text))
+    }
+
+    /// The axes of {w}, but those that point at the eye.
+    pub(super) fn axes(&self) -> String {
+        let mut svg = String::new();
+        for (axis, name) in [V3::x(), V3::y(), V3::z()].into_iter().zip(["x", "y", "z"]) {
+            let tip = axis * 0.1;
+            let ((x0, y0, _), (x1, y1, _)) = (self.at(&V3::zeros()), self.at(&tip));
+            if (x1 - x0).hypot(y1 - y0) < 6.0 {
+                continue;
+            }
+            svg += &self.line(&[V3::zeros(), tip], "stroke=\"#1d2733\" stroke-width=\"1.6\"");
+            let style = "font-size=\"13\" font-style=\"italic\" fill=\"#1d2733\"";
+            svg += &self.text(&(axis * 0.118), -4.0, 4.0, name, style);
+        }
+        svg
+    }
+
+    /// How long 200 mm are.
+    pub(super) fn scale_bar(&self, height: f64) -> String {
+        let (x, y, long) = (16.0, height - 16.0, 0.2 * self.scale);
+        format!(
+            "<path d=\"M{x:.1} {:.1}v6h{long:.1}v-6\" fill=\"none\" stroke=\"#47566a\" stroke-width=\"1.4\"/>\
+             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" fill=\"#47566a\">200 mm</text>",
+            y - 6.0,
+            x + long + 8.0,
+            y + 2.0
+        )
+    }
+
+    /// A ball with a gleam, a little nearer than it is: before its post.
+    pub(super) fn ball(&self, centre: &V3, radius: f64, color: &str, title: &str) -> Drawn {
+        let (x, y, depth) = self.at(centre);
+        let r = (radius * self.scale).max(4.0);
+        let svg = format!(
+            "<g><title>{title}</title><circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r:.1}\" fill=\"{color}\" \
+             stroke=\"#fff\" stroke-width=\"1\"/><circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{:.1}\" \
+             fill=\"#fff\" opacity=\"0.7\"/></g>",
+            x - r * 0.3,
+            y - r * 0.35,
+            r * 0.25
+        );
+        Drawn { depth: depth - 0.02, svg }
     }
 
     /// The outline of points that is filled, with an edge as thick as the solid is rounded.
-    fn outline(&self, points: &[V3], radius: f64, fill: &str, edge: &str, opacity: f64, title: &str) -> Drawn {
+    fn outline(&self, points: &[V3], radius: f64, paint: Paint<'_>) -> Drawn {
+        let Paint { fill, edge, .. } = paint;
         let seen: Vec<(f64, f64, f64)> = points.iter().map(|p| self.at(p)).collect();
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let depth = seen.iter().map(|s| s.2).sum::<f64>() / seen.len().max(1) as f64;
-        let list: Vec<String> = hull(&seen.iter().map(|s| (s.0, s.1)).collect::<Vec<_>>())
-            .iter()
-            .map(|(x, y)| format!("{x:.1},{y:.1}"))
-            .collect();
-        let list = list.join(" ");
+        let list = list(hull(&seen.iter().map(|s| (s.0, s.1)).collect::<Vec<_>>()));
         let wide = 2.0 * radius * self.scale;
-        let mut svg = format!("<g opacity=\"{opacity}\"><title>{title}</title>");
+        let mut svg = paint.group();
         if wide > 1.0 {
             let _ = write!(
                 svg,
@@ -115,59 +190,10 @@ impl Page {
         Drawn { depth, svg }
     }
 
-    pub(super) fn solid(
-        &self,
-        pose: &Pose,
-        solid: &Solid,
-        fill: &str,
-        edge: &str,
-        opacity: f64,
-        title: &str,
-    ) -> Vec<Drawn> {
+    pub(super) fn solid(&self, pose: &Pose, solid: &Solid, paint: Paint<'_>) -> Vec<Drawn> {
         match &solid.core {
-            Core::Segment(a, b) => {
-                // in pieces, so that long ones are sorted rightly; opacity of overlapping pieces would show
-                let pieces = if opacity < 1.0 { 1 } else { 6 };
-                let (a, b) = (pose.apply(a), pose.apply(b));
-                let wide = 2.0 * solid.radius * self.scale;
-                let stroke = |from: &V3, to: &V3, color: &str, wide: f64| {
-                    self.line(
-                        &[*from, *to],
-                        &format!("stroke=\"{color}\" stroke-width=\"{wide:.1}\" stroke-linecap=\"round\""),
-                    )
-                };
-                let mut drawn = Vec::new();
-                for k in 0..pieces {
-                    let part = |k: usize| {
-                        a + (b - a)
-                            * (f64::from(u8::try_from(k).unwrap_or(0)) / f64::from(u8::try_from(pieces).unwrap_or(1)))
-                    };
-                    let (from, to) = (part(k), part(k + 1));
-                    let middle = self.at(&((from + to) * 0.5)).2;
-                    let mut svg = format!("<g opacity=\"{opacity}\"><title>{title}</title>");
-                    // the edge lies behind all pieces of the body
-                    if k == 0 {
-                        drawn.push(Drawn {
-                            depth: self.at(&a).2.max(self.at(&b).2),
-                            svg: format!("<g opacity=\"{opacity}\">{}</g>", stroke(&a, &b, edge, wide + 1.6)),
-                        });
-                    }
-                    svg += &stroke(&from, &to, fill, wide);
-                    // light from above: a paler stroke, off the middle
-                    let lift = V3::z() * solid.radius * 0.35;
-                    svg += &self.line(
-                        &[from + lift, to + lift],
-                        &format!(
-                            "stroke=\"#fff\" stroke-opacity=\"0.16\" stroke-width=\"{:.1}\" stroke-linecap=\"round\"",
-                            wide * 0.45
-                        ),
-                    );
-                    svg += "</g>";
-                    drawn.push(Drawn { depth: middle, svg });
-                }
-                drawn
-            }
-            Core::Box(frame, half) => self.cuboid(&pose.compose(frame), half, solid.radius, fill, edge, opacity, title),
+            Core::Segment(a, b) => self.capsule(&pose.apply(a), &pose.apply(b), solid.radius, paint),
+            Core::Box(frame, half) => vec![self.cuboid(&pose.compose(frame), half, solid.radius, paint)],
             Core::Cylinder(frame, half, r) => {
                 let frame = pose.compose(frame);
                 let points: Vec<V3> = (0..48)
@@ -176,53 +202,61 @@ impl Page {
                         frame.apply(&V3::new(r * c, if k < 24 { -*half } else { *half }, r * s))
                     })
                     .collect();
-                vec![self.outline(&points, solid.radius, fill, edge, opacity, title)]
+                vec![self.outline(&points, solid.radius, paint)]
             }
             Core::Hull(hull) => {
                 let points: Vec<V3> = hull.points().iter().map(|p| pose.apply(&V3::new(p.x, p.y, p.z))).collect();
-                vec![self.outline(&points, solid.radius, fill, edge, opacity, title)]
+                vec![self.outline(&points, solid.radius, paint)]
             }
         }
     }
 
+    /// A thick segment in pieces, so that long ones are sorted rightly; opacity of overlapping pieces would show.
+    fn capsule(&self, a: &V3, b: &V3, radius: f64, paint: Paint<'_>) -> Vec<Drawn> {
+        let pieces: u8 = if paint.opacity < 1.0 { 1 } else { 6 };
+        let wide = 2.0 * radius * self.scale;
+        let stroke = |from: V3, to: V3, style: &str, wide: f64| {
+            self.line(&[from, to], &format!("{style} stroke-width=\"{wide:.1}\" stroke-linecap=\"round\""))
+        };
+        // the edge lies behind all pieces of the body
+        let edge = stroke(*a, *b, &format!("stroke=\"{}\"", paint.edge), wide + 1.6);
+        let mut drawn = vec![Drawn {
+            depth: self.at(a).2.max(self.at(b).2),
+            svg: format!("<g opacity=\"{}\">{edge}</g>", paint.opacity),
+        }];
+        let part = |k: u8| a + (b - a) * (f64::from(k) / f64::from(pieces));
+        // light from above: a paler stroke, off the middle
+        let lift = V3::z() * radius * 0.35;
+        for k in 0..pieces {
+            let (from, to) = (part(k), part(k + 1));
+            let svg = paint.group()
+                + &stroke(from, to, &format!("stroke=\"{}\"", paint.fill), wide)
+                + &stroke(from + lift, to + lift, "stroke=\"#fff\" stroke-opacity=\"0.16\"", wide * 0.45)
+                + "</g>";
+            drawn.push(Drawn { depth: self.at(&((from + to) * 0.5)).2, svg });
+        }
+        drawn
+    }
+
     /// The three faces of a box that look at the eye, shaded.
-    #[expect(clippy::too_many_arguments, reason = "what a box looks like")]
-    fn cuboid(
-        &self,
-        frame: &Pose,
-        half: &V3,
-        radius: f64,
-        fill: &str,
-        edge: &str,
-        opacity: f64,
-        title: &str,
-    ) -> Vec<Drawn> {
+    fn cuboid(&self, frame: &Pose, half: &V3, radius: f64, paint: Paint<'_>) -> Drawn {
+        let Paint { fill, edge, .. } = paint;
         let look = self.camera.rows.row(2).transpose();
-        let mut svg = format!("<g opacity=\"{opacity}\"><title>{title}</title>");
+        let wide = (2.0 * radius * self.scale).max(0.8);
+        let mut svg = paint.group();
         for axis in 0..3 {
             let normal = frame.rotation.column(axis).clone_owned();
             let side = if normal.dot(&look) < 0.0 { 1.0 } else { -1.0 };
-            let corners: Vec<V3> = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
-                .iter()
-                .map(|(u, v)| {
-                    let mut c = V3::zeros();
-                    c[axis] = side * half[axis];
-                    c[(axis + 1) % 3] = u * half[(axis + 1) % 3];
-                    c[(axis + 2) % 3] = v * half[(axis + 2) % 3];
-                    frame.apply(&c)
-                })
-                .collect();
-            let list: Vec<String> = corners
-                .iter()
-                .map(|c| {
-                    let (x, y, _) = self.at(c);
-                    format!("{x:.1},{y:.1}")
-                })
-                .collect();
-            let list = list.join(" ");
+            let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].map(|(u, v)| {
+                let mut c = V3::zeros();
+                c[axis] = side * half[axis];
+                c[(axis + 1) % 3] = u * half[(axis + 1) % 3];
+                c[(axis + 2) % 3] = v * half[(axis + 2) % 3];
+                frame.apply(&c)
+            });
+            let list = self.list(&corners);
             let light = (normal * side).z;
             let shade = if light > 0.5 { 0.0 } else { 0.06 + 0.06 * (normal * side).x.abs() };
-            let wide = (2.0 * radius * self.scale).max(0.8);
             let _ = write!(
                 svg,
                 "<polygon points=\"{list}\" fill=\"{fill}\" stroke=\"{edge}\" stroke-width=\"{wide:.1}\" \
@@ -230,7 +264,7 @@ impl Page {
             );
         }
         svg += "</g>";
-        vec![Drawn { depth: self.at(&frame.translation).2, svg }]
+        Drawn { depth: self.at(&frame.translation).2, svg }
     }
 }
 
@@ -268,6 +302,10 @@ mod tests {
         Page { camera: Camera::new(View::Oblique, V3::x()), scale: 1000.0, left: -0.5, top: -0.4 }
     }
 
+    fn paint(fill: &'static str, edge: &'static str) -> Paint<'static> {
+        Paint { fill, edge, opacity: 1.0, title: "body" }
+    }
+
     #[test]
     fn the_corner_of_the_page_is_where_it_begins() {
         let page = page();
@@ -287,8 +325,7 @@ mod tests {
             let rotation = trical_model::pose::rotation_z(angle) * trical_model::pose::rotation_x(1.7 * angle);
             let frame = Pose { rotation, translation: V3::new(0.1, -0.2, 0.3) };
             let half = V3::new(0.1, 0.2, 0.3);
-            let svg =
-                page.cuboid(&frame, &half, 0.0, "#fff", "#000", 1.0, "box").pop().map(|d| d.svg).unwrap_or_default();
+            let svg = page.cuboid(&frame, &half, 0.0, paint("#fff", "#000")).svg;
             let corner = |n: usize| {
                 let sign = |bit: usize| if n >> bit & 1 == 0 { -1.0 } else { 1.0 };
                 page.at(&frame.apply(&V3::new(sign(0), sign(1), sign(2)).component_mul(&half)))
@@ -305,7 +342,7 @@ mod tests {
     fn a_thick_segment_is_a_stroke_as_wide_as_it_is_thick_from_end_to_end() {
         let (page, from, to) = (page(), V3::new(0.1, 0.0, 0.2), V3::new(0.4, 0.3, 0.1));
         let pose = Pose { translation: V3::new(0.0, 0.1, 0.0), ..Pose::identity() };
-        let drawn = page.solid(&pose, &Solid::capsule(from, to, 0.05), "#abc", "#def", 1.0, "link");
+        let drawn = page.solid(&pose, &Solid::capsule(from, to, 0.05), paint("#abc", "#def"));
         let ends = [from, to].map(|p| page.at(&pose.apply(&p)));
         let all: String = drawn.iter().map(|d| d.svg.as_str()).collect();
         assert!(

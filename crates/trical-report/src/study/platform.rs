@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use serde_json::json;
+use serde_json::{Value, json};
 use trical_ident::{ParameterSet, model_of_touches};
 use trical_model::{Cell, Robot, Task};
 use trical_plan::{choose_touches, nominal_forward};
@@ -86,20 +86,82 @@ impl Layout {
         }
         name
     }
+
+    fn name_and_side(&self) -> String {
+        format!("{}, side {:.0} mm", self.name(), self.side * 1e3)
+    }
 }
+
+/// Errors in the sphere and in the workspace, and how many fits failed.
+type Errors = (Spread, Spread, usize);
 
 /// How a layout did; a reason where it could not be used.
 struct Platform {
     layout: Layout,
-    result: std::result::Result<(Spread, Spread, usize), String>,
+    result: std::result::Result<Errors, String>,
 }
+
+impl Platform {
+    /// The row of the CSV.
+    fn trial(&self) -> Vec<String> {
+        let l = &self.layout;
+        let mut row = vec![l.balls.to_string()];
+        row.extend([l.side, l.height, l.raise].map(|x| format!("{:.1}", x * 1e3)));
+        match &self.result {
+            Ok((s, w, failed)) => {
+                row.extend([s.mean, s.low, s.high, w.mean, w.low, w.high].map(|x| format!("{x:e}")));
+                row.extend([failed.to_string(), String::new()]);
+            }
+            Err(problem) => {
+                row.extend(vec![String::new(); 7]);
+                row.push(problem.clone());
+            }
+        }
+        row
+    }
+
+    /// The row of the table.
+    fn row(&self) -> Vec<String> {
+        let mut row = vec![self.layout.name(), format!("{:.0}", self.layout.side * 1e3)];
+        match &self.result {
+            Ok((s, w, _)) => {
+                for x in [s, w] {
+                    row.extend([format!("{:.4}", x.mean), format!("{:.4} to {:.4}", x.low, x.high)]);
+                }
+            }
+            Err(_) => row.extend(vec!["-".into(); 4]),
+        }
+        row
+    }
+
+    fn problem(&self) -> Option<String> {
+        let problem = self.result.as_ref().err()?;
+        Some(format!("{}, cannot be used: {problem}.", self.layout.name_and_side()))
+    }
+
+    fn mean(&self, of: fn(&Errors) -> Spread) -> Option<f64> {
+        self.result.as_ref().ok().map(|r| of(r).mean)
+    }
+
+    fn json(&self) -> Value {
+        let l = &self.layout;
+        json!({
+            "balls": l.balls, "side_mm": l.side * 1e3, "height_mm": l.height * 1e3, "raise_mm": l.raise * 1e3,
+            "sphere_mean_mm": self.mean(IN_SPHERE), "workspace_mean_mm": self.mean(IN_WORKSPACE),
+            "problem": self.result.as_ref().err(),
+        })
+    }
+}
+
+const IN_SPHERE: fn(&Errors) -> Spread = |e| e.0;
+const IN_WORKSPACE: fn(&Errors) -> Spread = |e| e.1;
 
 /// Compares platforms.
 ///
 /// # Errors
 /// Numbers that make no sense; a cell whose balls have no middle. A platform that cannot be used is a result.
 pub fn platforms(robot: &Robot, cell: &Cell, common: &Common, args: &Platforms, task: &Task<'_>) -> Result<Study> {
-    let nature = common.nature()?;
+    let nature = &common.nature()?;
     if let Some(n) = args.balls.iter().find(|n| **n < 3 || **n > args.touches) {
         return Err(Error::Input(format!(
             "balls: found {n}, expected 3 (the least that say where {{w}} is) to {}, the number of touches",
@@ -109,8 +171,8 @@ pub fn platforms(robot: &Robot, cell: &Cell, common: &Common, args: &Platforms, 
     if let Some(side) = args.side_mm.iter().find(|s| !(s.is_finite() && **s > 20.0)) {
         return Err(Error::Input(format!("side_mm: found {side}, expected more than 20")));
     }
-    let poses = poses(robot, cell, common.seed)?;
-    let set = common.set(robot);
+    let poses = &poses(robot, cell, common.seed)?;
+    let same = Same { common, touches: args.touches, robot, cell, nature, set: common.set(robot), poses };
     let mut layouts = Vec::new();
     for balls in &args.balls {
         for height in &args.height_mm {
@@ -129,50 +191,54 @@ pub fn platforms(robot: &Robot, cell: &Cell, common: &Common, args: &Platforms, 
     let mut done = Vec::with_capacity(layouts.len());
     for layout in &layouts {
         task.step(share(done.len(), layouts.len()), &layout.name())?;
-        let result = try_layout(common, args.touches, robot, cell, layout, &nature, set, &poses)?;
-        done.push(Platform { layout: *layout, result });
+        done.push(Platform { layout: *layout, result: same.simulate(layout)? });
     }
     tell_platforms(common, args.touches, &done)
 }
 
-#[expect(clippy::too_many_arguments, reason = "one trial of many")]
-fn try_layout(
-    common: &Common,
+/// What is the same for all platforms.
+struct Same<'a> {
+    common: &'a Common,
     touches: usize,
-    robot: &Robot,
-    cell: &Cell,
-    layout: &Layout,
-    nature: &Nature,
+    robot: &'a Robot,
+    cell: &'a Cell,
+    nature: &'a Nature,
     set: ParameterSet,
-    poses: &Poses,
-) -> Result<std::result::Result<(Spread, Spread, usize), String>> {
-    let cell = layout.cell(cell);
-    let known = model_of_touches(robot, &cell, set)?;
-    let mut options = common.options(&known);
-    options.per_ball = touches / layout.balls;
-    options.pool_per_ball = common.pool.max(options.per_ball);
-    // out of reach is a result, not an error
-    let pool = match pool(robot, &cell, &options) {
-        Ok(pool) => pool,
-        Err(e) => return Ok(Err(e.to_string())),
-    };
-    let forward = nominal_forward(robot, &cell, &options)?;
-    let region = region(&forward, poses, &options);
-    let chosen = match choose_touches(&forward, &pool, &options, &region) {
-        Ok(c) => c.touches,
-        Err(e) => return Ok(Err(e.to_string())),
-    };
-    let outcomes = trials(common.trials, |k| {
-        let truth = draw_arm(robot, &cell, nature, common.seed, k);
-        let recording = touch(&truth, &chosen, nature, common.seed, k)?;
-        calibrate(robot, &cell, &truth, recording, set, poses)
-    })?;
-    let good: Vec<Outcome> = outcomes.iter().flatten().copied().collect();
-    if good.is_empty() {
-        return Ok(Err("no fit succeeded: these touches do not determine the parameters".into()));
+    poses: &'a Poses,
+}
+
+impl Same<'_> {
+    /// Calibrations of arms that touch the balls of a layout; a reason where it cannot be used.
+    fn simulate(&self, layout: &Layout) -> Result<std::result::Result<Errors, String>> {
+        let Self { common, robot, nature, set, poses, .. } = *self;
+        let cell = layout.cell(self.cell);
+        let known = model_of_touches(robot, &cell, set)?;
+        let mut options = common.options(&known);
+        options.per_ball = self.touches / layout.balls;
+        options.pool_per_ball = common.pool.max(options.per_ball);
+        // out of reach is a result, not an error
+        let pool = match pool(robot, &cell, &options) {
+            Ok(pool) => pool,
+            Err(e) => return Ok(Err(e.to_string())),
+        };
+        let forward = nominal_forward(robot, &cell, &options)?;
+        let region = region(&forward, poses, &options);
+        let chosen = match choose_touches(&forward, &pool, &options, &region) {
+            Ok(c) => c.touches,
+            Err(e) => return Ok(Err(e.to_string())),
+        };
+        let outcomes = trials(common.trials, |k| {
+            let truth = draw_arm(robot, &cell, nature, common.seed, k);
+            let recording = touch(&truth, &chosen, nature, common.seed, k)?;
+            calibrate(robot, &cell, &truth, recording, set, poses)
+        })?;
+        let good: Vec<Outcome> = outcomes.iter().flatten().copied().collect();
+        if good.is_empty() {
+            return Ok(Err("no fit succeeded: these touches do not determine the parameters".into()));
+        }
+        let spread = |of: fn(&Outcome) -> f64| Spread::of(good.iter().map(of));
+        Ok(Ok((spread(SPHERE), spread(WORKSPACE), outcomes.len() - good.len())))
     }
-    let spread = |of: fn(&Outcome) -> f64| Spread::of(good.iter().map(of));
-    Ok(Ok((spread(SPHERE), spread(WORKSPACE), outcomes.len() - good.len())))
 }
 
 /// Columns of the study's CSV, one row for each platform.
@@ -191,127 +257,62 @@ const COLUMNS: [&str; 12] = [
     "problem",
 ];
 
+/// Columns of the table that is shown.
+const HEAD: [&str; 6] = ["platform", "side, mm", "sphere, mm", "80 % within", "workspace, mm", "80 % within"];
+
 fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<Study> {
-    let mut platforms = vec![COLUMNS.map(String::from).to_vec()];
-    let mut rows = vec![
-        ["platform", "side, mm", "sphere, mm", "80 % within", "workspace, mm", "80 % within"]
-            .map(String::from)
-            .to_vec(),
-    ];
-    let mut problems: Vec<String> = Vec::new();
-    for p in done {
-        let l = &p.layout;
-        let (side, height, raise) = (l.side * 1e3, l.height * 1e3, l.raise * 1e3);
-        let mut row = vec![l.balls.to_string()];
-        row.extend([side, height, raise].map(|x| format!("{x:.1}")));
-        match &p.result {
-            Ok((s, w, failed)) => {
-                row.extend([s.mean, s.low, s.high, w.mean, w.low, w.high].map(|x| format!("{x:e}")));
-                row.extend([failed.to_string(), String::new()]);
-                rows.push(vec![
-                    l.name(),
-                    format!("{side:.0}"),
-                    format!("{:.4}", s.mean),
-                    format!("{:.4} to {:.4}", s.low, s.high),
-                    format!("{:.4}", w.mean),
-                    format!("{:.4} to {:.4}", w.low, w.high),
-                ]);
-            }
-            Err(problem) => {
-                row.extend(vec![String::new(); 7]);
-                row.push(problem.clone());
-                rows.push(vec![l.name(), format!("{side:.0}"), "-".into(), "-".into(), "-".into(), "-".into()]);
-                problems.push(format!("{}, side {side:.0} mm, cannot be used: {problem}.", l.name()));
-            }
-        }
-        platforms.push(row);
-    }
-    let mut names: Vec<String> = Vec::new();
-    for p in done {
-        if !names.contains(&p.layout.name()) {
-            names.push(p.layout.name());
-        }
-    }
-    let panel = |of: fn(&(Spread, Spread, usize)) -> Spread| -> Vec<Band> {
-        names
-            .iter()
-            .enumerate()
-            .map(|(k, name)| Band {
-                name: name.clone(),
-                color: CURVES[k % CURVES.len()],
-                points: done
-                    .iter()
-                    .filter(|p| p.layout.name() == *name)
-                    .filter_map(|p| {
-                        let s = of(p.result.as_ref().ok()?);
-                        Some((p.layout.side * 1e3, s.mean, s.mean, s.mean))
-                    })
-                    .collect(),
-            })
-            .collect()
-    };
+    let rows: Vec<_> = [HEAD.map(String::from).to_vec()].into_iter().chain(done.iter().map(Platform::row)).collect();
+    let trials = [COLUMNS.map(String::from).to_vec()].into_iter().chain(done.iter().map(Platform::trial));
+    let problems: Vec<String> = done.iter().filter_map(Platform::problem).collect();
     let (svg, figures) = drawn(
         "side of the platform, mm",
         "mean position error, mm",
-        &[("in the sphere".into(), panel(|r| r.0)), ("in the whole workspace".into(), panel(|r| r.1))],
+        &[
+            ("in the sphere".into(), curves(done, IN_SPHERE)),
+            ("in the whole workspace".into(), curves(done, IN_WORKSPACE)),
+        ],
         "Mean position error at poses that were not touched.",
     )?;
-    let best = |of: fn(&(Spread, Spread, usize)) -> Spread| {
+    let best = |of: fn(&Errors) -> Spread| {
         done.iter()
-            .filter_map(|p| Some((of(p.result.as_ref().ok()?).mean, &p.layout)))
+            .filter_map(|p| Some((p.mean(of)?, &p.layout)))
             .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or_else(
-                || "none could be used".into(),
-                |(e, l)| format!("{}, side {:.0} mm: {e:.4} mm", l.name(), l.side * 1e3),
-            )
+            .map_or_else(|| "none could be used".into(), |(e, layout)| format!("{}: {e:.4} mm", layout.name_and_side()))
     };
     let verdict = format!(
-        "With {} touches in all, the best platform for the sphere is {}; for the whole workspace {}.",
-        touches,
-        best(|r| r.0),
-        best(|r| r.1)
+        "With {touches} touches in all, the best platform for the sphere is {}; for the whole workspace {}.",
+        best(IN_SPHERE),
+        best(IN_WORKSPACE)
     );
+    let text = vec![format!(
+        "{} true arms for each platform, drawn as by trical study touches, {touches} touches shared by the balls. The sphere and \
+         the poses of the workspace are the same for all. Platform, posts and floor are derived from the balls; other \
+         obstacles of cell.toml are left out.",
+        common.trials
+    )];
     let mut sections = vec![
-        Section {
-            heading: "Platforms".into(),
-            text: vec![format!(
-                "{} true arms for each platform, drawn as by trical study touches, {} touches shared by the balls. The sphere and \
-             the poses of the workspace are the same for all. Platform, posts and floor are derived from the balls; other \
-             obstacles of cell.toml are left out.",
-                common.trials, touches
-            )],
-            figures,
-            ..Section::default()
-        },
+        Section { heading: "Platforms".into(), text, figures, ..Section::default() },
         Section { heading: "Numbers".into(), tables: vec![rows.clone()], ..Section::default() },
     ];
     if !problems.is_empty() {
         let heading = "Platforms that cannot be used".into();
         sections.push(Section { heading, text: problems.clone(), ..Section::default() });
     }
-    let list: Vec<serde_json::Value> = done
-        .iter()
-        .map(|p| {
-            let l = &p.layout;
-            let (s, w, problem) = match &p.result {
-                Ok((s, w, _)) => (Some(s.mean), Some(w.mean), None),
-                Err(e) => (None, None, Some(e)),
-            };
-            json!({
-                "balls": l.balls, "side_mm": l.side * 1e3, "height_mm": l.height * 1e3, "raise_mm": l.raise * 1e3,
-                "sphere_mean_mm": s, "workspace_mean_mm": w, "problem": problem,
-            })
-        })
-        .collect();
-    let json = json!({ "platforms": list });
-    Ok(Study {
-        table: rows,
-        csv: csv(platforms),
-        svg,
-        verdict,
-        notes: problems,
-        json,
-        title: "TriCal: study of platforms",
-        sections,
-    })
+    let json = json!({ "platforms": done.iter().map(Platform::json).collect::<Vec<_>>() });
+    let title = "TriCal: study of platforms";
+    Ok(Study { csv: csv(trials), table: rows, svg, verdict, notes: problems, json, title, sections })
+}
+
+/// Error against side: a curve for each number, height and raise of balls.
+fn curves(done: &[Platform], of: fn(&Errors) -> Spread) -> Vec<Band> {
+    let mut curves: Vec<Band> = Vec::new();
+    for p in done {
+        let name = p.layout.name();
+        let k = curves.iter().position(|c| c.name == name).unwrap_or_else(|| {
+            curves.push(Band { name, color: CURVES[curves.len() % CURVES.len()], points: Vec::new() });
+            curves.len() - 1
+        });
+        curves[k].points.extend(p.mean(of).map(|mean| (p.layout.side * 1e3, mean, mean, mean)));
+    }
+    curves
 }

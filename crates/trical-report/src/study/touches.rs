@@ -1,6 +1,6 @@
 //! Error against the number of touches, chosen and random, with and without noise.
 
-use serde_json::json;
+use serde_json::{Value, json};
 use trical_ident::model_of_touches;
 use trical_model::{Cell, Model, Robot, Task};
 use trical_plan::{Candidate, PlanOptions, choose_touches, nominal_forward};
@@ -29,6 +29,49 @@ impl Setting {
     fn failed(&self) -> usize {
         self.outcomes.iter().filter(|o| o.is_none()).count()
     }
+
+    /// The trials as rows of the CSV.
+    fn trials(&self) -> impl Iterator<Item = Vec<String>> + '_ {
+        let shown = |x: f64| if x.is_finite() { format!("{x:e}") } else { String::new() };
+        self.outcomes.iter().enumerate().map(move |(k, o)| {
+            let numbers = o.as_ref().map_or_else(
+                || vec![String::new(); 7],
+                |o| {
+                    let [[a, b], [c, d]] = [o.sphere, o.workspace];
+                    let errors = [a, b, c, d, o.residual, o.parameter].map(shown);
+                    errors.into_iter().chain([o.touches.to_string()]).collect()
+                },
+            );
+            let which = [self.arm, if self.noisy { "yes" } else { "no" }, self.design].map(String::from);
+            let count = [self.per_ball, k + 1].map(|n| n.to_string());
+            [&which[..], &count, &numbers].concat()
+        })
+    }
+
+    /// The row of the table.
+    fn row(&self) -> Vec<String> {
+        let mut row = vec![
+            format!("{}, {}, {}", self.arm, if self.noisy { "noise" } else { "no noise" }, self.design),
+            self.per_ball.to_string(),
+        ];
+        for x in [self.spread(SPHERE), self.spread(WORKSPACE)] {
+            row.extend([shown(x.mean), format!("{} to {}", shown(x.low), shown(x.high))]);
+        }
+        row.push(self.failed().to_string());
+        row
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "arm": self.arm, "noise": self.noisy, "design": self.design, "per_ball": self.per_ball,
+            "sphere_mean_mm": self.spread(SPHERE).mean, "workspace_mean_mm": self.spread(WORKSPACE).mean,
+            "gave_up": self.failed(),
+        })
+    }
+}
+
+fn shown(x: f64) -> String {
+    if x > 0.0 && x < 1e-3 { format!("{x:.1e}") } else { format!("{x:.4}") }
 }
 
 /// Arms in which every number of the table is changed.
@@ -111,42 +154,83 @@ const COLUMNS: [&str; 12] = [
     "touches",
 ];
 
+/// Columns of the table that is shown.
+const HEAD: [&str; 7] =
+    ["arm, noise, touches", "a ball", "sphere mean", "80 % within", "workspace mean", "80 % within", "gave up"];
+
 fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<Study> {
-    let mut trials = vec![COLUMNS.map(String::from).to_vec()];
-    let mut rows = vec![
-        ["arm, noise, touches", "a ball", "sphere mean", "80 % within", "workspace mean", "80 % within", "gave up"]
-            .map(String::from)
-            .to_vec(),
+    let rows: Vec<_> = [HEAD.map(String::from).to_vec()].into_iter().chain(settings.iter().map(Setting::row)).collect();
+    let trials = [COLUMNS.map(String::from).to_vec()].into_iter().chain(settings.iter().flat_map(Setting::trials));
+    let (svg, figures) = drawn(
+        "touches a ball",
+        "mean position error, mm",
+        &[
+            ("in the sphere".into(), curves(settings, SPHERE)),
+            ("in the whole workspace".into(), curves(settings, WORKSPACE)),
+        ],
+        "Mean position error at poses that were not touched, and where four fifths of the arms lie.",
+    )?;
+    let ratios = |arm: &str| [SPHERE, WORKSPACE].map(|of| random_over_chosen(settings, arm, of));
+    let (described, any) = (ratios(DESCRIBED), ratios(ANY));
+    let [in_sphere, in_workspace] = described
+        .each_ref()
+        .map(|list| list.iter().map(|(n, f)| format!("{f:.2} ({n})")).collect::<Vec<_>>().join(", "));
+    let verdict = format!(
+        "Errors that noise leaves after random touches, divided by those after chosen ones (touches of each ball in brackets): in \
+         the sphere {in_sphere}; in the workspace {in_workspace}."
+    );
+    let silent = |arm: &str| settings.iter().find(|s| !s.noisy && s.arm == arm);
+    let recovered =
+        silent(DESCRIBED).map_or(f64::NAN, |s| s.outcomes.iter().flatten().map(|o| o.parameter).fold(0.0, f64::max));
+    let without = format!(
+        "Without noise, an arm that the {} parameters describe comes back to {recovered:.0e} (largest difference of a \
+         parameter, m, rad, rad/Nm); of any arm, in which every number of the table is changed, {} mm are left on average in \
+         the workspace: what these parameters cannot describe.",
+        known.terms.len(),
+        shown(silent(ANY).map_or(f64::NAN, |s| s.spread(WORKSPACE).mean))
+    );
+    let text = vec![how_simulated(common), without.clone()];
+    let sections = vec![
+        Section { heading: "Error against touches".into(), text, figures, ..Section::default() },
+        Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
     ];
-    let shown = |x: f64| if x > 0.0 && x < 1e-3 { format!("{x:.1e}") } else { format!("{x:.4}") };
-    for s in settings {
-        for (k, o) in s.outcomes.iter().enumerate() {
-            let noise = if s.noisy { "yes" } else { "no" };
-            let shown = |x: f64| if x.is_finite() { format!("{x:e}") } else { String::new() };
-            let numbers = o.as_ref().map_or_else(
-                || vec![String::new(); 7],
-                |o| {
-                    let [[a, b], [c, d]] = [o.sphere, o.workspace];
-                    let errors = [a, b, c, d, o.residual, o.parameter].map(shown);
-                    errors.into_iter().chain([o.touches.to_string()]).collect()
-                },
-            );
-            let which = [s.arm, noise, s.design].map(String::from);
-            let count = [s.per_ball, k + 1].map(|n| n.to_string());
-            trials.push([&which[..], &count, &numbers].concat());
-        }
-        let (sphere, workspace) = (s.spread(SPHERE), s.spread(WORKSPACE));
-        rows.push(vec![
-            format!("{}, {}, {}", s.arm, if s.noisy { "noise" } else { "no noise" }, s.design),
-            s.per_ball.to_string(),
-            shown(sphere.mean),
-            format!("{} to {}", shown(sphere.low), shown(sphere.high)),
-            shown(workspace.mean),
-            format!("{} to {}", shown(workspace.low), shown(workspace.high)),
-            s.failed().to_string(),
-        ]);
-    }
-    let curve = |arm: &str, design: &str, of: fn(&Outcome) -> f64| -> Vec<(f64, f64, f64, f64)> {
+    let factors = |[sphere, workspace]: &[Vec<(usize, f64)>; 2]| {
+        let list = |list: &[(usize, f64)]| -> Vec<Value> {
+            list.iter().map(|(n, f)| json!({ "per_ball": n, "factor": f })).collect()
+        };
+        json!({ "sphere": list(sphere), "workspace": list(workspace) })
+    };
+    let json = json!({
+        "settings": settings.iter().map(Setting::json).collect::<Vec<_>>(),
+        "random_over_chosen": factors(&described),
+        "random_over_chosen_any_arm": factors(&any),
+        "largest_parameter_error_without_noise_si": recovered,
+    });
+    let title = "TriCal: study of touches";
+    Ok(Study { csv: csv(trials), table: rows, svg, verdict, notes: vec![without], json, title, sections })
+}
+
+/// How the arms of a study were drawn.
+fn how_simulated(common: &Common) -> String {
+    format!(
+        "{} true arms for each setting. Every length differs from nominal by {} mm and every angle by {} deg (standard \
+         deviations), compliances lie between {} and {} deg/Nm; noise: indicator {} mm, procedure {} mm, balls {} mm. \
+         Noise alone: arms that the parameters describe, the bands hold the middle four fifths of them. Any arm: every \
+         number of the table is changed, also those that no parameter stands for.",
+        common.trials,
+        common.length_mm,
+        common.angle_deg,
+        common.compliance_deg_per_nm[0],
+        common.compliance_deg_per_nm[1],
+        common.indicator_mm,
+        common.procedure_mm,
+        common.ballbar_mm
+    )
+}
+
+/// Error against touches: a curve for each kind of arm and design.
+fn curves(settings: &[Setting], of: fn(&Outcome) -> f64) -> Vec<Band> {
+    let curve = |arm: &str, design: &str| -> Vec<(f64, f64, f64, f64)> {
         settings
             .iter()
             .filter(|s| s.noisy && s.design == design && s.arm == arm)
@@ -159,102 +243,26 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
             })
             .collect()
     };
-    let panel = |of| -> Vec<Band> {
-        [
-            (DESCRIBED, CHOSEN, "chosen: noise alone", CURVES[0]),
-            (DESCRIBED, RANDOM, "random: noise alone", CURVES[1]),
-            (ANY, CHOSEN, "chosen: any arm", CURVES[2]),
-            (ANY, RANDOM, "random: any arm", CURVES[3]),
-        ]
-        .into_iter()
-        .map(|(arm, design, name, color)| Band { name: name.into(), color, points: curve(arm, design, of) })
-        .collect()
-    };
-    let (svg, figures) = drawn(
-        "touches a ball",
-        "mean position error, mm",
-        &[("in the sphere".into(), panel(SPHERE)), ("in the whole workspace".into(), panel(WORKSPACE))],
-        "Mean position error at poses that were not touched, and where four fifths of the arms lie.",
-    )?;
-    let factor = |arm: &str, of: fn(&Outcome) -> f64| {
-        let find = |design: &str, n: usize| {
-            settings.iter().find(|s| s.noisy && s.arm == arm && s.design == design && s.per_ball == n)
-        };
-        let ratios: Vec<(usize, f64)> = settings
-            .iter()
-            .filter(|s| s.noisy && s.arm == arm && s.design == RANDOM)
-            .filter_map(|r| Some((r.per_ball, r.spread(of).mean / find(CHOSEN, r.per_ball)?.spread(of).mean)))
-            .filter(|r| r.1.is_finite())
-            .collect();
-        ratios
-    };
-    let silent: Vec<&Setting> = settings.iter().filter(|s| !s.noisy).collect();
-    let recovered = silent
-        .iter()
-        .find(|s| s.arm == DESCRIBED)
-        .map_or(f64::NAN, |s| s.outcomes.iter().flatten().map(|o| o.parameter).fold(0.0, f64::max));
-    let left = silent.iter().find(|s| s.arm == ANY).map_or(f64::NAN, |s| s.spread(WORKSPACE).mean);
-    let (in_sphere, in_workspace) = (factor(DESCRIBED, SPHERE), factor(DESCRIBED, WORKSPACE));
-    let (any_sphere, any_workspace) = (factor(ANY, SPHERE), factor(ANY, WORKSPACE));
-    let words =
-        |list: &[(usize, f64)]| list.iter().map(|(n, f)| format!("{f:.2} ({n})")).collect::<Vec<_>>().join(", ");
-    let verdict = format!(
-        "Errors that noise leaves after random touches, divided by those after chosen ones (touches of each ball in brackets): in \
-         the sphere {}; in the workspace {}.",
-        words(&in_sphere),
-        words(&in_workspace)
-    );
-    let without = format!(
-        "Without noise, an arm that the {} parameters describe comes back to {recovered:.0e} (largest difference of a \
-         parameter, m, rad, rad/Nm); of any arm, in which every number of the table is changed, {} mm are left on average in \
-         the workspace: what these parameters cannot describe.",
-        known.terms.len(),
-        shown(left)
-    );
-    let sections = [
-        Section {
-            heading: "Error against touches".into(),
-            text: vec![
-                format!(
-                    "{} true arms for each setting. Every length differs from nominal by {} mm and every angle by {} deg (standard \
-                 deviations), compliances lie between {} and {} deg/Nm; noise: indicator {} mm, procedure {} mm, balls {} mm. \
-                 Noise alone: arms that the parameters describe, the bands hold the middle four fifths of them. Any arm: every \
-                 number of the table is changed, also those that no parameter stands for.",
-                    common.trials,
-                    common.length_mm,
-                    common.angle_deg,
-                    common.compliance_deg_per_nm[0],
-                    common.compliance_deg_per_nm[1],
-                    common.indicator_mm,
-                    common.procedure_mm,
-                    common.ballbar_mm
-                ),
-                without.clone(),
-            ],
-            figures,
-            ..Section::default()
-        },
-        Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
-    ];
-    let list: Vec<serde_json::Value> = settings
-        .iter()
-        .map(|s| {
-            json!({
-                "arm": s.arm, "noise": s.noisy, "design": s.design, "per_ball": s.per_ball,
-                "sphere_mean_mm": s.spread(SPHERE).mean, "workspace_mean_mm": s.spread(WORKSPACE).mean,
-                "gave_up": s.failed(),
-            })
+    [
+        (DESCRIBED, CHOSEN, "chosen: noise alone", CURVES[0]),
+        (DESCRIBED, RANDOM, "random: noise alone", CURVES[1]),
+        (ANY, CHOSEN, "chosen: any arm", CURVES[2]),
+        (ANY, RANDOM, "random: any arm", CURVES[3]),
+    ]
+    .into_iter()
+    .map(|(arm, design, name, color)| Band { name: name.into(), color, points: curve(arm, design) })
+    .collect()
+}
+
+/// Touches of each ball, and the error after random ones divided by that after chosen ones.
+fn random_over_chosen(settings: &[Setting], arm: &str, of: fn(&Outcome) -> f64) -> Vec<(usize, f64)> {
+    let designed =
+        |design: &'static str| settings.iter().filter(move |s| s.noisy && s.arm == arm && s.design == design);
+    designed(RANDOM)
+        .filter_map(|r| {
+            let chosen = designed(CHOSEN).find(|s| s.per_ball == r.per_ball)?;
+            Some((r.per_ball, r.spread(of).mean / chosen.spread(of).mean))
         })
-        .collect();
-    let factors =
-        |list: &[(usize, f64)]| list.iter().map(|(n, f)| json!({ "per_ball": n, "factor": f })).collect::<Vec<_>>();
-    let json = json!({
-        "settings": list,
-        "random_over_chosen": { "sphere": factors(&in_sphere), "workspace": factors(&in_workspace) },
-        "random_over_chosen_any_arm": { "sphere": factors(&any_sphere), "workspace": factors(&any_workspace) },
-        "largest_parameter_error_without_noise_si": recovered,
-    });
-    let title = "TriCal: study of touches";
-    let csv = csv(trials);
-    Ok(Study { table: rows, csv, svg, verdict, notes: vec![without], json, title, sections: sections.into() })
+        .filter(|r| r.1.is_finite())
+        .collect()
 }

@@ -36,7 +36,7 @@ pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) 
         if !sessions.is_empty() {
             list.retain(|c| !c.is_course());
             for (session, own) in sessions {
-                let of_a_day = |c: &Candidate| effect.scope != Scope::Arm || c.is_course();
+                let of_a_day = |c: &Candidate| c.is_course() || (sessions.len() > 1 && effect.scope != Scope::Arm);
                 let here = (effect.ask)(own).candidates.into_iter().filter(of_a_day);
                 list.extend(here.map(|c| c.in_session(*session)));
             }
@@ -147,14 +147,15 @@ mod tests {
         // warmth and loads are so on every day, or on one; what belongs to the arm is on all
         let warm = states(40, |k| State { t: Some(20.0 * k), temp_c: Some(20.0 + 0.1 * k), ..joints(k) });
         let r = || Covariates::new(&model, &warm, 1e-5);
-        let all = catalogue(&r(), &[(1, r()), (2, r())]).0;
-        let of_session = |id: EffectId| -> BTreeSet<Option<u32>> {
+        let of_session = |id: EffectId, sessions: &[(u32, Covariates<'_>)]| -> BTreeSet<Option<u32>> {
+            let all = catalogue(&r(), sessions).0;
             all.iter().filter(|c| c.cause == id.into()).map(Candidate::session).collect()
         };
         for id in [EffectId::ThermalGrowth, EffectId::Payload] {
-            assert_eq!(of_session(id), [None, Some(1), Some(2)].into(), "{id}");
+            assert_eq!(of_session(id, &[(1, r()), (2, r())]), [None, Some(1), Some(2)].into(), "{id}");
+            assert_eq!(of_session(id, &[(1, r())]), [None].into(), "{id}");
         }
-        assert_eq!(of_session(EffectId::GearRatio), [None].into());
+        assert_eq!(of_session(EffectId::GearRatio, &[(1, r()), (2, r())]), [None].into());
         let (_, untestable) = catalogue(&Covariates::new(&model, &states(40, joints), 1e-5), &[]);
         let lacks = |id| untestable.iter().find(|u| u.effect == id).map(|u| u.lacks);
         assert!(lacks(EffectId::JointZeroShift).is_some_and(|l| l.starts_with("time (t_s)")));

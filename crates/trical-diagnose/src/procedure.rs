@@ -315,10 +315,21 @@ impl<'a> Proving<'a> {
         }
         alternatives.push(Alternative { says: Says::Nothing, log_prior: 0.0, scores: instead(None) });
         let mut shares = shares(&alternatives);
-        // a rest at this place that the name leaves speaks for something that is not in the catalogue
-        let full = self.downdate.full();
-        let own = state.ss - full.ss;
-        let doubt = self.test.doubt(full, state, own, &|place| place.is_same_part(first.site));
+        // a rest at this place that the name leaves, be it that the model has a curve without a name for it over the same variable, speaks for
+        // something that is not in the catalogue
+        let own = state.ss - self.downdate.full().ss;
+        let is_here = |place: Place| place.is_same_part(first.site);
+        let over = |c: &Candidate| c.terms.first().map(|t| (t.basis.of, t.basis.sense));
+        let rest = |c: &usize| {
+            let c = &candidates[*c];
+            c.cause == Cause::Unexplained
+                && is_here(c.site)
+                && group.members.iter().any(|m| over(&candidates[*m]) == over(c))
+        };
+        let nameless: Vec<usize> = self.rounds.chosen.iter().copied().filter(rest).collect();
+        let named = self.search.without(&self.downdate, self.start, &nameless).state;
+        let without = self.search.without(&self.downdate, self.start, &[&group.members[..], &nameless].concat()).state;
+        let doubt = self.test.doubt(&named, &without, own, &is_here);
         shares.effect *= 1.0 - doubt;
         shares.family *= 1.0 - doubt;
         shares

@@ -319,14 +319,7 @@ impl<'a> Proving<'a> {
         // something that is not in the catalogue
         let own = state.ss - self.downdate.full().ss;
         let is_here = |place: Place| place.is_same_part(first.site);
-        let over = |c: &Candidate| c.terms.first().map(|t| (t.basis.of, t.basis.sense));
-        let rest = |c: &usize| {
-            let c = &candidates[*c];
-            c.cause == Cause::Unexplained
-                && is_here(c.site)
-                && group.members.iter().any(|m| over(&candidates[*m]) == over(c))
-        };
-        let nameless: Vec<usize> = self.rounds.chosen.iter().copied().filter(rest).collect();
+        let nameless = rest_over_the_same(candidates, &self.rounds.chosen, &group.members);
         let named = self.search.without(&self.downdate, self.start, &nameless).state;
         let without = self.search.without(&self.downdate, self.start, &[&group.members[..], &nameless].concat()).state;
         let doubt = self.test.doubt(&named, &without, own, &is_here);
@@ -402,6 +395,16 @@ impl<'a> Proving<'a> {
     }
 }
 
+/// What was chosen without a name at the place of a finding and over a variable of its own.
+fn rest_over_the_same(candidates: &[Candidate], chosen: &[usize], members: &[usize]) -> Vec<usize> {
+    let over = |c: &Candidate| c.terms.first().map(|t| (t.basis.of, t.basis.sense));
+    let is_rest = |c: &Candidate| {
+        let mut of = members.iter().map(|m| &candidates[*m]);
+        c.cause == Cause::Unexplained && of.any(|m| m.site.is_same_part(c.site) && over(m) == over(c))
+    };
+    chosen.iter().copied().filter(|c| is_rest(&candidates[*c])).collect()
+}
+
 /// Parameters of the arm, without those of the readings' own noise.
 fn arm_parameters(model: &Model) -> usize {
     model.terms.iter().filter(|t| is_parameter_of_arm(t)).count()
@@ -414,7 +417,7 @@ mod tests {
     use trical_model::{Basis, Shape, Variable};
 
     use super::*;
-    use crate::test_data::with_joint_2;
+    use crate::test_data::{off, with_joint_2};
 
     #[test]
     fn an_encoders_curve_and_scattered_lines_beyond_it_are_one_finding() {
@@ -445,6 +448,22 @@ mod tests {
         assert_eq!(said.findings.iter().map(sure).collect::<Vec<_>>(), expected);
         let again = |u: &&Unexplained| u.site == Place::Joint(2) && u.variable == "q2";
         assert!(!said.unexplained.iter().chain(&said.more_unexplained).any(|u| again(&u)), "{:?}", said.unexplained);
+    }
+
+    #[test]
+    fn a_curve_without_a_name_doubts_names_of_its_joint_over_the_same_variable() {
+        let curve = |joint: usize| off(Cause::Unexplained, joint, Shape::Hinge { at: 0.3 });
+        let by_direction = |mut c: Candidate| {
+            c.terms[0].basis.sense = Some(2);
+            c
+        };
+        let by_time = |mut c: Candidate| {
+            c.terms[0].basis.of = Variable::Time;
+            c
+        };
+        let name = off(EffectId::EncoderError.into(), 2, Shape::Sine { cycles: 3.0 });
+        let candidates = [name, curve(2), curve(2), curve(3), by_direction(curve(2)), by_time(curve(2))];
+        assert_eq!(rest_over_the_same(&candidates, &[0, 1, 3, 4, 5], &[0]), [1]);
     }
 
     #[test]

@@ -320,9 +320,12 @@ impl<'a> Proving<'a> {
         let own = state.ss - self.downdate.full().ss;
         let is_here = |place: Place| place.is_same_part(first.site);
         let nameless = rest_over_the_same(candidates, &self.rounds.chosen, &group.members);
-        let named = self.search.without(&self.downdate, self.start, &nameless).state;
-        let without = self.search.without(&self.downdate, self.start, &[&group.members[..], &nameless].concat()).state;
-        let doubt = self.test.doubt(&named, &without, own, &is_here);
+        let unnamed = (!nameless.is_empty()).then(|| {
+            [&[][..], &group.members]
+                .map(|own| self.search.without(&self.downdate, self.start, &[own, &nameless].concat()).state)
+        });
+        let [full, without] = unnamed.as_ref().map_or([self.downdate.full(), state], |[full, without]| [full, without]);
+        let doubt = self.test.doubt(full, without, own, &is_here);
         shares.effect *= 1.0 - doubt;
         shares.family *= 1.0 - doubt;
         shares
@@ -351,12 +354,7 @@ impl<'a> Proving<'a> {
     fn ask_probes(&self, unexplained: &mut Vec<Unexplained>, doubted: &[usize]) {
         let full = self.downdate.full();
         let candidates = &self.rounds.candidates;
-        let mut places: Vec<Place> = Vec::new();
-        for place in doubted.iter().filter_map(|c| candidates[*c].site.part()) {
-            if !places.contains(&place) {
-                places.push(place);
-            }
-        }
+        let places: Vec<Place> = doubted.iter().filter_map(|c| candidates[*c].site.part()).collect();
         let rest = |place, curves: bool| {
             self.chosen_without(place, &|c| {
                 if curves { candidates[c].cause == Cause::Unexplained } else { doubted.contains(&c) }

@@ -21,8 +21,9 @@ fn octave(cycles: f64) -> usize {
 }
 
 impl Design {
-    /// Standard deviations of the waves of the first `curves` of the candidates (which are those of the design), beside the others, as the data say they are: for each curve one
-    /// for each of its coefficients. The noise must be that of a fit with all of them. `None` where they do not determine a fit.
+    /// Standard deviations of the waves of the first `curves` of the candidates (which are those of the design), beside the others, as the data say
+    /// they are: for each curve one for each of its coefficients. The noise must be that of a fit with all of them. `None` where they do not
+    /// determine a fit.
     #[must_use]
     pub fn wave_sizes(&self, candidates: &[Candidate], curves: usize) -> Option<Vec<Vec<f64>>> {
         self.prepare(&(0..candidates.len()).collect::<Vec<_>>());

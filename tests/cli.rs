@@ -256,11 +256,14 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
         serde_json::from_slice::<serde_json::Value>(&o.stdout).unwrap()
     };
     // neither plan nor recording stands for the other, and no recording is lost
-    place.write("r.csv", HEADER);
-    let over = place.run(&[&["plan"][..], &CELL_ARGS, &["--out", "r.csv"]].concat());
-    assert_eq!(over.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&over.stderr).contains("r.csv: is a recording, and would be replaced"));
-    assert_eq!(std::fs::read_to_string(place.path("r.csv")).unwrap(), HEADER);
+    let poses = "seq;Q1_rad;q2_rad;q3_rad;q4_rad;q5_rad;q6_rad;x_m;y_m;z_m;qw;qx;qy;qz\r\n";
+    for header in [poses, HEADER] {
+        place.write("r.csv", header);
+        let over = place.run(&[&["plan"][..], &CELL_ARGS, &["--out", "r.csv"]].concat());
+        assert_eq!(over.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&over.stderr).contains("r.csv: is a recording, and would be replaced"));
+        assert_eq!(std::fs::read_to_string(place.path("r.csv")).unwrap(), header);
+    }
     let d = plan(&["--report", "plan.html"]);
     assert_eq!((&d["touches"], &d["pool"]), (&serde_json::json!(45), &serde_json::json!(300)));
     place.refuses(&identify("plan.csv"), &["plan.csv, header: is that of a plan"]);

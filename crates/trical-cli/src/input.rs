@@ -8,7 +8,7 @@ use trical_ident::{JointSource, ToolSharing};
 use trical_model::urdf::UrdfPath;
 use trical_model::{Cell, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
-use trical_recording::{CsvStream, RecordError, open_large};
+use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large};
 use trical_report::Made;
 
 use crate::error::{CliError, Result};
@@ -141,13 +141,16 @@ pub fn check_output<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>)
     Ok(())
 }
 
-/// Whether a file is a recording, by its first bytes.
+/// Whether a file is a recording, by how it begins.
 fn is_recording(path: &Path) -> bool {
+    // no pipe or device, that may wait for ever
+    let Some(file) = path.is_file().then(|| std::fs::File::open(path).ok()).flatten() else { return false };
     let mut head = Vec::new();
-    let read = std::fs::File::open(path).and_then(|f| f.take(4096).read_to_end(&mut head));
-    let line = head.split(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
-    let measured = [&b"ix_mm"[..], b"target", b"reference", b"d_mm"];
-    read.is_ok() && (head.starts_with(b"\x89MCAP") || line.split(|b| *b == b',').any(|name| measured.contains(&name)))
+    let read = file.take(4096).read_to_end(&mut head);
+    let text = String::from_utf8_lossy(&head);
+    let header = text.lines().next().unwrap_or_default().trim_start_matches('\u{feff}').to_lowercase();
+    let names = header.split([',', ';', '\t']).map(|name| name.trim().trim_matches('"'));
+    read.is_ok() && (is_mcap(path).unwrap_or(false) || columns::is_recording(names))
 }
 
 /// The same of a command that writes a recording.

@@ -503,6 +503,13 @@ pub fn find(name: &str) -> Option<(&'static Column, usize, Unit)> {
     })
 }
 
+/// Whether columns of these names are those of a recording: all that every row needs, and all that one kind of measurement needs.
+pub fn is_recording<'a>(names: impl Iterator<Item = &'a str>) -> bool {
+    let fields: Vec<Field> = names.filter_map(find).map(|(column, ..)| column.field).collect();
+    let needs = |c: &Column, kind| c.required && (c.kinds.is_empty() || c.kinds.contains(&kind));
+    Kind::ALL.iter().any(|kind| COLUMNS.iter().filter(|c| needs(c, *kind)).all(|c| fields.contains(&c.field)))
+}
+
 /// All columns in words, for messages.
 #[must_use]
 pub fn known() -> String {

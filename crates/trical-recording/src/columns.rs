@@ -503,9 +503,12 @@ pub fn find(name: &str) -> Option<(&'static Column, usize, Unit)> {
     })
 }
 
-/// Whether columns of these names are those of a recording: all that every row needs, and all that one kind of measurement needs.
+/// Whether columns of these names are those of a recording: all that every row needs, all that one kind of measurement needs, and none
+/// that is unknown.
 pub fn is_recording<'a>(names: impl Iterator<Item = &'a str>) -> bool {
-    let fields: Vec<Field> = names.filter_map(find).map(|(column, ..)| column.field).collect();
+    let Some(fields) = names.map(|name| find(name).map(|(c, ..)| c.field)).collect::<Option<Vec<_>>>() else {
+        return false;
+    };
     let needs = |c: &Column, kind| c.required && (c.kinds.is_empty() || c.kinds.contains(&kind));
     Kind::ALL.iter().any(|kind| COLUMNS.iter().filter(|c| needs(c, *kind)).all(|c| fields.contains(&c.field)))
 }

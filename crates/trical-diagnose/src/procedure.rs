@@ -331,10 +331,10 @@ impl<'a> Proving<'a> {
         shares
     }
 
-    /// What was chosen but for some of what is at a place.
-    fn chosen_without(&self, place: Place, goes: &dyn Fn(usize) -> bool) -> Vec<usize> {
+    /// What was chosen at a place, and `goes`.
+    fn chosen_at(&self, place: Place, goes: &dyn Fn(usize) -> bool) -> Vec<usize> {
         let Rounds { candidates, chosen, .. } = self.rounds;
-        chosen.iter().copied().filter(|c| !(place.is_same_part(candidates[*c].site) && goes(*c))).collect()
+        chosen.iter().copied().filter(|c| place.is_same_part(candidates[*c].site) && goes(*c)).collect()
     }
 
     /// How well the baseline with some of what was chosen predicts what it was not fitted to.
@@ -344,10 +344,9 @@ impl<'a> Proving<'a> {
         Proof { blocks: rms(&self.blocks), forward: rms(&self.later) }
     }
 
-    /// Held-out error of a set of what was chosen, with a probe where one is given, mm rms.
-    fn rms_mm(&self, set: &[usize], probe: Option<usize>) -> f64 {
-        let rest: Vec<usize> = self.rounds.chosen.iter().copied().filter(|c| !set.contains(c)).collect();
-        self.blocks.as_ref().map_or(0.0, |p| p.errors(&rest, probe).rms_mm)
+    /// Held-out error without some of what was chosen, with a probe where one is given, mm rms.
+    fn rms_mm(&self, out: &[usize], probe: Option<usize>) -> f64 {
+        self.blocks.as_ref().map_or(0.0, |p| p.errors(out, probe).rms_mm)
     }
 
     /// Adds what probes find beside curves without a name, at doubted places, and where nothing was modelled; the largest first.
@@ -355,22 +354,22 @@ impl<'a> Proving<'a> {
         let full = self.downdate.full();
         let candidates = &self.rounds.candidates;
         let places: Vec<Place> = doubted.iter().filter_map(|c| candidates[*c].site.part()).collect();
-        let rest = |place, curves: bool| {
-            self.chosen_without(place, &|c| {
+        let out = |place, curves: bool| {
+            self.chosen_at(place, &|c| {
                 if curves { candidates[c].cause == Cause::Unexplained } else { doubted.contains(&c) }
             })
         };
-        let state = |set: &[usize]| self.search.with(self.start, set);
+        let without = |out: &[usize]| self.search.without(&self.downdate, self.start, out).state;
         add_probe_results(
             &self.test,
             full,
             unexplained,
             &places,
-            &|place, curves| state(&rest(place, curves)),
-            &|place, curves, probe| self.rms_mm(&rest(place, curves), probe),
+            &|place, curves| without(&out(place, curves)),
+            &|place, curves, probe| self.rms_mm(&out(place, curves), probe),
         );
-        let explained = |place| state(&self.chosen_without(place, &|_| true)).ss - full.ss;
-        let rms_mm = |probe| self.rms_mm(&self.rounds.chosen, probe);
+        let explained = |place| without(&self.chosen_at(place, &|_| true)).ss - full.ss;
+        let rms_mm = |probe| self.rms_mm(&[], probe);
         let left = remaining_lack_of_fit(&self.test, full, &explained, &rms_mm);
         let known = |m: &Unexplained| unexplained.iter().any(|u| u.site == m.site && u.variable == m.variable);
         let left: Vec<Unexplained> = left.into_iter().filter(|m| !known(m)).collect();

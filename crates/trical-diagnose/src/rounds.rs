@@ -321,7 +321,8 @@ impl Rounds {
         for m in test.places(&state).into_iter().filter(|m| m.p_value < LACK_OF_FIT_P) {
             let rest: Vec<usize> =
                 self.chosen.iter().copied().filter(|c| !m.site.is_same_part(self.candidates[*c].site)).collect();
-            if m.dss > CONSIDERABLE_SHARE * (search.with(&start, &rest).ss - state.ss) {
+            let without = search.among(&start, &rest, |few, start| few.with(start, &rest).ss);
+            if m.dss > CONSIDERABLE_SHARE * (without - state.ss) {
                 places.push(m.site);
             }
         }

@@ -13,6 +13,9 @@ use trical_model::interrupt::stop_wanted;
 /// Of a ranking, so many are sorted before anybody asks for more.
 const FIRST: usize = 64;
 
+/// Candidates whose inner products are worked out together, before it is known whether they are needed.
+const AHEAD: usize = 6;
+
 /// A member of a set, with what could be in its place.
 struct Member {
     own: usize,
@@ -69,15 +72,7 @@ impl<'a> Search<'a> {
     #[must_use]
     pub fn first(&self, start: &RegressionState, initial: &[usize], count: usize) -> Vec<usize> {
         let mut chosen: Vec<usize> = initial.to_vec();
-        let mut state = self.with(start, initial);
-        while chosen.len() < initial.len() + count && !stop_wanted() {
-            let Some(best) = self.best(&state).find(|r| !chosen.contains(&r.candidate)) else { break };
-            if best.evidence < EVIDENCE_NATS {
-                break;
-            }
-            self.design.add(&mut state, best.candidate);
-            chosen.push(best.candidate);
-        }
+        self.forward(start, &mut chosen, initial.len() + count);
         self.backward(start, &mut chosen);
         chosen
     }
@@ -155,12 +150,7 @@ impl<'a> Search<'a> {
     /// The state with a set of candidates added.
     #[must_use]
     pub fn with(&self, start: &RegressionState, set: &[usize]) -> RegressionState {
-        self.design.prepare(set);
-        let mut state = start.clone();
-        for c in set {
-            self.design.add(&mut state, *c);
-        }
-        state
+        self.design.with(start, set)
     }
 
     /// The state of a downdate without some of its set.
@@ -213,10 +203,10 @@ impl<'a> Search<'a> {
         for _ in 0..3 {
             let before = chosen.clone();
             self.drop_implausible(start, &mut chosen);
-            self.forward(start, &mut chosen);
+            self.forward(start, &mut chosen, MOST_EFFECTS);
             if chosen.len() <= 1 {
                 self.try_pairs(start, &mut chosen);
-                self.forward(start, &mut chosen);
+                self.forward(start, &mut chosen, MOST_EFFECTS);
             }
             self.swap(start, &mut chosen, &|_| true);
             self.merge(start, &mut chosen);
@@ -227,7 +217,7 @@ impl<'a> Search<'a> {
             }
         }
         while self.drop_implausible(start, &mut chosen) {
-            self.forward(start, &mut chosen);
+            self.forward(start, &mut chosen, MOST_EFFECTS);
         }
         chosen
     }
@@ -250,17 +240,32 @@ impl<'a> Search<'a> {
         bad.is_some()
     }
 
-    fn forward(&self, start: &RegressionState, chosen: &mut Vec<usize>) {
+    /// Adds the best candidate as long as it earns its place, until there are `most`.
+    fn forward(&self, start: &RegressionState, chosen: &mut Vec<usize>, most: usize) {
         let mut state = self.with(start, chosen);
         // asked to stop, whatever was chosen will not be used
-        while chosen.len() < MOST_EFFECTS && !stop_wanted() {
-            let Some(best) = self.best(&state).find(|r| !chosen.contains(&r.candidate)) else { break };
-            if best.evidence < EVIDENCE_NATS {
+        while chosen.len() < most && !stop_wanted() {
+            let best = self.best_of_each_place(&state, chosen);
+            let Some(first) = best.first() else { break };
+            // others may be next, and inner products cost less together
+            self.design.prepare(&best);
+            self.design.add(&mut state, *first);
+            chosen.push(*first);
+        }
+    }
+
+    /// The best new candidates that earn their place beside `chosen`, at most [`AHEAD`], of each place one.
+    fn best_of_each_place(&self, state: &RegressionState, chosen: &[usize]) -> Vec<usize> {
+        let mut best: Vec<usize> = Vec::new();
+        for r in self.best(state).take_while(|r| r.evidence >= EVIDENCE_NATS).take(FIRST) {
+            if !chosen.contains(&r.candidate) && !best.iter().any(|b| self.same_place(*b, r.candidate)) {
+                best.push(r.candidate);
+            }
+            if best.len() == AHEAD {
                 break;
             }
-            self.design.add(&mut state, best.candidate);
-            chosen.push(best.candidate);
         }
+        best
     }
 
     /// Two effects can hide each other: the best pairs of a shortlist, against what was chosen.

@@ -244,6 +244,27 @@ impl Shape {
     }
 }
 
+/// Values of shapes one after the other: the sine and the cosine of an angle, which mostly follow each other, are found together.
+#[derive(Default)]
+pub(crate) struct Wave {
+    angle: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+impl Wave {
+    /// As [`Shape::at`], without the derivative.
+    pub fn value(&mut self, shape: Shape, u: f64) -> f64 {
+        let (Shape::Sine { cycles } | Shape::Cosine { cycles }) = shape else { return shape.at(u).0 };
+        let angle = cycles * u;
+        if angle != self.angle || self.cosine == 0.0 {
+            let (sine, cosine) = sin_cos(angle);
+            *self = Self { angle, sine, cosine };
+        }
+        if matches!(shape, Shape::Sine { .. }) { self.sine } else { self.cosine }
+    }
+}
+
 /// A scalar function of what is known about a pose: `shape(of)`, times the sense of a joint's last motion if `sense` is given, times
 /// a function of a joint's value if `beside` is, and 0 outside of one session, or one place of the balls there, if `session` and `place` are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::axis::Axis;
-use crate::basis::{Basis, Variable};
+use crate::basis::{Basis, Variable, Wave};
 use crate::cell::Cell;
 use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, Place, small_rotation};
 use crate::error::{ModelError, Result};
@@ -444,10 +444,11 @@ impl Forward {
         ws.tool = self.tool;
         ws.fixture = self.fixture;
         ws.frame = self.frame_moves.get(frame).copied().unwrap_or_default();
+        let mut wave = Wave::default();
         for (k, index) in &self.varying {
             let b = &self.bound[*index];
             let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            ws.says[*index] = Self::factor(&b.basis, state) * b.basis.shape.at(u).0;
+            ws.says[*index] = Self::factor(&b.basis, state) * wave.value(b.basis.shape, u);
             let v = self.model.terms[*k].value * b.weight * ws.says[*index];
             match self.dofs[b.dof] {
                 Dof::Chain(i, dof) => ws.increments[i][dof as usize] += v,

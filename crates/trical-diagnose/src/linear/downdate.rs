@@ -11,7 +11,7 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
 use super::design::Design;
-use super::state::{Part, RegressionState, cholesky, forward_substitution};
+use super::state::{Part, RegressionState, cholesky, forward_substitution, lengths};
 
 /// A set of candidates on a state.
 pub struct Downdate<'a> {
@@ -42,18 +42,10 @@ impl<'a> Downdate<'a> {
     /// Adds all of `set` to `start`.
     #[must_use]
     pub fn new(design: &'a Design, start: &'a RegressionState, set: &'a [usize]) -> Self {
-        design.prepare(set);
-        let mut full = start.clone();
-        for c in set {
-            design.add(&mut full, *c);
-        }
+        let full = design.with(start, set);
         let (added, parts) = (&full.added[start.added.len()..], &full.parts[start.parts.len()..]);
         let m = added.len();
-        let l = Mat::from_fn(m, m, |j, k| match j.cmp(&k) {
-            std::cmp::Ordering::Less => 0.0,
-            std::cmp::Ordering::Equal => added[k].norm,
-            std::cmp::Ordering::Greater => parts[k].w[added[j].column],
-        });
+        let l = lengths(added, parts);
         let mut inverse = Mat::<f64>::identity(m, m);
         solve_lower_triangular_in_place(l.as_ref(), inverse.as_mut(), Par::Seq);
         let mut w = Mat::<f64>::zeros(design.width, m);
@@ -86,11 +78,8 @@ impl<'a> Downdate<'a> {
         let out: Vec<usize> = (0..self.columns.len()).filter(|k| is_own(self.columns[*k])).collect();
         if like.added.len() + out.len() != self.columns.len() {
             // what the set has absorbed of the others is their own now
-            let mut state = self.start.clone();
-            for c in self.set.iter().filter(|c| !own.contains(c)) {
-                self.design.add(&mut state, *c);
-            }
-            return Downdated { state, common: 0 };
+            let others: Vec<usize> = self.set.iter().copied().filter(|c| !own.contains(c)).collect();
+            return Downdated { state: self.design.with(self.start, &others), common: 0 };
         }
         let k = out.len();
         let of = |i: usize| self.inverse.col_as_slice(out[i]);

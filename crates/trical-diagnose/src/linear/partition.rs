@@ -465,7 +465,12 @@ impl Block {
 }
 
 fn some_rows(m: &Mat<f64>, rows: &[usize]) -> Mat<f64> {
-    Mat::from_fn(rows.len(), m.ncols(), |i, j| m[(rows[i], j)])
+    let mut some = Mat::zeros(rows.len(), m.ncols());
+    for j in 0..m.ncols() {
+        let of = m.col_as_slice(j);
+        some.col_as_slice_mut(j).iter_mut().zip(rows).for_each(|(v, row)| *v = of[*row]);
+    }
+    some
 }
 
 /// `I + sign a b`.

@@ -1,8 +1,10 @@
 //! A state of the search: the fit with some candidates added, and what others would do then.
 
+use std::cmp::Ordering;
 use std::sync::{Arc, OnceLock};
 
-use faer::Mat;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Mat, Par};
 use pulp::Arch;
 use trical_ident::triangle::dot;
 
@@ -193,6 +195,40 @@ impl Design {
         self.add_left(state, candidate, left, state.parts.len());
     }
 
+    /// A state with a set of candidates added. In a design that is much wider than the set, they are added one after the other to the picture of
+    /// the set alone; with `L` the lengths and products that they have there, and `C` what `start` leaves of their inner products with
+    /// all columns, the basis vectors are the columns of `C L'^-1`.
+    #[must_use]
+    pub fn with(&self, start: &RegressionState, set: &[usize]) -> RegressionState {
+        self.prepare(set);
+        let mut state = start.clone();
+        let columns: usize = set.iter().map(|c| self.spans[*c].1 - self.spans[*c].0).sum();
+        if self.width < 4 * columns {
+            set.iter().for_each(|c| self.add(&mut state, *c));
+            return state;
+        }
+        let (few, mut among) = self.narrowed(start, set);
+        let mut w = Vec::new();
+        for c in set {
+            let before = among.added.len();
+            few.add(&mut among, *c);
+            if among.added.len() > before {
+                let left = self.orthogonal(&start.parts, *c);
+                w.extend(among.added[before..].iter().map(|a| left[a.column - few.spans[*c].0].clone()));
+                let own = |a: &Added| Added { column: a.column - few.spans[*c].0 + self.spans[*c].0, ..*a };
+                state.added.extend(among.added[before..].iter().map(own));
+            }
+        }
+        let l = lengths(&among.added, &among.parts[start.parts.len()..]);
+        let mut w = Mat::from_fn(w.len(), self.width, |k, a| w[k][a]);
+        solve_lower_triangular_in_place(l.as_ref(), w.as_mut(), Par::Seq);
+        for (k, added) in among.added.iter().enumerate() {
+            state.explain(self, Part { w: w.row(k).iter().copied().collect(), taken_out: false }, added.d);
+        }
+        (state.ss, state.parameters) = (among.ss, among.parameters);
+        state
+    }
+
     /// What some parts leave of the inner products with each column of a candidate.
     pub(crate) fn orthogonal(&self, parts: &[Part], candidate: usize) -> Vec<Vec<f64>> {
         let (from, to) = self.spans[candidate];
@@ -336,6 +372,15 @@ impl Design {
         let n = (to - from).max(1) as f64;
         size * (trace / n).max(0.0).sqrt()
     }
+}
+
+/// The matrix `L` of columns that were added: their lengths, and below what each of the parts has of those after it.
+pub(crate) fn lengths(added: &[Added], parts: &[Part]) -> Mat<f64> {
+    Mat::from_fn(added.len(), added.len(), |j, k| match j.cmp(&k) {
+        Ordering::Less => 0.0,
+        Ordering::Equal => added[k].norm,
+        Ordering::Greater => parts[k].w[added[j].column],
+    })
 }
 
 /// Takes what is known of them out of the columns `w` of inner products: the loops that diagnoses spend their time in, compiled

@@ -536,6 +536,12 @@ impl Forward {
         self.tool_on(&ws.moved.flange, ws)
     }
 
+    /// Orientation of the tool in {w} at the measurement that was linearized last.
+    #[must_use]
+    pub fn tool_axes(&self, ws: &Workspace) -> Matrix3<f64> {
+        ws.moved.flange.axes.matrix() * self.tool_at(ws).0
+    }
+
     #[inline]
     fn tool_on(&self, flange: &Place, ws: &Workspace) -> Pose {
         let (rotation, _) = self.tool_at(ws);

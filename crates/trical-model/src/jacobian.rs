@@ -34,12 +34,7 @@ impl Forward {
         self.all_columns(state, measured, frame, &target, ws);
         let p = self.free.len();
         for (column, term) in self.free.iter().enumerate() {
-            let (from, to) = self.spans[*term];
-            let mut sum = [0.0; 6];
-            for index in from..to {
-                self.add_action(index, measured, ws, &mut sum);
-            }
-            for (row, value) in sum.iter().enumerate().take(rows) {
+            for (row, value) in self.column(*term, measured, ws).iter().enumerate().take(rows) {
                 jacobian[row * p + column] = *value;
             }
         }
@@ -147,6 +142,39 @@ impl Forward {
                 add(to, from, 1.0);
             }
         }
+    }
+
+    /// The motion by which a term acts, if its column is what that motion does, times a number: where it acts by one motion alone, varies from
+    /// pose to pose, and is no load.
+    #[must_use]
+    pub fn motion(&self, term: usize) -> Option<usize> {
+        let (from, to) = self.spans[term];
+        let [b] = &self.bound[from..to] else { return None };
+        let is_load = matches!(self.dofs[b.dof], Dof::PayloadMass | Dof::PayloadMoment(_));
+        (!b.constant && !is_load).then_some(b.dof)
+    }
+
+    /// What a motion does at the measurement that was linearized last: derivatives of its residuals.
+    #[must_use]
+    pub fn does<'w>(&self, motion: usize, ws: &'w Workspace) -> &'w [f64; 6] {
+        &ws.columns[motion]
+    }
+
+    /// The number by which the motion of a term is multiplied there; 0 for a term without one motion.
+    #[must_use]
+    pub fn amount(&self, term: usize, ws: &Workspace) -> f64 {
+        let index = self.spans[term].0;
+        self.motion(term).map_or(0.0, |_| self.bound[index].weight * ws.says[index])
+    }
+
+    /// The column of any term there, free or not: derivatives of the residuals to its coefficient.
+    #[inline]
+    #[must_use]
+    pub fn column(&self, term: usize, measured: &Measured, ws: &Workspace) -> [f64; 6] {
+        let mut sum = [0.0; 6];
+        let (from, to) = self.spans[term];
+        (from..to).for_each(|index| self.add_action(index, measured, ws, &mut sum));
+        sum
     }
 
     /// Adds the derivative to the coefficient of one action.

@@ -1,20 +1,19 @@
 //! The linearized fit itself: residual, derivatives to the fitted parameters, and the columns of the candidates.
 //!
-//! Most columns are one direction of their site at a measurement times a number that their basis says: they are stored as that
-//! number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
+//! Most columns are what one motion of the arm, its tool or its surroundings does at a measurement, times a number that the term's basis
+//! says: they are stored as that number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
 
 use std::ops::Range;
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
-use pulp::Arch;
 use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
-use trical_model::{Basis, Forward, Measured, Model, Site, Term, residual_rows};
+use trical_model::{Forward, Measured, Model, Term, residual_rows};
 
 use crate::candidate::Candidate;
 use crate::correlated_noise::{CorrelatedNoise, Filter, in_device_axes};
@@ -24,9 +23,6 @@ const PIECE: usize = 512;
 
 /// Columns on the other side of a product that are taken at once.
 const BATCH: usize = 64;
-
-/// Largest part of a column's length beside its site's direction that is rounding.
-const ROUNDING: f64 = 1e-13;
 
 /// Most rows of a measurement.
 const MOST_ROWS: usize = 6;
@@ -92,7 +88,7 @@ pub(crate) struct Linear {
     first_row: Vec<usize>,
     /// How many candidate columns.
     width: usize,
-    /// Where each column is stored: columns of one family stand together.
+    /// Where each column is stored: columns of one family, which have one motion, stand together.
     place: Vec<usize>,
     /// What its basis says of each column, `observations x width`, row-major, by place.
     says: Vec<f64>,
@@ -100,9 +96,9 @@ pub(crate) struct Linear {
     families: Vec<(usize, usize)>,
     /// Family of each place.
     family: Vec<usize>,
-    /// Unit direction of each family at each observation, `rows x families`.
+    /// Unit direction of what the motion of each family does, `rows x families`.
     directions: Mat<f64>,
-    /// Columns that are not along their family's direction, all rows, and by place which of them it is. What `says` has for them is
+    /// Columns that are no number times one motion, all rows, and by place which of them it is. What `says` and `directions` have for them is
     /// zero.
     whole: Mat<f64>,
     whole_of: Vec<Option<usize>>,
@@ -123,14 +119,18 @@ impl Linear {
         let values: Vec<f64> = model.terms[effects..].iter().map(|t| t.value).collect();
         let terms: Vec<_> = candidates.iter().flat_map(|c| &c.terms).collect();
         let width = terms.len();
-        let Families { by_family, place, families } = Families::of(&terms);
-        let factors = factors(candidates, weights, &place);
         let mut wide = model.clone();
-        wide.terms.extend(by_family.iter().map(|(_, column)| terms[*column].clone()));
-        let free = (0..p).chain(effects..own + width).collect();
-        let forward = Forward::new(wide, free)?;
-        let first = p + values.len();
-        let total = first + width;
+        wide.terms.extend(terms.into_iter().cloned());
+        let forward = Forward::new(wide, (0..p).chain(effects..own).collect())?;
+        let motions: Vec<Option<usize>> = (own..own + width).map(|term| forward.motion(term)).collect();
+        let Families { family, place, families } = Families::of(&motions);
+        let whole: Vec<usize> = (0..width).filter(|column| motions[*column].is_none()).collect();
+        let mut whole_of = vec![None; width];
+        whole.iter().enumerate().for_each(|(k, column)| whole_of[place[*column]] = Some(k));
+        let mut of_family = vec![None; families.len()];
+        motions.iter().zip(&place).for_each(|(motion, at)| of_family[family[*at]] = *motion);
+        let weights = by_column(candidates, weights);
+        let total = p + values.len();
 
         let count = data.observations.len();
         let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
@@ -145,121 +145,69 @@ impl Linear {
             width,
             place,
             says: vec![0.0; count * width],
-            family: by_family.iter().map(|(family, _)| *family).collect(),
+            family,
             directions: Mat::zeros(rows, families.len()),
             families,
-            whole: Mat::zeros(rows, 0),
-            whole_of: vec![None; width],
+            whole: Mat::zeros(rows, whole.len()),
+            whole_of,
         };
         let mut ws = forward.workspace();
         let mut block = vec![0.0; MOST_ROWS * total];
-        let mut along = Along::new(width);
+        let mut lengths = vec![0.0; all.families.len()];
         let mut row = 0;
         for (index, o) in data.observations.iter().enumerate() {
             if index % 64 == 0 {
                 trical_model::interrupt::checkpoint()?;
             }
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
-            let mut residual = *ws.residual();
-            if matches!(o.measured, Measured::Touch { .. }) {
-                let tool = forward.world_from_tool(&o.state, &mut ws).rotation;
-                in_device_axes(&tool, &mut residual[..3]);
-                in_device_axes(&tool, &mut block[..3 * total]);
-            }
+            let tool = matches!(o.measured, Measured::Touch { .. }).then(|| forward.tool_axes(&ws));
+            let weighted = |mut column: [f64; MOST_ROWS]| {
+                tool.iter().for_each(|tool| in_device_axes(tool, &mut column[..3]));
+                (0..n).for_each(|k| column[k] /= noise.sigma(o.recording, &o.measured, k));
+                column
+            };
+            let residual = weighted(*ws.residual());
             for k in 0..n {
-                let sigma = noise.sigma(o.recording, &o.measured, k);
-                let s = 1.0 / sigma;
                 // rotations of a pose are fitted, but a position error has no part in them
-                all.sigma_of_row.push((if k < 3 { sigma } else { 0.0 }, index));
+                let sigma = if k < 3 { noise.sigma(o.recording, &o.measured, k) } else { 0.0 };
+                all.sigma_of_row.push((sigma, index));
                 all.pose_of_row[row + k] = o.pose;
-                let line = &mut block[k * total..(k + 1) * total];
-                for v in line.iter_mut() {
-                    *v *= s;
-                }
-                for (j, v) in line[..p].iter().enumerate() {
-                    all.jacobian[(row + k, j)] = *v;
-                }
-                let taken: f64 = line[p..first].iter().zip(&values).map(|(column, value)| column * value).sum();
-                all.residual[row + k] = residual[k] * s - taken;
+                all.residual[row + k] = residual[k];
             }
-            let lines: Vec<&[f64]> = (0..n).map(|k| &block[k * total + first..(k + 1) * total]).collect();
-            all.take(&lines, index, row, &factors, &mut along);
+            for j in 0..total {
+                let column = weighted(std::array::from_fn(|k| if k < n { block[k * total + j] } else { 0.0 }));
+                for (k, v) in column.iter().enumerate().take(n) {
+                    match j.checked_sub(p) {
+                        None => all.jacobian[(row + k, j)] = *v,
+                        Some(effect) => all.residual[row + k] -= v * values[effect],
+                    }
+                }
+            }
+            for (family, motion) in of_family.iter().enumerate() {
+                let does = motion.map_or([0.0; MOST_ROWS], |motion| weighted(*forward.does(motion, &ws)));
+                lengths[family] = does[..n].iter().map(|v| v * v).sum::<f64>().sqrt();
+                if lengths[family] > 0.0 {
+                    (0..n).for_each(|k| all.directions[(row + k, family)] = does[k] / lengths[family]);
+                }
+            }
+            let says = &mut all.says[index * width..(index + 1) * width];
+            for (column, at) in all.place.iter().enumerate() {
+                says[*at] = forward.amount(own + column, &ws) * lengths[all.family[*at]];
+            }
+            for (k, column) in whole.iter().enumerate() {
+                let rows = weighted(forward.column(own + column, &o.measured, &ws));
+                all.whole.col_as_slice_mut(k)[row..row + n].copy_from_slice(&rows[..n]);
+            }
+            for (column, weights) in &weights {
+                says[all.place[*column]] *= weights[index];
+                if let Some(k) = all.whole_of[all.place[*column]] {
+                    all.whole.col_as_slice_mut(k)[row..row + n].iter_mut().for_each(|v| *v *= weights[index]);
+                }
+            }
             row += n;
             all.first_row.push(row);
         }
-        all.keep_whole(along);
         Ok(all)
-    }
-
-    /// Keeps the columns that are not along their family's direction.
-    fn keep_whole(&mut self, along: Along) {
-        let whole: Vec<(usize, Vec<f64>)> =
-            along.whole.into_iter().enumerate().filter_map(|(at, whole)| Some((at, whole?))).collect();
-        self.whole = Mat::zeros(self.rows(), whole.len());
-        for (k, (at, column)) in whole.into_iter().enumerate() {
-            self.whole.col_as_slice_mut(k).copy_from_slice(&column);
-            self.whole_of[at] = Some(k);
-        }
-    }
-
-    /// Takes an observation's part of all columns.
-    fn take(&mut self, lines: &[&[f64]], index: usize, row: usize, factors: &[(usize, &[f64])], along: &mut Along) {
-        let Self { directions, families, says, width, .. } = self;
-        let says = &mut says[index * *width..(index + 1) * *width];
-        Arch::new().dispatch(Squares { lines, squares: &mut along.squares });
-        for (family, (from, to)) in families.iter().enumerate() {
-            let squares = &along.squares[*from..*to];
-            let longest = (0..squares.len()).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
-            let length = squares[longest].sqrt();
-            let mut direction = [0.0; MOST_ROWS];
-            if length > 0.0 {
-                for (k, line) in lines.iter().enumerate() {
-                    direction[k] = line[from + longest] / length;
-                    directions[(row + k, family)] = direction[k];
-                }
-            }
-            Arch::new().dispatch(Onto {
-                lines,
-                from: *from,
-                direction,
-                says: &mut says[*from..*to],
-                beside: &mut along.beside[*from..*to],
-            });
-        }
-        let beside = along.squares.iter().zip(&along.beside);
-        let crooked: Vec<usize> =
-            beside.enumerate().filter(|(_, (s, b))| **b > ROUNDING * ROUNDING * **s).map(|(at, _)| at).collect();
-        for at in crooked {
-            if along.whole[at].is_none() {
-                along.whole[at] = Some(self.whole_until(at, index));
-            }
-        }
-        for (at, whole) in along.whole.iter_mut().enumerate() {
-            if let Some(whole) = whole {
-                self.says[index * self.width + at] = 0.0;
-                for (k, line) in lines.iter().enumerate() {
-                    whole[row + k] = line[at];
-                }
-            }
-        }
-        for (at, weights) in factors {
-            self.says[index * self.width + at] *= weights[index];
-            if let Some(whole) = &mut along.whole[*at] {
-                whole[row..row + lines.len()].iter_mut().for_each(|v| *v *= weights[index]);
-            }
-        }
-    }
-
-    /// The rows before observation `until` of a column that turns out not to be along its family's direction there.
-    fn whole_until(&mut self, at: usize, until: usize) -> Vec<f64> {
-        let mut whole = vec![0.0; self.residual.len()];
-        for i in 0..until {
-            let says = std::mem::take(&mut self.says[i * self.width + at]);
-            for (row, v) in whole.iter_mut().enumerate().take(self.first_row[i + 1]).skip(self.first_row[i]) {
-                *v = says * self.directions[(row, self.family[at])];
-            }
-        }
-        whole
     }
 
     /// Rows (scalars).
@@ -474,119 +422,43 @@ pub(super) fn gram(x: &Mat<f64>) -> Mat<f64> {
     all
 }
 
-/// Columns whose terms are at one site and of one kind stand together.
+/// Columns of one motion stand together.
 struct Families {
-    /// Family and column, by family.
-    by_family: Vec<(usize, usize)>,
-    /// Where each column stands among these.
+    /// Family of each place.
+    family: Vec<usize>,
+    /// Where each column stands.
     place: Vec<usize>,
     /// First and one past the last place of each family.
     families: Vec<(usize, usize)>,
 }
 
 impl Families {
-    fn of(terms: &[&Term]) -> Self {
-        let width = terms.len();
-        let mut kinds: Vec<(Site, bool)> = Vec::new();
-        let mut by_family: Vec<(usize, usize)> = Vec::with_capacity(width);
-        for (column, t) in terms.iter().enumerate() {
-            // what is constant acts through torques too, what is not does not
-            let kind = (t.site, t.basis == Basis::CONSTANT);
-            let family = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
-                kinds.push(kind);
-                kinds.len() - 1
-            });
-            by_family.push((family, column));
-        }
-        by_family.sort_unstable();
-        let mut place = vec![0; width];
-        let mut families = vec![(0, 0); kinds.len()];
-        for (at, (family, column)) in by_family.iter().enumerate() {
-            place[*column] = at;
-            if families[*family].1 == 0 {
-                families[*family].0 = at;
+    /// Of columns with these motions; those that are no number times one motion stand together too.
+    fn of(motions: &[Option<usize>]) -> Self {
+        let mut columns: Vec<usize> = (0..motions.len()).collect();
+        columns.sort_by_key(|column| motions[*column]);
+        let mut all = Self { family: Vec::new(), place: vec![0; motions.len()], families: Vec::new() };
+        for (at, column) in columns.iter().enumerate() {
+            all.place[*column] = at;
+            if at == 0 || motions[columns[at - 1]] != motions[*column] {
+                all.families.push((at, at));
             }
-            families[*family].1 = at + 1;
+            all.family.push(all.families.len() - 1);
+            all.families[all.family[at]].1 = at + 1;
         }
-        Self { by_family, place, families }
+        all
     }
 }
 
-/// Weights by which columns are multiplied, and the places of those columns.
-fn factors<'a>(candidates: &[Candidate], weights: &'a [Vec<Vec<f64>>], place: &[usize]) -> Vec<(usize, &'a [f64])> {
-    let mut factors: Vec<(usize, &[f64])> = Vec::new();
+/// Weights by which columns are multiplied, with those columns.
+fn by_column<'a>(candidates: &[Candidate], weights: &'a [Vec<Vec<f64>>]) -> Vec<(usize, &'a [f64])> {
+    let mut all: Vec<(usize, &[f64])> = Vec::new();
     let mut column = 0;
     for (k, c) in candidates.iter().enumerate() {
         for (j, weights) in weights.get(k).into_iter().flatten().enumerate() {
-            factors.push((place[column + j], weights));
+            all.push((column + j, weights));
         }
         column += c.terms.len();
     }
-    factors
-}
-
-/// What the parts of all columns at one observation are beside their families' directions.
-struct Along {
-    squares: Vec<f64>,
-    beside: Vec<f64>,
-    /// Columns that are not along it, all rows so far.
-    whole: Vec<Option<Vec<f64>>>,
-}
-
-impl Along {
-    fn new(width: usize) -> Self {
-        Self { squares: vec![0.0; width], beside: vec![0.0; width], whole: vec![None; width] }
-    }
-}
-
-/// Squared lengths of some rows' columns.
-struct Squares<'a> {
-    lines: &'a [&'a [f64]],
-    squares: &'a mut [f64],
-}
-
-impl pulp::NullaryFnOnce for Squares<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        self.squares.fill(0.0);
-        for line in self.lines {
-            for (s, v) in self.squares.iter_mut().zip(*line) {
-                *s += v * v;
-            }
-        }
-    }
-}
-
-/// The parts of a family's columns along its direction, and the squared length of what is beside it.
-struct Onto<'a> {
-    lines: &'a [&'a [f64]],
-    from: usize,
-    direction: [f64; MOST_ROWS],
-    says: &'a mut [f64],
-    beside: &'a mut [f64],
-}
-
-impl pulp::NullaryFnOnce for Onto<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { lines, from, direction, says, beside } = self;
-        let n = says.len();
-        says.fill(0.0);
-        for (line, d) in lines.iter().zip(direction) {
-            for (s, v) in says.iter_mut().zip(&line[from..from + n]) {
-                *s += v * d;
-            }
-        }
-        beside.fill(0.0);
-        for (line, d) in lines.iter().zip(direction) {
-            for ((b, s), v) in beside.iter_mut().zip(&*says).zip(&line[from..from + n]) {
-                let left = v - s * d;
-                *b += left * left;
-            }
-        }
-    }
+    all
 }

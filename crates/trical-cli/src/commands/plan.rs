@@ -20,7 +20,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::{progress, say};
+use crate::{progress, say, say_lines};
 
 /// Touches a ball, candidates a ball, poses: no more than this many.
 const MOST: usize = 1000;
@@ -211,8 +211,7 @@ pub fn entries(plan: &[trical_plan::PlanEntry]) -> Vec<PlanEntry> {
 /// Reads `plan.csv`.
 pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> {
     let text = trical_model::error::read_text(path)?;
-    let plan =
-        read_plan(&text, &path.display().to_string(), robot, balls).map_err(|e| CliError::Input(e.to_string()))?;
+    let plan = read_plan(&text, &path.display().to_string(), robot, balls).map_err(CliError::input)?;
     Ok(entries(&plan))
 }
 
@@ -237,7 +236,7 @@ pub fn run(args: &Args) -> Result<()> {
         return if args.json {
             say(serde_json::to_string_pretty(&json!({ "places": worth }))?)
         } else {
-            worth_lines(args, &worth).iter().try_for_each(say)
+            say_lines(worth_lines(args, &worth))
         };
     };
     if let Some(count) = args.points {
@@ -273,17 +272,14 @@ pub fn run(args: &Args) -> Result<()> {
         }
         return say(serde_json::to_string_pretty(&value)?);
     }
-    for line in told.lines() {
-        say(line)?;
-    }
+    say_lines(told.lines())?;
     if few {
         let said = "Caution: with fewer than three balls identify takes where they stand as unknown at every place, and this plan as known: what is \
                     expected above is too good, and holds in the end for three or more places, each with a plan of its own.";
-        table::wrapped(said, 108, "").iter().try_for_each(say)?;
-        worth_lines(args, &worth).iter().try_for_each(say)?;
+        say_lines(table::wrapped(said, 108, ""))?;
+        say_lines(worth_lines(args, &worth))?;
     }
-    say(format!("Wrote {}", out.display()))?;
-    args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
+    [Some(out), args.report.as_ref()].into_iter().flatten().try_for_each(|f| say(format!("Wrote {}", f.display())))
 }
 
 /// What places of sockets are worth, as a table.

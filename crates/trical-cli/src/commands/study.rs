@@ -10,7 +10,7 @@ use trical_report::table;
 use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
 use crate::input::{RobotAndCell, made};
-use crate::{progress, say};
+use crate::{progress, say, say_lines};
 
 /// Arguments of `trical study`.
 #[derive(clap::Args)]
@@ -167,12 +167,8 @@ impl Common {
         if self.json {
             return say(serde_json::to_string_pretty(&done.json)?);
         }
-        for line in table::lines(&done.table) {
-            say(line)?;
-        }
-        for line in std::iter::once(&done.verdict).chain(&done.notes).flat_map(|t| table::wrapped(t, 108, "")) {
-            say(line)?;
-        }
+        say_lines(table::lines(&done.table))?;
+        say_lines(std::iter::once(&done.verdict).chain(&done.notes).flat_map(|t| table::wrapped(t, 108, "")))?;
         say(format!("Wrote study.csv, study.svg and study.html to {}", self.out.display()))
     }
 }

@@ -29,7 +29,7 @@ pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
     let zero = zero(&mut url)?;
     let gauge = open_bare(url)?;
     Ok(match zero {
-        Some(zero) => Box::new(Mastered::with_zero(gauge, zero)),
+        Some(zero) => Box::new(Mastered { gauge, zero }),
         None => gauge,
     })
 }

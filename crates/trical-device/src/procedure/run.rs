@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::steps::{check_finite, check_guard, check_joints, check_plan, check_way};
+use super::steps::{check_finite, check_joints, check_plan};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
@@ -151,9 +151,7 @@ impl Runner<'_, '_> {
     fn leave_a_touch(&mut self, plan: &[PlanEntry]) -> Result<(), Violation> {
         let far = |q: &Joints| largest_difference(q, &self.at).1;
         let nearest = plan.iter().min_by(|a, b| far(&a.joints).total_cmp(&far(&b.joints)));
-        let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else {
-            return Ok(());
-        };
+        let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else { return Ok(()) };
         let to_a_free_place = plan.iter().flat_map(|entry| &entry.via).map(&far).fold(f64::INFINITY, f64::min);
         if far(&entry.joints) > self.options.limits.joint_change || to_a_free_place <= far(&entry.joints) {
             return Ok(());
@@ -177,7 +175,7 @@ impl Runner<'_, '_> {
         let options = self.options;
         let entry = plan.get(number)?;
         let first = entry.via.first()?;
-        if options.retreat != Retreat::Approach || check_guard(&self.at, first, None, options).is_ok() {
+        if options.retreat != Retreat::Approach || options.allow(&self.at, first, None).is_ok() {
             return None;
         }
         // free points in the order of the plan: each can be reached from its neighbours
@@ -186,9 +184,8 @@ impl Runner<'_, '_> {
         let mut near: Vec<usize> = (0..ways.len()).collect();
         let far = |at: &usize| ways.get(*at).map_or(f64::INFINITY, |q| largest_difference(q, &self.at).1);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let from = near
-            .into_iter()
-            .find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, None, options).is_ok()))?;
+        let from =
+            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| options.allow(&self.at, q, None).is_ok()))?;
         let mut via: Vec<Joints> = if from <= target {
             ways.get(from..target)?.to_vec()
         } else {
@@ -383,7 +380,7 @@ impl Runner<'_, '_> {
     /// A joint motion that the collision model allows from where the arm is, and whether it arrived.
     fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
         self.look()?;
-        check_way(&self.at, target, self.touching, self.options)?;
+        self.options.allow(&self.at, target, self.touching).map_err(Violation::NoWay)?;
         self.controller.move_joints(target)?;
         self.at = self.settled_joints()?;
         let noted = self.note_joints();

@@ -5,7 +5,7 @@ use trical_model::recording::Joints;
 use super::{Runner, is_same, norm, responds};
 use crate::controller::largest_difference;
 use crate::gauge::AXES;
-use crate::procedure::steps::{check_joints, check_way};
+use crate::procedure::steps::check_joints;
 use crate::procedure::{PlanEntry, Violation};
 
 impl Runner<'_, '_> {
@@ -70,7 +70,7 @@ impl Runner<'_, '_> {
         let before = self.at;
         if let Some(to) = self.options.corrected.and_then(|corrected| corrected(&before, reading)) {
             self.check_turn(&before, &to, length)?;
-            check_way(&before, &to, self.touching, self.options)?;
+            self.options.allow(&before, &to, self.touching).map_err(Violation::NoWay)?;
         }
         self.controller.correct(reading)?;
         self.at = self.settled_joints()?;

@@ -25,8 +25,7 @@ use trical_report::{plan_report, table, verdict_told};
 use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
 use crate::commands::{demo_report, plan, virtual_cell};
 use crate::error::{CliError, Result};
-use crate::measure_view::View;
-use crate::measure_view::perform;
+use crate::measure_view::{View, perform};
 use crate::{input, progress, say};
 
 const ROBOT: &str = include_str!("../../assets/irb120/robot.toml");
@@ -162,7 +161,7 @@ fn drive(cell: &VirtualCell, poses: &[(trical_model::Pose, Joints)]) -> Result<V
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let out = &args.out;
-    std::fs::create_dir_all(out).map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", out.display())))?;
+    input::make_folder(out)?;
     let (robot, cell) = (Robot::parse(ROBOT, "robot.toml")?, Cell::parse(CELL, "cell.toml")?);
     let story = Story { args, robot, cell, begin: Instant::now() };
     for (name, text) in [("robot.toml", ROBOT), ("cell.toml", CELL), ("sample.mod", PROGRAM)] {

@@ -169,17 +169,9 @@ impl Args {
 
     fn options(&self, robot: &Robot, model: &Model) -> Result<PlanOptions> {
         let mut start = usual_start(robot);
-        if !self.start_deg.is_empty() {
-            if self.start_deg.len() != robot.dof() {
-                return Err(CliError::Input(format!(
-                    "--start-deg: found {} numbers, expected {}, one for each joint",
-                    self.start_deg.len(),
-                    robot.dof()
-                )));
-            }
-            for (q, (v, joint)) in start.iter_mut().zip(self.start_deg.iter().zip(&robot.joints)) {
-                *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
-            }
+        input::check_start(&self.start_deg, robot)?;
+        for (q, (v, joint)) in start.iter_mut().zip(self.start_deg.iter().zip(&robot.joints)) {
+            *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
         }
         let (criterion, whole_workspace) = self.criterion.goal();
         Ok(PlanOptions {

@@ -9,7 +9,7 @@ use trical_report::table;
 
 use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
-use crate::input::{RobotAndCell, made};
+use crate::input::{RobotAndCell, made, make_folder};
 use crate::{progress, say, say_lines};
 
 /// Arguments of `trical study`.
@@ -158,8 +158,7 @@ impl Common {
     ) -> Result<()> {
         self.asked().check().map_err(as_option)?;
         let (robot, cell) = self.cell.load()?;
-        std::fs::create_dir_all(&self.out)
-            .map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", self.out.display())))?;
+        make_folder(&self.out)?;
         let done = progress::with_bar(what, |task| work(&robot, &cell, task)).map_err(as_option)?;
         write_whole(&self.out.join("study.csv"), done.csv.as_bytes())?;
         write_whole(&self.out.join("study.svg"), done.svg.as_bytes())?;

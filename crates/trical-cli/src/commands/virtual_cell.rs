@@ -97,13 +97,7 @@ impl Args {
             }
         };
         let mut start = [0.0; MAX_JOINTS];
-        if !self.start_deg.is_empty() && self.start_deg.len() != truth.robot.dof() {
-            return Err(CliError::Input(format!(
-                "--start-deg: found {} numbers, expected {}, one for each joint",
-                self.start_deg.len(),
-                truth.robot.dof()
-            )));
-        }
+        input::check_start(&self.start_deg, &truth.robot)?;
         for (q, v) in start.iter_mut().zip(&self.start_deg) {
             *q = v.to_radians();
         }

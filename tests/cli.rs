@@ -1,40 +1,17 @@
 //! The program as its users meet it: what it prints, what it leaves, how it refuses.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
 
-const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
-const CELL: &str = include_str!("../cells/irb120/cell.toml");
+use std::path::Path;
 
-struct Place {
-    dir: tempfile::TempDir,
-}
+use common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
 
 impl Place {
-    fn new() -> Self {
-        let p = Self { dir: tempfile::tempdir().unwrap() };
-        p.write("robot.toml", ROBOT);
-        p.write("cell.toml", CELL);
-        p
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.path(name), text).unwrap();
-    }
-
-    fn run(&self, args: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_trical")).args(args).current_dir(self.dir.path()).output().unwrap()
-    }
-
     /// Refused as bad input: one sentence that has `words`, exit code 2, nothing written.
     fn refuses(&self, args: &[&str], words: &[&str]) {
         let o = self.run(args);
-        let err = String::from_utf8_lossy(&o.stderr);
+        let err = errors(&o);
         assert_eq!(o.status.code(), Some(2), "{args:?}: {err}");
         assert!(!err.contains("panicked"), "{err}");
         assert_eq!(err.trim().lines().count(), 1, "{err}");
@@ -45,8 +22,6 @@ impl Place {
     }
 }
 
-const CELL_ARGS: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
-
 fn identify(recording: &str) -> Vec<&str> {
     [&["identify", recording][..], &CELL_ARGS, &["--out", "out.toml"]].concat()
 }
@@ -56,67 +31,43 @@ const HEADER: &str = "ball,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ix_mm,iy_mm
 #[test]
 fn the_demo_tells_its_story_and_leaves_what_it_says() {
     let place = Place::new();
-    let o = place.run(&["demo", "--conceal", "none", "--out", "demo"]);
-    let text = String::from_utf8_lossy(&o.stdout);
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    let text = place.good(&words("demo --conceal none --out demo"));
     assert!(text.lines().count() < 40, "{text}");
-    for name in [
-        "run.mcap",
-        "calibrated.toml",
-        "report.html",
-        "plan.csv",
-        "plan.html",
-        "truth.sealed.toml",
-        "sample.compensated.mod",
-    ] {
+    for name in
+        words("run.mcap calibrated.toml report.html plan.csv plan.html truth.sealed.toml sample.compensated.mod")
+    {
         assert!(place.path("demo").join(name).exists(), "{name}");
     }
     // what the recording says is what identification from the command line says
-    let o =
-        place.run(&["identify", "demo/run.mcap", "--robot", "demo/robot.toml", "--cell", "demo/cell.toml", "--json"]);
-    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    let json = place.json(&words("identify demo/run.mcap --robot demo/robot.toml --cell demo/cell.toml --json"));
     assert_eq!(json["observations"], 45);
     assert_eq!(json["parameters"].as_array().unwrap().len(), 32);
     assert!(json["rms_mm"].as_f64().unwrap() < 0.02 && json["rms_nominal_mm"].as_f64().unwrap() > 0.2);
     // to CSV and back, nothing is lost
-    assert!(place.run(&["convert", "demo/run.mcap", "run.csv"]).status.success());
-    assert!(place.run(&["convert", "run.csv", "again.mcap"]).status.success());
-    assert!(place.run(&["convert", "again.mcap", "again.csv"]).status.success());
-    let read = |n: &str| std::fs::read_to_string(place.path(n)).unwrap();
-    assert_eq!(read("run.csv"), read("again.csv"));
+    for [from, to] in [["demo/run.mcap", "run.csv"], ["run.csv", "again.mcap"], ["again.mcap", "again.csv"]] {
+        place.good(&["convert", from, to]);
+    }
+    assert_eq!(place.text("run.csv"), place.text("again.csv"));
     // a cut recording is refused, and what is whole in it can be saved
-    let bytes = std::fs::read(place.path("demo/run.mcap")).unwrap();
-    std::fs::write(place.path("cut.mcap"), &bytes[..bytes.len() * 9 / 10]).unwrap();
+    let bytes = place.bytes("demo/run.mcap");
+    place.write("cut.mcap", &bytes[..bytes.len() * 9 / 10]);
     place.refuses(&identify("cut.mcap"), &["cut.mcap", "trical convert"]);
     let o = place.run(&["convert", "cut.mcap", "saved.csv"]);
-    assert!(o.status.success());
-    assert!(String::from_utf8_lossy(&o.stderr).contains("cut.mcap"), "{}", String::from_utf8_lossy(&o.stderr));
-    let saved = read("saved.csv").lines().count() - 1;
+    assert!(o.status.success() && errors(&o).contains("cut.mcap"), "{}", errors(&o));
+    let saved = place.text("saved.csv").lines().count() - 1;
     assert!((35..45).contains(&saved), "{saved}");
     // compensating twice is refused
-    place.refuses(
-        &[
-            &["compensate", "demo/sample.compensated.mod"][..],
-            &CELL_ARGS,
-            &["--model", "demo/calibrated.toml", "--out", "out.toml"],
-        ]
-        .concat(),
-        &["compensated already"],
-    );
+    let again = "compensate demo/sample.compensated.mod --model demo/calibrated.toml --out out.toml";
+    place.refuses(&in_cell(again), &["compensated already"]);
 }
 
 #[test]
 fn the_demo_finds_what_is_concealed_in_its_arm_and_the_seal_says_the_same() {
     let place = Place::new();
-    let json = |args: &[&str]| -> serde_json::Value {
-        let o = place.run(&[&["demo", "--out", "demo", "--json"][..], args].concat());
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-        serde_json::from_slice(&o.stdout).unwrap()
-    };
     let claim = |told: &str| told.split(':').next().unwrap().to_owned();
     // as the seed draws it, and as the user wants it
-    for args in [&["--seed", "2"][..], &["--conceal", "gear_ripple@2/80*2"]] {
-        let story = json(args);
+    for args in [["--seed", "2"], ["--conceal", "gear_ripple@2/80*2"]] {
+        let story = place.json(&[&words("demo --out demo --json")[..], &args].concat());
         let [sealed, said] = ["concealed", "said"].map(|k| claim(story[k].as_str().unwrap()));
         assert_eq!(sealed, said, "{story}");
         // modelled, it is smaller at poses that were never measured, and a program is driven better
@@ -126,8 +77,7 @@ fn the_demo_finds_what_is_concealed_in_its_arm_and_the_seal_says_the_same() {
         assert!(mean("program", "after") < 0.02 && mean("program", "before") > 0.3, "{story}");
         assert_eq!(story["verdict"]["rows"][1]["text"], sealed.as_str());
     }
-    let o = place.run(&["demo", "--out", "demo", "--seed", "2"]);
-    let text = String::from_utf8_lossy(&o.stdout);
+    let text = place.good(&words("demo --out demo --seed 2"));
     assert!(text.lines().count() < 40 && text.contains("The seal is broken"), "{text}");
     assert!(place.path("demo/improved.toml").exists());
     place.refuses(&["demo", "--conceal", "rust"], &["--conceal rust", "no such effect", "gear_ratio"]);
@@ -136,12 +86,9 @@ fn the_demo_finds_what_is_concealed_in_its_arm_and_the_seal_says_the_same() {
 #[test]
 fn measuring_a_virtual_cell_from_another_process() {
     let place = Place::new();
-    assert!(
-        place.run(&[&["plan"][..], &CELL_ARGS, &["--per-ball", "3", "--out", "plan.csv"]].concat()).status.success()
-    );
-    let mut cell = Command::new(env!("CARGO_BIN_EXE_trical"))
-        .args([&["virtual-cell"][..], &CELL_ARGS, &["--port", "0"]].concat())
-        .current_dir(place.dir.path())
+    place.good(&in_cell("plan --per-ball 3 --out plan.csv"));
+    let mut cell = place
+        .command(&in_cell("virtual-cell --port 0"))
         .stdout(std::process::Stdio::piped())
         .stderr(std::process::Stdio::null())
         .spawn()
@@ -149,20 +96,11 @@ fn measuring_a_virtual_cell_from_another_process() {
     let mut line = String::new();
     std::io::BufRead::read_line(&mut std::io::BufReader::new(cell.stdout.take().unwrap()), &mut line).unwrap();
     let urls: Vec<&str> = line.split('\'').collect();
-    let measure = |more: &[&str]| {
-        let links = ["--plan", "plan.csv", "--gauge", urls[1], "--controller", urls[3], "--out", "run.mcap"];
-        place.run(&[&["measure"][..], &CELL_ARGS, &links, more].concat())
-    };
-    let dry = measure(&[]);
-    assert!(dry.status.success() && !place.path("run.mcap").exists());
-    assert!(String::from_utf8_lossy(&dry.stdout).contains("Nothing has moved"));
-    let o = measure(&["--go", "--json"]);
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
-    assert_eq!(json["measured"], 9);
+    let measure = format!("measure --plan plan.csv --gauge {} --controller {} --out run.mcap", urls[1], urls[3]);
+    assert!(place.good(&in_cell(&measure)).contains("Nothing has moved") && !place.path("run.mcap").exists());
+    assert_eq!(place.json(&in_cell(&format!("{measure} --go --json")))["measured"], 9);
     // going on with a finished run measures nothing twice
-    let o = measure(&["--go", "--resume", "--json"]);
-    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    let json = place.json(&in_cell(&format!("{measure} --go --resume --json")));
     assert_eq!((&json["measured"], &json["skipped"]), (&serde_json::json!(0), &serde_json::json!(9)));
     cell.kill().unwrap();
     cell.wait().unwrap();
@@ -171,17 +109,11 @@ fn measuring_a_virtual_cell_from_another_process() {
 #[test]
 fn an_mcap_recording_is_read_in_passes_as_its_csv_is() {
     let p = Place::new();
-    let run = |args: &[&str]| {
-        let o = p.run(args);
-        assert!(o.status.success(), "{args:?}: {}", String::from_utf8_lossy(&o.stderr));
-        String::from_utf8(o.stdout).unwrap()
-    };
-    run(&["demo", "--conceal", "none", "--out", "demo"]);
-    run(&["convert", "demo/run.mcap", "run.csv"]);
-    let of = |recording: &str| run(&[identify(recording).as_slice(), &["--stream", "--json"]].concat());
+    touches(&p);
+    let of = |recording: &str| p.good(&[identify(recording).as_slice(), &["--stream", "--json"]].concat());
     assert_eq!(of("demo/run.mcap"), of("run.csv").replace("run.csv", "demo/run.mcap"));
-    let bytes = std::fs::read(p.path("demo/run.mcap")).unwrap();
-    std::fs::write(p.path("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
+    let bytes = p.bytes("demo/run.mcap");
+    p.write("cut.mcap", &bytes[..bytes.len() / 2]);
     std::fs::remove_file(p.path("out.toml")).unwrap();
     p.refuses(&[identify("cut.mcap").as_slice(), &["--stream"]].concat(), &["cut.mcap: is cut", "trical convert"]);
 }
@@ -208,11 +140,11 @@ fn bad_recordings_are_refused_with_file_line_and_column() {
         all.extend(words);
         place.refuses(&identify(&file), &all);
     }
-    std::fs::write(place.path("bytes.csv"), [0xff, 0xfd, 0, 1]).unwrap();
+    place.write("bytes.csv", [0xff, 0xfd, 0, 1]);
     place.refuses(&identify("bytes.csv"), &["bytes.csv", "not a text file"]);
-    std::fs::write(place.path("wide.csv"), [0xff, 0xfe, b't', 0]).unwrap();
+    place.write("wide.csv", [0xff, 0xfe, b't', 0]);
     place.refuses(&identify("wide.csv"), &["wide.csv", "UTF-16", "expected a CSV recording in UTF-8"]);
-    std::fs::write(place.path("bad.mcap"), b"\x89MCAP0\r\n\x00\x01nonsense").unwrap();
+    place.write("bad.mcap", b"\x89MCAP0\r\n\x00\x01nonsense");
     place.refuses(&identify("bad.mcap"), &["bad.mcap"]);
     place.refuses(&identify("nowhere.csv"), &["nowhere.csv", "cannot be read"]);
 }
@@ -220,12 +152,13 @@ fn bad_recordings_are_refused_with_file_line_and_column() {
 #[test]
 fn bad_robots_and_cells_are_refused_with_file_and_field() {
     let place = Place::new();
-    place.write("r.csv", &format!("{HEADER}1,10,20,30,40,50,60,0.001,0.002,0.003\n"));
-    let robot = |from: &str, to: &str, words: &[&str]| {
-        place.write("robot.toml", &ROBOT.replacen(from, to, 1));
+    place.write("r.csv", format!("{HEADER}1,10,20,30,40,50,60,0.001,0.002,0.003\n"));
+    let changed = |file: &str, text: &str, from: &str, to: &str, words: &[&str]| {
+        place.write(file, text.replacen(from, to, 1));
         place.refuses(&identify("r.csv"), words);
-        place.write("robot.toml", ROBOT);
+        place.write(file, text);
     };
+    let robot = |from: &str, to: &str, words: &[&str]| changed("robot.toml", ROBOT, from, to, words);
     robot("mass_kg = 3.067", "masse_kg = 3.067", &["robot.toml", "line", "masse_kg"]);
     robot("d_mm = 290.0", "", &["robot.toml", "line", "d_mm"]);
     robot("d_mm = 290.0", "d_mm = nan", &["robot.toml", "joint 1", "d_mm"]);
@@ -237,11 +170,7 @@ fn bad_robots_and_cells_are_refused_with_file_and_field() {
     place.write("robot.toml", CELL);
     place.refuses(&identify("r.csv"), &["robot.toml: is a cell file, expected a robot file"]);
     place.write("robot.toml", ROBOT);
-    let cell = |from: &str, to: &str, words: &[&str]| {
-        place.write("cell.toml", &CELL.replacen(from, to, 1));
-        place.refuses(&identify("r.csv"), words);
-        place.write("cell.toml", CELL);
-    };
+    let cell = |from: &str, to: &str, words: &[&str]| changed("cell.toml", CELL, from, to, words);
     cell("d23 = 300.0", "d23 = 700.0", &["cell.toml", "triangle"]);
     cell("tcp_mm", "tcp_m", &["cell.toml", "line", "tcp_m"]);
     cell("mass_kg = 1.7", "mass_kg = -1.7", &["cell.toml", "mass_kg", "-1.7"]);
@@ -250,24 +179,18 @@ fn bad_robots_and_cells_are_refused_with_file_and_field() {
 #[test]
 fn a_plan_says_what_to_expect_and_where_it_is_blind() {
     let place = Place::new();
-    let plan = |more: &[&str]| {
-        let o = place.run(&[&["plan"][..], &CELL_ARGS, &["--out", "plan.csv", "--json"], more].concat());
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-        serde_json::from_slice::<serde_json::Value>(&o.stdout).unwrap()
-    };
+    let plan = |more: &str| place.json(&in_cell(&format!("plan --out plan.csv --json {more}")));
     // neither plan nor recording stands for the other, and no recording is lost
     let poses = "seq;Q1_rad;q2_rad;q3_rad;q4_rad;q5_rad;q6_rad;x_m;y_m;z_m;qw;qx;qy;qz\r\n";
     for header in [poses, HEADER] {
         place.write("r.csv", header);
-        let over = place.run(&[&["plan"][..], &CELL_ARGS, &["--out", "r.csv"]].concat());
-        assert_eq!(over.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&over.stderr).contains("r.csv: is a recording, and would be replaced"));
-        assert_eq!(std::fs::read_to_string(place.path("r.csv")).unwrap(), header);
+        place.refuses(&in_cell("plan --out r.csv"), &["r.csv: is a recording, and would be replaced"]);
+        assert_eq!(place.text("r.csv"), header);
     }
-    let d = plan(&["--report", "plan.html"]);
+    let d = plan("--report plan.html");
     assert_eq!((&d["touches"], &d["pool"]), (&serde_json::json!(45), &serde_json::json!(300)));
     place.refuses(&identify("plan.csv"), &["plan.csv, header: is that of a plan"]);
-    assert_eq!(std::fs::read_to_string(place.path("plan.csv")).unwrap().lines().count(), 46);
+    assert_eq!(place.text("plan.csv").lines().count(), 46);
     assert_eq!(d["parameters"].as_array().unwrap().len(), 31);
     for p in d["parameters"].as_array().unwrap() {
         assert!(p["sd"].as_f64().unwrap() > 0.0, "{p}");
@@ -285,20 +208,18 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
     assert!(blind(&d, "lost_motion_gravity", 2) && blind(&d, "lost_motion_gravity", 3));
     assert!(!blind(&d, "lost_motion_direction", 2) && !blind(&d, "joint_harmonic", 1));
     // nine touches are a plan, though not one to identify with
-    let few = plan(&["--per-ball", "3", "--report", "plan.html"]);
+    let few = plan("--per-ball 3 --report plan.html");
     assert_eq!((&few["touches"], &few["determined"]), (&serde_json::json!(9), &serde_json::json!(false)));
-    plan(&["--report", "plan.html"]);
+    plan("--report plan.html");
     // made for the workspace it is better there
     let mean = |d: &serde_json::Value, place: &str| d["expected"][place]["rms_mm"].as_f64().unwrap();
-    let w = plan(&["--criterion", "workspace", "--sphere-mm", "150,90,100,150"]);
+    let w = plan("--criterion workspace --sphere-mm 150,90,100,150");
     assert!(mean(&w, "workspace") < mean(&d, "workspace"));
     // twice the noise, twice the error
-    let twice = plan(&["--noise-mm", "0.02"]);
+    let twice = plan("--noise-mm 0.02");
     assert!((mean(&twice, "sphere") / mean(&d, "sphere") - 2.0).abs() < 1e-9);
-    let html = std::fs::read_to_string(place.path("plan.html")).unwrap();
-    let html =
-        html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "").replace("/*! https://github.com/leeoniya/uPlot", "");
-    assert!(html.matches("<svg").count() == 3 && !html.contains("http://") && !html.contains("https://"));
+    let html = loads_nothing(&place, "plan.html");
+    assert_eq!(html.matches("<svg").count(), 3);
     assert_eq!(html.matches("<title>touch ").count(), 3 * 45);
 }
 
@@ -306,12 +227,11 @@ fn a_plan_says_what_to_expect_and_where_it_is_blind() {
 fn a_recording_of_any_arm_is_converted_without_saying_how_many_joints_it_has() {
     let place = Place::new();
     let q: Vec<String> = (1..=7).map(|k| format!("q{k}_deg")).collect();
-    place.write("seven.csv", &format!("{},x_mm,y_mm,z_mm\n1,2,3,4,5,6,7,8,9,10\n", q.join(",")));
+    place.write("seven.csv", format!("{},x_mm,y_mm,z_mm\n1,2,3,4,5,6,7,8,9,10\n", q.join(",")));
     for (from, to) in [("seven.csv", "seven.mcap"), ("seven.mcap", "again.csv")] {
-        let o = place.run(&["convert", from, to]);
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+        place.good(&["convert", from, to]);
     }
-    let again = std::fs::read_to_string(place.path("again.csv")).unwrap();
+    let again = place.text("again.csv");
     assert!(again.lines().nth(1).unwrap().contains("1,2,3,4,5,6,7,8,9,10"), "{again}");
     place.refuses(&["convert", "seven.csv", "b.mcap", "--robot", "robot.toml"], &["--robot", "seven.csv needs none"]);
     place.write("gap.csv", "q1_deg,q3_deg,x_mm,y_mm,z_mm\n1,2,3,4,5\n");
@@ -322,22 +242,18 @@ fn a_recording_of_any_arm_is_converted_without_saying_how_many_joints_it_has() {
 fn a_cell_without_balls_cannot_be_touched_by_plan_nor_virtual_cell() {
     let place = Place::new();
     place.write("cell.toml", &CELL[..CELL.find("[balls]").unwrap()]);
-    for command in [&["plan", "--out", "out.toml"][..], &["virtual-cell", "--port", "0"]] {
-        place.refuses(&[command, &CELL_ARGS].concat(), &["has no ", "[balls]"]);
+    for command in ["plan --out out.toml", "virtual-cell --port 0"] {
+        place.refuses(&in_cell(command), &["has no ", "[balls]"]);
     }
 }
 
 #[test]
 fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
     let place = Place::new();
-    place.write("cell.toml", &CELL.replace("tcp_mm = [18.0, -12.0, 118.0]", "tcp_mm = [40.0, 70.0, 60.0]"));
-    let plan = |more: &[&str]| {
-        let start = ["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "points.csv", "--points", "20"];
-        place.run(&[&start, more].concat())
-    };
-    let o = plan(&["--sphere-mm", "150,0,200,150", "--facing-mm", "150,-3000,500"]);
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-    let text = std::fs::read_to_string(place.path("points.csv")).unwrap();
+    place.write("cell.toml", CELL.replace("tcp_mm = [18.0, -12.0, 118.0]", "tcp_mm = [40.0, 70.0, 60.0]"));
+    let plan = "plan --out points.csv --points 20";
+    place.good(&in_cell(&format!("{plan} --sphere-mm 150,0,200,150 --facing-mm 150,-3000,500")));
+    let text = place.text("points.csv");
     assert_eq!(text.lines().count(), 21);
     for line in text.lines().skip(1) {
         let q: Vec<f64> = line.split(',').skip(1).map(|x| x.parse().unwrap()).collect();
@@ -349,48 +265,43 @@ fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
         assert!(d < 150.01, "{d} mm from the centre");
     }
     for (bad, words) in [
-        (["--facing-mm", "1,2"], "--facing-mm: found 2 numbers, expected 3"),
-        (["--sphere-mm", "0,0,0,-1"], "found a radius of -1 mm"),
-        (["--per-ball", "5000"], "--per-ball: found 5000, expected at most 1000"),
+        ("--facing-mm 1,2", "--facing-mm: found 2 numbers, expected 3"),
+        ("--sphere-mm 0,0,0,-1", "found a radius of -1 mm"),
+        ("--per-ball 5000", "--per-ball: found 5000, expected at most 1000"),
     ] {
-        let o = plan(&bad);
-        assert_eq!(o.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&o.stderr).contains(words), "{}", String::from_utf8_lossy(&o.stderr));
+        place.refuses(&in_cell(&format!("{plan} {bad}")), &[words]);
     }
 }
 
 #[test]
 fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
     let place = Place::new();
-    let plan: &[&str] = &["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "out.toml"];
-    place.refuses(&[plan, &["--start-deg", "0,0,0"]].concat(), &["--start-deg", "3 numbers", "expected 6"]);
-    place.refuses(&[plan, &["--start-deg", "0,100,60,0,0,0"]].concat(), &["start", "meet there", "--start-deg"]);
-    place.refuses(&[plan, &["--sphere-mm", "0,0,100"]].concat(), &["--sphere-mm", "3 numbers", "expected 4"]);
-    place.refuses(&[plan, &["--noise-mm", "0"]].concat(), &["--noise-mm", "found 0"]);
-    place.refuses(&[plan, &["--per-ball", "0"]].concat(), &["--per-ball", "found 0"]);
-    place.write("robot.toml", &ROBOT.replace("limits_deg = [-110.0, 110.0]", "limits_deg = [-110.0, -100.0]"));
-    place.refuses(
-        &[plan, &["--start-deg", "0,-105,0,0,0,0"]].concat(),
-        &["ball 1", "0 collision-free configurations", "beyond joint limits"],
-    );
+    let refuses = |option: &str, words: &[&str]| {
+        place.refuses(&in_cell(&format!("plan --out out.toml {option}")), words);
+    };
+    refuses("--start-deg 0,0,0", &["--start-deg", "3 numbers", "expected 6"]);
+    refuses("--start-deg 0,100,60,0,0,0", &["start", "meet there", "--start-deg"]);
+    refuses("--sphere-mm 0,0,100", &["--sphere-mm", "3 numbers", "expected 4"]);
+    refuses("--noise-mm 0", &["--noise-mm", "found 0"]);
+    refuses("--per-ball 0", &["--per-ball", "found 0"]);
+    place.write("robot.toml", ROBOT.replace("limits_deg = [-110.0, 110.0]", "limits_deg = [-110.0, -100.0]"));
+    let words = ["ball 1", "0 collision-free configurations", "beyond joint limits"];
+    refuses("--start-deg 0,-105,0,0,0,0", &words);
     place.write("robot.toml", ROBOT);
-    place.write("cell.toml", &CELL.replace("margin_mm = 5.0", "margin_mm = 5.0\ncolour = 3"));
-    place.refuses(plan, &["[geometry]", "colour"]);
+    place.write("cell.toml", CELL.replace("margin_mm = 5.0", "margin_mm = 5.0\ncolour = 3"));
+    place.refuses(&in_cell("plan --out out.toml"), &["[geometry]", "colour"]);
 }
 
 #[test]
 fn a_study_finds_described_arms_again_and_is_the_same_to_the_byte() {
     let place = Place::new();
-    let small = ["--trials", "6", "--per-ball", "8,15", "--json"];
     let run = |out: &str| {
-        let o = place.run(&[&["study", "touches"][..], &CELL_ARGS, &["--out", out], &small].concat());
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-        let read = |name: &str| std::fs::read(place.path(out).join(name)).unwrap();
-        (o.stdout, read("study.csv"), read("study.svg"))
+        let said = place.good(&in_cell(&format!("study touches --out {out} --trials 6 --per-ball 8,15 --json")));
+        (said, place.bytes(&format!("{out}/study.csv")), place.bytes(&format!("{out}/study.svg")))
     };
     let first = run("a");
     assert!(first == run("b"));
-    let d: serde_json::Value = serde_json::from_slice(&first.0).unwrap();
+    let d: serde_json::Value = serde_json::from_str(&first.0).unwrap();
     assert!(d["largest_parameter_error_without_noise_si"].as_f64().unwrap() < 1e-9, "{d}");
     for f in d["random_over_chosen"]["workspace"].as_array().unwrap() {
         assert!(f["factor"].as_f64().unwrap() > 1.0, "{f}");
@@ -399,13 +310,11 @@ fn a_study_finds_described_arms_again_and_is_the_same_to_the_byte() {
     let silent = d["settings"].as_array().unwrap().iter().find(|s| s["arm"] == "any" && s["noise"] == false).unwrap();
     assert!(silent["workspace_mean_mm"].as_f64().unwrap() > 1e-4);
     assert!(place.path("a").join("study.html").exists());
-    let args = [&["study", "platform"][..], &CELL_ARGS, &["--out", "p", "--trials", "3", "--json"]].concat();
-    let o = place
-        .run(&[&args[..], &["--balls", "3", "--side-mm", "300,2000", "--height-mm", "0", "--raise-mm", "0"]].concat());
-    let d: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    let platform = "study platform --out p --trials 3 --json --balls";
+    let d = place.json(&in_cell(&format!("{platform} 3 --side-mm 300,2000 --height-mm 0 --raise-mm 0")));
     assert!(d["platforms"][0]["workspace_mean_mm"].as_f64().unwrap() > 0.0);
     assert!(d["platforms"][1]["problem"].as_str().unwrap().contains("out of reach"), "{d}");
-    place.refuses(&[&args[..], &["--balls", "2"]].concat(), &["--balls", "found 2", "expected 3"]);
+    place.refuses(&in_cell(&format!("{platform} 2")), &["--balls", "found 2", "expected 3"]);
 }
 
 #[test]
@@ -413,36 +322,34 @@ fn an_occupied_port_is_refused() {
     let place = Place::new();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
-    place.refuses(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", &port]].concat(), &[&port, "in use"]);
+    place.refuses(&in_cell(&format!("virtual-cell --port {port}")), &[&port, "in use"]);
 }
 
 #[test]
 fn files_to_start_from_are_those_that_the_program_reads() {
     let place = Place::new();
-    assert!(place.run(&["init", "new"]).status.success());
-    let args = ["--robot", "new/robot.toml", "--cell", "new/cell.toml"];
+    place.good(&["init", "new"]);
     // they are read; one touch is not enough, and is said to be so
-    place.refuses(&[&["identify", "new/recording.csv"][..], &args].concat(), &["only ball 2 was touched"]);
-    let read = |name: &str| std::fs::read(place.path(name)).unwrap();
-    let before = read("new/cell.toml");
+    let identify = words("identify new/recording.csv --robot new/robot.toml --cell new/cell.toml");
+    place.refuses(&identify, &["only ball 2 was touched"]);
+    let before = place.text("new/cell.toml");
     place.refuses(&["init", "new"], &["new/robot.toml", "exists already"]);
-    assert_eq!(before, read("new/cell.toml"));
+    assert_eq!(before, place.text("new/cell.toml"));
 }
 
 #[test]
 fn the_sample_s_flaw_is_found() {
     let place = Place::new();
-    assert!(place.run(&["sample", "new"]).status.success());
-    let args = ["diagnose", "new/touches.csv", "--robot", "new/robot.toml", "--cell", "new/cell.toml"];
-    let said = String::from_utf8(place.run(&args).stdout).unwrap();
+    place.good(&["sample", "new"]);
+    let said = place.good(&words("diagnose new/touches.csv --robot new/robot.toml --cell new/cell.toml"));
     assert!(said.contains("Backlash or friction wind-up at joint 2 (9"), "{said}");
 }
 
 /// The demo's touches as a CSV.
 fn touches(place: &Place) -> String {
-    assert!(place.run(&["demo", "--conceal", "none", "--out", "demo"]).status.success());
-    assert!(place.run(&["convert", "demo/run.mcap", "run.csv"]).status.success());
-    std::fs::read_to_string(place.path("run.csv")).unwrap()
+    place.good(&words("demo --conceal none --out demo"));
+    place.good(&words("convert demo/run.mcap run.csv"));
+    place.text("run.csv")
 }
 
 #[test]
@@ -451,10 +358,7 @@ fn wrong_input_is_noticed() {
     let text = touches(&place);
     // the same recording twice, whatever it is called
     place.write("again.csv", &text);
-    place.refuses(
-        &[&["identify", "run.csv", "again.csv"][..], &CELL_ARGS].concat(),
-        &["again.csv", "same measurements", "run.csv"],
-    );
+    place.refuses(&in_cell("identify run.csv again.csv"), &["again.csv", "same measurements", "run.csv"]);
     // joints in rad: sizes that no arm has
     let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     let joint = |name: &str| (name.starts_with('q') && name.ends_with("_deg")) || name.starts_with("qc");
@@ -466,20 +370,17 @@ fn wrong_input_is_noticed() {
         0 => line.to_owned(),
         _ => line.split(',').enumerate().map(in_rad).collect::<Vec<_>>().join(","),
     });
-    place.write("rad.csv", &(rows.collect::<Vec<_>>().join("\n") + "\n"));
+    place.write("rad.csv", rows.collect::<Vec<_>>().join("\n") + "\n");
     place.refuses(&identify("rad.csv"), &["rad.csv, columns q1_deg", "looks like rad"]);
     // a spreadsheet's way of writing is read, with one note
-    let spreadsheet = format!("\u{feff}{}", text.replace(',', ";").replace('.', ","));
-    place.write("sheet.csv", &spreadsheet);
-    let o = place.run(&[&["identify", "sheet.csv"][..], &CELL_ARGS, &["--json"]].concat());
-    let err = String::from_utf8_lossy(&o.stderr);
+    place.write("sheet.csv", format!("\u{feff}{}", text.replace(',', ";").replace('.', ",")));
+    let o = place.run(&in_cell("identify sheet.csv --json"));
+    let err = errors(&o);
     assert!(o.status.success() && err.lines().filter(|l| l.contains("note: sheet.csv")).count() == 1, "{err}");
-    let plain = place.run(&[&["identify", "run.csv"][..], &CELL_ARGS, &["--json"]].concat());
-    let [a, b] = [o, plain].map(|o| String::from_utf8_lossy(&o.stdout).replace("sheet.csv", "run.csv"));
-    assert_eq!(a, b);
+    let sheet = String::from_utf8_lossy(&o.stdout).replace("sheet.csv", "run.csv");
+    assert_eq!(sheet, place.good(&in_cell("identify run.csv --json")));
     // all columns that are not known in one message
-    let unknown = text.replacen("t_s,", "colour,t_s,size,", 1);
-    place.write("unknown.csv", &unknown);
+    place.write("unknown.csv", text.replacen("t_s,", "colour,t_s,size,", 1));
     place.refuses(&identify("unknown.csv"), &["header", "unknown columns 'colour', 'size'"]);
 }
 
@@ -499,22 +400,10 @@ fn tracker_points_in_metres_are_noticed() {
 #[test]
 fn help_is_there_for_every_command() {
     let place = Place::new();
-    let o = place.run(&["--help"]);
-    let text = String::from_utf8_lossy(&o.stdout).into_owned();
-    for command in [
-        "demo",
-        "plan",
-        "measure",
-        "virtual-cell",
-        "identify",
-        "validate",
-        "diagnose",
-        "compensate",
-        "convert",
-        "export",
-    ] {
+    let text = place.good(&["--help"]);
+    for command in words("demo plan measure virtual-cell identify validate diagnose compensate convert export") {
         assert!(text.contains(command));
-        assert!(place.run(&[command, "--help"]).status.success());
+        place.good(&[command, "--help"]);
     }
     assert_eq!(place.run(&["frobnicate"]).status.code(), Some(2));
 }
@@ -527,43 +416,28 @@ fn diagnosis_is_the_same_to_the_byte_and_its_model_validates() {
         return;
     }
     let place = Place::new();
-    let file = |n: &str| data.join(n).display().to_string();
-    let (probe, tracker, robot, cell) =
-        (file("B03.probe.csv"), file("B03.tracker.csv"), file("robot.toml"), file("cell.toml"));
-    let once = || {
-        let o = place.run(&[
-            "diagnose",
-            &probe,
-            &tracker,
-            "--robot",
-            &robot,
-            "--cell",
-            &cell,
-            "--json",
-            "--out",
-            "improved.toml",
-            "--report",
-            "report.html",
-        ]);
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-        (o.stdout, std::fs::read(place.path("improved.toml")).unwrap())
-    };
+    for name in ["B03.probe.csv", "B03.tracker.csv", "robot.toml", "cell.toml"] {
+        std::fs::copy(data.join(name), place.path(name)).unwrap();
+    }
+    let of =
+        |command: &str, more: &str| place.good(&in_cell(&format!("{command} B03.probe.csv B03.tracker.csv {more}")));
+    let once = || (of("diagnose", "--json --out improved.toml --report report.html"), place.text("improved.toml"));
     assert!(once() == once());
     let v = |model: &str| {
-        let o =
-            place.run(&["validate", &probe, &tracker, "--robot", &robot, "--cell", &cell, "--model", model, "--json"]);
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-        let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
-        json["after"]["rms_mm"].as_f64().unwrap()
+        let said = of("validate", &format!("--model {model} --json"));
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()["after"]["rms_mm"].as_f64().unwrap()
     };
-    let o = place.run(&["identify", &probe, &tracker, "--robot", &robot, "--cell", &cell, "--out", "calibrated.toml"]);
-    assert!(o.status.success());
+    of("identify", "--out calibrated.toml");
     assert!(v("improved.toml") < 0.5 * v("calibrated.toml"));
-    let html = std::fs::read_to_string(place.path("report.html")).unwrap();
-    // the names of the SVG language and of the library are the only addresses in it: nothing is loaded
-    let html =
-        html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "").replace("/*! https://github.com/leeoniya/uPlot", "");
-    assert!(html.contains("<svg") && !html.contains("http://") && !html.contains("https://"));
+    assert!(loads_nothing(&place, "report.html").contains("<svg"));
+}
+
+/// The text of a page: the names of the SVG language and of the library are the only addresses in it.
+fn loads_nothing(place: &Place, page: &str) -> String {
+    let html = place.text(page).replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    let html = html.replace("/*! https://github.com/leeoniya/uPlot", "");
+    assert!(!html.contains("http://") && !html.contains("https://"));
+    html
 }
 
 /// One row of a recording: ball, six joints in deg, three readings in mm.
@@ -590,18 +464,13 @@ fn data_that_cannot_be_fitted_says_why() {
         ("far.csv", &far, &["far.csv", "line 2, column q1_deg", "1000000000"]),
     ];
     for (file, rows, words) in cases {
-        place.write(file, &format!("{HEADER}{rows}"));
+        place.write(file, format!("{HEADER}{rows}"));
         place.refuses(&identify(file), words);
     }
-    place.write(
-        "cell.toml",
-        &CELL.replace(
-            "distances_mm = { d12 = 300.0, d13 = 300.0, d23 = 300.0 }",
-            "positions_mm = [[0, 0, 0], [100, 0, 0], [200, 0, 0]]",
-        ),
-    );
+    let distances = "distances_mm = { d12 = 300.0, d13 = 300.0, d23 = 300.0 }";
+    place.write("cell.toml", CELL.replace(distances, "positions_mm = [[0, 0, 0], [100, 0, 0], [200, 0, 0]]"));
     let line: String = (0..60).map(|k| touch_row(1 + k % 3, varied(k))).collect();
-    place.write("line.csv", &format!("{HEADER}{line}"));
+    place.write("line.csv", format!("{HEADER}{line}"));
     place.refuses(&identify("line.csv"), &["balls 1, 2, 3", "one line"]);
 }
 
@@ -630,11 +499,10 @@ fn an_arm_from_a_urdf_is_calibrated_and_handed_on() {
     place.write("arm.urdf", URDF);
     place.refuses(&["convert", "arm.urdf", "--out", "out.toml"], &["several ends", "camera", "arm.urdf#base_link:"]);
     place.refuses(&["convert", "arm.urdf#base_link:tool1", "out.toml"], &["link 'tool1'", "no such link"]);
-    place.write("broken.urdf", &URDF.replace("<limit lower=\"-2\" upper=\"2\"/>", ""));
+    place.write("broken.urdf", URDF.replace("<limit lower=\"-2\" upper=\"2\"/>", ""));
     place
         .refuses(&["convert", "broken.urdf#:tool0", "out.toml"], &["broken.urdf, line 11", "j5", "<limit> is missing"]);
-    let o = place.run(&["convert", "arm.urdf#base_link:tool0", "--out", "arm.toml"]);
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    place.good(&words("convert arm.urdf#base_link:tool0 --out arm.toml"));
     // touches of the shipped arm, which is the same one
     let q = |k: usize| {
         let s = |a: f64, b: f64| ((k as f64 + 1.0) * a).sin() * b;
@@ -646,45 +514,19 @@ fn an_arm_from_a_urdf_is_calibrated_and_handed_on() {
             format!("{},{}\n", q.map(|x| x.to_string()).join(","), tool_point(q).map(|x| x.to_string()).join(","))
         })
         .collect();
-    place.write("points.csv", &format!("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n{rows}"));
+    place.write("points.csv", format!("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n{rows}"));
     for robot in ["arm.urdf#base_link:tool0", "arm.toml", "robot.toml"] {
-        let o = place.run(&[
-            "identify",
-            "points.csv",
-            "--robot",
-            robot,
-            "--cell",
-            "cell.toml",
-            "--model",
-            "nominal",
-            "--json",
-            "--out",
-            "m.toml",
-        ]);
-        assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-        let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+        let identify = "identify points.csv --cell cell.toml --model nominal --json --out m.toml --robot";
+        let json = place.json(&words(&format!("{identify} {robot}")));
         assert!(json["max_mm"].as_f64().unwrap() < 1e-6, "{robot}: {}", json["max_mm"]);
     }
-    let o = place.run(&[
-        "export",
-        "--model",
-        "m.toml",
-        "--robot",
-        "robot.toml",
-        "--urdf",
-        "c.urdf",
-        "--mdh",
-        "c.csv",
-        "--json",
-    ]);
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
-    let json: serde_json::Value = serde_json::from_slice(&o.stdout).unwrap();
+    let json = place.json(&words("export --model m.toml --robot robot.toml --urdf c.urdf --mdh c.csv --json"));
     assert_eq!((json["left_out"].as_array().unwrap().len(), &json["left_out_max_mm"]), (0, &serde_json::json!(0.0)));
-    let csv = std::fs::read_to_string(place.path("c.csv")).unwrap();
+    let csv = place.text("c.csv");
     assert!(csv.starts_with("joint,kind,alpha_deg,a_mm,beta_deg,d_mm,theta_offset_deg,"), "{csv}");
     assert!(csv.contains("3,revolute,0.0,270.0,0.0,0.0,0.0,-110.0,70.0,,"), "{csv}");
     // the exported arm is one again
-    assert!(place.run(&["convert", "c.urdf#base_link:flange", "again.toml"]).status.success());
+    place.good(&words("convert c.urdf#base_link:flange again.toml"));
     place.refuses(&["export", "--model", "m.toml", "--robot", "arm.toml", "--mdh", "out.txt"], &["out.txt", ".csv"]);
     place.refuses(&["export", "--model", "arm.toml", "--mdh", "out.toml"], &["arm.toml"]);
     assert_eq!(place.run(&["export", "--model", "m.toml"]).status.code(), Some(2));

@@ -1,18 +1,13 @@
 //! Gauge, robot and measurement from the command line, against a virtual cell in a process of its own.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+mod common;
+
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
-const CELL: &str = include_str!("../cells/irb120/cell.toml");
-const CELL_ARGS: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
-
-struct Place {
-    dir: tempfile::TempDir,
-}
+use common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
 
 /// A virtual cell; it ends with the test.
 struct Cell {
@@ -28,36 +23,17 @@ impl Drop for Cell {
     }
 }
 
+/// A folder with arm, cell and a plan of so many touches a ball.
+fn planned(per_ball: usize) -> Place {
+    let p = Place::new();
+    p.good(&in_cell(&format!("plan --per-ball {per_ball} --out plan.csv")));
+    p
+}
+
 impl Place {
-    /// A folder with arm, cell and a plan of so many touches a ball.
-    fn new(per_ball: &str) -> Self {
-        let p = Self { dir: tempfile::tempdir().unwrap() };
-        std::fs::write(p.path("robot.toml"), ROBOT).unwrap();
-        std::fs::write(p.path("cell.toml"), CELL).unwrap();
-        if per_ball != "0" {
-            let o = p.run(&[&["plan"][..], &CELL_ARGS, &["--per-ball", per_ball, "--out", "plan.csv"]].concat());
-            assert!(o.status.success(), "{}", text(&o.stderr));
-        }
-        p
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
-    }
-
-    fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trical"));
-        command.args(args).current_dir(self.dir.path());
-        command
-    }
-
-    fn run(&self, args: &[&str]) -> Output {
-        self.command(args).output().unwrap()
-    }
-
     fn cell(&self, more: &[&str]) -> Cell {
         let mut child = self
-            .command(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", "0"], more].concat())
+            .command(&[&in_cell("virtual-cell --port 0"), more].concat())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -68,14 +44,17 @@ impl Place {
         Cell { gauge: urls[1].to_owned(), controller: urls[3].to_owned(), child }
     }
 
+    fn joints(&self, cell: &Cell) -> serde_json::Value {
+        self.json(&["robot", "joints", "--controller", &cell.controller, "--json"])["joints_deg"].clone()
+    }
+
     fn measure(&self, cell: &Cell, more: &[&str]) -> Output {
         self.run(&measure_args(cell, more))
     }
 
     fn rows(&self, mcap: &str) -> Vec<String> {
-        let o = self.run(&["convert", mcap, "rows.csv"]);
-        assert!(o.status.success(), "{}", text(&o.stderr));
-        std::fs::read_to_string(self.path("rows.csv")).unwrap().lines().skip(1).map(str::to_owned).collect()
+        self.good(&["convert", mcap, "rows.csv"]);
+        self.text("rows.csv").lines().skip(1).map(str::to_owned).collect()
     }
 }
 
@@ -84,18 +63,9 @@ fn measure_args<'a>(cell: &'a Cell, more: &[&'a str]) -> Vec<&'a str> {
     [&["measure"][..], &CELL_ARGS, &links, more].concat()
 }
 
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn json(o: &Output) -> serde_json::Value {
-    assert!(o.status.success(), "{}", text(&o.stderr));
-    serde_json::from_slice(&o.stdout).unwrap()
-}
-
 /// Refused with one sentence that has the words.
 fn refused(o: &Output, code: i32, words: &str) {
-    let err = text(&o.stderr);
+    let err = errors(o);
     assert_eq!(o.status.code(), Some(code), "{err}");
     assert_eq!(err.trim().lines().filter(|l| !l.starts_with("trical: note")).count(), 1, "{err}");
     assert!(err.contains(words), "'{words}' is missing in: {err}");
@@ -103,43 +73,43 @@ fn refused(o: &Output, code: i32, words: &str) {
 
 #[test]
 fn a_gauge_is_listed_tested_watched_and_mastered() {
-    let place = Place::new("0");
+    let place = Place::new();
     let cell = place.cell(&[]);
-    assert!(json(&place.run(&["gauge", "list", "--json"]))["ports"].is_array());
-    let told = json(&place.run(&["gauge", "test", "--gauge", &cell.gauge, "--count", "5", "--json"]));
+    assert!(place.json(&words("gauge list --json"))["ports"].is_array());
+    let told = place.json(&["gauge", "test", "--gauge", &cell.gauge, "--count", "5", "--json"]);
     assert_eq!((told["readings"].as_u64(), told["axes"].as_array().unwrap().len()), (Some(5), 3));
     assert!(told["says"][1].as_str().unwrap().contains("axis x"), "{told}");
-    let o = place.run(&["gauge", "watch", "--gauge", &cell.gauge, "--count", "3", "--every-ms", "1", "--json"]);
-    let lines: Vec<serde_json::Value> = text(&o.stdout).lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    let said = place.good(&["gauge", "watch", "--gauge", &cell.gauge, "--count", "3", "--every-ms", "1", "--json"]);
+    let lines: Vec<serde_json::Value> = said.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
     assert_eq!((lines.len(), lines[0]["ix_mm"].as_f64()), (3, Some(6.0)), "free stems are extended");
     // what is shown on the calibrator is zero from then on
-    let mastered = json(&place.run(&["gauge", "zero", "--gauge", &cell.gauge, "--json"]));
+    let mastered = place.json(&["gauge", "zero", "--gauge", &cell.gauge, "--json"]);
     let url = mastered["gauge"].as_str().unwrap();
-    let o = place.run(&["gauge", "watch", "--gauge", url, "--count", "1", "--json"]);
-    assert_eq!(serde_json::from_slice::<serde_json::Value>(&o.stdout).unwrap()["iz_mm"].as_f64(), Some(0.0));
-    let again = json(&place.run(&["gauge", "zero", "--gauge", url, "--json"]));
+    let shown = place.json(&["gauge", "watch", "--gauge", url, "--count", "1", "--json"]);
+    assert_eq!(shown["iz_mm"].as_f64(), Some(0.0));
+    let again = place.json(&["gauge", "zero", "--gauge", url, "--json"]);
     assert_eq!(again["zero_mm"], mastered["zero_mm"], "mastering twice does not add up");
     // nobody pushes a stem here
     let o = place.run(&["gauge", "test", "--gauge", &cell.gauge, "--stems", "--wait-s", "0.1"]);
     assert_eq!(o.status.code(), Some(1));
-    assert!(text(&o.stderr).contains("axis x did not move"), "{}", text(&o.stderr));
+    assert!(errors(&o).contains("axis x did not move"), "{}", errors(&o));
     refused(&place.run(&["gauge", "watch", "--gauge", "uwave:///dev/none"]), 2, "/dev/none: cannot be opened");
     refused(&place.run(&["gauge", "watch", "--gauge", "usb:///dev/none"]), 2, "unknown gauge \"usb\"");
 }
 
 #[test]
 fn a_robot_is_pinged_read_and_jogged_with_go_only() {
-    let place = Place::new("0");
+    let place = Place::new();
     let cell = place.cell(&["--start-deg", "0,10,20,0,45,0"]);
     let c = cell.controller.as_str();
-    assert_eq!(json(&place.run(&["robot", "ping", "--controller", c, "--json"]))["joints"], 6);
-    let joints = || json(&place.run(&["robot", "joints", "--controller", c, "--json"]))["joints_deg"].clone();
+    assert_eq!(place.json(&["robot", "ping", "--controller", c, "--json"])["joints"], 6);
+    let joints = || place.joints(&cell);
     let start = serde_json::json!([0.0, 10.0, 20.0, 0.0, 45.0, 0.0]);
     assert_eq!(joints(), start);
     let jog =
         |more: &[&str]| place.run(&[&["robot", "jog", "--controller", c, "--robot", "robot.toml"][..], more].concat());
     let dry = jog(&["--joint", "2", "--by-deg", "3"]);
-    assert!(text(&dry.stdout).contains("Nothing has moved"));
+    assert!(String::from_utf8_lossy(&dry.stdout).contains("Nothing has moved"));
     assert_eq!(joints(), start);
     assert!(jog(&["--joint", "2", "--by-deg", "3", "--go"]).status.success());
     assert_eq!(joints()[1], 13.0);
@@ -154,17 +124,11 @@ fn a_robot_is_pinged_read_and_jogged_with_go_only() {
 
 #[test]
 fn a_run_is_printed_whole_without_go_even_without_devices() {
-    let place = Place::new("2");
-    let o = place.run(
-        &[
-            &["measure"][..],
-            &CELL_ARGS,
-            &["--plan", "plan.csv", "--gauge", "uwave:///dev/none", "--controller", "rapid://127.0.0.1:1"],
-            &["--out", "run.mcap", "--epsilon-mm", "0.005"],
-        ]
-        .concat(),
-    );
-    let (out, err) = (text(&o.stdout), text(&o.stderr));
+    let place = planned(2);
+    let devices = "--gauge uwave:///dev/none --controller rapid://127.0.0.1:1";
+    let measure = format!("measure --plan plan.csv {devices} --out run.mcap --epsilon-mm 0.005");
+    let o = place.run(&in_cell(&measure));
+    let (out, err) = (String::from_utf8_lossy(&o.stdout), errors(&o));
     assert!(o.status.success(), "{err}");
     for touch in 1..=6 {
         assert!(out.contains(&format!("touch {touch} (ball")), "{out}");
@@ -172,30 +136,30 @@ fn a_run_is_printed_whole_without_go_even_without_devices() {
     assert!(out.contains("Nothing has moved") && !place.path("run.mcap").exists());
     assert!(err.contains("below the arm's repeatability") && err.contains("/dev/none"), "{err}");
     // a plan beyond a limit is shown with the reason, and is an error
-    let plan = std::fs::read_to_string(place.path("plan.csv")).unwrap();
-    let mut lines: Vec<String> = plan.lines().map(str::to_owned).collect();
+    let mut lines: Vec<String> = place.text("plan.csv").lines().map(str::to_owned).collect();
     let mut words: Vec<String> = lines[2].split(',').map(str::to_owned).collect();
     // the upper arm lies down into the floor
     words[3] = "109.0".to_owned();
     lines[2] = words.join(",");
-    std::fs::write(place.path("plan.csv"), lines.join("\n")).unwrap();
+    place.write("plan.csv", lines.join("\n"));
     let cell = place.cell(&[]);
     let o = place.measure(&cell, &[]);
-    assert_eq!(o.status.code(), Some(1), "{}", text(&o.stdout));
-    assert!(text(&o.stdout).contains("REFUSED"), "{}", text(&o.stdout));
-    let o = place.measure(&cell, &["--go"]);
-    assert!(text(&o.stderr).contains("nothing has moved"), "{}", text(&o.stderr));
+    let out = String::from_utf8_lossy(&o.stdout);
+    assert_eq!(o.status.code(), Some(1), "{out}");
+    assert!(out.contains("REFUSED"), "{out}");
+    let err = errors(&place.measure(&cell, &["--go"]));
+    assert!(err.contains("nothing has moved"), "{err}");
 }
 
 #[test]
 fn repeat_visits_show_a_hidden_lost_motion() {
-    let place = Place::new("4");
+    let place = planned(4);
     let scatter = |more: &[&str], name: &str| {
         let cell = place.cell(&[&["--placement-mm", "0.002"][..], more].concat());
         let links = ["--plan", "plan.csv", "--gauge", &cell.gauge, "--controller", &cell.controller, "--out", name];
-        let o = place.run(&[&["measure"][..], &CELL_ARGS, &links, &["--go", "--visits", "6", "--json"]].concat());
-        assert_eq!(json(&o)["measured"], 72);
-        json(&place.run(&["repeatability", name, "--json"]))["recordings"][0].clone()
+        let measure = [&["measure"][..], &CELL_ARGS, &links, &["--go", "--visits", "6", "--json"]].concat();
+        assert_eq!(place.json(&measure)["measured"], 72);
+        place.json(&["repeatability", name, "--json"])["recordings"][0].clone()
     };
     let joint = |told: &serde_json::Value, j: usize| {
         let all = told["by_joint_sense"].as_array().unwrap();
@@ -215,39 +179,31 @@ fn repeat_visits_show_a_hidden_lost_motion() {
     assert!((0.003..0.012).contains(&rp(&well)), "{}", rp(&well));
     assert!(rp(&worn) > 2.0 * rp(&well), "{} {}", rp(&worn), rp(&well));
     // the same from the CSV, which has no files inside
-    assert!(place.run(&["convert", "worn.mcap", "worn.csv"]).status.success());
+    place.good(&["convert", "worn.mcap", "worn.csv"]);
     refused(&place.run(&["repeatability", "worn.csv"]), 2, "expected --robot and --cell");
-    let csv = json(&place.run(&[&["repeatability", "worn.csv", "--json"][..], &CELL_ARGS].concat()));
+    let csv = place.json(&in_cell("repeatability worn.csv --json"));
     assert_eq!(csv["recordings"][0]["by_ball"], worn["by_ball"]);
     // one visit each says nothing
-    std::fs::write(
-        place.path("one.csv"),
-        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n0,0,0,0,0,0,1,2,3\n9,0,0,0,0,0,1,2,3\n",
-    )
-    .unwrap();
+    let columns = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm";
+    place.write("one.csv", format!("{columns}\n0,0,0,0,0,0,1,2,3\n9,0,0,0,0,0,1,2,3\n"));
     refused(&place.run(&["repeatability", "one.csv"]), 2, "no place was visited twice");
 }
 
 #[test]
 fn scripted_faults_stop_the_run_and_resume_completes_it() {
-    let place = Place::new("3");
-    std::fs::write(place.path("f.toml"), "[[fault]]\nwhat = \"drop_connection\"\nafter_motions = 9\nlasts = 1\n")
-        .unwrap();
-    refused(
-        &place.run(&[&["virtual-cell"][..], &CELL_ARGS, &["--port", "0", "--faults", "robot.toml"]].concat()),
-        2,
-        "robot.toml: line",
-    );
+    let place = planned(3);
+    place.write("f.toml", "[[fault]]\nwhat = \"drop_connection\"\nafter_motions = 9\nlasts = 1\n");
+    refused(&place.run(&in_cell("virtual-cell --port 0 --faults robot.toml")), 2, "robot.toml: line");
     // the connection is lost for good: the arm stands wherever it was
     let cell = place.cell(&["--faults", "f.toml"]);
     let o = place.measure(&cell, &["--go"]);
     assert_eq!(o.status.code(), Some(1));
-    assert!(text(&o.stderr).contains("--resume goes on"), "{}", text(&o.stderr));
+    assert!(errors(&o).contains("--resume goes on"), "{}", errors(&o));
     let before = place.rows("run.mcap");
     drop(cell);
     // another cell of the same seed, as after a restart of the controller
     let cell = place.cell(&["--radio-ms", "3"]);
-    let told = json(&place.measure(&cell, &["--go", "--resume", "--json"]));
+    let told = place.json(&measure_args(&cell, &["--go", "--resume", "--json"]));
     assert_eq!(told["skipped"].as_u64().unwrap() + told["measured"].as_u64().unwrap(), 9);
     let after = place.rows("run.mcap");
     assert_eq!((after.len(), &after[..before.len()]), (9, &before[..]));
@@ -256,7 +212,7 @@ fn scripted_faults_stop_the_run_and_resume_completes_it() {
 
 #[test]
 fn a_measuring_process_that_is_killed_is_taken_up_from_where_the_arm_stands() {
-    let place = Place::new("4");
+    let place = planned(4);
     let cell = place.cell(&["--pace", "0.004"]);
     let mut runs = 0;
     loop {
@@ -288,13 +244,14 @@ fn a_measuring_process_that_is_killed_is_taken_up_from_where_the_arm_stands() {
     assert_eq!(place.rows("run.mcap").len(), 12);
 }
 
+fn signal(name: &str, child: &Child) {
+    Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+}
+
 #[test]
 fn ctrl_c_makes_the_arm_go_back_and_a_second_one_ends_at_once() {
-    let place = Place::new("4");
+    let place = planned(4);
     let cell = place.cell(&["--pace", "0.01"]);
-    let interrupt = |child: &Child| {
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    };
     let started = |args: &[&str]| {
         use std::os::unix::fs::MetadataExt;
         let file = || std::fs::metadata(place.path("run.mcap")).ok().map(|m| m.ino());
@@ -307,32 +264,31 @@ fn ctrl_c_makes_the_arm_go_back_and_a_second_one_ends_at_once() {
         child
     };
     let child = started(&["--go"]);
-    interrupt(&child);
+    signal("-INT", &child);
     let o = child.wait_with_output().unwrap();
-    assert_eq!(o.status.code(), Some(1), "{}", text(&o.stderr));
-    assert!(text(&o.stderr).contains("stopped by the user"), "{}", text(&o.stderr));
-    assert!(!text(&o.stderr).contains("NOT"), "{}", text(&o.stderr));
+    let err = errors(&o);
+    assert_eq!(o.status.code(), Some(1), "{err}");
+    assert!(err.contains("stopped by the user") && !err.contains("NOT"), "{err}");
     let child = started(&["--go", "--resume"]);
-    interrupt(&child);
+    signal("-INT", &child);
     std::thread::sleep(Duration::from_millis(5));
-    interrupt(&child);
+    signal("-INT", &child);
     let o = child.wait_with_output().unwrap();
-    assert!(matches!(o.status.code(), Some(130 | 1)), "{:?} {}", o.status, text(&o.stderr));
+    assert!(matches!(o.status.code(), Some(130 | 1)), "{:?} {}", o.status, errors(&o));
     // whatever came of it, the rest can be measured
-    let o = place.measure(&cell, &["--go", "--resume"]);
-    assert!(o.status.success(), "{}", text(&o.stderr));
+    place.good(&measure_args(&cell, &["--go", "--resume"]));
     assert_eq!(place.rows("run.mcap").len(), 12);
 }
 
 #[test]
 fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
-    let place = Place::new("4");
+    let place = planned(4);
     // a cell file that is wrong by millimetres and a degree, as a tape measure leaves it
     let cell = place.cell(&[]);
-    let plan = std::fs::read_to_string(place.path("plan.csv")).unwrap();
+    let plan = place.text("plan.csv");
     let wrong = CELL.replace("tcp_mm = [18.0, -12.0, 118.0]", "tcp_mm = [19.0, -11.2, 117.3]");
     assert_ne!(wrong, CELL);
-    std::fs::write(place.path("cell.toml"), wrong).unwrap();
+    place.write("cell.toml", wrong);
     let entries: Vec<Vec<&str>> = plan.lines().skip(1).map(|l| l.split(',').collect()).collect();
     let of = |ball: &str| (0..entries.len()).filter(|k| entries[*k][1] == ball).collect::<Vec<_>>();
     let (approach, touch) = (|k: usize| entries[k][8..14].join(","), |k: usize| entries[k][2..8].join(","));
@@ -377,7 +333,7 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
     along(0, &mut says);
     says.extend(["nonsense", "", ""].map(str::to_owned));
     let (o, out) = guided(&place, &cell, &["--go", "--per-ball", "12"], &says);
-    assert!(o.status.success(), "{out}\n{}", text(&o.stderr));
+    assert!(o.status.success(), "{out}\n{}", errors(&o));
     for words in [
         "Mastering",
         "Touched and recorded, after",
@@ -393,14 +349,12 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
         assert!(out.contains(words), "'{words}' is missing in:\n{out}");
     }
     // the tool point has been found to what the arm is off before calibration
-    let found = std::fs::read_to_string(place.path("led.cell.toml")).unwrap();
-    let table: toml::Table = found.parse().unwrap();
+    let table: toml::Table = place.text("led.cell.toml").parse().unwrap();
     let tcp: Vec<f64> = table["tool"]["tcp_mm"].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect();
     for (found, truth) in tcp.iter().zip([18.0, -12.0, 118.0]) {
         assert!((found - truth).abs() < 1.0, "{tcp:?}");
     }
-    let o = place.run(&["identify", "led.mcap", "--robot", "robot.toml", "--cell", "led.cell.toml", "--json"]);
-    let told = json(&o);
+    let told = place.json(&words("identify led.mcap --robot robot.toml --cell led.cell.toml --json"));
     assert_eq!(told["observations"], 36);
     assert!(told["rms_mm"].as_f64().unwrap() < 0.02, "{}", told["rms_mm"]);
 }
@@ -408,13 +362,8 @@ fn a_person_is_led_from_mastering_to_a_recording_that_identifies() {
 /// A guided session in which a person types these lines; what it says, in one line.
 fn guided(place: &Place, cell: &Cell, more: &[&str], says: &[String]) -> (Output, String) {
     let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "led.mcap", "--guided"];
-    std::fs::write(place.path("typed"), says.join("\n") + "\n").unwrap();
-    let o = place
-        .command(&[&["measure"][..], &CELL_ARGS, &links, more].concat())
-        .stdin(std::fs::File::open(place.path("typed")).unwrap())
-        .output()
-        .unwrap();
-    let said = text(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    let o = place.typed(&[&["measure"][..], &CELL_ARGS, &links, more].concat(), &(says.join("\n") + "\n"));
+    let said = String::from_utf8_lossy(&o.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
     (o, said)
 }
 
@@ -430,9 +379,9 @@ fn says_in_order(said: &str, words: &[&str]) {
 
 #[test]
 fn a_guided_session_shows_itself_first_and_goes_on_where_it_was_left() {
-    let place = Place::new("4");
+    let place = planned(4);
     let cell = place.cell(&[]);
-    let plan = std::fs::read_to_string(place.path("plan.csv")).unwrap();
+    let plan = place.text("plan.csv");
     let entry: Vec<&str> = plan.lines().nth(1).unwrap().split(',').collect();
     let mut way: Vec<String> =
         entry[14].split(';').filter(|q| !q.trim().is_empty()).map(|q| q.trim().replace(' ', ",")).collect();
@@ -442,18 +391,9 @@ fn a_guided_session_shows_itself_first_and_goes_on_where_it_was_left() {
 
     // without --go: everything is told, nothing moves, nothing is written
     let (o, said) = guided(&place, &cell, &["--per-ball", "4"], &[]);
-    assert!(o.status.success(), "{}", text(&o.stderr));
-    says_in_order(
-        &said,
-        &[
-            "1. Mastering",
-            "ball 1 in 4 orientations",
-            "balls 1, 2, 3",
-            "12 touches",
-            "move to the touch",
-            "Nothing has moved",
-        ],
-    );
+    assert!(o.status.success(), "{}", errors(&o));
+    let steps = ["1. Mastering", "ball 1 in 4 orientations", "balls 1, 2, 3", "12 touches", "move to the touch"];
+    says_in_order(&said, &[&steps[..], &["Nothing has moved"]].concat());
     assert!(!place.path("led.guided.json").exists() && !place.path("led.plan.csv").exists());
 
     // mastering refuses stems in the air; then one touch, and the end
@@ -496,36 +436,31 @@ fn a_guided_session_shows_itself_first_and_goes_on_where_it_was_left() {
 
     // the measurement, with the plan that was made; the ball stood in for the calibrator, so free stems read less than 5.9 mm
     let (o, said) = guided(&place, &cell, &["--go", "--resume", "--stroke-mm=-5.9,4.5"], &lines(&[""]));
-    assert!(o.status.success(), "{said}\n{}", text(&o.stderr));
-    says_in_order(
-        &said,
-        &["5. Measurement", "12 touches measured", "trical identify led.mcap --robot robot.toml --cell led.cell.toml"],
-    );
+    assert!(o.status.success(), "{said}\n{}", errors(&o));
+    let next = "trical identify led.mcap --robot robot.toml --cell led.cell.toml";
+    says_in_order(&said, &["5. Measurement", "12 touches measured", next]);
     assert!(!said.contains("4. Plan"), "{said}");
-    let o = place.run(&["convert", "led.setup.mcap", "rows.csv"]);
-    assert!(o.status.success(), "{}", text(&o.stderr));
-    assert_eq!(std::fs::read_to_string(place.path("rows.csv")).unwrap().lines().count(), 2, "a header and one touch");
+    assert_eq!(place.rows("led.setup.mcap").len(), 1, "one touch");
 }
 
 #[test]
 fn a_recording_is_gone_on_with_by_its_own_plan_only() {
-    let place = Place::new("2");
+    let place = planned(2);
     let cell = place.cell(&[]);
-    assert!(place.measure(&cell, &["--go"]).status.success());
-    let o = place.run(&[&["plan"][..], &CELL_ARGS, &["--per-ball", "2", "--seed", "7", "--out", "other.csv"]].concat());
-    assert!(o.status.success(), "{}", text(&o.stderr));
+    place.good(&measure_args(&cell, &["--go"]));
+    place.good(&in_cell("plan --per-ball 2 --seed 7 --out other.csv"));
     let links = ["--gauge", &cell.gauge, "--controller", &cell.controller, "--out", "run.mcap", "--go", "--resume"];
     let other = [&["measure"][..], &CELL_ARGS, &links, &["--plan", "other.csv", "--visits", "2"]].concat();
     refused(&place.run(&other), 2, "run.mcap: was recorded with another plan");
     assert_eq!(place.rows("run.mcap").len(), 6);
     // more visits of the same plan are welcome
-    assert!(place.measure(&cell, &["--go", "--resume", "--visits", "2"]).status.success());
+    place.good(&measure_args(&cell, &["--go", "--resume", "--visits", "2"]));
     assert_eq!(place.rows("run.mcap").len(), 12);
 }
 
 #[test]
 fn two_sessions_do_not_write_one_recording() {
-    let place = Place::new("4");
+    let place = planned(4);
     let cell = place.cell(&["--pace", "0.01"]);
     let mut first = place.command(&measure_args(&cell, &["--go"])).spawn().unwrap();
     while !place.path("run.mcap").exists() {
@@ -540,23 +475,21 @@ fn two_sessions_do_not_write_one_recording() {
 
 #[test]
 fn what_a_command_reads_it_does_not_replace() {
-    let place = Place::new("2");
-    let gauge = ["--gauge", "uwave:///dev/none", "--controller", "rapid://127.0.0.1:1", "--plan", "plan.csv"];
-    for (args, out) in [
-        (vec!["plan", "--per-ball", "2"], "robot.toml"),
-        ([&["measure", "--go", "--resume"][..], &gauge].concat(), "cell.toml"),
-        ([&["measure", "--go"][..], &gauge].concat(), "./plan.csv"),
-    ] {
-        let o = place.run(&[&args[..], &CELL_ARGS, &["--out", out]].concat());
+    let place = planned(2);
+    let measure = "measure --go --gauge uwave:///dev/none --controller rapid://127.0.0.1:1 --plan plan.csv";
+    for (command, out) in
+        [("plan --per-ball 2", "robot.toml"), (&format!("{measure} --resume"), "cell.toml"), (measure, "./plan.csv")]
+    {
+        let o = place.run(&in_cell(&format!("{command} --out {out}")));
         refused(&o, 2, &format!("{out}: is read by this command, and would be replaced"));
     }
     refused(&place.run(&["convert", "plan.csv", "plan.csv"]), 2, "plan.csv: is read by this command");
-    assert_eq!(std::fs::read_to_string(place.path("robot.toml")).unwrap(), ROBOT);
+    assert_eq!(place.text("robot.toml"), ROBOT);
 }
 
 #[test]
 fn pipes_and_devices_are_no_recordings() {
-    let place = Place::new("0");
+    let place = Place::new();
     assert!(Command::new("mkfifo").arg(place.path("pipe.mcap")).status().unwrap().success());
     for name in ["/dev/urandom", "/dev/zero", "pipe.mcap"] {
         refused(&place.run(&["convert", name, "out.csv"]), 2, &format!("{name}: is a pipe or a device"));
@@ -568,7 +501,7 @@ fn pipes_and_devices_are_no_recordings() {
 
 #[test]
 fn settings_that_no_measurement_has_are_refused_and_lists_may_begin_with_a_minus() {
-    let place = Place::new("2");
+    let place = planned(2);
     let cell = place.cell(&["--start-deg", "-1,10,20,0,45,0"]);
     for (option, value, words) in [
         ("--epsilon-mm", "1e9", "tolerance of a touch: found 1000000000 mm, expected 0.0001 to 1"),
@@ -579,30 +512,28 @@ fn settings_that_no_measurement_has_are_refused_and_lists_may_begin_with_a_minus
         refused(&place.measure(&cell, &[&format!("{option}={value}"), "--go"]), 2, words);
     }
     assert!(!place.path("run.mcap").exists());
-    let jog =
-        place.run(&["robot", "jog", "--controller", &cell.controller, "--robot", "robot.toml", "--tool-mm", "-1,0,0"]);
-    assert!(jog.status.success() && text(&jog.stdout).contains("Nothing has moved"), "{}", text(&jog.stderr));
-    let o = place.measure(&cell, &["--stroke-mm", "-5.8,5.9"]);
-    assert!(o.status.success(), "{}", text(&o.stderr));
+    let said =
+        place.good(&words(&format!("robot jog --controller {} --robot robot.toml --tool-mm -1,0,0", cell.controller)));
+    assert!(said.contains("Nothing has moved"), "{said}");
+    place.good(&measure_args(&cell, &["--stroke-mm", "-5.8,5.9"]));
 }
 
 #[test]
 fn a_standard_error_that_nobody_reads_does_not_end_a_run() {
-    let place = Place::new("2");
+    let place = planned(2);
     let cell = place.cell(&[]);
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     // the tolerance is warned about
-    let o = place.command(&measure_args(&cell, &["--go", "--epsilon-mm", "0.008", "--max-corrections", "100"]));
-    let mut command = o;
-    let status = command.stderr(full).status().unwrap();
+    let args = measure_args(&cell, &["--go", "--epsilon-mm", "0.008", "--max-corrections", "100"]);
+    let status = place.command(&args).stderr(full).status().unwrap();
     assert!(status.success(), "{status:?}");
     assert_eq!(place.rows("run.mcap").len(), 6);
 }
 
 #[test]
 fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
-    let place = Place::new("2");
-    for (signal, out) in [("-INT", "int.mcap"), ("-HUP", "hup.mcap"), ("-TERM", "term.mcap")] {
+    let place = planned(2);
+    for (name, out) in [("-INT", "int.mcap"), ("-HUP", "hup.mcap"), ("-TERM", "term.mcap")] {
         // motions as slow as a real arm's
         let cell = place.cell(&["--pace", "1"]);
         let links = ["--plan", "plan.csv", "--gauge", &cell.gauge, "--controller", &cell.controller, "--out", out];
@@ -614,40 +545,26 @@ fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
         }
         std::thread::sleep(Duration::from_millis(400));
         let begin = Instant::now();
-        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        signal(name, &child);
         let o = child.wait_with_output().unwrap();
         assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
         refused(&o, 1, "stopped by the user in the middle of a motion; the arm stands where it was stopped");
-        let joints =
-            || json(&place.run(&["robot", "joints", "--controller", &cell.controller, "--json"]))["joints_deg"].clone();
-        let stands = joints();
+        let stands = place.joints(&cell);
         std::thread::sleep(Duration::from_millis(300));
-        assert_eq!(joints(), stands, "it still moves");
+        assert_eq!(place.joints(&cell), stands, "it still moves");
         assert_ne!(stands, serde_json::json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), "it never moved");
     }
 }
 
 #[test]
 fn ctrl_c_stops_a_jog() {
-    let place = Place::new("0");
+    let place = Place::new();
     let cell = place.cell(&["--pace", "1"]);
-    let jog = [
-        "robot",
-        "jog",
-        "--controller",
-        &cell.controller,
-        "--joint",
-        "1",
-        "--by-deg",
-        "5",
-        "--speed-mm-s",
-        "1",
-        "--go",
-    ];
-    let child = place.command(&jog).stderr(Stdio::piped()).spawn().unwrap();
+    let jog = format!("robot jog --controller {} --joint 1 --by-deg 5 --speed-mm-s 1 --go", cell.controller);
+    let child = place.command(&words(&jog)).stderr(Stdio::piped()).spawn().unwrap();
     std::thread::sleep(Duration::from_millis(800));
     let begin = Instant::now();
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    signal("-INT", &child);
     let o = child.wait_with_output().unwrap();
     assert!(begin.elapsed() < Duration::from_secs(3), "{:?}", begin.elapsed());
     refused(&o, 1, "stopped by the user in the middle of a motion");
@@ -655,23 +572,20 @@ fn ctrl_c_stops_a_jog() {
 
 #[test]
 fn who_does_not_know_the_secret_is_told_and_moves_nothing() {
-    let place = Place::new("0");
+    let place = planned(2);
     let cell = place.cell(&["--secret", "Torx25kanne"]);
     assert!(cell.controller.ends_with("&secret=Torx25kanne"), "{}", cell.controller);
-    std::fs::write(place.path("secret.txt"), "Torx25kanne\n").unwrap();
+    place.write("secret.txt", "Torx25kanne\n");
     let bare = cell.controller.trim_end_matches("&secret=Torx25kanne").to_owned();
     let ping = |more: &str| place.run(&["robot", "ping", "--controller", &format!("{bare}{more}")]);
     assert!(ping("&secret=@secret.txt").status.success());
     refused(&ping(""), 2, "secret expected");
     refused(&ping("&secret=Torx25kannen"), 2, "wrong secret");
-    let refusal = place.run(&["virtual-cell", "--robot", "robot.toml", "--cell", "cell.toml", "--secret", "short"]);
+    let refusal = place.run(&in_cell("virtual-cell --secret short"));
     refused(&refusal, 2, "--secret: expected 8 to 40 letters and digits, or none");
     // a recording does not have it
-    let o =
-        place.run(&["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "2", "--out", "plan.csv"]);
-    assert!(o.status.success(), "{}", text(&o.stderr));
-    assert!(place.measure(&cell, &["--go"]).status.success());
-    let recorded = std::fs::read(place.path("run.mcap")).unwrap();
+    place.good(&measure_args(&cell, &["--go"]));
+    let recorded = place.bytes("run.mcap");
     assert!(!recorded.windows(11).any(|w| w == b"Torx25kanne"));
     assert!(recorded.windows(10).any(|w| w == b"secret=..."));
 }

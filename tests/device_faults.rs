@@ -247,6 +247,23 @@ fn script(rng: &mut Pcg64Mcg) -> Vec<Scheduled> {
         .collect()
 }
 
+/// How far a script moves the balls, m, if it does.
+fn slip(script: &[Scheduled]) -> Option<f64> {
+    script.iter().find_map(|s| match s.fault {
+        Fault::SlippedPlate { by_um } => Some(by_um.map(|v| (f64::from(v) * 1e-6).powi(2)).iter().sum::<f64>().sqrt()),
+        _ => None,
+    })
+}
+
+/// All runs, by their seeds: most of a run is waiting for time-outs.
+fn eight_at_once(runs: u64, one: &(impl Fn(u64) + Sync)) {
+    std::thread::scope(|scope| {
+        for part in 0..8 {
+            scope.spawn(move || (0..runs).filter(|seed| seed % 8 == part).for_each(one));
+        }
+    });
+}
+
 /// How far a recorded touch is from what the true arm does: the length of the residual, m.
 fn misfit(truth: &Forward, rows: &[Row]) -> f64 {
     let mut ws = truth.workspace();
@@ -268,10 +285,7 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
     let one = |seed: u64| {
         let mut rng = Pcg64Mcg::seed_from_u64(1000 + seed);
         let script = script(&mut rng);
-        let slip = script.iter().find_map(|s| match s.fault {
-            Fault::SlippedPlate { by_um } => Some(by_um.map(|v| f64::from(v) * 1e-6)),
-            _ => None,
-        });
+        let slip = slip(&script);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         let cell = bench.start(seed, script.clone(), [0.0; 9], &outside);
@@ -313,7 +327,7 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
             let planned: Vec<u64> = bench.plan.iter().map(|entry| entry.index).collect();
             assert_eq!(numbers, planned, "{}", says("rows"));
         }
-        let allowed = 60e-6 + slip.map_or(0.0, |s| s.iter().map(|v| v * v).sum::<f64>().sqrt());
+        let allowed = 60e-6 + slip.unwrap_or(0.0);
         let far = misfit(&truth, &after.recording.rows);
         assert!(far < allowed, "{}", says(&format!("a touch is off by {:.4} mm", far * 1e3)));
         if slip.is_none() && after.recording.rows.len() == total {
@@ -329,13 +343,7 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
             }
         }
     };
-    // most of a run is waiting for time-outs
-    std::thread::scope(|scope| {
-        for part in 0..8 {
-            let one = &one;
-            scope.spawn(move || (0..runs).filter(|seed| seed % 8 == part).for_each(one));
-        }
-    });
+    eight_at_once(runs, &one);
     assert!(!outside.load(Ordering::Relaxed), "the arm was outside its limits");
     let complete = complete.load(Ordering::Relaxed);
     println!("{runs} runs: {complete} complete at once; the others ended with");
@@ -358,17 +366,7 @@ fn program(
     let gauge = format!("{}&timeout_ms=1000", cell.gauge_url());
     let controller = format!("{}{wrong}&timeout_s=3&move_timeout_s=20", cell.controller_url());
     let mut command = Command::new(env!("CARGO_BIN_EXE_trical"));
-    command.args([
-        "measure",
-        "--robot",
-        "robot.toml",
-        "--cell",
-        "cell.toml",
-        "--plan",
-        "plan.csv",
-        "--out",
-        "run.mcap",
-    ]);
+    command.args("measure --robot robot.toml --cell cell.toml --plan plan.csv --out run.mcap".split(' '));
     command.args(["--go", "--gauge", &gauge, "--controller", &controller]).current_dir(folder);
     if folder.join("run.mcap").exists() {
         command.arg("--resume");
@@ -395,10 +393,7 @@ fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
     let one = |seed: u64| {
         let mut rng = Pcg64Mcg::seed_from_u64(90_000 + seed);
         let faults = if rng.random_range(0..2) == 0 { script(&mut rng) } else { Vec::new() };
-        let slip = faults.iter().find_map(|s| match s.fault {
-            Fault::SlippedPlate { by_um } => Some(by_um.map(|v| f64::from(v) * 1e-6)),
-            _ => None,
-        });
+        let slip = slip(&faults);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         for (name, text) in [
@@ -451,16 +446,11 @@ fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
             assert!(last.1.contains("is refused") && last.1.contains("was not driven"), "{says}: {}", last.1);
             count("left where only a person gets it out");
         }
-        let allowed = 60e-6 + slip.map_or(0.0, |s| s.iter().map(|v| v * v).sum::<f64>().sqrt());
+        let allowed = 60e-6 + slip.unwrap_or(0.0);
         let far = misfit(&truth, &after);
         assert!(far < allowed, "{says}: a touch is off by {:.4} mm", far * 1e3);
     };
-    std::thread::scope(|scope| {
-        for part in 0..8 {
-            let one = &one;
-            scope.spawn(move || (0..runs).filter(|seed| seed % 8 == part).for_each(one));
-        }
-    });
+    eight_at_once(runs, &one);
     assert!(!outside.load(Ordering::Relaxed), "the arm was outside its limits, or met something");
     println!("{runs} sessions of the program: {:?}", told.lock().unwrap());
 }

@@ -3,38 +3,22 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 #![cfg(unix)]
 
+mod common;
+
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write as _};
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
-const CELL: &str = include_str!("../cells/irb120/cell.toml");
+use common::{CELL, Place, ROBOT, errors, in_cell, words};
+
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Address space of the process, KiB: what a recording of a day needs, and far less than the files here ask for.
 const ADDRESS_SPACE: u32 = 1_500_000;
 /// On a busy machine and without optimization; alone, the slowest takes 3 s.
 const LIMIT: Duration = Duration::from_secs(60);
 
-struct Place(tempfile::TempDir);
-
 impl Place {
-    fn new() -> Self {
-        let p = Self(tempfile::tempdir().unwrap());
-        p.write("robot.toml", ROBOT);
-        p.write("cell.toml", CELL);
-        p
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
-        std::fs::write(self.path(name), bytes).unwrap();
-    }
-
     /// The command fails in order, with one short sentence that has `words`.
     fn refuses(&self, args: &str, words: &str) {
         let begin = Instant::now();
@@ -45,7 +29,7 @@ impl Place {
             .current_dir(self.0.path())
             .output()
             .unwrap();
-        let err = String::from_utf8_lossy(&o.stderr);
+        let err = errors(&o);
         let start: String = err.chars().take(2000).collect();
         assert!(matches!(o.status.code(), Some(1 | 2)), "{args}: {:?}: {start}", o.status);
         assert!(!err.contains("panicked"), "{args}: {start}");
@@ -257,12 +241,9 @@ fn messages_hold_nothing_that_a_terminal_obeys_and_stay_short_in_bytes() {
     let url = format!("line:///dev/null?{}=1", "\u{1f916}".repeat(20_000));
     p.refuses(&format!("gauge test --gauge {url}"), "unknown option");
     // a site that the arm does not have: the file, and the site as it stands there
-    for args in ["sample s", "identify s/touches.csv --robot s/robot.toml --cell s/cell.toml --out model.toml"] {
-        let o = Command::new(env!("CARGO_BIN_EXE_trical")).args(args.split(' ')).current_dir(p.0.path()).output();
-        assert!(o.unwrap().status.success(), "{args}");
-    }
-    let model = std::fs::read_to_string(p.path("model.toml")).unwrap();
-    p.write("bad.toml", model.replace("link = 2\n", "link = 22\n"));
+    p.good(&["sample", "s"]);
+    p.good(&words("identify s/touches.csv --robot s/robot.toml --cell s/cell.toml --out model.toml"));
+    p.write("bad.toml", p.text("model.toml").replace("link = 2\n", "link = 22\n"));
     let validate = "validate s/touches.csv --robot s/robot.toml --cell s/cell.toml --model bad.toml";
     p.refuses(validate, "bad.toml: term 'alpha_2' acts at site = { link = { link = 22, parameter = \"alpha\" } }");
     let list = "1,".repeat(20_000) + "1";
@@ -278,6 +259,13 @@ fn numbers_on_the_command_line() {
     for (option, words) in [("--per-ball", "at most 1000"), ("--pool", "at most 1000"), ("--points", "at most 1000")] {
         p.refuses(&format!("plan --robot robot.toml --cell cell.toml {option} 1000000000000 --out o.csv"), words);
     }
+}
+
+/// The cell, with the first of its solids from this file.
+fn cell_with_mesh(file: &str) -> String {
+    let at = CELL.find("solids = [").unwrap();
+    let end = at + CELL[at..].find('\n').unwrap();
+    format!("{}solids = [{{ shape = \"mesh\", file = \"{file}\" }}]{}", &CELL[..at], &CELL[end..])
 }
 
 /// Ends a program when it goes out of scope.
@@ -328,28 +316,20 @@ fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
         return;
     }
     let p = Place::new();
-    let run = |args: &str| {
-        let o =
-            Command::new(env!("CARGO_BIN_EXE_trical")).args(args.split(' ')).current_dir(p.0.path()).output().unwrap();
-        assert!(o.status.success(), "{args}: {}", String::from_utf8_lossy(&o.stderr));
-    };
-    run("sample s");
+    p.good(&["sample", "s"]);
     for name in ["robot.toml", "cell.toml", "touches.csv"] {
         std::fs::rename(p.path("s").join(name), p.path(name)).unwrap();
     }
-    run("identify touches.csv --robot robot.toml --cell cell.toml --out model.toml");
-    run("plan --robot robot.toml --cell cell.toml --per-ball 2 --out plan.csv");
+    p.good(&in_cell("identify touches.csv --out model.toml"));
+    p.good(&in_cell("plan --per-ball 2 --out plan.csv"));
     p.write("a.mod", "MODULE m\nENDMODULE\n");
     // the recording is opened when gauge and controller have answered
-    let mut cell = Command::new(env!("CARGO_BIN_EXE_trical"));
-    cell.args(["virtual-cell", "--robot", "robot.toml", "--cell", "cell.toml", "--port", "0", "--json"]);
-    let mut cell = Ends(cell.current_dir(p.0.path()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap());
+    let mut cell = p.command(&in_cell("virtual-cell --port 0 --json"));
+    let mut cell = Ends(cell.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap());
     let mut links = String::new();
     BufReader::new(cell.0.stdout.take().unwrap()).read_line(&mut links).unwrap();
     let links: serde_json::Value = serde_json::from_str(&links).unwrap();
     let [gauge, controller] = ["gauge", "controller"].map(|key| links[key].as_str().unwrap().to_owned());
-    let solids_at = CELL.find("solids = [").unwrap();
-    let solids_end = solids_at + CELL[solids_at..].find('\n').unwrap();
     let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ball,ix_mm,iy_mm,iz_mm";
     let lines = [
         ("yes 0,0,0,0,0,0,1,0,0,0", header.to_owned()),
@@ -369,9 +349,8 @@ fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
         }
         for kind in ["urandom", "zero", "hole", "pipe"] {
             let name = format!("{kind}.{extension}");
-            let solids = format!("solids = [{{ shape = \"mesh\", file = \"{name}\" }}]");
             if matches!(*extension, "stl" | "obj") {
-                p.write(&format!("mesh-{name}.toml"), [&CELL[..solids_at], &solids, &CELL[solids_end..]].concat());
+                p.write(&format!("mesh-{name}.toml"), cell_with_mesh(&name));
             }
             let asked = command.replace("{}", &name).replace("GAUGE", &gauge).replace("CONTROLLER", &controller);
             if kind != "pipe" {
@@ -457,16 +436,13 @@ fn meshes_that_claim_four_thousand_million_triangles() {
     std::fs::File::create(p.path("b.stl")).unwrap().set_len(2_000_000_000).unwrap();
     p.write("c.obj", "f ".to_owned() + &"1 ".repeat(5_000_000));
     p.write("d.stl", "solid ".repeat(1_000_000));
-    let at = CELL.find("solids = [").unwrap();
-    let end = at + CELL[at..].find('\n').unwrap();
     for (name, words) in [
         ("a.stl", "expected 200000000084 for its 4000000000 triangles"),
         ("b.stl", "found 1907 MiB, expected at most 256"),
         ("c.obj", "found vertex '1'"),
         ("d.stl", ""),
     ] {
-        let solids = format!("solids = [{{ shape = \"mesh\", file = \"{name}\" }}]");
-        p.write("mesh.toml", [&CELL[..at], &solids, &CELL[end..]].concat());
+        p.write("mesh.toml", cell_with_mesh(name));
         p.refuses("plan --robot robot.toml --cell mesh.toml --out o.csv", words);
     }
 }
@@ -477,11 +453,7 @@ fn programs_of_one_nest_of_brackets() {
         return;
     }
     let p = Place::new();
-    let demo = Command::new(env!("CARGO_BIN_EXE_trical"))
-        .args(["demo", "--conceal", "none", "--out", "demo"])
-        .current_dir(p.0.path())
-        .output();
-    assert!(demo.unwrap().status.success());
+    p.good(&words("demo --conceal none --out demo"));
     let many = 5_000_000;
     for (name, text) in [
         ("a.mod", "MODULE m\nCONST robtarget p:=".to_owned() + &"[".repeat(many)),

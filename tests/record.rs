@@ -1,9 +1,11 @@
 //! `trical record`: an arm guided into sockets, its joints from a file that grows.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+mod common;
+
 use std::io::{BufRead, Write};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Output, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -15,35 +17,17 @@ mod rws_server;
 #[path = "../crates/trical-device/tests/common/ur_server.rs"]
 mod ur_server;
 
-const ROBOT: &str = include_str!("../cells/irb120/robot.toml");
-
-struct Place(tempfile::TempDir);
+use common::{CELL, Place, errors, in_cell, words};
 
 impl Place {
-    fn new() -> Self {
-        let p = Self(tempfile::tempdir().unwrap());
-        std::fs::write(p.path("robot.toml"), ROBOT).unwrap();
-        p
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
     fn record(&self, follow: &str, out: &str, typed: &[&str]) -> Output {
         self.record_from(["--follow", follow], out, typed)
     }
 
     fn record_from(&self, from: [&str; 2], out: &str, typed: &[&str]) -> Output {
-        // from a file: a program that refuses before it reads would break a pipe
-        std::fs::write(self.path("typed"), typed.iter().map(|t| format!("{t}\n")).collect::<String>()).unwrap();
-        Command::new(env!("CARGO_BIN_EXE_trical"))
-            .args(["record", "--robot", "robot.toml", "--place", "front", "--out", out])
-            .args(from)
-            .current_dir(self.0.path())
-            .stdin(std::fs::File::open(self.path("typed")).unwrap())
-            .output()
-            .unwrap()
+        let lines: String = typed.iter().map(|t| format!("{t}\n")).collect();
+        let record = ["record", "--robot", "robot.toml", "--place", "front", "--out", out];
+        self.typed(&[&record[..], &from].concat(), &lines)
     }
 }
 
@@ -89,13 +73,13 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
     let place = Place::new();
     let writer = Writer::to(&place.path("joints.txt"), "", |_| echoed([0.1, 0.2, -0.3, 0.4, 0.5, -0.6]));
     let done = place.record("joints.txt", "visits.csv", &["", "2", "p back left", "1", "p a,b", "q"]);
-    let told = String::from_utf8_lossy(&done.stderr);
+    let told = errors(&done);
     assert!(done.status.success(), "{told}");
     assert!(told.contains("joints 1 to 6 are joint_1,") && told.contains("expected a name of letters"), "{told}");
     let again = place.record("joints.txt", "visits.csv", &[""]);
     assert!(String::from_utf8_lossy(&again.stdout).contains("1 row added to visits.csv"));
     drop(writer);
-    let text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
+    let text = place.text("visits.csv");
     let lines: Vec<&str> = text.lines().collect();
     let joints = [0.1_f64, 0.2, -0.3, 0.4, 0.5, -0.6].map(|q| format!("{:.6}", q.to_degrees()));
     assert_eq!(lines.len(), 5, "{text}");
@@ -109,12 +93,7 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
         assert_eq!(cells[7..].join(","), format!("{at},0,0,0"));
     }
     // what was taken reads as a recording
-    let o = Command::new(env!("CARGO_BIN_EXE_trical"))
-        .args(["convert", "visits.csv", "visits.mcap", "--joints", "6"])
-        .current_dir(place.0.path())
-        .output()
-        .unwrap();
-    assert!(o.status.success(), "{}", String::from_utf8_lossy(&o.stderr));
+    place.good(&words("convert visits.csv visits.mcap --joints 6"));
 }
 
 #[test]
@@ -122,30 +101,25 @@ fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
     let place = Place::new();
     let header = "t,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n";
     let writer = Writer::to(&place.path("moving.csv"), header, |k| format!("{k},{},2,3,4,5,6\n", k as f64 * 0.1));
-    let done = place.record("moving.csv", "visits.csv", &[""]);
-    let told = String::from_utf8_lossy(&done.stderr);
+    let told = errors(&place.record("moving.csv", "visits.csv", &[""]));
     assert!(told.contains("no row: joint 1 moved by") && told.contains("hold the arm still"), "{told}");
     drop(writer);
-    let done = place.record("moving.csv", "visits.csv", &[""]);
-    let told = String::from_utf8_lossy(&done.stderr);
+    let told = errors(&place.record("moving.csv", "visits.csv", &[""]));
     assert!(told.contains("nothing whole was added within 5 s"), "{told}");
-    assert_eq!(std::fs::read_to_string(place.path("visits.csv")).unwrap().lines().count(), 1);
+    assert_eq!(place.text("visits.csv").lines().count(), 1);
     // a file with other columns is left alone; one whose last line was cut goes on behind it
-    std::fs::write(place.path("other.csv"), "a,b\n1,2\n").unwrap();
+    place.write("other.csv", "a,b\n1,2\n");
     let refused = place.record("moving.csv", "other.csv", &[""]);
     assert_eq!(refused.status.code(), Some(2));
-    let told = String::from_utf8_lossy(&refused.stderr);
+    let told = errors(&refused);
     assert!(told.contains("other.csv: header: found \"a,b\", expected \"seq,q1_deg"), "{told}");
-    assert_eq!(std::fs::read_to_string(place.path("other.csv")).unwrap(), "a,b\n1,2\n");
-    std::fs::write(place.path("still.csv"), header).unwrap();
+    assert_eq!(place.text("other.csv"), "a,b\n1,2\n");
     let writer = Writer::to(&place.path("still.csv"), header, |k| format!("{k},1,2,3,4,5,6\n"));
-    let mut text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
-    text.push_str("7,1,2,3,4,5,6,fro");
-    std::fs::write(place.path("visits.csv"), &text).unwrap();
+    place.write("visits.csv", place.text("visits.csv") + "7,1,2,3,4,5,6,fro");
     let done = place.record("still.csv", "visits.csv", &[""]);
     drop(writer);
-    assert!(String::from_utf8_lossy(&done.stderr).contains("line 2 did not end"));
-    let text = std::fs::read_to_string(place.path("visits.csv")).unwrap();
+    assert!(errors(&done).contains("line 2 did not end"));
+    let text = place.text("visits.csv");
     assert_eq!(text.lines().last(), Some("8,1,2,3,4,5,6,front,1,0,0,0"), "{text}");
 }
 
@@ -153,19 +127,12 @@ fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
 fn a_plan_for_two_sockets_says_what_it_takes_as_known_and_without_a_place_what_places_are_worth() {
     let place = Place::new();
     let plan = |cell: &str, more: &[&str]| {
-        std::fs::write(place.path("cell.toml"), cell).unwrap();
-        let o = Command::new(env!("CARGO_BIN_EXE_trical"))
-            .args(["plan", "--robot", "robot.toml", "--cell", "cell.toml", "--per-ball", "12"])
-            .args(more)
-            .current_dir(place.0.path())
-            .output()
-            .unwrap();
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        (o.status.code(), text(&o.stdout), text(&o.stderr))
+        place.write("cell.toml", cell);
+        let o = place.run(&[&in_cell("plan --per-ball 12"), more].concat());
+        (o.status.code(), String::from_utf8_lossy(&o.stdout).into_owned(), errors(&o))
     };
-    let known = include_str!("../cells/irb120/cell.toml");
-    let line = known.lines().find(|l| l.trim_start().starts_with("distances_mm")).unwrap();
-    let known = known.replace(line, "distances_mm = { d12 = 300.0 }");
+    let line = CELL.lines().find(|l| l.trim_start().starts_with("distances_mm")).unwrap();
+    let known = CELL.replace(line, "distances_mm = { d12 = 300.0 }");
     let (code, told, wrong) = plan(&known, &["--out", "p.csv"]);
     assert_eq!(code, Some(0), "{wrong}");
     assert!(told.contains("Caution: with fewer than three balls") && told.contains("too good"), "{told}");
@@ -232,9 +199,9 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     for (k, url) in urls.iter().enumerate() {
         let out = format!("{k}.csv");
         let done = place.record_from(["--controller", url], &out, &["", "2", "q"]);
-        let told = String::from_utf8_lossy(&done.stderr);
+        let told = errors(&done);
         assert!(done.status.success(), "{url}: {told}");
-        let text = std::fs::read_to_string(place.path(&out)).unwrap();
+        let text = place.text(&out);
         let rows: Vec<Vec<&str>> = text.lines().skip(1).map(|l| l.split(',').collect()).collect();
         assert_eq!(rows.len(), 2, "{url}: {told}");
         for (row, socket) in rows.iter().zip(["1", "2"]) {
@@ -251,16 +218,15 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     // a controller that is not there
     let done = place.record_from(["--controller", "rapid://127.0.0.1:1?timeout_s=0.2"], "no.csv", &[""]);
     assert_eq!(done.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&done.stderr).contains("127.0.0.1:1"), "{done:?}");
+    assert!(errors(&done).contains("127.0.0.1:1"), "{done:?}");
 }
 
 /// A program that is typed to, and what it says on standard error.
 struct Typed(std::process::Child, std::io::BufReader<std::process::ChildStderr>);
 
 impl Typed {
-    fn start(place: &Place, args: &[&str]) -> (Self, std::io::BufReader<std::process::ChildStdout>) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trical"));
-        command.args(args).args(["--robot", "robot.toml", "--cell", "cell.toml"]).current_dir(place.0.path());
+    fn start(place: &Place, command: &str) -> (Self, std::io::BufReader<std::process::ChildStdout>) {
+        let mut command = place.command(&in_cell(command));
         let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = piped.spawn().unwrap();
         let (out, err) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
@@ -287,13 +253,12 @@ impl Typed {
 #[test]
 fn a_virtual_person_guides_an_arm_into_sockets_and_it_is_calibrated_from_what_was_taken_down() {
     let place = Place::new();
-    std::fs::write(place.path("cell.toml"), SOCKETS).unwrap();
-    let (mut person, mut links) =
-        Typed::start(&place, &["virtual-cell", "--sockets", "--port", "0", "--noise-mm", "0.05", "--json"]);
+    place.write("cell.toml", SOCKETS);
+    let (mut person, mut links) = Typed::start(&place, "virtual-cell --sockets --port 0 --noise-mm 0.05 --json");
     let mut line = String::new();
     links.read_line(&mut line).unwrap();
     let url = line.split('"').find(|word| word.starts_with("rapid://")).unwrap();
-    let (mut taken, _) = Typed::start(&place, &["record", "--controller", url, "--place", "1", "--out", "visits.csv"]);
+    let (mut taken, _) = Typed::start(&place, &format!("record --controller {url} --place 1 --out visits.csv"));
     // what they say at first: that the cell answers, and what to type
     let first = (person.says(), person.says(), taken.says());
     assert!(first.1.contains("p NAME") && first.2.contains("p NAME"), "{first:?}");
@@ -313,12 +278,7 @@ fn a_virtual_person_guides_an_arm_into_sockets_and_it_is_calibrated_from_what_wa
     assert!(person.types("3").contains("found socket 3, and the cell has 2"));
     taken.ends();
     person.ends();
-    let found = Command::new(env!("CARGO_BIN_EXE_trical"))
-        .args(["identify", "visits.csv", "--robot", "robot.toml", "--cell", "cell.toml", "--out", "arm.toml", "--json"])
-        .current_dir(place.0.path())
-        .output()
-        .unwrap();
-    let found: serde_json::Value = serde_json::from_slice(&found.stdout).unwrap();
+    let found = place.json(&in_cell("identify visits.csv --out arm.toml --json"));
     assert_eq!(found["poses"], 80);
     let [nominal, identified] = ["mean_nominal_mm", "mean_mm"].map(|of| found[of].as_f64().unwrap());
     assert!(nominal > 0.3 && identified < 0.1, "{nominal} {identified}");

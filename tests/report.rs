@@ -1,43 +1,29 @@
 //! Reports as their readers meet them: what they say, what they carry, and whether a browser without a network draws them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
-use std::ffi::OsString;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
+
+use std::path::Path;
+use std::process::Command;
 use std::sync::LazyLock;
 
-fn run(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_trical")).args(args).current_dir(folder).output().unwrap()
-}
-
-fn good(folder: &Path, args: &[&str]) -> String {
-    let o = run(folder, args);
-    assert!(o.status.success(), "{args:?}: {}", String::from_utf8_lossy(&o.stderr));
-    String::from_utf8(o.stdout).unwrap()
-}
+use common::{CELL_ARGS, Place, errors, in_cell, words};
 
 /// The files of a demo, its recording as CSV too: measured and diagnosed once for all tests.
-static DEMO: LazyLock<Vec<(OsString, Vec<u8>)>> = LazyLock::new(|| {
-    let place = tempfile::tempdir().unwrap();
-    good(place.path(), &["demo", "--conceal", "none", "--seed", "3", "--out", "demo"]);
-    let folder = place.path().join("demo");
-    good(&folder, &["convert", "run.mcap", "--out", "run.csv"]);
-    let files = std::fs::read_dir(&folder).unwrap().map(Result::unwrap);
-    files.map(|f| (f.file_name(), std::fs::read(f.path()).unwrap())).collect()
+static DEMO: LazyLock<Vec<(String, Vec<u8>)>> = LazyLock::new(|| {
+    let place = Place::new();
+    place.good(&words("demo --conceal none --seed 3 --out ."));
+    place.good(&words("convert run.mcap --out run.csv"));
+    let files = std::fs::read_dir(place.path("")).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap());
+    files.map(|name| (name.clone(), place.bytes(&name))).collect()
 });
 
 /// A folder with that demo.
-fn demo() -> (tempfile::TempDir, PathBuf) {
-    let place = tempfile::tempdir().unwrap();
-    let folder = place.path().join("demo");
-    std::fs::create_dir(&folder).unwrap();
-    for (name, bytes) in DEMO.iter() {
-        std::fs::write(folder.join(name), bytes).unwrap();
-    }
-    (place, folder)
+fn demo() -> Place {
+    let place = Place::new();
+    DEMO.iter().for_each(|(name, bytes)| place.write(name, bytes));
+    place
 }
-
-const CELL: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
 
 fn chromium() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome", "chrome"]
@@ -160,18 +146,24 @@ fn verdict(html: &str) -> &str {
     html.split("<p class=\"verdict\">").nth(1).unwrap().split("</p>").next().unwrap()
 }
 
+/// Writes the recording with one number changed; in which line.
+fn changed(place: &Place, column: &str, by: f64, file: &str) -> usize {
+    let mut lines: Vec<String> = place.text("run.csv").lines().map(String::from).collect();
+    let head = lines.iter().position(|l| l.contains(column)).unwrap();
+    let column = lines[head].split(',').position(|c| c == column).unwrap();
+    let mut cells: Vec<String> = lines[head + 20].split(',').map(String::from).collect();
+    cells[column] = format!("{}", cells[column].parse::<f64>().unwrap() + by);
+    lines[head + 20] = cells.join(",");
+    place.write(file, lines.join("\n") + "\n");
+    head + 21
+}
+
 #[test]
 fn identification_and_validation_are_reported_to_the_person_who_signs() {
-    let (_place, folder) = demo();
-    let with = |more: &[&str]| {
-        good(
-            &folder,
-            &[&["identify", "run.csv"][..], &CELL, &["--out", "out.toml", "--report", "i.html", "--json"], more]
-                .concat(),
-        )
-    };
-    let json: serde_json::Value = serde_json::from_str(&with(&[])).unwrap();
-    let html = self_contained(&folder.join("i.html"), &["run.csv", "robot.toml", "cell.toml"]);
+    let place = demo();
+    let identify = in_cell("identify run.csv --out out.toml --report i.html --json");
+    let json = place.json(&identify);
+    let html = self_contained(&place.path("i.html"), &["run.csv", "robot.toml", "cell.toml"]);
     let mm = |v: &serde_json::Value| format!("{:.3}", v.as_f64().unwrap());
     let said = verdict(&html);
     for number in ["mean_nominal_mm", "max_nominal_mm", "mean_mm", "max_mm"] {
@@ -199,31 +191,29 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
         assert!(html.contains(&format!("<td>{}</td><td>{}</td>", of(0), of(1))), "{pair}");
     }
     // the same to the byte
-    with(&[]);
-    assert_eq!(html, std::fs::read_to_string(folder.join("i.html")).unwrap());
+    place.good(&identify);
+    assert_eq!(html, place.text("i.html"));
 
-    let json: serde_json::Value = serde_json::from_str(&with(&["--cross-validate", "5"])).unwrap();
-    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    let json = place.json(&[&identify[..], &["--cross-validate", "5"]].concat());
+    let html = place.text("i.html");
     let said = verdict(&html);
     assert!(said.contains("did not use") && said.contains(&mm(&json["cross_validation"]["mean_mm"])), "{said}");
     // the map of errors has the numbers of the export
-    let export = ["export", "--model", "out.toml", "--error-map", "m.csv", "--poses", "6000", "--json"];
-    let map = good(&folder, &export);
-    assert_eq!(map, good(&folder, &export), "it may be written again: it is no recording");
-    let map: serde_json::Value = serde_json::from_str(&map).unwrap();
+    let export = words("export --model out.toml --error-map m.csv --poses 6000 --json");
+    let map = place.json(&export);
+    assert_eq!(map, place.json(&export), "it may be written again: it is no recording");
     let part = html.split("Position error of the nominal arm over its whole workspace").nth(1).unwrap();
     for number in ["mean_mm", "max_mm"] {
         assert!(part.contains(&mm(&map["error_map"][number])), "{number}: {map}");
     }
-    assert!(drawn(&folder.join("i.html")).is_none_or(|n| n == 5));
+    assert!(drawn(&place.path("i.html")).is_none_or(|n| n == 5));
 
     let validate = |recording: &str| {
-        let out =
-            [&["validate", recording][..], &CELL, &["--model", "out.toml", "--report", "v.html", "--json"]].concat();
-        serde_json::from_str::<serde_json::Value>(&good(&folder, &out)).unwrap()
+        let out = ["--model", "out.toml", "--report", "v.html", "--json"];
+        place.json(&[&["validate", recording][..], &CELL_ARGS, &out].concat())
     };
     let v = validate("run.csv");
-    let html = self_contained(&folder.join("v.html"), &["run.csv", "robot.toml", "cell.toml", "out.toml"]);
+    let html = self_contained(&place.path("v.html"), &["run.csv", "robot.toml", "cell.toml", "out.toml"]);
     let said = verdict(&html);
     for number in [&v["before"]["mean_mm"], &v["before"]["max_mm"], &v["after"]["mean_mm"], &v["after"]["max_mm"]] {
         assert!(said.contains(&mm(number)), "{number}: {said}");
@@ -232,36 +222,27 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     for r in v["regions"].as_array().unwrap() {
         assert!(html.contains(&format!("<td>{}</td>", r["region"].as_str().unwrap())), "{r}");
     }
-    assert!(drawn(&folder.join("v.html")).is_none_or(|n| n == 11));
+    assert!(drawn(&place.path("v.html")).is_none_or(|n| n == 11));
     // known again under another name, by what it holds; a name is no markup
-    std::fs::copy(folder.join("run.csv"), folder.join("other <b>.csv")).unwrap();
+    place.write("other <b>.csv", place.bytes("run.csv"));
     let v = validate("other <b>.csv");
     assert_eq!(v["sessions"][0]["learnt"], 1);
-    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    let html = place.text("v.html");
     assert!(html.contains("The model was fitted to other &lt;b&gt;.csv: these errors") && !html.contains("<b>"));
     // one reading changed by a micrometre, and it is another recording
-    let text = std::fs::read_to_string(folder.join("run.csv")).unwrap();
-    let mut lines: Vec<String> = text.lines().map(String::from).collect();
-    let head = lines.iter().position(|l| l.contains("iz_mm")).unwrap();
-    let column = lines[head].split(',').position(|c| c == "iz_mm").unwrap();
-    let mut cells: Vec<String> = lines[head + 20].split(',').map(String::from).collect();
-    cells[column] = format!("{}", cells[column].parse::<f64>().unwrap() + 1e-3);
-    lines[head + 20] = cells.join(",");
-    std::fs::write(folder.join("other <b>.csv"), lines.join("\n") + "\n").unwrap();
+    changed(&place, "iz_mm", 1e-3, "other <b>.csv");
     assert!(validate("other <b>.csv")["sessions"][0]["learnt"].is_null());
-    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    let html = place.text("v.html");
     assert!(!html.contains("these errors say nothing about other poses"));
     assert!(html.contains("&#x27;other &lt;b&gt;.csv&#x27;"));
 }
 
 #[test]
 fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
-    let (_place, folder) = demo();
-    let out: &[&str] = &["--out", "out.toml", "--certificate", "c.html", "--json"];
-    let json = good(&folder, &[&["identify", "run.csv"][..], &CELL, out].concat());
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let place = demo();
+    let json = place.json(&in_cell("identify run.csv --out out.toml --certificate c.html --json"));
     let mm = |v: &serde_json::Value| format!("{:.3}", v.as_f64().unwrap());
-    let html = std::fs::read_to_string(folder.join("c.html")).unwrap();
+    let html = place.text("c.html");
     // every pose was visited once: AP is the error, RP is not known
     let accuracy = html.split("Pose accuracy AP").nth(1).unwrap().split("</tr>").next().unwrap();
     for number in ["mean_nominal_mm", "max_nominal_mm", "mean_mm", "max_mm"] {
@@ -270,21 +251,20 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
     assert!(!html.contains("Pose repeatability") && html.contains("RP is not known"));
     assert!(html.contains("Measurements within 0.1 mm</td>") && html.contains(">100.0 %</td>"));
     assert!(html.contains("poses of the fit") && html.contains("Serial number"));
-    match Command::new("sha256sum").arg(folder.join("out.toml")).output() {
+    match Command::new("sha256sum").arg(place.path("out.toml")).output() {
         Ok(o) => assert!(html.contains(&String::from_utf8_lossy(&o.stdout)[..64]), "the model's own hash"),
         Err(e) => println!("skipped: sha256sum: {e}"),
     }
-    let args: &[&str] = &["--model", "out.toml", "--certificate", "v.html"];
-    let said = good(&folder, &[&["validate", "run.csv"][..], &CELL, args].concat());
+    let said = place.good(&in_cell("validate run.csv --model out.toml --certificate v.html"));
     assert!(said.contains("The model was fitted to run.csv") && said.contains("Wrote v.html"), "{said}");
-    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    let html = place.text("v.html");
     assert!(html.contains("The model was fitted to run.csv"));
     // one sheet of paper
     let Some(chromium) = chromium() else { return };
     // A4 with its margins, in pixels of a 96th of an inch
     let measure = "<script>onload = () => { const high = document.body.scrollHeight;\
                    if (high > 1017) console.log('longer than a page: ' + high); }</script></body>";
-    let paper = folder.join("v.paper.html");
+    let paper = place.path("v.paper.html");
     let html = html.replace("@media print", "@media all").replace("</body>", measure);
     std::fs::write(&paper, html.replace("<body>", "<body style=\"width: 688px\">")).unwrap();
     seen(chromium, &paper);
@@ -292,46 +272,38 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
 
 #[test]
 fn what_was_rejected_is_named_in_the_report() {
-    let (_place, folder) = demo();
-    let text = std::fs::read_to_string(folder.join("run.csv")).unwrap();
-    let mut lines: Vec<String> = text.lines().map(String::from).collect();
-    let head = lines.iter().position(|l| l.contains("q1_deg")).unwrap();
-    let column = lines[head].split(',').position(|c| c == "q1_deg").unwrap();
-    let mut cells: Vec<String> = lines[head + 20].split(',').map(String::from).collect();
-    cells[column] = format!("{}", cells[column].parse::<f64>().unwrap() + 1.5);
-    lines[head + 20] = cells.join(",");
-    std::fs::write(folder.join("bad.csv"), lines.join("\n") + "\n").unwrap();
-    good(&folder, &[&["identify", "bad.csv"][..], &CELL, &["--report", "i.html"]].concat());
-    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    let place = demo();
+    let line = changed(&place, "q1_deg", 1.5, "bad.csv");
+    place.good(&in_cell("identify bad.csv --report i.html"));
+    let html = place.text("i.html");
     assert!(html.contains("1 of 45 rows were rejected"), "{}", verdict(&html));
-    assert!(html.contains(&format!("<td>bad.csv</td><td>line {}</td>", head + 21)));
+    assert!(html.contains(&format!("<td>bad.csv</td><td>line {line}</td>")));
     // kept, it is told that it was
-    good(&folder, &[&["identify", "bad.csv"][..], &CELL, &["--report", "i.html", "--keep-outliers"]].concat());
-    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    place.good(&in_cell("identify bad.csv --report i.html --keep-outliers"));
+    let html = place.text("i.html");
     assert!(html.contains("Gross errors were kept") && html.contains("No row was rejected"));
 }
 
 #[test]
 fn reports_of_demo_plan_and_diagnosis_are_drawn_without_a_network() {
-    let (_place, folder) = demo();
-    self_contained(&folder.join("plan.html"), &[]);
-    self_contained(&folder.join("report.html"), &[]);
-    assert!(drawn(&folder.join("plan.html")).is_none_or(|n| n == 0));
-    assert!(drawn(&folder.join("report.html")).is_none_or(|n| n == 5));
-    good(&folder, &[&["diagnose", "run.mcap"][..], &CELL, &["--report", "d.html"]].concat());
-    self_contained(&folder.join("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
-    let html = std::fs::read_to_string(folder.join("d.html")).unwrap();
+    let place = demo();
+    self_contained(&place.path("plan.html"), &[]);
+    self_contained(&place.path("report.html"), &[]);
+    assert!(drawn(&place.path("plan.html")).is_none_or(|n| n == 0));
+    assert!(drawn(&place.path("report.html")).is_none_or(|n| n == 5));
+    place.good(&in_cell("diagnose run.mcap --report d.html"));
+    self_contained(&place.path("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
+    let html = place.text("d.html");
     assert!(html.contains("before: 31 parameters") && html.contains("<td>c_2</td>"));
-    assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 11));
+    assert!(drawn(&place.path("d.html")).is_none_or(|n| n == 11));
 }
 
 #[test]
 fn a_report_into_nowhere_is_refused_before_any_work() {
-    let place = tempfile::tempdir().unwrap();
-    for command in ["identify", "validate"] {
-        let model: &[&str] = if command == "validate" { &["--model", "m.toml"] } else { &[] };
-        let o = run(place.path(), &[&[command, "r.csv"][..], &CELL, model, &["--report", "no/where.html"]].concat());
-        let err = String::from_utf8_lossy(&o.stderr);
+    let place = Place::new();
+    for command in ["identify r.csv", "validate r.csv --model m.toml"] {
+        let o = place.run(&in_cell(&format!("{command} --report no/where.html")));
+        let err = errors(&o);
         assert_eq!(o.status.code(), Some(2), "{err}");
         assert!(err.contains("the folder no does not exist") && err.trim().lines().count() == 1, "{err}");
     }

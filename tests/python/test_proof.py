@@ -129,23 +129,7 @@ def test_an_arm_without_effects_sags_by_compliance_times_torque() -> None:
         np.testing.assert_allclose(machine.tcp[n], tool[:3], atol=1e-9)
 
 
-SIZES = {
-    "gap",
-    "per_nm",
-    "sin",
-    "cos",
-    "k",
-    "size",
-    "beta",
-    "about_x",
-    "about_y",
-    "per_k",
-    "by",
-    "g",
-    "e",
-    "per_h",
-    "share",
-}
+SIZES = set("gap per_nm sin cos k size beta about_x about_y per_k by g e per_h share".split())
 
 
 def half(effect: dict) -> dict:
@@ -262,11 +246,8 @@ def test_recordings_keep_the_contract(kind: str) -> None:
         if kind == "tracker":
             assert {"x_mm", "y_mm", "z_mm"} <= set(head) and "ball" not in head
         else:
-            assert set(table["ball"]) <= set(range(1, truth["session"]["balls"] + 1)) and {
-                "ix_mm",
-                "iy_mm",
-                "iz_mm",
-            } <= set(head)
+            assert set(table["ball"]) <= set(range(1, truth["session"]["balls"] + 1))
+            assert {"ix_mm", "iy_mm", "iz_mm"} <= set(head)
             assert np.abs([table[f"i{a}_mm"] for a in "xyz"]).max() < 8.0
 
 
@@ -566,9 +547,8 @@ def test_a_gap_that_gravity_closes_softly_is_no_soft_joint(tmp_path: Path) -> No
 def test_a_joint_may_be_soft_up_to_a_kink(tmp_path: Path) -> None:
     """As data sheets of strain-wave gears have it; smooth shapes do not follow, and nothing was named here."""
     soft = {"shape": "soft_start", "scale_nm": 30.634, "until": 0.7, "size": 0.06 * DEG}
-    first = diagnosed(tmp_path, 4, 150, [{"effect": "nonlinear_stiffness", "site": {"joint": 2}, "p": soft}])[
-        "findings"
-    ][0]
+    effect = {"effect": "nonlinear_stiffness", "site": {"joint": 2}, "p": soft}
+    first = diagnosed(tmp_path, 4, 150, [effect])["findings"][0]
     assert (first["effect"], first["site"]) == ("nonlinear_stiffness", {"joint": 2})
 
 

@@ -18,6 +18,16 @@ pub enum CliError {
 }
 
 impl CliError {
+    /// What another crate says of input.
+    pub fn input(e: impl std::fmt::Display) -> Self {
+        Self::Input(e.to_string())
+    }
+
+    /// What another crate says of work that failed.
+    pub fn failed(e: impl std::fmt::Display) -> Self {
+        Self::Failed(e.to_string())
+    }
+
     /// The process's exit code.
     pub fn code(&self) -> u8 {
         match self {

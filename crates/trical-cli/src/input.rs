@@ -62,6 +62,21 @@ pub fn quoted(arg: std::ffi::OsString) -> String {
     }
 }
 
+/// Refuses a `--start-deg` that is not one number for each joint; without it there are none.
+pub fn check_start(given: &[f64], robot: &Robot) -> Result<()> {
+    let (found, expected) = (given.len(), robot.dof());
+    if found > 0 && found != expected {
+        let what = format!("--start-deg: found {found} numbers, expected {expected}, one for each joint");
+        return Err(CliError::Input(what));
+    }
+    Ok(())
+}
+
+/// Makes a folder for what is written.
+pub fn make_folder(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", path.display())))
+}
+
 /// Which joint angles to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Joints {

@@ -138,3 +138,8 @@ pub(crate) fn say(text: impl AsRef<str>) -> Result<(), CliError> {
         other => other.map_err(|e| CliError::Failed(format!("standard output: {e}"))),
     }
 }
+
+/// Prints one line after the other.
+pub(crate) fn say_lines(lines: impl IntoIterator<Item = impl AsRef<str>>) -> Result<(), CliError> {
+    lines.into_iter().try_for_each(say)
+}

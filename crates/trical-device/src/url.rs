@@ -144,9 +144,7 @@ impl DeviceUrl {
         default: f64,
         range: std::ops::RangeInclusive<f64>,
     ) -> Result<f64, UrlError> {
-        let Some(value) = self.take(key) else {
-            return Ok(default);
-        };
+        let Some(value) = self.take(key) else { return Ok(default) };
         match value.parse::<f64>() {
             Ok(number) if range.contains(&number) => Ok(number),
             _ => Err(self.error(format!(

@@ -48,6 +48,11 @@ fn sound(request: &str) -> Option<String> {
     Some(format!("{code} 1 {data}#"))
 }
 
+/// A server that is sound but for one request, which it answers so.
+fn but(code: &'static str, reply: &'static str) -> impl FnMut(&str) -> Option<String> + Send {
+    move |request| if request.starts_with(code) { Some(reply.to_owned()) } else { sound(request) }
+}
+
 fn settings() -> RapidSettings {
     RapidSettings {
         timeout: Duration::from_millis(200),
@@ -139,19 +144,12 @@ fn samples_come_before_the_reply_and_are_kept() {
 
 #[test]
 fn a_server_that_refuses_the_samples_is_used_without() {
-    let client =
-        connect(
-            |request| {
-                if request.starts_with("22") { Some("22 0 unknown code#".to_owned()) } else { sound(request) }
-            },
-        );
-    assert!(client.is_ok());
+    assert!(connect(but("22", "22 0 unknown code#")).is_ok());
 }
 
 #[test]
 fn after_a_late_answer_the_connection_is_not_used_again() {
-    let mut client =
-        connect(|request| if request.starts_with("02") { Some(String::new()) } else { sound(request) }).unwrap();
+    let mut client = connect(but("02", "")).unwrap();
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
     let error = client.joints().unwrap_err();
@@ -160,8 +158,7 @@ fn after_a_late_answer_the_connection_is_not_used_again() {
 
 #[test]
 fn answers_to_another_request_are_an_error() {
-    let mut client =
-        connect(|request| if request.starts_with("04") { Some("21 1 3#".to_owned()) } else { sound(request) }).unwrap();
+    let mut client = connect(but("04", "21 1 3#")).unwrap();
     let error = client.joints().unwrap_err();
     assert!(error.to_string().contains("answered \"21 1 3\" to \"04 #\", expected 04 1 ... #"), "{error}");
     assert!(client.ping().is_err());
@@ -169,27 +166,15 @@ fn answers_to_another_request_are_an_error() {
 
 #[test]
 fn a_refusal_carries_the_reason_and_the_connection_lives_on() {
-    let mut client = connect(|request| {
-        if request.starts_with("20") {
-            Some("20 0 correction 6.000 mm is over the limit of 5.000 mm#".to_owned())
-        } else {
-            sound(request)
-        }
-    })
-    .unwrap();
-    let error = client.correct([6e-3, 0.0, 0.0]).unwrap_err();
-    assert!(
-        error.to_string().contains("refused \"20 6.00000 0.00000 0.00000 #\" (correction 6.000 mm is over"),
-        "{error}"
-    );
+    let mut client = connect(but("20", "20 0 correction 6.000 mm is over the limit of 5.000 mm#")).unwrap();
+    let error = client.correct([6e-3, 0.0, 0.0]).unwrap_err().to_string();
+    assert!(error.contains("refused \"20 6.00000 0.00000 0.00000 #\" (correction 6.000 mm is over"), "{error}");
     client.ping().unwrap();
 }
 
 #[test]
 fn wrong_numbers_of_joints_are_noticed() {
-    let mut client =
-        connect(|request| if request.starts_with("04") { Some("04 1 1 2 3#".to_owned()) } else { sound(request) })
-            .unwrap();
+    let mut client = connect(but("04", "04 1 1 2 3#")).unwrap();
     assert!(client.joints().unwrap_err().to_string().contains("expected 6 joint values"));
 }
 

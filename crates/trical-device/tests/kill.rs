@@ -22,9 +22,7 @@ const TOUCHES: u64 = 8;
 /// The measuring process: does nothing unless started by the test below.
 #[test]
 fn child() {
-    let Ok(path) = std::env::var("TRICAL_TEST_RECORDING") else {
-        return;
-    };
+    let Ok(path) = std::env::var("TRICAL_TEST_RECORDING") else { return };
     let mut gauge = open_gauge(&std::env::var("TRICAL_TEST_GAUGE").unwrap()).unwrap();
     let mut controller = open_controller(&std::env::var("TRICAL_TEST_CONTROLLER").unwrap()).unwrap();
     let (mut log, before) = RecordingWriter::resume(path.as_ref(), &Header::default()).unwrap();

@@ -12,22 +12,26 @@ use trical_device::virtual_cell::Unsettled;
 use trical_device::{
     CellOptions, Fault, PlanEntry, ProcedureError, ProcedureOptions, Progress, open_controller, open_gauge, run,
 };
-use trical_model::recording::{Joints, Measured};
+use trical_model::recording::{Joints, Measured, Row};
+
+/// How far a touch by a gantry with this backlash along x is from its ball, m.
+fn off(row: &Row, backlash: f64) -> [f64; 3] {
+    let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
+    let ((p, r), sense) = (nominal(&row.state.q), f64::from(row.state.dir.unwrap()[1]));
+    let error = Gantry::default().error;
+    std::array::from_fn(|i| {
+        let x = p[i] + error[i] + if i == 0 { backlash * sense } else { 0.0 };
+        (x + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>() - BALLS[ball][i]).abs()
+    })
+}
 
 #[test]
 fn forty_five_touches_close_on_the_balls() {
     let mut bench = bench();
     let report = bench.run(&plan(45), &options()).unwrap();
     assert_eq!((report.measured, report.skipped, report.warnings.len()), (45, 0, 0));
-    for row in &bench.rows {
-        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
-        let (p, r) = nominal(&row.state.q);
-        for i in 0..3 {
-            let centre = p[i] + Gantry::default().error[i] + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>();
-            assert!((centre - BALLS[ball][i]).abs() < 1e-6, "indicators resolve 0.001 mm");
-        }
-        assert!(row.state.temp_c.is_some() && row.state.t.is_some());
-    }
+    assert!(bench.rows.iter().all(|row| off(row, 0.0).iter().all(|d| *d < 1e-6)), "indicators resolve 0.001 mm");
+    assert!(bench.rows.iter().all(|row| row.state.temp_c.is_some() && row.state.t.is_some()));
     assert!(bench.rows.windows(2).all(|pair| pair[0].state.t < pair[1].state.t));
 }
 
@@ -36,13 +40,7 @@ fn the_recorded_sense_of_motion_is_the_arms_own() {
     let plant = Gantry { backlash: 50e-6, ..Gantry::default() };
     let mut bench = Bench::new(plant, CellOptions::default());
     bench.run(&plan(9), &options()).unwrap();
-    for row in &bench.rows {
-        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
-        let (p, r) = nominal(&row.state.q);
-        let sense = f64::from(row.state.dir.unwrap()[1]);
-        let x = p[0] + Gantry::default().error[0] + 50e-6 * sense + (0..3).map(|j| r[0][j] * reading[j]).sum::<f64>();
-        assert!((x - BALLS[ball][0]).abs() < 1e-6);
-    }
+    assert!(bench.rows.iter().all(|row| off(row, 50e-6).iter().all(|d| *d < 1e-6)));
 }
 
 #[test]
@@ -215,14 +213,7 @@ fn a_slow_radio_is_waited_for() {
     let mut bench = Bench::new(Gantry::default(), CellOptions { radio_delay: 4e-3, ..CellOptions::default() });
     assert!(bench.cell.gauge_url().contains("settle_ms=6"), "{}", bench.cell.gauge_url());
     bench.run(&plan(4), &options()).unwrap();
-    for row in &bench.rows {
-        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
-        let (p, r) = nominal(&row.state.q);
-        for i in 0..3 {
-            let centre = p[i] + Gantry::default().error[i] + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>();
-            assert!((centre - BALLS[ball][i]).abs() < 2e-6);
-        }
-    }
+    assert!(bench.rows.iter().all(|row| off(row, 0.0).iter().all(|d| *d < 2e-6)));
 }
 
 #[test]
@@ -304,9 +295,7 @@ fn every_motion_is_asked_of_the_guard_from_where_the_arm_is() {
     // each plan's way is asked for before anything moves, and each motion when it is made; some are asked for twice
     assert!(asked.len() >= motions + rounds.len(), "{} of {motions}", asked.len());
     // the way out of a touch too, from where the corrections have led
-    let out = |row: &trical_model::recording::Row| {
-        asked.iter().any(|(from, _, touched)| *from == row.state.q && touched.is_some())
-    };
+    let out = |row: &Row| asked.iter().any(|(from, _, touched)| *from == row.state.q && touched.is_some());
     assert!(bench.rows.iter().all(out));
 }
 

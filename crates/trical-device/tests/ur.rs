@@ -19,6 +19,17 @@ fn connect() -> (UrClient, Arc<Mutex<Robot>>) {
     (UrClient::connect("127.0.0.1", settings).unwrap(), robot)
 }
 
+/// The second program that the robot gets stops it.
+fn is_stopped(robot: &Mutex<Robot>) {
+    let programs = || robot.lock().unwrap().programs.clone();
+    for _ in 0..200 {
+        if programs().len() < 2 {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+    assert!(programs()[1].contains("stopj(2.0)"));
+}
+
 #[test]
 fn joints_come_by_rtde_and_motions_end_with_their_number() {
     let (mut client, robot) = connect();
@@ -66,13 +77,7 @@ fn a_motion_that_does_not_end_is_stopped() {
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
     drop(client);
-    for _ in 0..200 {
-        if robot.lock().unwrap().programs.len() == 2 {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    assert!(robot.lock().unwrap().programs[1].contains("stopj(2.0)"));
+    is_stopped(&robot);
 }
 
 #[test]
@@ -125,11 +130,5 @@ fn a_stop_by_the_user_reaches_the_arm() {
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Stopped), "{error}");
     drop(client);
-    for _ in 0..200 {
-        if robot.lock().unwrap().programs.len() == 2 {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    assert!(robot.lock().unwrap().programs[1].contains("stopj(2.0)"));
+    is_stopped(&robot);
 }

@@ -65,7 +65,6 @@ const TWICE: &str = "is given twice: controllers do not distinguish upper and lo
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    #[serde(default)]
     world: Option<FrameFile>,
     #[serde(default)]
     tools: BTreeMap<String, FrameFile>,

@@ -1,6 +1,5 @@
 //! Which names stand for which targets, and how motions use them.
 
-use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::Vector3;
@@ -117,17 +116,8 @@ impl Names {
             return;
         }
         let index = u32::try_from(self.groups.len()).unwrap_or(u32::MAX);
-        let mut group = Group { first: first as u32, count: (end - first) as u32, earlier: None, used: None };
-        match self.defined.entry(name) {
-            Entry::Occupied(mut e) => {
-                group.earlier = Some(*e.get());
-                e.insert(index);
-            }
-            Entry::Vacant(e) => {
-                e.insert(index);
-            }
-        }
-        self.groups.push(group);
+        let earlier = self.defined.insert(name, index);
+        self.groups.push(Group { first: first as u32, count: (end - first) as u32, earlier, used: None });
     }
 
     /// A motion to a named target; the name stands at `at`.

@@ -268,10 +268,10 @@ impl<'a> Tally<'a> {
         }
     }
 
-    fn place(&mut self, spot: &Spot) -> (String, usize, String) {
+    fn problem(&mut self, spot: &Spot, what: String) -> Problem {
         let name = String::from_utf8_lossy(spot.name.text(self.bytes)).into_owned();
         let (file, line) = self.line(self.scan.at(spot));
-        (file, line, name)
+        Problem { file, line, name, what }
     }
 
     /// Routines that nobody has read, in one sentence.
@@ -292,9 +292,8 @@ impl<'a> Tally<'a> {
         let done = match done {
             Ok(done) => done,
             Err(what) => {
-                let (file, line, name) = self.place(spot);
-                self.report.problems.push(Problem { file, line, name, what });
-                return;
+                let problem = self.problem(spot, what);
+                return self.report.problems.push(problem);
             }
         };
         if let Some(n) = self.counts.get_mut(spot.setup.map_or(self.scan.setups.len(), |s| s as usize)) {
@@ -303,13 +302,12 @@ impl<'a> Tally<'a> {
         if let Some(joint) = self.options.visited.beyond(&done.joints) {
             self.report.beyond += 1;
             if self.report.first_beyond.len() < PLACES {
-                let (file, line, name) = self.place(spot);
-                let what = format!("joint {joint}");
-                self.report.first_beyond.push(Problem { file, line, name, what });
+                let problem = self.problem(spot, format!("joint {joint}"));
+                self.report.first_beyond.push(problem);
             }
         }
         if self.options.details {
-            let (file, line, name) = self.place(spot);
+            let Problem { file, line, name, .. } = self.problem(spot, String::new());
             self.report.rows.push(TargetRow {
                 file,
                 line,

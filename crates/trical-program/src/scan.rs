@@ -56,6 +56,11 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// The tool, or the frame.
+    pub fn slot(&mut self, is_tool: bool) -> &mut Option<String> {
+        if is_tool { &mut self.tool } else { &mut self.frame }
+    }
+
     /// For messages.
     #[must_use]
     pub fn in_words(&self) -> String {
@@ -238,6 +243,18 @@ impl Scan {
                 Some(_) => {}
             }
         }
+    }
+
+    /// Lists a target with a number (in the text here) of which nobody knows the value.
+    pub fn unread(&mut self, number: Span, bytes: &[u8]) {
+        let text = String::from_utf8_lossy(number.text(bytes));
+        let what = format!("holds '{}', of which only the running program knows the value", text.trim());
+        self.problems.push((number.at as usize, what));
+    }
+
+    /// Lists a motion at `at` to what the program calculates.
+    pub fn goes_to_calculated(&mut self, at: usize) {
+        self.problems.push((at, "goes to a place that only the running program calculates".into()));
     }
 
     /// The index of a setup.

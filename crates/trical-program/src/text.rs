@@ -3,8 +3,6 @@
 //! Nothing here decodes text: keywords and numbers are ASCII in every dialect, and whatever else the file holds (Latin-1
 //! comments, mixed line ends) is copied as it stands.
 
-use std::collections::HashSet;
-
 /// Where a number stands in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
@@ -63,6 +61,12 @@ pub fn mentions(text: &[u8], name: &[u8]) -> bool {
     text.split(|b| !b.is_ascii_alphanumeric() && *b != b'_').any(|w| w.eq_ignore_ascii_case(name))
 }
 
+/// Whether a word is one of these, in capitals or not.
+#[must_use]
+pub fn is_one_of(word: &[u8], list: &[&[u8]]) -> bool {
+    list.iter().any(|k| word.eq_ignore_ascii_case(k))
+}
+
 /// Whether bytes have these in them.
 #[must_use]
 pub fn contains(bytes: &[u8], word: &[u8]) -> bool {
@@ -86,27 +90,6 @@ pub struct Cursor<'a> {
     pub at: usize,
     /// What begins a comment that lasts to the end of its line.
     comment: u8,
-}
-
-/// Names that motions go to: `after` gathers those behind a word that begins a motion. Strings and comments are passed over.
-#[must_use]
-pub fn moved_to(
-    bytes: &[u8],
-    comment: u8,
-    mut after: impl FnMut(&[u8], &mut Cursor<'_>, &mut HashSet<u64>),
-) -> HashSet<u64> {
-    let mut c = Cursor::new(bytes, comment);
-    let mut found = HashSet::new();
-    while !c.done() {
-        c.skip_space();
-        let word = c.word();
-        if word.is_empty() {
-            if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
-        } else {
-            after(word, &mut c, &mut found);
-        }
-    }
-    found
 }
 
 impl<'a> Cursor<'a> {
@@ -184,6 +167,37 @@ impl<'a> Cursor<'a> {
         let found = self.peek() == b && !self.done();
         self.at += usize::from(found);
         found
+    }
+
+    /// Whether `b` comes next in the line; it is then passed, and blanks behind it.
+    pub fn eat_in_line(&mut self, b: u8) -> bool {
+        self.skip_blank();
+        let found = self.peek() == b && !self.done();
+        if found {
+            self.at += 1;
+            self.skip_blank();
+        }
+        found
+    }
+
+    /// Whether `=` comes next, and is no comparison.
+    #[must_use]
+    pub fn assigns(&self) -> bool {
+        self.peek() == b'=' && self.bytes.get(self.at + 1) != Some(&b'=')
+    }
+
+    /// Past the next name of the file: where it begins, and the name. Strings, comments and all else before it are passed over.
+    pub fn next_word(&mut self) -> Option<(usize, &'a [u8])> {
+        while !self.done() {
+            self.skip_space();
+            let from = self.at;
+            let word = self.word();
+            if !word.is_empty() {
+                return Some((from, word));
+            }
+            if self.peek() == b'"' { self.skip_string() } else { self.at += 1 }
+        }
+        None
     }
 
     /// The name that begins here (letters, digits, `_`, and `$` for KUKA's system variables); empty where there is none.

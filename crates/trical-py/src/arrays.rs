@@ -4,7 +4,7 @@ use numpy::ndarray::{Array2, ArrayView1, ArrayView2, Ix1, Ix2};
 use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
-use trical_model::{Joints, MAX_JOINTS, State};
+use trical_model::{Joints, State};
 
 use crate::errors::bad;
 
@@ -19,6 +19,13 @@ pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonly
     let wrong = |e: PyErr| bad(format!("{name}: expected numbers or an array of them ({})", e.value(py)));
     let array = numpy.call_method("asarray", (value,), Some(&keywords)).map_err(wrong)?;
     array.extract::<PyReadonlyArrayDyn<'py, f64>>().map_err(wrong)
+}
+
+fn finite<'py>(array: PyReadonlyArrayDyn<'py, f64>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    match array.as_array().iter().all(|x| x.is_finite()) {
+        true => Ok(array),
+        false => Err(bad(format!("{name} holds a value that is not finite"))),
+    }
 }
 
 fn shape_of(array: &PyReadonlyArrayDyn<'_, f64>) -> String {
@@ -36,15 +43,10 @@ impl<'py> Table<'py> {
         let shape = array.shape();
         let fits = matches!(shape.len(), 1 | 2) && shape.last() == Some(&columns);
         if !fits {
-            return Err(bad(format!(
-                "{name} has the shape {}, expected (n, {columns}) or ({columns},)",
-                shape_of(&array)
-            )));
+            let shape = shape_of(&array);
+            return Err(bad(format!("{name} has the shape {shape}, expected (n, {columns}) or ({columns},)")));
         }
-        if !array.as_array().iter().all(|x| x.is_finite()) {
-            return Err(bad(format!("{name} holds a value that is not finite")));
-        }
-        Ok(Self(array))
+        finite(array, name).map(Self)
     }
 
     /// Whether it is one row.
@@ -68,15 +70,10 @@ impl<'py> Column<'py> {
     pub fn new(value: &Bound<'py, PyAny>, name: &str, n: usize) -> PyResult<Self> {
         let array = floats(value, name)?;
         if !(array.ndim() == 0 || array.shape() == [n]) {
-            return Err(bad(format!(
-                "{name} has the shape {}, expected a number or the shape ({n},)",
-                shape_of(&array)
-            )));
+            let shape = shape_of(&array);
+            return Err(bad(format!("{name} has the shape {shape}, expected a number or the shape ({n},)")));
         }
-        if !array.as_array().iter().all(|x| x.is_finite()) {
-            return Err(bad(format!("{name} holds a value that is not finite")));
-        }
-        Ok(Self(array))
+        finite(array, name).map(Self)
     }
 
     /// The number of row k.
@@ -200,22 +197,11 @@ impl States<'_> {
 
     /// Pose k.
     pub fn at(&self, k: usize) -> State {
-        let mut joints: Joints = [0.0; MAX_JOINTS];
-        for (to, from) in joints.iter_mut().zip(self.q.row(k)) {
-            *to = *from;
-        }
+        let q: Joints = std::array::from_fn(|j| self.q.get((k, j)).copied().unwrap_or(0.0));
         let dir = self.directions.as_ref().map(|d| {
-            let mut senses = [0_i8; MAX_JOINTS];
-            for (to, from) in senses.iter_mut().zip(d.row(if d.nrows() == 1 { 0 } else { k })) {
-                *to = if *from > 0.0 {
-                    1
-                } else if *from < 0.0 {
-                    -1
-                } else {
-                    0
-                };
-            }
-            senses
+            let row = if d.nrows() == 1 { 0 } else { k };
+            // -1, 0 or 1
+            std::array::from_fn(|j| d.get((row, j)).map_or(0, |sense| *sense as i8))
         });
         let number = |c: &Option<One<'_>>| c.as_ref().map(|c| c.at(k));
         State {
@@ -224,7 +210,7 @@ impl States<'_> {
             seq: number(&self.seq),
             temp_c: number(&self.temperature),
             payload_kg: number(&self.payload),
-            ..State { q: joints, ..State::at(&[]) }
+            ..State::at(&q)
         }
     }
 }

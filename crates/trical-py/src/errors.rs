@@ -55,16 +55,26 @@ impl From<PyErr> for Failed {
     }
 }
 
-impl From<ModelError> for Failed {
-    fn from(e: ModelError) -> Self {
-        Self(TricalError::new_err(e.to_string()))
-    }
+/// Errors that are one exception, whatever they say.
+macro_rules! raised {
+    ($($error:ty => $exception:ident),* $(,)?) => {
+        $(impl From<$error> for Failed {
+            fn from(e: $error) -> Self {
+                Self($exception::new_err(e.to_string()))
+            }
+        })*
+    };
 }
 
-impl From<ChoiceError> for Failed {
-    fn from(e: ChoiceError) -> Self {
-        Self(TricalError::new_err(e.to_string()))
-    }
+raised! {
+    ModelError => TricalError,
+    ChoiceError => TricalError,
+    ScriptError => TricalError,
+    SetUpError => TricalError,
+    CellError => DeviceError,
+    PlanError => PlanningError,
+    IkError => UnreachableError,
+    serde_json::Error => PyRuntimeError,
 }
 
 impl From<IdentError> for Failed {
@@ -122,24 +132,6 @@ impl From<StemError> for Failed {
     }
 }
 
-impl From<CellError> for Failed {
-    fn from(e: CellError) -> Self {
-        Self(DeviceError::new_err(e.to_string()))
-    }
-}
-
-impl From<ScriptError> for Failed {
-    fn from(e: ScriptError) -> Self {
-        Self(TricalError::new_err(e.to_string()))
-    }
-}
-
-impl From<SetUpError> for Failed {
-    fn from(e: SetUpError) -> Self {
-        Self(TricalError::new_err(e.to_string()))
-    }
-}
-
 impl From<TruthError> for Failed {
     fn from(e: TruthError) -> Self {
         match e {
@@ -147,18 +139,6 @@ impl From<TruthError> for Failed {
             TruthError::Wish { .. } => Self(TricalError::new_err(format!("hide: {e}"))),
             TruthError::OutOfReach => Self(TricalError::new_err(e.to_string())),
         }
-    }
-}
-
-impl From<PlanError> for Failed {
-    fn from(e: PlanError) -> Self {
-        Self(PlanningError::new_err(e.to_string()))
-    }
-}
-
-impl From<IkError> for Failed {
-    fn from(e: IkError) -> Self {
-        Self(UnreachableError::new_err(e.to_string()))
     }
 }
 
@@ -172,12 +152,6 @@ impl From<trical_report::Error> for Failed {
             Error::Input(text) => Self(TricalError::new_err(text)),
             Error::Failed(text) => Self(PyRuntimeError::new_err(text)),
         }
-    }
-}
-
-impl From<serde_json::Error> for Failed {
-    fn from(e: serde_json::Error) -> Self {
-        Self(PyRuntimeError::new_err(e.to_string()))
     }
 }
 

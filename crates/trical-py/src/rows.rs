@@ -106,17 +106,23 @@ impl Column {
         self.row(k).map(|row| row[0])
     }
 
+    /// A whole number from 0, below `limit`.
+    fn whole(&self, k: usize, limit: f64, expected: &str) -> PyResult<Option<u64>> {
+        match self.number(k) {
+            None => Ok(None),
+            Some(x) if x.fract() == 0.0 && (0.0..limit).contains(&x) => {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
+                let x = x as u64;
+                Ok(Some(x))
+            }
+            Some(x) => Err(self.wrong(k, x, expected)),
+        }
+    }
+
     /// A number counted from 1 as one counted from 0, or `None` for 0 and nan.
     fn index(&self, k: usize) -> PyResult<Option<usize>> {
-        match self.number(k).filter(|x| *x != 0.0) {
-            None => Ok(None),
-            Some(x) if x.fract() == 0.0 && (1.0..1e6).contains(&x) => {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
-                let n = x as usize;
-                Ok(Some(n - 1))
-            }
-            Some(x) => Err(self.wrong(k, x, "a number counted from 1")),
-        }
+        let counted = self.whole(k, 1e6, "a number counted from 1")?;
+        Ok(counted.and_then(|n| usize::try_from(n).ok()?.checked_sub(1)))
     }
 
     fn wrong(&self, k: usize, found: f64, expected: &str) -> PyErr {
@@ -150,8 +156,6 @@ struct Columns {
 impl Columns {
     fn of(columns: &Bound<'_, PyDict>, n: usize, joints: usize) -> PyResult<Self> {
         let column = |name, width| Column::of(columns, name, n, width);
-        let (q, commanded) = (column("q", joints)?, column("commanded", joints)?);
-        let (directions, torques) = (column("directions", joints)?, column("torques", joints)?);
         let place: Option<Vec<String>> = columns.get_item("place")?.map(|names| names.extract()).transpose()?;
         if let Some(found) = place.as_ref().map(Vec::len).filter(|found| *found != n) {
             return Err(wrong(format!("place has {found} names, expected {n}")));
@@ -161,10 +165,10 @@ impl Columns {
             prismatic.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
         }
         Ok(Self {
-            q,
-            commanded,
-            directions,
-            torques,
+            q: column("q", joints)?,
+            commanded: column("commanded", joints)?,
+            directions: column("directions", joints)?,
+            torques: column("torques", joints)?,
             place,
             prismatic,
             time: column("time", 1)?,
@@ -263,19 +267,6 @@ impl Columns {
             (None, target, None) => Ok(Measured::Point { target: target.unwrap_or(0), position }),
         }
     }
-
-    /// The number of the pose at row `k`.
-    fn seq(&self, k: usize) -> PyResult<Option<u64>> {
-        match self.pose.number(k) {
-            None => Ok(None),
-            Some(x) if x.fract() == 0.0 && (0.0..1e15).contains(&x) => {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
-                let x = x as u64;
-                Ok(Some(x))
-            }
-            Some(x) => Err(self.pose.wrong(k, x, "a whole number from 0")),
-        }
-    }
 }
 
 fn array<const N: usize>(v: &[f64]) -> [f64; N] {
@@ -315,7 +306,7 @@ impl PyRows {
         let mut last = f64::NEG_INFINITY;
         let mut row = |k: usize| {
             let state = columns.state(k, &mut places, &mut last)?;
-            let (measured, seq) = (columns.measured(k)?, columns.seq(k)?);
+            let (measured, seq) = (columns.measured(k)?, columns.pose.whole(k, 1e15, "a whole number from 0")?);
             Ok(Row { state, measured, seq, line: columns.line.index(k)?.map_or(k + 2, |l| l + 1) })
         };
         let rows = (0..n).map(&mut row).collect::<PyResult<_>>()?;

@@ -64,9 +64,7 @@ pub struct RowRead {
 /// One sentence: no JSON, an unknown or missing key, a wrong value.
 pub fn row_from_json(text: &[u8], places: &mut Places) -> Result<RowRead, String> {
     let value: Json = serde_json::from_slice(text).map_err(|error| format!("no JSON ({error})"))?;
-    let Json::Object(map) = value else {
-        return Err("no JSON object".to_owned());
-    };
+    let Json::Object(map) = value else { return Err("no JSON object".to_owned()) };
     let mut fields = Fields(map);
 
     let (q, prismatic, joints) = fields.joints(Field::Joints)?;
@@ -192,9 +190,7 @@ impl Fields {
         let mut count = 0;
         for (joint, dir) in dir.iter_mut().take(joints).enumerate() {
             let key = column(Field::Directions).name(joint, Unit::Sign);
-            let Some(value) = self.0.remove(&key) else {
-                continue;
-            };
+            let Some(value) = self.0.remove(&key) else { continue };
             *dir = match value.as_i64() {
                 Some(-1) => -1,
                 Some(0) => 0,

@@ -79,13 +79,11 @@ impl ErrorMap {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use trical_model::{Basis, Cell, Motion, Parameter, Robot};
+    use trical_model::{Basis, Motion, Parameter};
 
     #[test]
     fn the_map_of_a_turned_first_joint_is_a_rotation_and_base_and_tool_do_not_count() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "r").unwrap();
-        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "c").unwrap();
-        let mut model = Model::nominal(robot, cell);
+        let mut model = crate::test_data::arm();
         let zero = Site::Link { link: 1, parameter: Parameter::Theta };
         for (site, value) in [(zero, 1e-3), (Site::Base(Motion::ALL[0]), 5e-3)] {
             model.terms.push(Term { value, ..Term::new("t", "geometry", site, Basis::CONSTANT) });

@@ -249,13 +249,11 @@ pub fn section(model: &Model) -> Result<Section> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use trical_model::{Basis, Cell, Parameter, Robot, Site, Term};
+    use trical_model::{Basis, Parameter, Site, Term};
 
     #[test]
     fn an_arm_turned_about_its_first_axis_misses_in_proportion_to_the_distance() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "r").unwrap();
-        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "c").unwrap();
-        let mut model = Model::nominal(robot, cell);
+        let mut model = crate::test_data::arm();
         let site = Site::Link { link: 1, parameter: Parameter::Theta };
         model.terms.push(Term { value: 1e-3, ..Term::new("t", "geometry", site, Basis::CONSTANT) });
         let map = ErrorMap::of(&model, 3000).unwrap();

@@ -10,7 +10,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints};
-use crate::say;
+use crate::{say, say_lines};
 
 /// Arguments of `trical compare`.
 #[derive(clap::Args)]
@@ -90,9 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn print(c: &Comparison) -> Result<()> {
     say(format!("{}: {} measurements, mean error {:.3} mm by the old model", c.recording, c.measurements, c.mean_mm))?;
-    for line in table::wrapped(&c.summary, 108, "  ") {
-        say(line)?;
-    }
+    say_lines(table::wrapped(&c.summary, 108, "  "))?;
     if c.more_noise > 1.3 {
         say(format!("  The measurements scatter {:.1} times as much as in the old session.", c.more_noise))?;
     }
@@ -109,9 +107,7 @@ fn print(c: &Comparison) -> Result<()> {
             " A change of {of} would not be found, however large: what is fitted to each session anew takes its place."
         );
     }
-    for line in table::wrapped(&line, 108, "  ") {
-        say(line)?;
-    }
+    say_lines(table::wrapped(&line, 108, "  "))?;
     Ok(())
 }
 

@@ -9,7 +9,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::say;
+use crate::{say, say_lines};
 
 /// Arguments of `trical compensate`.
 #[derive(clap::Args)]
@@ -164,14 +164,10 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
         return say(serde_json::to_string_pretty(&report.json(dialect))?);
     }
     if args.check {
-        for line in table::lines(&target_rows(report)) {
-            say(line)?;
-        }
+        say_lines(table::lines(&target_rows(report)))?;
     }
     for caution in &report.cautions {
-        for line in table::wrapped(&format!("Caution: {caution}"), 108, "") {
-            say(line)?;
-        }
+        say_lines(table::wrapped(&format!("Caution: {caution}"), 108, ""))?;
     }
     let words = if args.check { "would be rewritten" } else { "rewritten" };
     let s = if report.rewritten == 1 { "" } else { "s" };

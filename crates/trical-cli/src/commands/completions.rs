@@ -16,6 +16,6 @@ pub struct Args {
 pub fn run(args: &Args, mut command: Command) -> Result<()> {
     let mut script = Vec::new();
     generate(args.shell, &mut command, "trical", &mut script);
-    let text = String::from_utf8(script).map_err(|e| CliError::Failed(e.to_string()))?;
+    let text = String::from_utf8(script).map_err(CliError::failed)?;
     crate::say(text.trim_end())
 }

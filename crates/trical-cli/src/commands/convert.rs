@@ -65,8 +65,9 @@ pub fn run(args: &Args) -> Result<()> {
         Some("csv") => {
             write_whole(output, &to_csv(&recording)?)?;
         }
-        Some("mcap") => write_recording(output, &recording, &Header::for_joints(recording.joints))
-            .map_err(|e| CliError::Failed(e.to_string()))?,
+        Some("mcap") => {
+            write_recording(output, &recording, &Header::for_joints(recording.joints)).map_err(CliError::failed)?
+        }
         _ => {
             return Err(CliError::Input(format!("{}: the name must end in .csv or .mcap", output.display())));
         }

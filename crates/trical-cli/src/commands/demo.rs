@@ -17,7 +17,7 @@ use trical_plan::{
     CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
     write_plan,
 };
-use trical_program::{Dialect, Frames, Options, Report};
+use trical_program::{Dialect, Frames, Options, Report, compensate};
 use trical_recording::read_recording;
 use trical_report::plan_told::Told;
 use trical_report::{plan_report, table, verdict_told};
@@ -25,8 +25,7 @@ use trical_report::{plan_report, table, verdict_told};
 use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
 use crate::commands::{demo_report, plan, virtual_cell};
 use crate::error::{CliError, Result};
-use crate::measure_view::View;
-use crate::measure_view::perform;
+use crate::measure_view::{View, perform};
 use crate::{input, progress, say};
 
 const ROBOT: &str = include_str!("../../assets/irb120/robot.toml");
@@ -142,27 +141,17 @@ fn score(name: &'static str, truth: &Forward, models: [&Forward; 3], poses: Vec<
 fn rewritten(text: &[u8], nominal: &Model, model: &Model) -> Result<(Vec<u8>, Report)> {
     let options = Options { model_name: "improved.toml".into(), details: true, ..Options::default() };
     let mut out = Vec::new();
-    let report = trical_program::compensate(
-        text,
-        "sample.mod",
-        Dialect::Rapid,
-        nominal,
-        model,
-        &Frames::default(),
-        &options,
-        &mut out,
-    )
-    .map_err(|e| CliError::Failed(e.to_string()))?;
-    Ok((out, report))
+    let (name, dialect, frames) = ("sample.mod", Dialect::Rapid, Frames::default());
+    let report = compensate(text, name, dialect, nominal, model, &frames, &options, &mut out);
+    Ok((out, report.map_err(CliError::failed)?))
 }
 
 /// Where the sample program's targets end up on the virtual arm, driven through the controller's socket: errors in m.
 fn drive(cell: &VirtualCell, poses: &[(trical_model::Pose, Joints)]) -> Result<Vec<f64>> {
-    let failed = |e: &dyn std::fmt::Display| CliError::Failed(e.to_string());
-    let mut controller = open_controller(&cell.controller_url()).map_err(|e| failed(&e))?;
+    let mut controller = open_controller(&cell.controller_url()).map_err(CliError::failed)?;
     let mut errors = Vec::new();
     for (wanted, joints) in poses {
-        controller.move_joints(joints).map_err(|e| failed(&e))?;
+        controller.move_joints(joints).map_err(CliError::failed)?;
         let (at, _) = cell.true_tcp();
         errors.push((Vector3::from(at) - wanted.translation).norm());
     }
@@ -172,7 +161,7 @@ fn drive(cell: &VirtualCell, poses: &[(trical_model::Pose, Joints)]) -> Result<V
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let out = &args.out;
-    std::fs::create_dir_all(out).map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", out.display())))?;
+    input::make_folder(out)?;
     let (robot, cell) = (Robot::parse(ROBOT, "robot.toml")?, Cell::parse(CELL, "cell.toml")?);
     let story = Story { args, robot, cell, begin: Instant::now() };
     for (name, text) in [("robot.toml", ROBOT), ("cell.toml", CELL), ("sample.mod", PROGRAM)] {
@@ -187,20 +176,16 @@ pub fn run(args: &Args) -> Result<()> {
     let seal = seal_broken(&story, &models)?;
     let scores = validated(&story, &models)?;
     let driven = program(&story, &running, &models.best)?;
-    let html = demo_report::render(
-        &models,
-        &seal,
-        &scores,
-        &driven,
-        &told,
-        &story.made(&["robot.toml", "cell.toml", "run.mcap", "truth.sealed.toml"]),
-    )?;
+    let made = story.made(&["robot.toml", "cell.toml", "run.mcap", "truth.sealed.toml"]);
+    let html = demo_report::render(&models, &seal, &scores, &driven, &told, &made)?;
     write_whole(&story.file("report.html"), html.as_bytes())?;
     let seconds = story.begin.elapsed().as_secs_f64();
     story.tell(format!("8. Everything is in {}: open report.html. ({seconds:.0} s)", out.display()))?;
     if args.json {
-        let summary = |e: &[f64]| ErrorSummary::of(e);
-        let of = |s: &Scored| serde_json::json!({ "before": summary(&s.errors[0]), "plain": summary(&s.errors[1]), "after": summary(&s.errors[2]) });
+        let of = |s: &Scored| {
+            let [before, plain, after] = s.errors.each_ref().map(|e| ErrorSummary::of(e));
+            serde_json::json!({ "before": before, "plain": plain, "after": after })
+        };
         let residual = ErrorSummary::of(&models.plain.errors()?);
         let value = serde_json::json!({
             "touches": touches,
@@ -232,7 +217,7 @@ fn true_arm(story: &Story<'_>, nominal: &Model) -> Result<(VirtualCell, bool)> {
     }
     virtual_cell::seal(&truth, &story.file("truth.sealed.toml"))?;
     let running = VirtualCell::start(Box::new(ArmPlant::new(&truth)?), CellOptions::like_a_real_one(&truth, seed, 0))
-        .map_err(|e| CliError::Failed(e.to_string()))?;
+        .map_err(CliError::failed)?;
     story.tell(format!(
         "1. A virtual cell runs: an {}, three balls, three indicators on {} and a controller on",
         story.robot.name,
@@ -310,7 +295,7 @@ fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry], acc
         "   {} corrections, each touch on disk before the next move (run.mcap).",
         measured.corrections
     ))?;
-    Ok(read_recording(&path).map_err(|e| CliError::Failed(e.to_string()))?.recording)
+    Ok(read_recording(&path).map_err(CliError::failed)?.recording)
 }
 
 /// 4. Plain calibration and diagnosis.
@@ -402,15 +387,14 @@ fn program(story: &Story<'_>, running: &VirtualCell, model: &Model) -> Result<[E
     // what the controller reads from the two files (the second without its mark), driven on the virtual arm
     let unmarked = better.iter().position(|b| *b == b'\n').map_or(0, |k| k + 1);
     let (_, again) = rewritten(&better[unmarked..], &controller, &controller)?;
-    let poses =
-        |r: &Report| -> Vec<(trical_model::Pose, Joints)> { r.rows.iter().map(|r| (r.wanted, r.joints)).collect() };
-    let plain = poses(&plain);
-    let rewritten: Vec<(trical_model::Pose, Joints)> =
-        plain.iter().zip(poses(&again)).map(|((wanted, _), (_, q))| (*wanted, q)).collect();
-    let driven = [ErrorSummary::of(&drive(running, &plain)?), ErrorSummary::of(&drive(running, &rewritten)?)];
+    let missed = |by: &Report| -> Result<ErrorSummary> {
+        let poses: Vec<_> = plain.rows.iter().zip(&by.rows).map(|(told, row)| (told.wanted, row.joints)).collect();
+        Ok(ErrorSummary::of(&drive(running, &poses)?))
+    };
+    let driven = [missed(&plain)?, missed(&again)?];
     story.tell(format!(
         "7. A RAPID program is rewritten and driven: its {} targets are missed by {:.3} mm (mean) before and",
-        plain.len(),
+        plain.rows.len(),
         driven[0].mean_mm
     ))?;
     story.tell(format!("   {:.3} mm after (sample.compensated.mod).", driven[1].mean_mm))?;

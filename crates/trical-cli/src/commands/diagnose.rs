@@ -11,7 +11,7 @@ use trical_report::{diagnosis_report, table, verdict_told};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
-use crate::{progress, say};
+use crate::{progress, say, say_lines};
 
 /// Touches that set explanations apart by less than this many standard deviations decide nothing.
 const TELLING: f64 = 1.0;
@@ -54,8 +54,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    let files = input::files(&args.recordings, &args.cell, args.known.as_deref());
     for file in [&args.out, &args.report].into_iter().flatten().chain(args.next.map(|_| &args.next_out)) {
-        input::check_output(file, input::files(&args.recordings, &args.cell, args.known.as_deref()))?;
+        input::check_output(file, files.iter().copied())?;
     }
     let (robot, cell) = args.cell.load()?;
     if args.next.is_some() && !cell.balls_fix_base(|_| true) {
@@ -83,8 +84,7 @@ pub fn run(args: &Args) -> Result<()> {
         diagnosis.model_file().save(out)?;
     }
     if let Some(report) = &args.report {
-        let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
-        write_whole(report, diagnosis_report::render(&diagnosis, source, made)?.as_bytes())?;
+        write_whole(report, diagnosis_report::render(&diagnosis, source, input::made(&files))?.as_bytes())?;
     }
     if let Some((_, next)) = next.as_ref().filter(|(_, next)| next.lambda >= TELLING) {
         write_whole(&args.next_out, write_plan(&robot, &next.entries).as_bytes())?;
@@ -96,9 +96,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         return say(serde_json::to_string_pretty(&value)?);
     }
-    for line in lines(args, &diagnosis) {
-        say(line)?;
-    }
+    say_lines(lines(args, &diagnosis))?;
     if args.joints == Joints::Auto {
         say(format!(
             "The {} joint angles were used: they leave a smaller error at held-out poses.",
@@ -106,9 +104,7 @@ pub fn run(args: &Args) -> Result<()> {
         ))?;
     }
     if args.next.is_some() {
-        for line in next_lines(args, next.as_ref()) {
-            say(line)?;
-        }
+        say_lines(next_lines(args, next.as_ref()))?;
     }
     super::wrote(&[&args.out, &args.report])
 }

@@ -4,7 +4,7 @@ use trical_diagnose::effects::EFFECTS;
 use trical_report::table;
 
 use crate::error::Result;
-use crate::say;
+use crate::{say, say_lines};
 
 /// Arguments of `trical effects`.
 #[derive(clap::Args)]
@@ -23,9 +23,7 @@ pub fn run(args: &Args) -> Result<()> {
         say(format!("{} (site: {})", e.id, e.site))?;
         for (what, text) in [("", e.form), ("needs: ", e.needs), ("typical: ", e.typical), ("rivals: ", e.rivals)] {
             if text != "-" {
-                for line in table::wrapped(&format!("{what}{text}"), 104, "    ") {
-                    say(line)?;
-                }
+                say_lines(table::wrapped(&format!("{what}{text}"), 104, "    "))?;
             }
         }
     }

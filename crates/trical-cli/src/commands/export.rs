@@ -10,7 +10,7 @@ use trical_model::urdf::UrdfPath;
 use trical_report::{ErrorMap, Export};
 
 use crate::error::Result;
-use crate::{input, say};
+use crate::{input, say, say_lines};
 
 /// Arguments of `trical export`.
 #[derive(clap::Args)]
@@ -101,8 +101,6 @@ pub fn run(args: &Args) -> Result<()> {
             "A term tilts an axis: the table has frames of its own, and is not comparable to the nominal one line by line.",
         )?;
     }
-    for line in arm.sentences() {
-        say(line)?;
-    }
+    say_lines(arm.sentences())?;
     Ok(())
 }

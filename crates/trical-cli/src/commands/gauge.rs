@@ -11,7 +11,7 @@ use trical_device::{Gauge, GaugeError, open_gauge};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{interrupt, say};
+use crate::{interrupt, say, say_lines};
 
 /// Arguments of `trical gauge`.
 #[derive(clap::Args)]
@@ -99,12 +99,8 @@ pub struct Link {
 
 impl Link {
     fn open(&self) -> Result<Box<dyn Gauge>> {
-        open_gauge(&self.gauge).map_err(|e| CliError::Input(e.to_string()))
+        open_gauge(&self.gauge).map_err(CliError::input)
     }
-}
-
-fn failed(e: impl std::fmt::Display) -> CliError {
-    CliError::Failed(e.to_string())
 }
 
 /// Runs the command.
@@ -123,7 +119,7 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn list(as_json: bool) -> Result<()> {
-    let ports = list_ports().map_err(failed)?;
+    let ports = list_ports().map_err(CliError::failed)?;
     if as_json {
         let ports: Vec<_> = ports.iter().map(|p| json!({ "port": p.path, "device": p.device, "url": p.url })).collect();
         return say(serde_json::to_string_pretty(&json!({ "ports": ports }))?);
@@ -138,9 +134,7 @@ fn list(as_json: bool) -> Result<()> {
     }
     let mut rows = vec![["port", "device", "try"].map(String::from).to_vec()];
     rows.extend(ports.into_iter().map(|p| vec![p.path, p.device, p.url.unwrap_or_default()]));
-    for line in table::lines(&rows) {
-        say(line)?;
-    }
+    say_lines(table::lines(&rows))?;
     Ok(())
 }
 
@@ -177,11 +171,11 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
                 shown_so_far += 1;
             }
             // someone may be plugging a cable: say so and go on, but not for ever
-            Err(e @ (GaugeError::Io { .. } | GaugeError::Open { .. })) => return Err(failed(e)),
+            Err(e @ (GaugeError::Io { .. } | GaugeError::Open { .. })) => return Err(CliError::failed(e)),
             Err(e) => {
                 failures += 1;
                 if failures >= 5 || count.is_some() {
-                    return Err(failed(e));
+                    return Err(CliError::failed(e));
                 }
                 crate::note!("trical: note: {e}");
             }
@@ -197,7 +191,7 @@ fn watch(gauge: &mut dyn Gauge, count: Option<u64>, every: Duration, as_json: bo
 fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: bool) -> Result<()> {
     let stop = interrupt::watch()?.asked;
     let Trial { says: about, seconds_each: each, axes, .. } =
-        trial(gauge, usize::try_from(count).unwrap_or(usize::MAX), &stop).map_err(failed)?;
+        trial(gauge, usize::try_from(count).unwrap_or(usize::MAX), &stop).map_err(CliError::failed)?;
     if !as_json {
         say(format!("gauge {}", gauge.name()))?;
         for line in &about {
@@ -214,9 +208,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
                 x.step.map_or_else(|| "-".to_owned(), |s| format!("{:.4}", s * 1e3)),
             ]
         }));
-        for line in table::lines(&rows) {
-            say(line)?;
-        }
+        say_lines(table::lines(&rows))?;
         if axes.iter().all(|a| a.spread == 0.0) {
             say("All readings are the same: right if nothing moved; --stems shows whether they follow the stems.")?;
         }
@@ -225,7 +217,7 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
     if let Some(wait) = stems {
         for (k, name) in AXES.iter().enumerate() {
             crate::note!("Push the stem along {name} in by a few mm, and only that one; then let it go.");
-            answered.push(stem_answers(gauge, k, wait, &stop).map_err(failed)? * 1e3);
+            answered.push(stem_answers(gauge, k, wait, &stop).map_err(CliError::failed)? * 1e3);
             if !as_json {
                 say(format!("axis {name} answers"))?;
             }
@@ -252,7 +244,7 @@ fn zero(link: &Link, as_json: bool) -> Result<()> {
     let stop = interrupt::watch()?.asked;
     let mastered = master(&link.gauge, &stop).map_err(|e| match e {
         GaugeError::Url(_) | GaugeError::Open { .. } => CliError::Input(e.to_string()),
-        e => failed(e),
+        e => CliError::failed(e),
     })?;
     for w in &mastered.warnings {
         crate::note!("trical: note: {w}");

@@ -27,8 +27,7 @@ use crate::commands::plan;
 use crate::error::{CliError, Result};
 use crate::input::{RobotAndCell, quoted};
 use crate::interrupt::Interrupt;
-use crate::measure_view::View;
-use crate::measure_view::{done, perform};
+use crate::measure_view::{View, done, perform};
 use crate::say;
 use ask::{Answer, Person, tell};
 use kept::{Kept, beside};
@@ -127,8 +126,16 @@ struct Led<'a> {
     plan: Option<(Vec<PlanEntry>, u64)>,
 }
 
-fn failed(e: impl std::fmt::Display) -> CliError {
-    CliError::Failed(e.to_string())
+/// What touches say of the tool point or the world frame; nothing where they do not agree, which is told.
+fn fitted<T>(what: &str, found: std::result::Result<T, SetUpError>) -> Result<Option<T>> {
+    match found {
+        Ok(fit) => Ok(Some(fit)),
+        Err(e @ SetUpError::Model(_)) => Err(CliError::input(e)),
+        Err(e) => {
+            tell(&format!("No {what}: {} Repeat the touches that are wrong.", table::ended(&e.to_string())))?;
+            Ok(None)
+        }
+    }
 }
 
 /// Without mastering.
@@ -166,16 +173,13 @@ impl<'a> Guided<'a> {
         if let Some(path) = files.iter().map(PathBuf::as_path).chain([self.out]).find(|path| path.exists())
             && !self.resume
         {
-            let path = path.display();
-            return Err(CliError::Input(format!(
-                "{path}: exists already; --resume goes on with it, or choose another --out"
-            )));
+            let what = "exists already; --resume goes on with it, or choose another --out";
+            return Err(CliError::Input(format!("{}: {what}", path.display())));
         }
-        if self.cell.balls.len() < BALLS {
-            return Err(CliError::Input(format!(
-                "the cell has {} balls, expected three or more for the world frame",
-                self.cell.balls.len()
-            )));
+        let balls = self.cell.balls.len();
+        if balls < BALLS {
+            let what = format!("the cell has {balls} balls, expected three or more for the world frame");
+            return Err(CliError::Input(what));
         }
         let kept = Kept::load(self.out)?;
         let person = Person::listen(self.interrupt)?;
@@ -184,7 +188,7 @@ impl<'a> Guided<'a> {
         led.read_cell()?;
         if led.kept.step > Step::PLAN {
             let path = led.about.plan.map_or_else(|| beside(led.about.out, "plan.csv"), Path::to_owned);
-            led.set_plan(plan::load(&path, led.about.robot, led.cell.balls.len())?);
+            led.plan = Some(led.all_visits(&plan::load(&path, led.about.robot, led.cell.balls.len())?));
         }
         Ok(led)
     }
@@ -416,7 +420,7 @@ impl Led<'_> {
     }
 
     fn close(&mut self) -> Result<()> {
-        self.log.take().map_or(Ok(()), |log| log.finish().map_err(failed))
+        self.log.take().map_or(Ok(()), |log| log.finish().map_err(CliError::failed))
     }
 
     /// Asks for a touch until it is there. Skipping keeps one that is there, or goes to `skipped`.
@@ -445,10 +449,9 @@ impl Led<'_> {
             self.log = Some(log);
             match touched {
                 Ok(row) => {
-                    let left = if let Measured::Touch { reading, .. } = row.measured {
-                        shown(&reading)
-                    } else {
-                        String::new()
+                    let left = match row.measured {
+                        Measured::Touch { reading, .. } => shown(&reading),
+                        _ => String::new(),
                     };
                     let plural = if corrected == 1 { "" } else { "s" };
                     tell(&format!(
@@ -468,7 +471,7 @@ impl Led<'_> {
     fn alike(&self, index: u64) -> Result<bool> {
         let Some(row) = self.rows.get(&index).filter(|_| index < ORIENTATIONS as u64) else { return Ok(false) };
         for (other, before) in self.rows.range(..ORIENTATIONS as u64).filter(|(other, _)| **other != index) {
-            let by = turned(self.about.robot, &self.cell, row, before).map_err(failed)?.to_degrees();
+            let by = turned(self.about.robot, &self.cell, row, before).map_err(CliError::failed)?.to_degrees();
             if by < TURNED_DEG {
                 tell(&format!(
                     "It is turned by {by:.1} degrees only from orientation {}: turn the device further and touch again.",
@@ -498,13 +501,8 @@ impl Led<'_> {
         }
         let rows: Vec<Row> = self.rows.range(..ORIENTATIONS as u64).map(|(_, row)| *row).collect();
         self.cell.tool.tcp = self.about.cell.tool.tcp;
-        let fit = match tool_point(self.about.robot, &self.cell, &rows) {
-            Ok(fit) => fit,
-            Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
-            Err(e) => {
-                tell(&format!("No tool point: {} Repeat the touches that are wrong.", table::ended(&e.to_string())))?;
-                return Ok(Next::To(1));
-            }
+        let Some(fit) = fitted("tool point", tool_point(self.about.robot, &self.cell, &rows))? else {
+            return Ok(Next::To(1));
         };
         let mm = |v: [f64; 3]| v.map(|v| format!("{:.3}", v * 1e3)).join(", ");
         tell(&format!(
@@ -536,13 +534,8 @@ impl Led<'_> {
         let rows: Vec<Row> = (0..BALLS).filter_map(|k| self.rows.get(&((ORIENTATIONS + k) as u64)).copied()).collect();
         let [a, b, c] = rows.as_slice() else { return Ok(Next::To(Step::FIRST_BALL)) };
         self.cell.world_from_base = self.about.cell.world_from_base;
-        let fit = match base(self.about.robot, &self.cell, [a, b, c]) {
-            Ok(fit) => fit,
-            Err(e @ SetUpError::Model(_)) => return Err(CliError::Input(e.to_string())),
-            Err(e) => {
-                tell(&format!("No world frame: {} Repeat the touches that are wrong.", table::ended(&e.to_string())))?;
-                return Ok(Next::To(Step::FIRST_BALL));
-            }
+        let Some(fit) = fitted("world frame", base(self.about.robot, &self.cell, [a, b, c]))? else {
+            return Ok(Next::To(Step::FIRST_BALL));
         };
         for (a, b, found, expected) in fit.distances {
             tell(&format!(
@@ -597,13 +590,12 @@ impl Led<'_> {
             }
             plan::entries(&found.entries)
         };
-        let stride = stride(&found);
-        Ok((visits(&found, about.settings.visits as usize), stride))
+        Ok(self.all_visits(&found))
     }
 
-    fn set_plan(&mut self, found: Vec<PlanEntry>) {
-        let stride = stride(&found);
-        self.plan = Some((visits(&found, self.about.settings.visits as usize), stride));
+    /// All visits of a plan, and its numbers of one round.
+    fn all_visits(&self, plan: &[PlanEntry]) -> (Vec<PlanEntry>, u64) {
+        (visits(plan, self.about.settings.visits as usize), stride(plan))
     }
 
     fn make_plan(&mut self) -> Result<Next> {
@@ -629,7 +621,7 @@ impl Led<'_> {
                 let settle = controller.joint_settle();
                 wait_settled(controller.as_mut(), &settle, &self.about.interrupt.asked)
             });
-            match start.map_err(failed).and_then(|start| self.plan_from(Some(start))) {
+            match start.map_err(CliError::failed).and_then(|start| self.plan_from(Some(start))) {
                 Ok(plan) => {
                     let path = beside(self.about.out, "plan.csv");
                     tell(&format!("{} touches are planned ({}).", plan.0.len(), path.display()))?;

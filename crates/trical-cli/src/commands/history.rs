@@ -8,7 +8,7 @@ use trical_report::{history_report, table};
 use super::compare::Asked;
 use crate::error::{CliError, Result};
 use crate::input;
-use crate::say;
+use crate::{say, say_lines};
 
 /// Arguments of `trical history`.
 #[derive(clap::Args)]
@@ -67,13 +67,9 @@ fn print(h: &History) -> Result<()> {
         let on = h.days.as_ref().and_then(|d| d.get(k).copied());
         row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, changed);
     }
-    for line in table::lines(&rows) {
-        say(line)?;
-    }
+    say_lines(table::lines(&rows))?;
     for s in h.sessions.iter().filter(|s| !s.changes.is_empty()) {
-        for line in table::wrapped(&format!("{}: {}", s.recording, s.summary), 108, "  ") {
-            say(line)?;
-        }
+        say_lines(table::wrapped(&format!("{}: {}", s.recording, s.summary), 108, "  "))?;
     }
     say(&h.due)
 }

@@ -13,7 +13,7 @@ use trical_report::{certificate, identify_report, table};
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
 use crate::progress;
-use crate::say;
+use crate::{say, say_lines};
 
 /// Which parameters to identify.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -89,8 +89,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    let files = input::files(&args.recordings, &args.cell, args.known.as_deref());
     for file in [&args.out, &args.report, &args.certificate].into_iter().flatten() {
-        input::check_output(file, input::files(&args.recordings, &args.cell, args.known.as_deref()))?;
+        input::check_output(file, files.iter().copied())?;
     }
     let (robot, cell) = args.cell.load()?;
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
@@ -114,12 +115,10 @@ pub fn run(args: &Args) -> Result<()> {
         ModelFile::of_fit(&found.fitted).save(out)?;
     }
     if let Some(path) = &args.report {
-        let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
-        write_whole(path, identify_report::render(&found, made)?.as_bytes())?;
+        write_whole(path, identify_report::render(&found, input::made(&files))?.as_bytes())?;
     }
     if let Some(path) = &args.certificate {
-        let made = input::made(&input::files(&args.recordings, &args.cell, args.known.as_deref()));
-        write_whole(path, certificate::of_calibration(&found, &made)?.as_bytes())?;
+        write_whole(path, certificate::of_calibration(&found, &input::made(&files))?.as_bytes())?;
     }
     if args.json {
         return say(serde_json::to_string_pretty(&found)?);
@@ -154,9 +153,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     };
     let none = if found.rejected == 0 { "; no row rejected" } else { "" };
     say(format!("{places} from {}{none}", data.names.join(", ")))?;
-    for line in rejected_lines(&found.named, found.rejected, 12) {
-        say(line)?;
-    }
+    say_lines(rejected_lines(&found.named, found.rejected, 12))?;
     for session in found.sessions.iter().filter(|s| !s.own.is_empty()) {
         let own = session.own.join(" and ");
         say(format!(
@@ -165,16 +162,14 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
         ))?;
     }
     for load in &found.loads {
-        table::wrapped(&load.in_words(), 108, "  ").iter().try_for_each(say)?;
+        say_lines(table::wrapped(&load.in_words(), 108, "  "))?;
     }
     let angles = match data.joints {
         JointSource::Read => "the joint angles that the controller reported",
         JointSource::Commanded => "the commanded joint angles",
     };
     say(format!("\n{} parameters, from {angles}:", fitted.free.len()))?;
-    for line in table::lines(&parameter_rows(fitted)) {
-        say(line)?;
-    }
+    say_lines(table::lines(&parameter_rows(fitted)))?;
     let stopped = fitted.stopped();
     if !stopped.is_empty() {
         say(format!("\nHeld at a limit of --known, beyond which the data would go: {}", stopped.join(", ")))?;
@@ -183,18 +178,12 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     if !dropped.is_empty() {
         say(format!("\nNot identified, because other parameters have the same effect: {}", dropped.join("; ")))?;
     }
-    for line in by_place_lines(found) {
-        say(line)?;
-    }
+    say_lines(by_place_lines(found))?;
     for caution in found.cautions() {
-        for line in table::wrapped(&format!("Caution: {}", table::ended(&caution)), 108, "") {
-            say(line)?;
-        }
+        say_lines(table::wrapped(&format!("Caution: {}", table::ended(&caution)), 108, ""))?;
     }
     say("")?;
-    for line in table::lines(&error_rows(found)) {
-        say(line)?;
-    }
+    say_lines(table::lines(&error_rows(found)))?;
     super::wrote(&[&args.out, &args.report, &args.certificate])
 }
 
@@ -202,12 +191,8 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
 fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
     let mut rows = vec![vec!["position error, mm".into(), "mean".into(), "rms".into(), "max".into()]];
     let mut add = |name: &str, e: &ErrorSummary| {
-        rows.push(vec![
-            name.into(),
-            format!("{:.3}", e.mean_mm),
-            format!("{:.3}", e.rms_mm),
-            format!("{:.3}", e.max_mm),
-        ]);
+        let mm = |v: f64| format!("{v:.3}");
+        rows.push(vec![name.into(), mm(e.mean_mm), mm(e.rms_mm), mm(e.max_mm)]);
     };
     add("nominal arm", &found.before);
     add("identified", &found.errors);
@@ -250,10 +235,9 @@ fn by_place_lines(found: &Calibration) -> Vec<String> {
         });
     }
     if !found.distances.is_empty() {
-        out.push(
-            "\nDistance between balls in mm, measured by the arm as identified at the other places (in the cell file):"
-                .into(),
-        );
+        let said =
+            "Distance between balls in mm, measured by the arm as identified at the other places (in the cell file):";
+        out.push(format!("\n{said}"));
     }
     out.extend(found.distances.iter().map(|d| {
         let [a, b] = d.balls;

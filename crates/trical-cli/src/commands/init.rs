@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use trical_ident::write_whole;
 
 use crate::error::{CliError, Result};
-use crate::say;
+use crate::input::make_folder;
+use crate::{say, say_lines};
 
 /// What is written: name, text, what it is.
 const FILES: [(&str, &str, &str); 3] = [
@@ -39,16 +40,15 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         return Ok(());
     }
-    say(
+    say_lines([
         "Tracker points instead of touches: columns x_mm, y_mm, z_mm (and target) instead of ball, ix_mm, iy_mm, iz_mm.",
-    )?;
-    say("Then: trical diagnose recording.csv --robot robot.toml --cell cell.toml")
+        "Then: trical diagnose recording.csv --robot robot.toml --cell cell.toml",
+    ])
 }
 
 /// Writes files (name, text, what it is) into a folder and tells of them. Those that are there already are not replaced.
 pub fn written(folder: &Path, files: &[(&str, &str, &str)], json: bool) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", folder.display())))?;
+    make_folder(folder)?;
     let paths: Vec<PathBuf> = files.iter().map(|(name, ..)| folder.join(name)).collect();
     if let Some(there) = paths.iter().find(|p| p.exists()) {
         return Err(CliError::Input(format!("{}: exists already, expected a folder without it", there.display())));

@@ -13,7 +13,7 @@ use crate::commands::{guided, plan};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::measure_view::{View, done, perform};
-use crate::{interrupt, say};
+use crate::{interrupt, say, say_lines};
 
 /// Arguments of `trical measure`.
 #[derive(clap::Args)]
@@ -183,9 +183,7 @@ pub fn run(args: &Args) -> Result<()> {
     } else if args.go {
         say(done(&report, &args.out))?;
     } else {
-        for step in &report.steps {
-            say(step)?;
-        }
+        say_lines(&report.steps)?;
         say("Nothing has moved. Add --go to measure.")?;
     }
     match refused {

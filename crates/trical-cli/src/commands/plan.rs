@@ -20,7 +20,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::{progress, say};
+use crate::{progress, say, say_lines};
 
 /// Touches a ball, candidates a ball, poses: no more than this many.
 const MOST: usize = 1000;
@@ -169,17 +169,9 @@ impl Args {
 
     fn options(&self, robot: &Robot, model: &Model) -> Result<PlanOptions> {
         let mut start = usual_start(robot);
-        if !self.start_deg.is_empty() {
-            if self.start_deg.len() != robot.dof() {
-                return Err(CliError::Input(format!(
-                    "--start-deg: found {} numbers, expected {}, one for each joint",
-                    self.start_deg.len(),
-                    robot.dof()
-                )));
-            }
-            for (q, (v, joint)) in start.iter_mut().zip(self.start_deg.iter().zip(&robot.joints)) {
-                *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
-            }
+        input::check_start(&self.start_deg, robot)?;
+        for (q, (v, joint)) in start.iter_mut().zip(self.start_deg.iter().zip(&robot.joints)) {
+            *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
         }
         let (criterion, whole_workspace) = self.criterion.goal();
         Ok(PlanOptions {
@@ -211,8 +203,7 @@ pub fn entries(plan: &[trical_plan::PlanEntry]) -> Vec<PlanEntry> {
 /// Reads `plan.csv`.
 pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> {
     let text = trical_model::error::read_text(path)?;
-    let plan =
-        read_plan(&text, &path.display().to_string(), robot, balls).map_err(|e| CliError::Input(e.to_string()))?;
+    let plan = read_plan(&text, &path.display().to_string(), robot, balls).map_err(CliError::input)?;
     Ok(entries(&plan))
 }
 
@@ -237,7 +228,7 @@ pub fn run(args: &Args) -> Result<()> {
         return if args.json {
             say(serde_json::to_string_pretty(&json!({ "places": worth }))?)
         } else {
-            worth_lines(args, &worth).iter().try_for_each(say)
+            say_lines(worth_lines(args, &worth))
         };
     };
     if let Some(count) = args.points {
@@ -273,17 +264,14 @@ pub fn run(args: &Args) -> Result<()> {
         }
         return say(serde_json::to_string_pretty(&value)?);
     }
-    for line in told.lines() {
-        say(line)?;
-    }
+    say_lines(told.lines())?;
     if few {
         let said = "Caution: with fewer than three balls identify takes where they stand as unknown at every place, and this plan as known: what is \
                     expected above is too good, and holds in the end for three or more places, each with a plan of its own.";
-        table::wrapped(said, 108, "").iter().try_for_each(say)?;
-        worth_lines(args, &worth).iter().try_for_each(say)?;
+        say_lines(table::wrapped(said, 108, ""))?;
+        say_lines(worth_lines(args, &worth))?;
     }
-    say(format!("Wrote {}", out.display()))?;
-    args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
+    [Some(out), args.report.as_ref()].into_iter().flatten().try_for_each(|f| say(format!("Wrote {}", f.display())))
 }
 
 /// What places of sockets are worth, as a table.

@@ -152,9 +152,8 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn source(args: &Args, robot: &Robot) -> Result<Source> {
-    let input = |e: &dyn std::fmt::Display| CliError::Input(e.to_string());
     if let Some(url) = &args.controller {
-        let controller = open_controller(url).map_err(|e| input(&e))?;
+        let controller = open_controller(url).map_err(CliError::input)?;
         let (found, expected) = (controller.joint_count(), robot.dof());
         if found != expected {
             let what = format!("--controller: has {found} joints, and {} has {expected}", args.robot.display());
@@ -163,7 +162,7 @@ fn source(args: &Args, robot: &Robot) -> Result<Source> {
         return Ok(Source::Controller(controller));
     }
     let path = args.follow.as_ref().ok_or_else(|| CliError::Input("--controller or --follow is missing".into()))?;
-    Ok(Source::Feed(JointFeed::open(path, robot).map_err(|e| input(&e))?))
+    Ok(Source::Feed(JointFeed::open(path, robot).map_err(CliError::input)?))
 }
 
 /// Joints in deg and mm.

@@ -50,7 +50,7 @@ pub struct Link {
 
 impl Link {
     fn open(&self) -> Result<Box<dyn Controller>> {
-        open_controller(&self.controller).map_err(|e| CliError::Input(e.to_string()))
+        open_controller(&self.controller).map_err(CliError::input)
     }
 }
 
@@ -85,10 +85,6 @@ struct Jog {
     go: bool,
 }
 
-fn failed(e: impl std::fmt::Display) -> CliError {
-    CliError::Failed(e.to_string())
-}
-
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     match &args.what {
@@ -100,7 +96,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn ping(link: &Link) -> Result<()> {
     let mut controller = link.open()?;
-    let answer = trial::ping(controller.as_mut()).map_err(failed)?;
+    let answer = trial::ping(controller.as_mut()).map_err(CliError::failed)?;
     if link.json {
         let value = json!({ "controller": controller.name(), "joints": controller.joint_count(),
                             "answers_in_s": answer.answers_in, "clock_s": answer.clock, "temp_c": answer.temp_c });
@@ -119,7 +115,7 @@ fn ping(link: &Link) -> Result<()> {
 fn joints(link: &Link) -> Result<()> {
     let mut controller = link.open()?;
     let settle = controller.joint_settle();
-    let q = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(failed)?;
+    let q = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(CliError::failed)?;
     let degrees: Vec<f64> = in_degrees(&q, controller.joint_count());
     if link.json {
         return say(serde_json::to_string_pretty(&json!({ "joints_deg": degrees }))?);
@@ -174,7 +170,7 @@ fn move_a_little(jog: &Jog) -> Result<()> {
     let count = controller.joint_count();
     let settle = controller.joint_settle();
     let never = AtomicBool::new(false);
-    let from = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
+    let from = wait_settled(controller.as_mut(), &settle, &never).map_err(CliError::failed)?;
     let to = what.target(&from, count, jog.max_deg.to_radians(), robot.as_ref()).map_err(|e| jog.refused(&e))?;
     let along = if let trial::Jog::Tool(by) = &what { Some(*by) } else { None };
     let would = along.map_or_else(
@@ -191,8 +187,8 @@ fn move_a_little(jog: &Jog) -> Result<()> {
         return say("Nothing has moved. Add --go to move.");
     }
     controller.stop_when(interrupt::watch()?.stops);
-    what.go(controller.as_mut(), &to, jog.speed_mm_s * 1e-3).map_err(failed)?;
-    let at = wait_settled(controller.as_mut(), &settle, &never).map_err(failed)?;
+    what.go(controller.as_mut(), &to, jog.speed_mm_s * 1e-3).map_err(CliError::failed)?;
+    let at = wait_settled(controller.as_mut(), &settle, &never).map_err(CliError::failed)?;
     let degrees = in_degrees(&at, count);
     if jog.link.json {
         return say(serde_json::to_string_pretty(&json!({ "moved": true, "joints_deg": degrees }))?);

@@ -9,8 +9,8 @@ use trical_report::table;
 
 use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
-use crate::input::{RobotAndCell, made};
-use crate::{progress, say};
+use crate::input::{RobotAndCell, made, make_folder};
+use crate::{progress, say, say_lines};
 
 /// Arguments of `trical study`.
 #[derive(clap::Args)]
@@ -158,8 +158,7 @@ impl Common {
     ) -> Result<()> {
         self.asked().check().map_err(as_option)?;
         let (robot, cell) = self.cell.load()?;
-        std::fs::create_dir_all(&self.out)
-            .map_err(|e| CliError::Input(format!("{}: cannot be made: {e}", self.out.display())))?;
+        make_folder(&self.out)?;
         let done = progress::with_bar(what, |task| work(&robot, &cell, task)).map_err(as_option)?;
         write_whole(&self.out.join("study.csv"), done.csv.as_bytes())?;
         write_whole(&self.out.join("study.svg"), done.svg.as_bytes())?;
@@ -167,12 +166,8 @@ impl Common {
         if self.json {
             return say(serde_json::to_string_pretty(&done.json)?);
         }
-        for line in table::lines(&done.table) {
-            say(line)?;
-        }
-        for line in std::iter::once(&done.verdict).chain(&done.notes).flat_map(|t| table::wrapped(t, 108, "")) {
-            say(line)?;
-        }
+        say_lines(table::lines(&done.table))?;
+        say_lines(std::iter::once(&done.verdict).chain(&done.notes).flat_map(|t| table::wrapped(t, 108, "")))?;
         say(format!("Wrote study.csv, study.svg and study.html to {}", self.out.display()))
     }
 }

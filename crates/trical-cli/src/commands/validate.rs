@@ -8,7 +8,7 @@ use trical_report::{certificate, table, validate_report};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::say;
+use crate::{say, say_lines};
 
 /// Arguments of `trical validate`.
 #[derive(clap::Args)]
@@ -41,8 +41,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    let files = input::files(&args.recordings, &args.cell, Some(&args.model));
     for file in [&args.report, &args.certificate].into_iter().flatten() {
-        input::check_output(file, input::files(&args.recordings, &args.cell, Some(&args.model)))?;
+        input::check_output(file, files.iter().copied())?;
     }
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
@@ -52,12 +53,10 @@ pub fn run(args: &Args) -> Result<()> {
     let recordings = input::recordings(&args.recordings, robot.dof())?;
     let v = validate(&robot, &cell, &file, &recordings, joints, refit)?;
     if let Some(path) = &args.report {
-        let made = input::made(&input::files(&args.recordings, &args.cell, Some(&args.model)));
-        write_whole(path, validate_report::render(&v, &file, made)?.as_bytes())?;
+        write_whole(path, validate_report::render(&v, &file, input::made(&files))?.as_bytes())?;
     }
     if let Some(path) = &args.certificate {
-        let made = input::made(&input::files(&args.recordings, &args.cell, Some(&args.model)));
-        write_whole(path, certificate::of_validation(&v, &made)?.as_bytes())?;
+        write_whole(path, certificate::of_validation(&v, &input::made(&files))?.as_bytes())?;
     }
     if args.json {
         return say(serde_json::to_string_pretty(&v)?);
@@ -75,9 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
     for line in
         v.left_out_in_words(trical_diagnose::verdict::title_of).into_iter().chain(v.beyond_in_words()).chain(predicted)
     {
-        for part in table::wrapped(&line, 108, "  ") {
-            say(part)?;
-        }
+        say_lines(table::wrapped(&line, 108, "  "))?;
     }
     let mut rows = vec![["position error, mm", "n", "mean", "max", "sd", "median", "rms"].map(String::from).to_vec()];
     let mut add = |name: String, n: usize, e: &ErrorSummary| {
@@ -93,11 +90,9 @@ pub fn run(args: &Args) -> Result<()> {
     for r in &v.regions {
         add(format!("  after, {}", r.region), r.n, &r.after);
     }
-    for line in table::lines(&rows) {
-        say(line)?;
-    }
+    say_lines(table::lines(&rows))?;
     for caution in validate_report::cautions(&v) {
-        table::wrapped(&format!("Caution: {caution}"), 108, "").iter().try_for_each(say)?;
+        say_lines(table::wrapped(&format!("Caution: {caution}"), 108, ""))?;
     }
     super::wrote(&[&args.report, &args.certificate])
 }

@@ -73,7 +73,7 @@ pub struct Args {
 impl Args {
     fn script(&self) -> Result<Vec<Scheduled>> {
         let script = self.faults.as_deref().map(fault_script::load).transpose();
-        Ok(script.map_err(|e| CliError::Input(e.to_string()))?.unwrap_or_default())
+        Ok(script.map_err(CliError::input)?.unwrap_or_default())
     }
 
     fn options(&self, truth: &Model) -> Result<CellOptions> {
@@ -97,13 +97,7 @@ impl Args {
             }
         };
         let mut start = [0.0; MAX_JOINTS];
-        if !self.start_deg.is_empty() && self.start_deg.len() != truth.robot.dof() {
-            return Err(CliError::Input(format!(
-                "--start-deg: found {} numbers, expected {}, one for each joint",
-                self.start_deg.len(),
-                truth.robot.dof()
-            )));
-        }
+        input::check_start(&self.start_deg, &truth.robot)?;
         for (q, v) in start.iter_mut().zip(&self.start_deg) {
             *q = v.to_radians();
         }
@@ -159,7 +153,7 @@ pub fn run(args: &Args) -> Result<()> {
     let person = if args.sockets { Some(Guided::new(&truth, args.noise_mm * 1e-3, args.seed)?) } else { None };
     let plant = ArmPlant::new(&truth)?;
     let options = args.options(&truth)?;
-    let running = VirtualCell::start(Box::new(plant), options).map_err(|e| CliError::Input(e.to_string()))?;
+    let running = VirtualCell::start(Box::new(plant), options).map_err(CliError::input)?;
     let (gauge, controller) = (running.gauge_url(), running.controller_url());
     say(if args.json {
         serde_json::json!({ "gauge": gauge, "controller": controller }).to_string()

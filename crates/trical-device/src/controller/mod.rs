@@ -8,6 +8,7 @@ pub mod rws_protocol;
 pub mod trial;
 pub mod ur;
 
+use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -18,6 +19,7 @@ use trical_model::error::read_text;
 use trical_model::recording::Joints;
 
 use self::rapid_protocol::{NO_SECRET, is_secret};
+use crate::gauge::shorten;
 use crate::url::{DeviceUrl, Secret, UrlError};
 use trical_recording::motion::JointSample;
 
@@ -239,6 +241,37 @@ pub enum ControllerError {
     Cancelled,
 }
 
+impl ControllerError {
+    pub(crate) fn silent(controller: &str, request: &str, timeout: Duration) -> Self {
+        Self::Silent { controller: controller.into(), request: request.into(), seconds: timeout.as_secs_f64() }
+    }
+
+    pub(crate) fn refused(controller: &str, request: &str, reason: impl Into<String>) -> Self {
+        Self::Refused { controller: controller.into(), request: request.into(), reason: reason.into() }
+    }
+
+    pub(crate) fn garbage(controller: &str, request: &str, found: &[u8], expected: impl Into<String>) -> Self {
+        let (found, expected) = (shorten(found), expected.into());
+        Self::Garbage { controller: controller.into(), request: request.into(), found, expected }
+    }
+}
+
+/// A connection to `host:port`, of which a read may take so long.
+pub(crate) fn connected(address: &str, timeout: Duration, read: Duration) -> Result<TcpStream, ControllerError> {
+    let failed = |reason: String| ControllerError::Connect { address: address.to_owned(), reason };
+    let mut last = "the name has no address".to_owned();
+    for target in address.to_socket_addrs().map_err(|error| failed(error.to_string()))? {
+        match TcpStream::connect_timeout(&target, timeout) {
+            Ok(stream) => {
+                let prepared = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(read)));
+                return prepared.map(|()| stream).map_err(|error| failed(error.to_string()));
+            }
+            Err(error) => last = error.to_string(),
+        }
+    }
+    Err(failed(last))
+}
+
 /// Opens a controller by its URL.
 ///
 /// `rapid://host:port` is an ABB IRC5 that runs `rapid/TriCal.mod` (default port 5000). Options: `timeout_s` (of an
@@ -289,6 +322,11 @@ fn milliseconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Dur
     Ok(Duration::from_micros((number * 1e3) as u64))
 }
 
+fn settle(url: &mut DeviceUrl) -> Result<JointSettle, UrlError> {
+    let default = JointSettle::default();
+    Ok(JointSettle { interval: milliseconds(url, "settle_ms", default.interval)?, ..default })
+}
+
 fn rapid_settings(url: &mut DeviceUrl) -> Result<RapidSettings, UrlError> {
     let defaults = RapidSettings::default();
     let secret = url.take_secret("secret")?.filter(|secret| secret.text() != NO_SECRET);
@@ -299,7 +337,7 @@ fn rapid_settings(url: &mut DeviceUrl) -> Result<RapidSettings, UrlError> {
         timeout: seconds(url, "timeout_s", defaults.timeout)?,
         move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
         stream: milliseconds(url, "stream_ms", defaults.stream)?,
-        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+        settle: settle(url)?,
         secret,
     };
     url.finish("secret, timeout_s, move_timeout_s, stream_ms, settle_ms")?;
@@ -336,7 +374,7 @@ fn rws_settings(url: &mut DeviceUrl) -> Result<RwsSettings, UrlError> {
         timeout: seconds(url, "timeout_s", defaults.timeout)?,
         move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
         poll: milliseconds(url, "poll_ms", defaults.poll)?,
-        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+        settle: settle(url)?,
     };
     url.finish(
         "user, password, login, certificate, task, module, unit, timeout_s, move_timeout_s, poll_ms, settle_ms",
@@ -352,7 +390,7 @@ fn ur_settings(url: &mut DeviceUrl) -> Result<UrSettings, UrlError> {
         timeout: seconds(url, "timeout_s", defaults.timeout)?,
         move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
         correction_limit: url.take_number("max_correction_mm", defaults.correction_limit * 1e3, 0.0..=10.0)? * 1e-3,
-        settle: JointSettle { interval: milliseconds(url, "settle_ms", defaults.settle.interval)?, ..defaults.settle },
+        settle: settle(url)?,
     };
     url.finish("timeout_s, move_timeout_s, settle_ms, max_correction_mm, rtde_port, script_port")?;
     if url.place.contains(':') {

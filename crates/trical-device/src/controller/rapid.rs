@@ -1,13 +1,13 @@
 //! Client of the RAPID dialect, over TCP or any other byte stream.
 
 use std::io::{self, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
-use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops};
+use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, connected};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -74,22 +74,8 @@ impl RapidClient<TcpStream> {
     /// # Errors
     /// No connection, or something else answers.
     pub fn connect(address: &str, settings: RapidSettings) -> Result<Self, ControllerError> {
-        let failed = |reason: String| ControllerError::Connect { address: address.to_owned(), reason };
-        let targets: Vec<_> = address.to_socket_addrs().map_err(|error| failed(error.to_string()))?.collect();
-        let mut last = "the name has no address".to_owned();
-        for target in targets {
-            match TcpStream::connect_timeout(&target, settings.timeout) {
-                Ok(stream) => {
-                    let prepared = stream
-                        .set_nodelay(true)
-                        .and_then(|()| stream.set_read_timeout(Some(Duration::from_millis(50))));
-                    prepared.map_err(|error| failed(error.to_string()))?;
-                    return Self::new(stream, format!("rapid {address}"), settings);
-                }
-                Err(error) => last = error.to_string(),
-            }
-        }
-        Err(failed(last))
+        let stream = connected(address, settings.timeout, Duration::from_millis(50))?;
+        Self::new(stream, format!("rapid {address}"), settings)
     }
 }
 
@@ -137,17 +123,12 @@ impl<S: Read + Write + Send> RapidClient<S> {
 
     fn identify(&mut self) -> Result<(), ControllerError> {
         let request = protocol::write_request(code::IDENTIFY, &[], 0);
-        let wrong = |found: String, name: &str| ControllerError::Garbage {
-            controller: name.to_owned(),
-            request: "24 #".to_owned(),
-            found,
-            expected: format!(
-                "TriCal {} and its number of joints; load rapid/TriCal.mod into the controller",
-                protocol::VERSION
-            ),
-        };
+        let version = protocol::VERSION;
+        let expected = format!("TriCal {version} and its number of joints; load rapid/TriCal.mod into the controller");
         let answer = match self.request(code::IDENTIFY, &request, self.settings.timeout) {
-            Err(ControllerError::Refused { reason, .. }) => return Err(wrong(reason, &self.name)),
+            Err(ControllerError::Refused { controller, reason: found, .. }) => {
+                return Err(ControllerError::Garbage { controller, request: "24 #".to_owned(), found, expected });
+            }
             other => other?,
         };
         let words: Vec<&str> = answer.split_ascii_whitespace().collect();
@@ -160,9 +141,8 @@ impl<S: Read + Write + Send> RapidClient<S> {
             }
             _ => None,
         };
-        let (joints, limit) = parsed.ok_or_else(|| wrong(shorten(answer.as_bytes()), &self.name))?;
-        self.joints = joints;
-        self.correction_limit = limit * 1e-3;
+        let (joints, limit) = parsed.ok_or_else(|| self.garbage("24 #", answer.as_bytes(), expected))?;
+        (self.joints, self.correction_limit) = (joints, limit * 1e-3);
         Ok(())
     }
 
@@ -171,11 +151,17 @@ impl<S: Read + Write + Send> RapidClient<S> {
         ControllerError::Lost { controller: self.name.clone(), reason }
     }
 
+    /// Whether the connection can still be used.
+    fn whole(&self) -> Result<(), ControllerError> {
+        match self.broken.clone() {
+            Some(reason) => Err(ControllerError::Lost { controller: self.name.clone(), reason }),
+            None => Ok(()),
+        }
+    }
+
     /// Sends a request and waits for its reply; samples of the stream are kept on the way.
     fn request(&mut self, wanted: u8, request: &str, timeout: Duration) -> Result<String, ControllerError> {
-        if let Some(reason) = &self.broken {
-            return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
-        }
+        self.whole()?;
         self.send(request)?;
         self.reply(wanted, request, timeout)
     }
@@ -186,33 +172,41 @@ impl<S: Read + Write + Send> RapidClient<S> {
         loop {
             let Some(message) = self.next_message(deadline)? else {
                 self.broken = Some(format!("no answer to {request:?} before"));
-                return Err(ControllerError::Silent {
-                    controller: self.name.clone(),
-                    request: request.to_owned(),
-                    seconds: timeout.as_secs_f64(),
-                });
+                return Err(ControllerError::silent(&self.name, request, timeout));
             };
-            match protocol::parse_reply(&message) {
-                Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
-                // to a sign of life that came when the motion had ended
-                Some(Reply { code: code::ALIVE, .. }) => {}
-                Some(Reply { code: code::LOGIN, ok: false, data }) => {
-                    self.broken = Some(data.clone());
-                    return Err(ControllerError::Secret { controller: self.name.clone(), reason: data });
+            if let Some(Reply { code: code::LOGIN, ok: false, data }) = protocol::parse_reply(&message) {
+                self.broken = Some(data.clone());
+                return Err(ControllerError::Secret { controller: self.name.clone(), reason: data });
+            }
+            if let Some(data) = self.answer(wanted, request, &message, false)? {
+                return Ok(data);
+            }
+        }
+    }
+
+    /// What a message answers to a request that was sent: the data of its reply, or nothing yet.
+    fn answer(
+        &mut self,
+        wanted: u8,
+        request: &str,
+        message: &[u8],
+        moves: bool,
+    ) -> Result<Option<String>, ControllerError> {
+        match protocol::parse_reply(message) {
+            Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => Ok(None),
+            // perhaps to a sign of life that came when the motion had ended; a module that does not know it refuses it, and is alive
+            Some(Reply { code: code::ALIVE, .. }) => Ok(None),
+            Some(reply) if reply.code == wanted && reply.ok => Ok(Some(reply.data)),
+            Some(reply) if reply.code == wanted => {
+                let reason = if reply.data.is_empty() { "without a reason" } else { &reply.data };
+                Err(ControllerError::refused(&self.name, request, reason))
+            }
+            _ => {
+                if moves {
+                    let _ = self.send(&protocol::write_request(code::STOP, &[], 0));
                 }
-                Some(reply) if reply.code == wanted && reply.ok => return Ok(reply.data),
-                Some(reply) if reply.code == wanted => {
-                    let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };
-                    return Err(ControllerError::Refused {
-                        controller: self.name.clone(),
-                        request: request.to_owned(),
-                        reason,
-                    });
-                }
-                _ => {
-                    self.broken = Some(format!("an answer before was {:?}", shorten(&message)));
-                    return Err(self.garbage(request, &message, format!("{wanted:02} 1 ... #")));
-                }
+                self.broken = Some(format!("an answer before was {:?}", shorten(message)));
+                Err(self.garbage(request, message, format!("{wanted:02} 1 ... #")))
             }
         }
     }
@@ -238,11 +232,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
                 // whatever the arm does now, it is not waited for
                 let _ = self.send(&protocol::write_request(code::STOP, &[], 0));
                 self.broken = Some(format!("no answer to {request:?} before"));
-                return Err(ControllerError::Silent {
-                    controller: self.name.clone(),
-                    request: request.to_owned(),
-                    seconds: limit.as_secs_f64(),
-                });
+                return Err(ControllerError::silent(&self.name, request, limit));
             }
             if now - said >= ALIVE_EVERY {
                 said = now;
@@ -250,21 +240,8 @@ impl<S: Read + Write + Send> RapidClient<S> {
             }
             let Some(message) = self.next_message((now + LOOK_FOR_STOP).min(begin + timeout))? else { continue };
             heard = Instant::now();
-            match protocol::parse_reply(&message) {
-                Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
-                // a module that does not know it refuses it, and is alive
-                Some(Reply { code: code::ALIVE, .. }) => {}
-                Some(reply) if reply.code == wanted && reply.ok => return Ok(()),
-                Some(reply) if reply.code == wanted => {
-                    let reason = if reply.data.is_empty() { "without a reason".to_owned() } else { reply.data };
-                    let controller = self.name.clone();
-                    return Err(ControllerError::Refused { controller, request: request.to_owned(), reason });
-                }
-                _ => {
-                    let _ = self.send(&protocol::write_request(code::STOP, &[], 0));
-                    self.broken = Some(format!("an answer before was {:?}", shorten(&message)));
-                    return Err(self.garbage(request, &message, format!("{wanted:02} 1 ... #")));
-                }
+            if self.answer(wanted, request, &message, true)?.is_some() {
+                return Ok(());
             }
         }
     }
@@ -292,12 +269,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
     }
 
     fn garbage(&self, request: &str, found: &[u8], expected: impl Into<String>) -> ControllerError {
-        ControllerError::Garbage {
-            controller: self.name.clone(),
-            request: request.to_owned(),
-            found: shorten(found),
-            expected: expected.into(),
-        }
+        ControllerError::garbage(&self.name, request, found, expected)
     }
 
     fn next_message(&mut self, deadline: Instant) -> Result<Option<Vec<u8>>, ControllerError> {
@@ -330,15 +302,9 @@ impl<S: Read + Write + Send> RapidClient<S> {
     }
 
     fn keep_sample(&mut self, data: &str) -> bool {
-        let Some(numbers) = protocol::parse_numbers(data) else {
-            return false;
-        };
-        let Some((t, degrees)) = numbers.split_first() else {
-            return false;
-        };
-        let Some(q) = protocol::parse_joints(degrees, self.joints) else {
-            return false;
-        };
+        let Some(numbers) = protocol::parse_numbers(data) else { return false };
+        let Some((t, degrees)) = numbers.split_first() else { return false };
+        let Some(q) = protocol::parse_joints(degrees, self.joints) else { return false };
         self.history.push(JointSample { t: *t, q });
         self.history.len() < MOST_SAMPLES
     }
@@ -349,9 +315,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
     }
 
     fn motion(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<(), ControllerError> {
-        if let Some(reason) = &self.broken {
-            return Err(ControllerError::Lost { controller: self.name.clone(), reason: reason.clone() });
-        }
+        self.whole()?;
         let request = protocol::write_request(wanted, parameters, decimals);
         self.send(&request)?;
         self.motion_reply(wanted, &request)

@@ -139,34 +139,19 @@ impl RwsClient {
     ) -> Result<(u16, Option<String>, String), ControllerError> {
         let url = format!("{}{path}", self.base);
         let cookies = self.cookies.iter().map(|(name, value)| format!("{name}={value}")).collect::<Vec<_>>().join("; ");
+        let headers = [("Authorization", authorization.unwrap_or_default()), ("Cookie", &cookies)];
+        let headers = || headers.into_iter().filter(|(_, value)| !value.is_empty());
         let answer = if *method == HttpMethod::POST {
-            let mut request = self.agent.post(&url).content_type("application/x-www-form-urlencoded");
-            if let Some(text) = authorization {
-                request = request.header("Authorization", text);
-            }
-            if !cookies.is_empty() {
-                request = request.header("Cookie", &cookies);
-            }
-            request.send(body)
+            let request = self.agent.post(&url).content_type("application/x-www-form-urlencoded");
+            headers().fold(request, |request, (name, value)| request.header(name, value)).send(body)
         } else {
-            let mut request = self.agent.get(&url);
-            if let Some(text) = authorization {
-                request = request.header("Authorization", text);
-            }
-            if !cookies.is_empty() {
-                request = request.header("Cookie", &cookies);
-            }
-            request.call()
+            headers().fold(self.agent.get(&url), |request, (name, value)| request.header(name, value)).call()
         };
         let lost =
             |error: ureq::Error| ControllerError::Lost { controller: self.name.clone(), reason: error.to_string() };
         let mut answer = match answer {
             Err(ureq::Error::Timeout(_)) => {
-                return Err(ControllerError::Silent {
-                    controller: self.name.clone(),
-                    request: path.to_owned(),
-                    seconds: self.settings.timeout.as_secs_f64(),
-                });
+                return Err(ControllerError::silent(&self.name, path, self.settings.timeout));
             }
             other => other.map_err(lost)?,
         };
@@ -215,16 +200,11 @@ impl RwsClient {
             503 => "status 503: too many sessions or requests".to_owned(),
             other => format!("status {other}: {}", shorten(text.as_bytes())),
         };
-        Err(ControllerError::Refused { controller: self.name.clone(), request: path.to_owned(), reason })
+        Err(ControllerError::refused(&self.name, path, reason))
     }
 
     fn garbage(&self, path: &str, found: &str, expected: &str) -> ControllerError {
-        ControllerError::Garbage {
-            controller: self.name.clone(),
-            request: path.to_owned(),
-            found: shorten(found.as_bytes()),
-            expected: expected.to_owned(),
-        }
+        ControllerError::garbage(&self.name, path, found.as_bytes(), expected)
     }
 
     fn parse_joints(&self, path: &str, body: &str) -> Result<(Joints, usize), ControllerError> {
@@ -267,12 +247,8 @@ impl RwsClient {
         let last = self.sequence.unwrap_or(0);
         // a request that was not answered may still be under way: a new one would run into it
         if self.number("nAck")? != last {
-            return Err(ControllerError::Refused {
-                controller: self.name.clone(),
-                request: format!("{wanted:02}"),
-                reason: "the module is still busy with a request before, or does not run; start TriCalRwsLoop"
-                    .to_owned(),
-            });
+            let reason = "the module is still busy with a request before, or does not run; start TriCalRwsLoop";
+            return Err(ControllerError::refused(&self.name, &format!("{wanted:02}"), reason));
         }
         // single precision counts to 16 777 216
         let next = (last + 1) % 1_000_000;
@@ -288,11 +264,7 @@ impl RwsClient {
                 return Err(ControllerError::Stopped);
             }
             if begin.elapsed() > timeout {
-                return Err(ControllerError::Silent {
-                    controller: self.name.clone(),
-                    request,
-                    seconds: timeout.as_secs_f64(),
-                });
+                return Err(ControllerError::silent(&self.name, &request, timeout));
             }
             if matches!(wanted, code::MOVE_JOINTS | code::CORRECT) {
                 let q = self.joints()?;
@@ -301,12 +273,8 @@ impl RwsClient {
             std::thread::sleep(self.settings.poll);
         }
         let ok = self.number("nOk")?;
-        let reply = self.get("sReply")?;
-        let reply = protocol::unquoted(&reply).to_owned();
-        if ok == 1 {
-            return Ok(reply);
-        }
-        Err(ControllerError::Refused { controller: self.name.clone(), request, reason: reply })
+        let reply = protocol::unquoted(&self.get("sReply")?).to_owned();
+        if ok == 1 { Ok(reply) } else { Err(ControllerError::refused(&self.name, &request, reply)) }
     }
 }
 

@@ -3,17 +3,15 @@
 //! Each motion is a program that writes its number into an output register when it has come to its end, so that the client
 //! knows which one is done. Nothing here was tried on a real controller; the arm has to be in remote control.
 
-use std::fmt::Write as _;
 use std::io::{Read, Write};
-use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use trical_model::recording::{Joints, MAX_JOINTS};
+use trical_model::recording::Joints;
 
 use super::rtde::{self, State, kind};
-use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops};
-use crate::gauge::shorten;
+use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, connected};
 use trical_recording::motion::JointSample;
 
 /// Settings of the connection.
@@ -89,11 +87,7 @@ impl Shared {
 }
 
 fn joints(state: &State) -> Joints {
-    let mut q = [0.0; MAX_JOINTS];
-    for (to, from) in q.iter_mut().zip(state.q) {
-        *to = from;
-    }
-    q
+    trical_model::State::at(&state.q).q
 }
 
 /// A Universal Robots controller.
@@ -115,12 +109,13 @@ impl UrClient {
     /// # Errors
     /// No connection, or something else that answers.
     pub fn connect(host: &str, settings: UrSettings) -> Result<Self, ControllerError> {
-        let mut data = open(host, settings.rtde_port, settings.timeout)?;
+        let open = |port: u16| connected(&format!("{host}:{port}"), settings.timeout, settings.timeout);
+        let mut data = open(settings.rtde_port)?;
         let name = format!("ur {host}");
         // data may come behind the last answer already
         let mut bytes = Vec::new();
         let recipe = greet(&mut data, &mut bytes, &name, settings.timeout)?;
-        let script = open(host, settings.script_port, settings.timeout)?;
+        let script = open(settings.script_port)?;
         let failed = |e: std::io::Error| ControllerError::Connect { address: host.to_owned(), reason: e.to_string() };
         let shared = Arc::new(Shared::default());
         let (mut reads, into) = (data.try_clone().map_err(failed)?, Arc::clone(&shared));
@@ -182,11 +177,7 @@ impl UrClient {
             }
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(ControllerError::Silent {
-                    controller: self.name.clone(),
-                    request: request.to_owned(),
-                    seconds: timeout.as_secs_f64(),
-                });
+                return Err(ControllerError::silent(&self.name, request, timeout));
             }
             let left = left.min(LOOK_FOR_STOP);
             seen = self.shared.news.wait_timeout(seen, left).map_or_else(|e| e.into_inner().0, |(seen, _)| seen);
@@ -214,11 +205,7 @@ impl UrClient {
             9 => "fault",
             _ => "not in normal operation",
         };
-        Err(ControllerError::Refused {
-            controller: self.name.clone(),
-            request: request.to_owned(),
-            reason: format!("safety mode {}: {meaning}", state.safety),
-        })
+        Err(ControllerError::refused(&self.name, request, format!("safety mode {}: {meaning}", state.safety)))
     }
 
     fn send(&mut self, program: &str) -> Result<(), ControllerError> {
@@ -232,10 +219,9 @@ impl UrClient {
         self.standing(&state, motion)?;
         let number = (state.done.max(0) + 1) % 1_000_000;
         let [x, y, z] = self.tcp;
-        let mut program = String::from("def trical():\n");
-        let _ = write!(
-            program,
-            "  set_tcp(p[{x:.7},{y:.7},{z:.7},0,0,0])\n  {motion}\n  write_output_integer_register(24, {number})\nend\n"
+        let program = format!(
+            "def trical():\n  set_tcp(p[{x:.7},{y:.7},{z:.7},0,0,0])\n  {motion}\n  \
+             write_output_integer_register(24, {number})\nend\n"
         );
         let before = self.stops.so_far();
         self.send(&program)?;
@@ -264,22 +250,6 @@ impl Drop for UrClient {
     }
 }
 
-fn open(host: &str, port: u16, timeout: Duration) -> Result<TcpStream, ControllerError> {
-    let address = format!("{host}:{port}");
-    let failed = |reason: String| ControllerError::Connect { address: address.clone(), reason };
-    let mut last = "the name has no address".to_owned();
-    for target in address.to_socket_addrs().map_err(|e| failed(e.to_string()))? {
-        match TcpStream::connect_timeout(&target, timeout) {
-            Ok(stream) => {
-                let prepared = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(timeout)));
-                return prepared.map(|()| stream).map_err(|e| failed(e.to_string()));
-            }
-            Err(error) => last = error.to_string(),
-        }
-    }
-    Err(failed(last))
-}
-
 /// The next package from a stream.
 fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), String> {
     loop {
@@ -300,12 +270,6 @@ fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), St
 fn greet(stream: &mut TcpStream, bytes: &mut Vec<u8>, name: &str, timeout: Duration) -> Result<u8, ControllerError> {
     let mut ask = |request: &[u8], wanted: u8, what: &str, expected: &str, right: &dyn Fn(&[u8]) -> bool| {
         let lost = |reason: String| ControllerError::Lost { controller: name.to_owned(), reason };
-        let garbage = |found: &[u8]| ControllerError::Garbage {
-            controller: name.to_owned(),
-            request: what.to_owned(),
-            found: shorten(found),
-            expected: expected.to_owned(),
-        };
         stream.write_all(request).map_err(|e| lost(e.to_string()))?;
         let begin = Instant::now();
         loop {
@@ -313,7 +277,7 @@ fn greet(stream: &mut TcpStream, bytes: &mut Vec<u8>, name: &str, timeout: Durat
             match kind {
                 kind::TEXT | kind::DATA if begin.elapsed() < timeout => {}
                 kind if kind == wanted && right(&content) => return Ok(content),
-                _ => return Err(garbage(&content)),
+                _ => return Err(ControllerError::garbage(name, what, &content, expected)),
             }
         }
     };
@@ -356,26 +320,16 @@ impl Controller for UrClient {
             self.linear
         );
         if length.is_nan() || length > self.settings.correction_limit {
-            return Err(ControllerError::Refused {
-                controller: self.name.clone(),
-                request: motion,
-                reason: format!(
-                    "correction {:.3} mm is over the limit of {:.3} mm",
-                    length * 1e3,
-                    self.settings.correction_limit * 1e3
-                ),
-            });
+            let (length, limit) = (length * 1e3, self.settings.correction_limit * 1e3);
+            let reason = format!("correction {length:.3} mm is over the limit of {limit:.3} mm");
+            return Err(ControllerError::refused(&self.name, &motion, reason));
         }
         self.run(&motion)
     }
 
     fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
         if !(linear > 0.0 && angular > 0.0 && linear.is_finite() && angular.is_finite()) {
-            return Err(ControllerError::Refused {
-                controller: self.name.clone(),
-                request: "speed".to_owned(),
-                reason: "two positive numbers expected".to_owned(),
-            });
+            return Err(ControllerError::refused(&self.name, "speed", "two positive numbers expected"));
         }
         // those of reduced speed, whatever is asked for
         (self.linear, self.angular) = (linear.min(0.25), angular.min(0.5));

@@ -110,12 +110,12 @@ impl<P: Port> LineGauge<P> {
 
     /// Asks one port once, with patience for a busy instrument.
     fn ask(&mut self, axis: usize) -> Result<Vec<f64>, GaugeError> {
-        let axis_name = AXES.get(axis).copied().unwrap_or('?');
         let port_index = if self.ports.len() == 3 { axis } else { 0 };
         let settings = &self.settings;
         let request = &settings.requests[axis];
+        let (gauge, axis) = (self.name.clone(), AXES[axis]);
         let Some((port, lines)) = self.ports.get_mut(port_index) else {
-            return Err(GaugeError::Open { port: self.name.clone(), reason: "no port".to_owned() });
+            return Err(GaugeError::Open { port: gauge, reason: "no port".to_owned() });
         };
         let io = |source| GaugeError::Io { gauge: self.name.clone(), source };
         let mut busy = 0;
@@ -141,21 +141,9 @@ impl<P: Port> LineGauge<P> {
                     busy += 1;
                     std::thread::sleep(settings.busy_pause);
                 }
-                LineReply::Busy => {
-                    return Err(GaugeError::Instrument {
-                        gauge: self.name.clone(),
-                        axis: axis_name,
-                        found: shorten(&line),
-                        meaning: "busy",
-                    });
-                }
-                LineReply::Error(meaning) => {
-                    return Err(GaugeError::Instrument {
-                        gauge: self.name.clone(),
-                        axis: axis_name,
-                        found: shorten(&line),
-                        meaning,
-                    });
+                reply @ (LineReply::Busy | LineReply::Error(_)) => {
+                    let meaning = if let LineReply::Error(meaning) = reply { meaning } else { "busy" };
+                    return Err(GaugeError::Instrument { gauge, axis, found: shorten(&line), meaning });
                 }
                 LineReply::Garbage => {
                     garbage = Some(line);
@@ -165,14 +153,14 @@ impl<P: Port> LineGauge<P> {
         }
         Err(match garbage {
             Some(found) => GaugeError::Garbage {
-                gauge: self.name.clone(),
-                axis: axis_name,
+                gauge,
+                axis,
                 found: shorten(&found),
                 expected: "a line with a value; check baud rate, framing and pattern".to_owned(),
             },
             None => GaugeError::Silent {
-                gauge: self.name.clone(),
-                axis: axis_name,
+                gauge,
+                axis,
                 request: request.trim_end().to_owned(),
                 attempts: settings.attempts.max(1),
                 seconds: settings.timeout.as_secs_f64(),

@@ -65,9 +65,7 @@ impl Pattern {
 /// (over range), a line that starts with `#` (Pico adaptor).
 #[must_use]
 pub fn parse_line(line: &[u8], pattern: &Pattern) -> LineReply {
-    let Ok(text) = std::str::from_utf8(line) else {
-        return LineReply::Garbage;
-    };
+    let Ok(text) = std::str::from_utf8(line) else { return LineReply::Garbage };
     let text = text.trim();
     if text.starts_with('#') {
         return LineReply::Error("the adaptor reports an error of the indicator");

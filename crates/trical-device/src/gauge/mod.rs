@@ -165,14 +165,6 @@ impl Default for Settle {
     }
 }
 
-impl Settle {
-    /// Without pauses: for the virtual cell, whose values stand still between moves.
-    #[must_use]
-    pub fn at_once() -> Self {
-        Self { repeats: 2, interval: Duration::ZERO, ..Self::default() }
-    }
-}
-
 /// Reads until the last readings agree; gives their mean, m.
 ///
 /// # Errors
@@ -215,33 +207,14 @@ pub fn settled_reading(gauge: &mut dyn Gauge, settle: &Settle, cancel: &AtomicBo
 ///
 /// On the calibrator all three stems define the TCP: what the gauge shows there is taken off every reading. Not needed
 /// where the indicators themselves were set to zero.
-pub struct Mastered<G> {
-    gauge: G,
-    zero: [f64; 3],
+pub struct Mastered {
+    /// As it shows.
+    pub gauge: Box<dyn Gauge>,
+    /// What it shows on the calibrator, m.
+    pub zero: [f64; 3],
 }
 
-impl<G: Gauge> Mastered<G> {
-    /// Reads the gauge on the calibrator, once it stands still.
-    ///
-    /// # Errors
-    /// What [`settled_reading`] says.
-    pub fn on_calibrator(mut gauge: G, settle: &Settle, cancel: &AtomicBool) -> Result<Self, GaugeError> {
-        let zero = settled_reading(&mut gauge, settle, cancel)?;
-        Ok(Self { gauge, zero })
-    }
-
-    /// A gauge with a known reading on the calibrator, m.
-    pub fn with_zero(gauge: G, zero: [f64; 3]) -> Self {
-        Self { gauge, zero }
-    }
-
-    /// The reading on the calibrator, m.
-    pub fn zero(&self) -> [f64; 3] {
-        self.zero
-    }
-}
-
-impl<G: Gauge> Gauge for Mastered<G> {
+impl Gauge for Mastered {
     fn name(&self) -> String {
         self.gauge.name()
     }
@@ -261,28 +234,6 @@ impl<G: Gauge> Gauge for Mastered<G> {
 
     fn describe(&mut self) -> Result<Vec<String>, GaugeError> {
         self.gauge.describe()
-    }
-}
-
-impl<G: Gauge + ?Sized> Gauge for Box<G> {
-    fn name(&self) -> String {
-        (**self).name()
-    }
-
-    fn read(&mut self) -> Result<[f64; 3], GaugeError> {
-        (**self).read()
-    }
-
-    fn settle(&self) -> Settle {
-        (**self).settle()
-    }
-
-    fn take_warnings(&mut self) -> Vec<String> {
-        (**self).take_warnings()
-    }
-
-    fn describe(&mut self) -> Result<Vec<String>, GaugeError> {
-        (**self).describe()
     }
 }
 
@@ -334,11 +285,8 @@ mod tests {
 
     #[test]
     fn a_mastered_gauge_reads_from_the_calibrator() {
-        let gauge = Scripted(vec![[1e-3, 2e-3, 3e-3], [1e-3, 2e-3, 3e-3], [1.5e-3, 2e-3, 2e-3]]);
-        let settle = Settle::at_once();
-        let mut gauge = Mastered::on_calibrator(gauge, &settle, &AtomicBool::new(false)).unwrap();
-        assert_eq!(gauge.zero(), [1e-3, 2e-3, 3e-3]);
-        let reading = gauge.read().unwrap();
+        let gauge = Box::new(Scripted(vec![[1.5e-3, 2e-3, 2e-3]]));
+        let reading = Mastered { gauge, zero: [1e-3, 2e-3, 3e-3] }.read().unwrap();
         for (found, expected) in reading.iter().zip([0.5e-3, 0.0, -1e-3]) {
             assert!((found - expected).abs() < 1e-15);
         }

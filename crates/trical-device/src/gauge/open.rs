@@ -29,7 +29,7 @@ pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
     let zero = zero(&mut url)?;
     let gauge = open_bare(url)?;
     Ok(match zero {
-        Some(zero) => Box::new(Mastered::with_zero(gauge, zero)),
+        Some(zero) => Box::new(Mastered { gauge, zero }),
         None => gauge,
     })
 }
@@ -86,21 +86,19 @@ fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
             )
             .into());
     }
-    let mut ports = Vec::with_capacity(places.len());
-    for place in places {
-        ports.push(open_serial(place, &settings.serial)?);
-    }
+    let ports = places.into_iter().map(|place| open_serial(place, &settings.serial)).collect::<Result<Vec<_>, _>>()?;
     Ok(Box::new(LineGauge::new(ports, format!("{} {}", url.scheme, url.place), settings)?))
 }
 
 pub(super) fn uwave_settings(url: &mut DeviceUrl) -> Result<UWaveSettings, UrlError> {
-    let mut settings = UWaveSettings { groups: [two_digits(url, "group", 0)?; 3], ..UWaveSettings::default() };
+    let group = url.take("group").map_or(Ok(0), |value| two_digits(url, "group", &value))?;
+    let mut settings = UWaveSettings { groups: [group; 3], ..UWaveSettings::default() };
     for (axis, (channel, group)) in AXES.iter().zip(settings.channels.iter_mut().zip(&mut settings.groups)) {
         let Some(value) = url.take(&axis.to_string()) else { continue };
         let (own, number) = value.split_once('.').map_or((None, value.as_str()), |(g, c)| (Some(g), c));
-        *channel = to_two_digits(url, &axis.to_string(), number)?;
+        *channel = two_digits(url, &axis.to_string(), number)?;
         if let Some(own) = own {
-            *group = to_two_digits(url, &axis.to_string(), own)?;
+            *group = two_digits(url, &axis.to_string(), own)?;
         }
     }
     let places: Vec<(u8, u8)> = settings.groups.into_iter().zip(settings.channels).collect();
@@ -170,14 +168,7 @@ pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> 
     Ok(settings)
 }
 
-fn two_digits(url: &mut DeviceUrl, key: &str, default: u8) -> Result<u8, UrlError> {
-    let Some(value) = url.take(key) else {
-        return Ok(default);
-    };
-    to_two_digits(url, key, &value)
-}
-
-fn to_two_digits(url: &DeviceUrl, key: &str, value: &str) -> Result<u8, UrlError> {
+fn two_digits(url: &DeviceUrl, key: &str, value: &str) -> Result<u8, UrlError> {
     value
         .parse::<u8>()
         .ok()

@@ -161,6 +161,11 @@ impl<P: Port> UWave<P> {
         }
     }
 
+    fn garbage(&self, axis: usize, found: &[u8], expected: &str) -> GaugeError {
+        let (gauge, found) = (self.name.clone(), shorten(found));
+        GaugeError::Garbage { gauge, axis: AXES[axis], found, expected: expected.to_owned() }
+    }
+
     fn wait(&mut self, deadline: Instant) -> Result<Option<Vec<u8>>, GaugeError> {
         let Self { lines, port, .. } = self;
         let line = lines.wait(port, deadline);
@@ -200,23 +205,17 @@ impl<P: Port> UWave<P> {
         }
     }
 
-    fn attempt(&mut self, axis: usize, channel: u8) -> Result<Attempt, GaugeError> {
-        let group = self.settings.groups.get(axis).copied().unwrap_or(0);
-        self.send(&protocol::data_request(channel, group, self.settings.clear))?;
+    fn attempt(&mut self, axis: usize, request: &str) -> Result<Attempt, GaugeError> {
+        let (channel, group) = (self.settings.channels[axis], self.settings.groups[axis]);
+        self.send(request)?;
         let deadline = Instant::now() + self.settings.timeout;
         let mut garbage = None;
         while let Some(line) = self.wait(deadline)? {
             match protocol::parse_record(&line) {
                 Some(Record::Data { group: g, channel: c, value, unit }) if g == group && c == channel => {
                     let in_metres = unit.in_metres().or(self.settings.assume_mm.then_some(1e-3));
-                    let Some(in_metres) = in_metres else {
-                        return Err(GaugeError::Garbage {
-                            gauge: self.name.clone(),
-                            axis: axis_name(axis),
-                            found: shorten(&line),
-                            expected: "a value with a unit (M or I); unit=mm in the URL takes it as mm".to_owned(),
-                        });
-                    };
+                    let expected = "a value with a unit (M or I); unit=mm in the URL takes it as mm";
+                    let in_metres = in_metres.ok_or_else(|| self.garbage(axis, &line, expected))?;
                     return Ok(Attempt::Value(value * in_metres));
                 }
                 // FF: not about one channel; a refused request is then ours, the only one under way
@@ -237,41 +236,28 @@ impl<P: Port> UWave<P> {
         Ok(garbage.map_or(Attempt::Nothing, Attempt::Garbage))
     }
 
-    fn read_axis(&mut self, axis: usize, channel: u8) -> Result<f64, GaugeError> {
-        let attempts = self.settings.attempts.max(1);
-        let mut error = None;
-        for _ in 0..attempts {
-            error = Some(match self.attempt(axis, channel)? {
+    fn read_axis(&mut self, axis: usize) -> Result<f64, GaugeError> {
+        let (channel, group) = (self.settings.channels[axis], self.settings.groups[axis]);
+        let request = protocol::data_request(channel, group, self.settings.clear);
+        let mut error = self.silent(AXES[axis], &request);
+        for _ in 0..self.settings.attempts.max(1) {
+            error = match self.attempt(axis, &request)? {
                 Attempt::Value(value) => return Ok(value),
                 Attempt::Status(status) => {
-                    let error = GaugeError::Status { gauge: self.name.clone(), axis: axis_name(axis), channel, status };
+                    let error = GaugeError::Status { gauge: self.name.clone(), axis: AXES[axis], channel, status };
                     if !status.is_worth_a_retry() {
                         return Err(error);
                     }
                     error
                 }
-                Attempt::Garbage(found) => GaugeError::Garbage {
-                    gauge: self.name.clone(),
-                    axis: axis_name(axis),
-                    found: shorten(&found),
-                    expected: "a record of a U-WAVE-R; check that the port is the receiver's".to_owned(),
-                },
-                Attempt::Nothing => self.silent(
-                    axis_name(axis),
-                    &protocol::data_request(
-                        channel,
-                        self.settings.groups.get(axis).copied().unwrap_or(0),
-                        self.settings.clear,
-                    ),
-                ),
-            });
+                Attempt::Garbage(found) => {
+                    self.garbage(axis, &found, "a record of a U-WAVE-R; check that the port is the receiver's")
+                }
+                Attempt::Nothing => self.silent(AXES[axis], &request),
+            };
         }
-        Err(error.unwrap_or_else(|| self.silent(axis_name(axis), "DR")))
+        Err(error)
     }
-}
-
-fn axis_name(axis: usize) -> char {
-    AXES.get(axis).copied().unwrap_or('?')
 }
 
 impl<P: Port> Gauge for UWave<P> {
@@ -282,7 +268,7 @@ impl<P: Port> Gauge for UWave<P> {
     fn read(&mut self) -> Result<[f64; 3], GaugeError> {
         let mut reading = [0.0; 3];
         for (axis, to) in reading.iter_mut().enumerate() {
-            let value = self.read_axis(axis, self.settings.channels[axis])?;
+            let value = self.read_axis(axis)?;
             *to = if self.settings.flip[axis] { -value } else { value };
         }
         Ok(reading)

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::steps::{check_finite, check_guard, check_joints, check_plan, check_way};
+use super::steps::{check_finite, check_joints, check_plan};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
@@ -57,6 +57,8 @@ pub fn run(
         trail: Vec::new(),
         report: RunReport::default(),
         known: options.known.clone(),
+        corrections: 0,
+        corrected: 0.0,
         touching: None,
         retreating: false,
     };
@@ -113,6 +115,9 @@ struct Runner<'a, 'o> {
     report: RunReport,
     /// Joints at the touches of the first round.
     known: BTreeMap<u64, Joints>,
+    /// Corrections of this touch, and the sum of their lengths, m.
+    corrections: usize,
+    corrected: f64,
     /// The ball that the stems may meet: from the way into its touch until the arm is back at the approach point.
     touching: Option<usize>,
     /// After a failure nothing but the arm matters.
@@ -146,9 +151,7 @@ impl Runner<'_, '_> {
     fn leave_a_touch(&mut self, plan: &[PlanEntry]) -> Result<(), Violation> {
         let far = |q: &Joints| largest_difference(q, &self.at).1;
         let nearest = plan.iter().min_by(|a, b| far(&a.joints).total_cmp(&far(&b.joints)));
-        let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else {
-            return Ok(());
-        };
+        let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else { return Ok(()) };
         let to_a_free_place = plan.iter().flat_map(|entry| &entry.via).map(&far).fold(f64::INFINITY, f64::min);
         if far(&entry.joints) > self.options.limits.joint_change || to_a_free_place <= far(&entry.joints) {
             return Ok(());
@@ -172,7 +175,7 @@ impl Runner<'_, '_> {
         let options = self.options;
         let entry = plan.get(number)?;
         let first = entry.via.first()?;
-        if options.retreat != Retreat::Approach || check_guard(&self.at, first, None, options).is_ok() {
+        if options.retreat != Retreat::Approach || options.allow(&self.at, first, None).is_ok() {
             return None;
         }
         // free points in the order of the plan: each can be reached from its neighbours
@@ -181,9 +184,8 @@ impl Runner<'_, '_> {
         let mut near: Vec<usize> = (0..ways.len()).collect();
         let far = |at: &usize| ways.get(*at).map_or(f64::INFINITY, |q| largest_difference(q, &self.at).1);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let from = near
-            .into_iter()
-            .find(|at| ways.get(*at).is_some_and(|q| check_guard(&self.at, q, None, options).is_ok()))?;
+        let from =
+            near.into_iter().find(|at| ways.get(*at).is_some_and(|q| options.allow(&self.at, q, None).is_ok()))?;
         let mut via: Vec<Joints> = if from <= target {
             ways.get(from..target)?.to_vec()
         } else {
@@ -207,26 +209,25 @@ impl Runner<'_, '_> {
         }
         self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
         self.arrive(entry)?;
-        let mut reading = self.read(entry, 0)?;
+        (self.corrections, self.corrected) = (0, 0.0);
+        let mut reading = self.read(entry)?;
         // with no way out of the touch, channels that have not followed a correction may be stuck, or repeat an old value
         let mut follows = [!options.check_release || !entry.via.is_empty(); 3];
-        let mut corrections = 0;
-        let mut total_length = 0.0;
         while norm(&reading) >= options.epsilon || follows.contains(&false) {
             if norm(&reading) < options.epsilon {
                 // a little aside along all axes: each channel has to follow, and the loop goes back
-                reading = self.aside(entry, reading, &mut corrections, &mut total_length)?;
+                reading = self.aside(entry, reading)?;
                 follows = [true; 3];
                 continue;
             }
-            if corrections >= options.limits.iterations {
+            if self.corrections >= options.limits.iterations {
                 return Err(Violation::Iterations {
-                    iterations: corrections,
+                    iterations: self.corrections,
                     left_mm: norm(&reading) * 1e3,
                     epsilon_mm: options.epsilon * 1e3,
                 });
             }
-            let after = self.follow(entry, reading, &mut corrections, &mut total_length)?;
+            let after = self.follow(entry, reading)?;
             for k in 0..3 {
                 // a step of `confirm` or more, of which a gap in a joint may have swallowed most
                 follows[k] |= reading[k].abs() >= limits.confirm && responds(reading[k], after[k], reading[k]);
@@ -237,7 +238,7 @@ impl Runner<'_, '_> {
         if options.check_release && !entry.via.is_empty() {
             self.check_response(entry, &reading)?;
         }
-        self.accept(row, corrections, total)
+        self.accept(row, total)
     }
 
     /// At the approach point each stem has to read as one that touches nothing.
@@ -305,24 +306,22 @@ impl Runner<'_, '_> {
         Ok(reading)
     }
 
-    fn read(&mut self, entry: &PlanEntry, corrections: usize) -> Result<[f64; 3], Violation> {
+    fn read(&mut self, entry: &PlanEntry) -> Result<[f64; 3], Violation> {
         self.check_cancelled()?;
         let reading = self.settled_reading()?;
         let t = self.time()?;
         self.log.indicators(t, &reading, true)?;
-        (self.progress)(Progress::Reading { index: entry.index, corrections, reading });
+        (self.progress)(Progress::Reading { index: entry.index, corrections: self.corrections, reading });
         let [low, high] = self.options.limits.stroke;
-        for (axis, value) in AXES.into_iter().zip(reading) {
-            if !(low..=high).contains(&value) {
-                return Err(Violation::NoContact {
-                    axis,
-                    reading_mm: value * 1e3,
-                    low_mm: low * 1e3,
-                    high_mm: high * 1e3,
-                });
-            }
+        match (0..3).find(|k| !(low..=high).contains(&reading[*k])) {
+            None => Ok(reading),
+            Some(k) => Err(Violation::NoContact {
+                axis: AXES[k],
+                reading_mm: reading[k] * 1e3,
+                low_mm: low * 1e3,
+                high_mm: high * 1e3,
+            }),
         }
-        Ok(reading)
     }
 
     /// Step (g): the joints that the controller reports, and what belongs to them.
@@ -334,30 +333,22 @@ impl Runner<'_, '_> {
         if let Some(temp_c) = temp_c {
             self.log.temperature(t, temp_c)?;
         }
-        let state = State {
-            q: self.at,
-            // what the controller made of the corrections is not known here
-            q_commanded: None,
-            dir: Some(self.motion.sense()),
-            t: Some(t),
-            seq: None,
-            temp_c,
-            payload_kg: self.options.payload_kg,
-            ..State::at(&[])
-        };
+        let (dir, payload_kg) = (Some(self.motion.sense()), self.options.payload_kg);
+        // what the controller made of the corrections is not known here: no commanded joints
+        let state = State { dir, t: Some(t), temp_c, payload_kg, ..State::at(&self.at) };
         let measured = Measured::Touch { ball: entry.ball, reading };
         Ok(Row { state, measured, seq: Some(entry.index), line: 0 })
     }
 
     /// Stores a measurement; it is safe when this returns.
-    fn accept(&mut self, row: Row, corrections: usize, total: usize) -> Result<(), Violation> {
+    fn accept(&mut self, row: Row, total: usize) -> Result<(), Violation> {
         self.log.measurement(&row)?;
         if let Some(index) = row.seq {
             self.known.insert(index % self.options.stride.unwrap_or(u64::MAX).max(1), row.state.q);
         }
         self.report.measured += 1;
         let done = self.report.measured + self.report.skipped;
-        (self.progress)(Progress::Measured { row: Box::new(row), corrections, done, total });
+        (self.progress)(Progress::Measured { row: Box::new(row), corrections: self.corrections, done, total });
         Ok(())
     }
 
@@ -389,7 +380,7 @@ impl Runner<'_, '_> {
     /// A joint motion that the collision model allows from where the arm is, and whether it arrived.
     fn drive(&mut self, target: &Joints) -> Result<(), Violation> {
         self.look()?;
-        check_way(&self.at, target, self.touching, self.options)?;
+        self.options.allow(&self.at, target, self.touching).map_err(Violation::NoWay)?;
         self.controller.move_joints(target)?;
         self.at = self.settled_joints()?;
         let noted = self.note_joints();
@@ -446,9 +437,7 @@ impl Runner<'_, '_> {
         self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
         while self.trail.len() > keep + 1 {
             self.trail.pop();
-            let Some(target) = self.trail.last().copied() else {
-                break;
-            };
+            let Some(target) = self.trail.last().copied() else { break };
             match self.drive(&target) {
                 // the arm is not where its way led it: a point further back may be free to go to
                 Err(Violation::NoWay(_)) if self.retreating && self.trail.len() > keep + 1 => continue,

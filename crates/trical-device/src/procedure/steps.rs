@@ -21,21 +21,15 @@ pub fn dry_run(plan: &[PlanEntry], options: &ProcedureOptions<'_>, joints: usize
             continue;
         }
         let head = format!("touch {} (ball {})", entry.index + 1, entry.ball + 1);
-        let mut from = stood;
         let count = entry.via.len();
-        let stops = entry.via.iter().enumerate().map(|(at, q)| (format!("via point {} of {count}", at + 1), q));
-        for (name, q) in stops.chain(std::iter::once(("the touch".to_owned(), &entry.joints))) {
-            let speed = if name == "the touch" { options.touch_speed } else { options.travel_speed };
-            let touched = (name == "the touch").then_some(entry.ball);
-            let refused = check_joints(q, options)
-                .and_then(|()| from.map_or(Ok(()), |from| check_guard(from, q, touched, options)))
-                .map_or_else(|violation| format!("; REFUSED: {violation}"), |()| String::new());
-            steps.push(format!(
-                "{head}: move to {name} at {:.0} mm/s: {} deg{refused}",
-                speed * 1e3,
-                degrees(q, joints)
-            ));
-            from = Some(q);
+        for (at, way) in ways(entry, stood).enumerate() {
+            let (name, speed) = match at {
+                at if at < count => (format!("via point {} of {count}", at + 1), options.travel_speed * 1e3),
+                _ => ("the touch".to_owned(), options.touch_speed * 1e3),
+            };
+            let refused = check_way(way, options).err().map(|why| format!("; REFUSED: {why}")).unwrap_or_default();
+            let to = degrees(way.1, joints);
+            steps.push(format!("{head}: move to {name} at {speed:.0} mm/s: {to} deg{refused}"));
         }
         steps.push(format!(
             "{head}: read and correct in the tool's axes until the reading is below {:.4} mm (each correction {:.1} mm \
@@ -90,24 +84,30 @@ pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result
     Ok(())
 }
 
-/// Whether the collision model allows a motion; `touched` is the ball that the stems may meet on it.
-pub(super) fn check_guard(
-    from: &Joints,
-    to: &Joints,
-    touched: Option<usize>,
-    options: &ProcedureOptions<'_>,
-) -> Result<(), Violation> {
-    options.guard.map_or(Ok(()), |guard| guard(from, to, touched)).map_err(Violation::Guard)
+impl ProcedureOptions<'_> {
+    /// Whether the collision model allows a motion; `touched` is the ball that the stems may meet on it.
+    pub(super) fn allow(&self, from: &Joints, to: &Joints, touched: Option<usize>) -> Result<(), String> {
+        self.guard.map_or(Ok(()), |guard| guard(from, to, touched))
+    }
 }
 
-/// As [`check_guard`], for the way from where the arm is.
-pub(super) fn check_way(
-    from: &Joints,
-    to: &Joints,
-    touched: Option<usize>,
+/// Motions of an entry up to its touch, as far as the plan says from where: from, to, and the ball that the stems may meet.
+fn ways<'a>(
+    entry: &'a PlanEntry,
+    stood: Option<&'a Joints>,
+) -> impl Iterator<Item = (Option<&'a Joints>, &'a Joints, Option<usize>)> {
+    let to = entry.via.iter().map(|q| (q, None)).chain(std::iter::once((&entry.joints, Some(entry.ball))));
+    let from = std::iter::once(stood).chain(entry.via.iter().map(Some));
+    from.zip(to).map(|(from, (to, touched))| (from, to, touched))
+}
+
+/// Whether such a motion may be made.
+fn check_way(
+    (from, to, touched): (Option<&Joints>, &Joints, Option<usize>),
     options: &ProcedureOptions<'_>,
 ) -> Result<(), Violation> {
-    options.guard.map_or(Ok(()), |guard| guard(from, to, touched)).map_err(Violation::NoWay)
+    check_joints(to, options)?;
+    from.map_or(Ok(()), |from| options.allow(from, to, touched)).map_err(Violation::Guard)
 }
 
 /// Checks a plan and settings before anything moves.
@@ -128,11 +128,8 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
     }
     for (name, value) in [("travel speed", options.travel_speed), ("touch speed", options.touch_speed)] {
         if value > options.limits.speed {
-            return Err(ProcedureError::Options(format!(
-                "{name} is {:.0} mm/s, the limit is {:.0} mm/s",
-                value * 1e3,
-                options.limits.speed * 1e3
-            )));
+            let (value, limit) = (value * 1e3, options.limits.speed * 1e3);
+            return Err(ProcedureError::Options(format!("{name} is {value:.0} mm/s, the limit is {limit:.0} mm/s")));
         }
     }
     let mut stood: Option<&Joints> = None;
@@ -143,22 +140,11 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
         }
         let wrong =
             |violation| ProcedureError::Plan { index: entry.index, ball: entry.ball, violation: Box::new(violation) };
-        let mut from = stood;
-        let ways = entry.via.iter().map(|q| (q, None));
-        for (q, touched) in ways.chain(std::iter::once((&entry.joints, Some(entry.ball)))) {
-            check_joints(q, options).map_err(wrong)?;
-            if let Some(from) = from {
-                check_guard(from, q, touched, options).map_err(wrong)?;
-            }
-            from = Some(q);
-        }
+        ways(entry, stood).try_for_each(|way| check_way(way, options)).map_err(wrong)?;
         stood = stands_after(entry, options);
     }
     let mut seen = std::collections::BTreeSet::new();
-    match plan.iter().find(|entry| !seen.insert(entry.index)) {
-        Some(twice) => {
-            Err(ProcedureError::Options(format!("the plan has two touches with number {}", twice.index + 1)))
-        }
-        None => Ok(()),
-    }
+    plan.iter().find(|entry| !seen.insert(entry.index)).map_or(Ok(()), |twice| {
+        Err(ProcedureError::Options(format!("the plan has two touches with number {}", twice.index + 1)))
+    })
 }

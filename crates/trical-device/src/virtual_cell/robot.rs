@@ -72,9 +72,7 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
                 let stalls = world.has(&Fault::Stall) && is_motion(&message);
                 let pieces = world.has(&Fault::Pieces);
                 let begin = world.clock();
-                let Some(reply) = answer(&message, &mut world) else {
-                    return Ok(());
-                };
+                let Some(reply) = answer(&message, &mut world) else { return Ok(()) };
                 (reply, (world.clock() - begin) * world.options.pace, pieces, stalls)
             };
             let mut reply = reply;

@@ -200,14 +200,12 @@ impl World {
     /// What the controller tells the plant and the plant may depend on.
     pub(super) fn state(&mut self) -> State {
         State {
-            q: self.q,
             q_commanded: Some(self.commanded),
             dir: Some(self.motion.sense()),
             t: Some(self.clock),
-            seq: None,
             temp_c: self.plant.temperature(self.clock),
             payload_kg: self.options.payload_kg,
-            ..State::at(&[])
+            ..State::at(&self.q)
         }
     }
 
@@ -239,19 +237,14 @@ impl World {
         if self.has(&Fault::RefuseMoves) {
             return Err("emergency stop".to_owned());
         }
-        let length = displacement.iter().map(|d| d * d).sum::<f64>().sqrt();
-        if length > self.options.correction_limit {
-            return Err(format!(
-                "correction {:.3} mm is over the limit of {:.3} mm",
-                length * 1e3,
-                self.options.correction_limit * 1e3
-            ));
+        let (length, options) = (norm(&displacement), &self.options);
+        if length > options.correction_limit {
+            let (length, limit) = (length * 1e3, options.correction_limit * 1e3);
+            return Err(format!("correction {length:.3} mm is over the limit of {limit:.3} mm"));
         }
-        if self.corrected + length > self.options.correction_sum_limit {
-            return Err(format!(
-                "corrections since the last MoveAbsJ are over {:.3} mm",
-                self.options.correction_sum_limit * 1e3
-            ));
+        if self.corrected + length > options.correction_sum_limit {
+            let limit = options.correction_sum_limit * 1e3;
+            return Err(format!("corrections since the last MoveAbsJ are over {limit:.3} mm"));
         }
         let (position, rotation) = self.plant.nominal_tcp(&self.q);
         let moved = std::array::from_fn(|row| {

@@ -26,30 +26,21 @@ pub(super) struct Sections {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GeometryFile {
-    #[serde(default)]
     margin_mm: Option<f64>,
-    #[serde(default)]
     retreat: Option<[f64; 3]>,
     #[serde(default)]
     ignore: Vec<[String; 2]>,
-    #[serde(default)]
     balls: Option<Value>,
-    #[serde(default)]
     link: Option<Vec<Value>>,
-    #[serde(default)]
     device: Option<Vec<Value>>,
-    #[serde(default)]
     obstacle: Option<Vec<Value>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BallsFile {
-    #[serde(default)]
     diameter_mm: Option<f64>,
-    #[serde(default)]
     post_radius_mm: Option<f64>,
-    #[serde(default)]
     post_length_mm: Option<f64>,
 }
 
@@ -57,7 +48,6 @@ struct BallsFile {
 #[serde(deny_unknown_fields)]
 struct LinkFile {
     link: usize,
-    #[serde(default)]
     name: Option<String>,
     solids: Vec<Value>,
 }

@@ -60,7 +60,6 @@ struct MeshEntry {
     _shape: String,
     file: String,
     /// Millimetres in a unit of the file.
-    #[serde(default)]
     unit_mm: Option<f64>,
     /// Whether each connected shell is a solid of its own.
     #[serde(default)]

@@ -26,6 +26,11 @@ fn quiet(robot: &Robot, cell: &Cell, options: &PlanOptions) -> Plan {
     plan_touches(robot, cell, options, &Task::silent()).unwrap()
 }
 
+/// Candidates at all three balls.
+fn pool_of(model: &CollisionModel, options: &PlanOptions) -> Vec<Candidate> {
+    (0..3).flat_map(|ball| generate(model, ball, options, &Task::silent()).unwrap().0).collect()
+}
+
 /// Follows a plan as the arm would, looking everywhere, by `clearance` (not by the proof that the plan was made with).
 fn drive(robot: &Robot, cell: &Cell, plan: &Plan, options: &PlanOptions) {
     let model = CollisionModel::new(robot, cell).unwrap();
@@ -144,19 +149,13 @@ fn the_chosen_touches_beat_random_ones_in_o1() {
     let (robot, cell) = irb120();
     let options = PlanOptions::default();
     let model = CollisionModel::new(&robot, &cell).unwrap();
-    let mut pool = Vec::new();
-    for ball in 0..3 {
-        pool.extend(generate(&model, ball, &options, &Task::silent()).unwrap().0);
-    }
+    let pool = pool_of(&model, &options);
     let forward = nominal_forward(&robot, &cell, &options).unwrap();
     let chosen = choose_touches(&forward, &pool, &options, &[]).unwrap();
     for seed in 0..40 {
         // the first 15 of each ball of another pool are a random set
         let other = PlanOptions { seed: 100 + seed, pool_per_ball: 15, ..PlanOptions::default() };
-        let mut random = Vec::new();
-        for ball in 0..3 {
-            random.extend(generate(&model, ball, &other, &Task::silent()).unwrap().0);
-        }
+        let random = pool_of(&model, &other);
         let o1 = choose_touches(&forward, &random, &other, &[]).unwrap().observability.o1;
         assert!(o1 < chosen.observability.o1, "{o1} {}", chosen.observability.o1);
     }
@@ -168,10 +167,7 @@ fn the_quick_choice_is_as_good_as_twenty_long_ones() {
     let (robot, cell) = irb120();
     let options = PlanOptions { per_ball: 6, pool_per_ball: 60, ..PlanOptions::default() };
     let model = CollisionModel::new(&robot, &cell).unwrap();
-    let mut pool = Vec::new();
-    for ball in 0..3 {
-        pool.extend(generate(&model, ball, &options, &Task::silent()).unwrap().0);
-    }
+    let pool = pool_of(&model, &options);
     let forward = nominal_forward(&robot, &cell, &options).unwrap();
     let o1 = |options: &PlanOptions| choose_touches(&forward, &pool, options, &[]).unwrap().observability.o1;
     let quick = o1(&options);

@@ -100,7 +100,91 @@ fn statement(line: &[u8]) -> &[u8] {
     text[behind..].strip_prefix(b":").unwrap_or(text).trim_ascii_start()
 }
 
-/// `P[1:"name"]{ GP1: UF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = ... };`
+/// What a position says of the arm, which is motion group 1.
+#[derive(Default)]
+struct Fields<'a> {
+    /// Coordinates and joints by name; nothing where a value is no number.
+    numbers: Vec<(&'a [u8], Option<Span>)>,
+    configuration: Option<Configuration>,
+    tool: Option<String>,
+    frame: Option<String>,
+    /// Whether a value is `***`.
+    untaught: bool,
+    problem: Option<String>,
+}
+
+impl<'a> Fields<'a> {
+    /// `{ GP1: UF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = ... }`, to its closing brace.
+    fn read(c: &mut Cursor<'a>) -> Self {
+        let (mut found, mut group) = (Self::default(), 1);
+        while !c.done() && c.peek() != b'}' {
+            c.skip_space();
+            let word = c.word();
+            if word.is_empty() {
+                c.at += usize::from(c.peek() != b'}');
+            } else if word.len() == 3 && word.starts_with(b"GP") {
+                group = word[2].wrapping_sub(b'0');
+            } else {
+                let at = *c;
+                if !(c.eat(b':') || c.eat(b'=')) {
+                    *c = at;
+                    continue;
+                }
+                c.skip_space();
+                if group == 1 {
+                    found.value(word, c);
+                }
+            }
+        }
+        found
+    }
+
+    /// What stands behind the sign of a field.
+    fn value(&mut self, word: &'a [u8], c: &mut Cursor<'a>) {
+        if c.peek() == b'\'' {
+            let start = c.at;
+            c.skip_string();
+            match config(&c.bytes[start..c.at]) {
+                Some(found) => self.configuration = Some(found),
+                None => {
+                    let text = String::from_utf8_lossy(&c.bytes[start..c.at.min(start + 40)]).into_owned();
+                    self.problem = Some(format!("has the configuration {text}, which is not understood"));
+                }
+            }
+        } else if word == b"UT" || word == b"UF" {
+            let text = match c.number() {
+                Some(n) => lower(n.text(c.bytes)),
+                None => lower(c.word()),
+            };
+            *(if word == b"UT" { &mut self.tool } else { &mut self.frame }) = Some(text);
+        } else {
+            let value = c.number();
+            self.untaught |= value.is_none() && c.peek() == b'*';
+            if matches!(word, [b'R', b'X' | b'Y' | b'Z' | b'W' | b'P' | b'R']) {
+                self.problem = Some("is given relative to another motion group (RX ...)".into());
+            }
+            self.numbers.push((word, value));
+        }
+    }
+
+    fn number(&self, name: &[u8]) -> Option<Span> {
+        self.numbers.iter().rfind(|(n, _)| *n == name)?.1
+    }
+
+    /// The number of the tool or frame that was said; F is whichever is `active` when the program runs.
+    fn numbered(&mut self, is_tool: bool, active: &Result<Option<String>, String>) -> Option<String> {
+        let said = if is_tool { self.tool.take() } else { self.frame.take() }?;
+        if said.bytes().all(|b| b.is_ascii_digit()) {
+            return Some(said);
+        }
+        active.clone().unwrap_or_else(|e| {
+            self.problem.get_or_insert(e);
+            None
+        })
+    }
+}
+
+/// `P[1:"name"]{ ... };`
 fn position(
     c: &mut Cursor<'_>,
     from: usize,
@@ -114,94 +198,29 @@ fn position(
         if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
     }
     let name = Span::new(from, c.at.min(from + 40));
-    let (mut pose, mut joints) = ([None; 6], [None; 9]);
-    let (mut tool, mut frame) = (None, None);
-    let mut configuration = Configuration::Free;
-    let (mut group, mut untaught, mut external) = (1, false, [None; 3]);
-    let mut problem: Option<String> = None;
     let hash = hashed(number.text(c.bytes));
-    while !c.done() && c.peek() != b'}' {
-        c.skip_space();
-        let word = c.word();
-        if word.is_empty() {
-            c.at += usize::from(c.peek() != b'}');
-            continue;
-        }
-        if word.len() == 3 && word.starts_with(b"GP") {
-            group = word[2].wrapping_sub(b'0');
-            continue;
-        }
-        let at = *c;
-        if !(c.eat(b':') || c.eat(b'=')) {
-            *c = at;
-            continue;
-        }
-        c.skip_space();
-        if group != 1 {
-            continue;
-        }
-        if c.peek() == b'\'' {
-            let start = c.at;
-            c.skip_string();
-            match config(&c.bytes[start..c.at]) {
-                Some(found) => configuration = found,
-                None => {
-                    let text = String::from_utf8_lossy(&c.bytes[start..c.at.min(start + 40)]).into_owned();
-                    problem = Some(format!("has the configuration {text}, which is not understood"));
-                }
-            }
-        } else if word == b"UT" || word == b"UF" {
-            let text = match c.number() {
-                Some(n) => lower(n.text(c.bytes)),
-                None => lower(c.word()),
-            };
-            *(if word == b"UT" { &mut tool } else { &mut frame }) = Some(text);
-        } else {
-            let value = c.number();
-            untaught |= value.is_none() && c.peek() == b'*';
-            if let Some(k) = POSE.iter().position(|n| *n == word) {
-                pose[k] = value;
-            } else if let Some(k) = JOINTS.iter().position(|n| *n == word) {
-                joints[k] = value;
-            } else if let [b'E', n @ b'1'..=b'3'] = word {
-                external[usize::from(n - b'1')] = value.and_then(|v| v.value(c.bytes));
-            } else if matches!(word, [b'R', b'X' | b'Y' | b'Z' | b'W' | b'P' | b'R']) {
-                problem = Some("is given relative to another motion group (RX ...)".into());
-            }
-        }
+    let mut found = Fields::read(c);
+    let setup = Setup { tool: found.numbered(true, &active[0]), frame: found.numbered(false, &active[1]) };
+    let pose: Option<Vec<Span>> = POSE.iter().map(|n| found.number(n)).collect();
+    let joints: Vec<Span> = JOINTS.iter().map_while(|n| found.number(n)).collect();
+    if found.problem.is_none() && pose.is_none() && joints.is_empty() {
+        let what = if found.untaught { "is not taught (***)" } else { "has no position of six numbers in GP1" };
+        found.problem = Some(what.into());
     }
-    // F: whichever is active when the program runs
-    let mut numbered = |said: Option<String>, active: &Result<Option<String>, String>| match said {
-        Some(n) if n.bytes().all(|b| b.is_ascii_digit()) => Some(n),
-        Some(_) => active.clone().unwrap_or_else(|e| {
-            problem = problem.take().or(Some(e));
-            None
-        }),
-        None => None,
-    };
-    let setup = Setup { tool: numbered(tool, &active[0]), frame: numbered(frame, &active[1]) };
-    if let Some(what) = problem {
+    if let Some(what) = found.problem {
         scan.problems.push((from, what));
         names.listed(hash);
         return;
     }
-    let spot = if let [Some(x), Some(y), Some(z), Some(w), Some(p), Some(r)] = pose {
-        scan.push(Shape::Xyz, &[x, y, z, w, p, r], configuration, name)
-    } else {
-        let spans: Vec<Span> = joints.iter().map_while(|s| *s).collect();
-        if spans.is_empty() {
-            let what = if untaught { "is not taught (***)" } else { "has no position of six numbers in GP1" };
-            scan.problems.push((from, what.into()));
-            names.listed(hash);
-            return;
-        }
-        scan.push(Shape::JointsFanuc, &spans, Configuration::Free, name)
+    let spot = match &pose {
+        Some(pose) => scan.push(Shape::Xyz, pose, found.configuration.unwrap_or(Configuration::Free), name),
+        None => scan.push(Shape::JointsFanuc, &joints, Configuration::Free, name),
     };
+    let external = [b"E1", b"E2", b"E3"].map(|axis| found.number(axis)?.value(c.bytes));
     scan.external_axes(&external);
     let setup = scan.setup(setup);
     scan.assign(spot, setup);
-    let first = spot as usize;
-    names.define(hash, first, first + 1);
+    names.define(hash, spot as usize, spot as usize + 1);
 }
 
 /// `'N U T, 0, 0, 0'`; `None` where letters stand there that mean something else.
@@ -290,7 +309,6 @@ fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
 /// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
     let (mut at, mut whole) = (main, main);
-    let mut no_targets = Vec::new();
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
         at += line.len();
@@ -305,25 +323,11 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
         let upper = bytes[offset..whole].to_ascii_uppercase();
-        let word = upper.split(|b| !b.is_ascii_alphabetic()).next().unwrap_or_default();
-        let fork = match word {
-            b"LBL" => Some(Fork::Anywhere),
-            b"ELSE" => Some(Fork::Other),
-            b"ENDIF" => Some(Fork::Closes),
-            b"IF" if has(&upper, b"THEN") => Some(Fork::Opens),
-            b"FOR" => Some(Fork::Repeats),
-            b"ENDFOR" => Some(Fork::Closes),
-            // what other programs do is not read; a macro is one, called by its name
-            _ if has(&upper, b"CALL") || is_macro(word) => Some(Fork::Anywhere),
-            _ => None,
-        };
-        fork.into_iter().for_each(|fork| names.fork(fork));
+        fork(&upper).into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
         if upper.contains(&b'=') && (upper.starts_with(b"UTOOL[") || upper.starts_with(b"UFRAME[")) {
             scan.problems.push((offset, changed_here("a tool or user frame")));
-            continue;
-        }
-        if let Some(equals) = assigned(&upper)
+        } else if let Some(equals) = assigned(&upper)
             && let Some((0, is_register, digits)) = all.first().copied()
         {
             let is_element = upper[..equals].contains(&b',');
@@ -333,52 +337,73 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
                 let what = "a position is set here while the program runs; it is corrected for what /POS has";
                 scan.problems.push((offset, what.into()));
             }
+        } else if moves(&upper) {
+            motion(&upper, &all, offset, scan, names);
+        }
+    }
+}
+
+/// From where the program comes to what follows a statement.
+fn fork(upper: &[u8]) -> Option<Fork> {
+    let word = upper.split(|b| !b.is_ascii_alphabetic()).next().unwrap_or_default();
+    match word {
+        b"LBL" => Some(Fork::Anywhere),
+        b"ELSE" => Some(Fork::Other),
+        b"ENDIF" => Some(Fork::Closes),
+        b"IF" if has(upper, b"THEN") => Some(Fork::Opens),
+        b"FOR" => Some(Fork::Repeats),
+        b"ENDFOR" => Some(Fork::Closes),
+        // what other programs do is not read; a macro is one, called by its name
+        _ if has(upper, b"CALL") || is_macro(word) => Some(Fork::Anywhere),
+        _ => None,
+    }
+}
+
+/// Whether a statement moves the arm.
+fn moves(upper: &[u8]) -> bool {
+    matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
+        && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric)
+        || matches!(upper.get(..2), Some(b"P[" | b"PR"))
+}
+
+/// A motion to these places; it stands at `offset`.
+fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut Scan, names: &mut Names) {
+    let increment = has(upper, b"INC");
+    let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
+    if relative && !increment {
+        scan.relative.push(u32::try_from(offset).unwrap_or(u32::MAX));
+    }
+    let other = [
+        (&b"COORD"[..], "goes to a place in the frame of another motion group (COORD)"),
+        (b"RTCP", "moves with the tool standing still (RTCP), which is not supported"),
+    ];
+    let other = other.into_iter().find(|(word, _)| has(upper, word));
+    scan.problems.extend(other.map(|(_, what)| (offset, what.into())));
+    for (place, is_register, digits) in all {
+        if *is_register && upper[..*place].contains(&b',') {
+            // Offset,PR[1]: how far from the target
             continue;
         }
-        let moves = matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
-            && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric)
-            || matches!(upper.get(..2), Some(b"P[" | b"PR"));
-        if !moves {
-            continue;
-        }
-        let increment = has(&upper, b"INC");
-        let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
-        if relative && !increment {
-            scan.relative.push(u32::try_from(offset).unwrap_or(u32::MAX));
-        }
-        let other = [
-            (&b"COORD"[..], "goes to a place in the frame of another motion group (COORD)"),
-            (b"RTCP", "moves with the tool standing still (RTCP), which is not supported"),
-        ];
-        let other = other.into_iter().find(|(word, _)| has(&upper, word));
-        scan.problems.extend(other.map(|(_, what)| (offset, what.into())));
-        for (place, is_register, digits) in &all {
-            if *is_register && upper[..*place].contains(&b',') {
-                // Offset,PR[1]: how far from the target
-                continue;
-            }
-            if increment || other.is_some() {
-                names.visit(Visit::Unknown);
-                no_targets.push(hashed(digits));
-            } else if *is_register && digits.is_empty() {
-                names.visit(Visit::Unknown);
-                let what = "goes to a position register whose number only the running program knows (PR[R[...]])";
-                scan.problems.push((offset, what.into()));
-            } else if *is_register {
-                names.used(register(digits), OWN_SETUP, Way::To, offset + place);
-            } else if !digits.is_empty() {
-                // its setup is what the position itself says
-                names.gone_to(hashed(digits), relative, offset + place);
-            } else {
-                // `P[R[1]]`: whichever it is, it is in /POS
-                names.visit(Visit::Unknown);
-                if upper[*place..].starts_with(b"P[.") {
-                    scan.problems.push((offset, "goes to a position that is not taught (P[...])".into()));
-                }
+        if increment || other.is_some() {
+            names.visit(Visit::Unknown);
+            names.no_target(hashed(digits));
+        } else if *is_register && digits.is_empty() {
+            names.visit(Visit::Unknown);
+            let what = "goes to a position register whose number only the running program knows (PR[R[...]])";
+            scan.problems.push((offset, what.into()));
+        } else if *is_register {
+            names.used(register(digits), OWN_SETUP, Way::To, offset + place);
+        } else if !digits.is_empty() {
+            // its setup is what the position itself says
+            names.gone_to(hashed(digits), relative, offset + place);
+        } else {
+            // `P[R[1]]`: whichever it is, it is in /POS
+            names.visit(Visit::Unknown);
+            if upper[*place..].starts_with(b"P[.") {
+                scan.problems.push((offset, "goes to a position that is not taught (P[...])".into()));
             }
         }
     }
-    no_targets.into_iter().for_each(|name| names.no_target(name));
 }
 
 /// `PR[1]=P[3]`, `PR[1]=PR[2]+PR[3]`, `PR[1,3]=PR[1,3]+50`, `PR[1]=LPOS`.

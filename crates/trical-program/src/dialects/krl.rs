@@ -8,7 +8,6 @@
 mod arguments;
 mod setup;
 
-use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use nalgebra::Vector3;
@@ -23,11 +22,17 @@ use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
-use crate::text::{Cursor, Span, begins_line, lower, mentions, moved_to};
+use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
 const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
+/// Status and turn of a pose, tool and base of motion data.
+const OTHERS: [&[u8]; 4] = [b"S", b"T", b"TOOL_NO", b"BASE_NO"];
+/// The tool and the base that are active.
+const CURRENT: [&[u8]; 2] = [b"$TOOL", b"$BASE"];
+/// Those that the controller keeps by number.
+const ELEMENTS: [&[u8]; 2] = [b"TOOL_DATA", b"BASE_DATA"];
 const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
 /// Variables that say where the arm is.
@@ -132,66 +137,67 @@ pub fn globals(bytes: &[u8]) -> Vec<u64> {
 
 /// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.
 fn is_system(word: &[u8]) -> bool {
-    word.starts_with(b"$") || is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA", b"LOAD_DATA"])
+    word.starts_with(b"$") || is_one_of(word, &ELEMENTS) || word.eq_ignore_ascii_case(b"LOAD_DATA")
 }
 
 /// Names that motions go to (a FRAME that none goes to is no target), and names of what the controller's own variables are
 /// set from.
 fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
-    let mut frames = HashSet::new();
-    let found = moved_to(bytes, b';', |word, c, found| {
+    let (mut found, mut frames) = (HashSet::new(), HashSet::new());
+    let mut c = Cursor::new(bytes, b';');
+    while let Some((_, word)) = c.next_word() {
         if is_system(word) {
-            let start = *c;
+            let start = c;
             c.skip_blank();
             if c.peek() == b'[' {
                 c.at += c.until(b"]\n\r").len();
                 c.at += usize::from(c.peek() == b']');
-                c.skip_blank();
             }
-            if c.peek() == b'=' {
-                c.at += 1;
-                c.skip_blank();
+            if c.eat_in_line(b'=') {
                 let name = c.word();
                 if !name.is_empty() && !is_system(name) {
                     frames.insert(hashed(name));
                 }
             } else {
-                *c = start;
+                c = start;
             }
-            return;
+            continue;
         }
         let mut more = is_one_of(word, &MOTIONS);
         while more {
             c.skip_blank();
             let name = c.word();
             found.insert(hashed(name));
-            c.skip_blank();
-            more = !name.is_empty() && c.peek() == b',';
-            c.at += usize::from(more);
+            more = !name.is_empty() && c.eat_in_line(b',');
         }
-    });
+    }
     (found, frames)
 }
 
-fn is_one_of(word: &[u8], list: &[&[u8]]) -> bool {
-    list.iter().any(|k| word.eq_ignore_ascii_case(k))
-}
+/// A `{...}`: its fields by name, each with its number, or where something stands that has no value before the program runs.
+#[derive(Default)]
+struct Aggregate<'a>(Vec<(&'a [u8], Result<Span, Span>)>);
 
-/// A `{...}`: the numbers by name.
-#[derive(Clone, Copy, Default)]
-struct Aggregate {
-    pose: [Option<Span>; 6],
-    axes: [Option<Span>; 6],
-    status: Option<Span>,
-    turn: Option<Span>,
-    tool: Option<Span>,
-    base: Option<Span>,
-    /// The first field of these that has no value before the program runs.
-    unread: Option<Span>,
-    /// Whether the tool stands still (`IPO_FRAME #TCP`).
-    fixed: bool,
-    /// External axes.
-    external: [Option<f64>; 6],
+impl Aggregate<'_> {
+    fn field(&self, name: &[u8]) -> Option<Result<Span, Span>> {
+        self.0.iter().rfind(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
+    }
+
+    fn number(&self, name: &[u8]) -> Option<Span> {
+        self.field(name)?.ok()
+    }
+
+    /// The numbers of these fields, where all are given.
+    fn all(&self, names: &[&[u8]; 6]) -> Option<[Span; 6]> {
+        let numbers: Option<Vec<Span>> = names.iter().map(|name| self.number(name)).collect();
+        numbers?.try_into().ok()
+    }
+
+    /// The first field of a target, tool or base that has no value.
+    fn unread(&self) -> Option<Span> {
+        let is_read = |name| [&POSE[..], &AXES, &OTHERS].iter().any(|list| is_one_of(name, list));
+        self.0.iter().filter(|(name, _)| is_read(name)).find_map(|(_, value)| value.err())
+    }
 }
 
 struct Reader<'a> {
@@ -212,7 +218,7 @@ struct Reader<'a> {
     motion_data: HashMap<u64, u32>,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
     fn file(&mut self) {
         let mut before: &[u8] = b"";
         while !self.c.done() {
@@ -222,9 +228,7 @@ impl Reader<'_> {
             if word.is_empty() {
                 match self.c.peek() {
                     b'"' => self.c.skip_string(),
-                    b'{' => {
-                        self.aggregate();
-                    }
+                    b'{' => drop(self.aggregate()),
                     _ => self.c.at += 1,
                 }
                 before = b"";
@@ -335,11 +339,9 @@ impl Reader<'_> {
     fn constant(&mut self) {
         self.c.skip_blank();
         let name = self.c.word();
-        self.c.skip_blank();
-        if name.is_empty() || self.c.peek() != b'=' {
+        if name.is_empty() || !self.c.eat_in_line(b'=') {
             return;
         }
-        self.c.at += 1;
         match self.constants.expression(&mut self.c) {
             Some((_, value)) => self.constants.define(hashed(name), value),
             None => self.constants.forget(hashed(name)),
@@ -351,16 +353,11 @@ impl Reader<'_> {
         while matches!(self.c.peek(), b'.' | b' ') || self.c.peek().is_ascii_alphanumeric() {
             self.c.at += 1;
         }
-        if self.c.peek() != b'=' || self.c.bytes.get(self.c.at + 1) == Some(&b'=') {
+        if !self.c.assigns() {
             return;
         }
-        let slot = match () {
-            () if word.eq_ignore_ascii_case(b"$TOOL") => Some(&mut self.now.tool),
-            () if word.eq_ignore_ascii_case(b"$BASE") => Some(&mut self.now.frame),
-            () => None,
-        };
-        if let Some(slot) = slot {
-            *slot = Some(format!("{}: (computed)", lower(word)));
+        if is_one_of(word, &CURRENT) {
+            *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some(format!("{}: (computed)", lower(word)));
         } else if mentions(self.c.until(b";\n\r"), word) {
             self.names.changed(hashed(word), from);
         } else if !is_system(word) {
@@ -374,53 +371,44 @@ impl Reader<'_> {
             return self.part(from, word);
         }
         self.c.skip_blank();
-        if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) && self.changes_element() {
+        if is_one_of(word, &ELEMENTS) && self.changes_element() {
             self.scan.problems.push((from, changed_here("a tool or base")));
         }
         let mut index = None;
         let start = self.c.at;
-        if self.c.peek() == b'[' {
-            self.c.at += 1;
-            self.c.skip_blank();
+        if self.c.eat_in_line(b'[') {
             index = self.c.number().map(|s| lower(s.text(self.c.bytes)));
             let behind = self.c.until(b"]\n\r").len();
             index = index.filter(|_| self.c.until(b"]\n\r").trim_ascii().is_empty());
             self.c.at += behind;
-            if self.c.peek() != b']' {
+            if !self.c.eat_in_line(b']') {
                 self.c.at = start;
                 return;
             }
-            self.c.at += 1;
-            self.c.skip_blank();
             if self.c.peek() == b'.' {
                 return self.part(from, word);
             }
         }
         let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
-        if self.c.peek() != b'=' {
+        if !self.c.eat_in_line(b'=') {
             return;
         }
-        self.c.at += 1;
-        self.c.skip_blank();
-        if is("$TOOL") || is("$BASE") {
-            let name = self.current(is("$TOOL"));
-            let slot = if is("$TOOL") { &mut self.now.tool } else { &mut self.now.frame };
-            *slot = Some(name);
+        if is_one_of(word, &CURRENT) {
+            *self.now.slot(is("$TOOL")) = Some(self.current(is("$TOOL")));
         } else if is("$IPO_MODE") {
             if mentions(self.c.until(b";\n\r"), b"TCP") {
                 self.now.tool = Some(self.fixed_tool());
             }
         } else if self.c.peek() == b'{' {
             let found = self.aggregate();
-            if is("TOOL_DATA") {
-                if let Some(n) = index {
-                    let tool = self.frame(&found).map(ToolFrame::massless);
-                    declare(&mut self.scan.frames.tools, n, tool);
-                }
-            } else if is("BASE_DATA") {
-                if let Some(n) = index {
-                    let frame = self.frame(&found);
-                    declare(&mut self.scan.frames.frames, n, frame);
+            if is_one_of(word, &ELEMENTS) {
+                let frame = self.frame(&found);
+                match index {
+                    Some(n) if is("TOOL_DATA") => {
+                        declare(&mut self.scan.frames.tools, n, frame.map(ToolFrame::massless));
+                    }
+                    Some(n) => declare(&mut self.scan.frames.frames, n, frame),
+                    None => {}
                 }
             } else if is("FDAT_ACT") {
                 self.now = self.said(&found);
@@ -465,13 +453,7 @@ impl Reader<'_> {
         let from = self.c.at;
         let name = self.c.word();
         let name_span = Span::new(from, from + name.len());
-        self.c.skip_blank();
-        if self.c.peek() != b'=' {
-            return;
-        }
-        self.c.at += 1;
-        self.c.skip_blank();
-        if self.c.peek() != b'{' {
+        if !self.c.eat_in_line(b'=') || self.c.peek() != b'{' {
             return;
         }
         let found = self.aggregate();
@@ -485,13 +467,13 @@ impl Reader<'_> {
         }
     }
 
-    fn define(&mut self, found: &Aggregate, name: Span) {
+    fn define(&mut self, found: &Aggregate<'_>, name: Span) {
         let first = self.scan.spots.len();
         let hash = hashed(name.text(self.c.bytes));
-        match (self.target(found, name), found.unread) {
+        match (self.target(found, name), found.unread()) {
             (Some(_), _) => {}
             (None, Some(span)) => {
-                self.unread(span);
+                self.scan.unread(span, self.c.bytes);
                 self.names.listed(hash);
             }
             // some of its coordinates only
@@ -508,22 +490,23 @@ impl Reader<'_> {
                 let at = self.c.at;
                 let found = self.aggregate();
                 if !self.relative() {
-                    match self.target(&found, Span::default()) {
-                        Some(spot) => {
+                    let visit = match (self.target(&found, Span::default()), found.unread()) {
+                        (Some(spot), _) => {
                             let setup = self.scan.setup(self.now.clone());
                             self.scan.assign(spot, setup);
-                            self.names.visit(Visit::To(spot));
+                            Visit::To(spot)
                         }
-                        None if found.unread.is_some() => {
-                            self.unread(found.unread.unwrap_or_default());
-                            self.names.visit(Visit::Unknown);
+                        (None, Some(span)) => {
+                            self.scan.unread(span, self.c.bytes);
+                            Visit::Unknown
                         }
-                        None => {
+                        (None, None) => {
                             let what = "gives some of its coordinates only; the others are those of the target before";
                             self.scan.problems.push((at, what.into()));
-                            self.names.visit(Visit::Unknown);
+                            Visit::Unknown
                         }
-                    }
+                    };
+                    self.names.visit(visit);
                 }
             } else {
                 let at = self.c.at;
@@ -539,7 +522,7 @@ impl Reader<'_> {
                 };
                 if self.c.peek() == b'(' {
                     self.names.visit(Visit::Unknown);
-                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                    self.scan.goes_to_calculated(at);
                     self.c.skip_line();
                     return;
                 }
@@ -556,19 +539,10 @@ impl Reader<'_> {
                     self.c.at += usize::from(self.c.peek() == b']');
                 }
             }
-            self.c.skip_blank();
-            if self.c.peek() != b',' {
+            if !self.c.eat_in_line(b',') {
                 return;
             }
-            self.c.at += 1;
         }
-    }
-
-    /// Lists a target with a field of which nobody knows the value.
-    fn unread(&mut self, field: Span) {
-        let text = String::from_utf8_lossy(field.text(self.c.bytes)).trim().to_owned();
-        let what = format!("holds '{text}', of which only the running program knows the value");
-        self.scan.problems.push((field.at as usize, what));
     }
 
     /// Whether the geometric operator follows: the place is relative to a frame.
@@ -589,7 +563,7 @@ impl Reader<'_> {
     }
 
     /// A `{...}`, from its brace on, to its end or the line's.
-    fn aggregate(&mut self) -> Aggregate {
+    fn aggregate(&mut self) -> Aggregate<'a> {
         let mut out = Aggregate::default();
         let mut depth = 0;
         while !self.c.done() && !matches!(self.c.peek(), b'\n' | b'\r' | b';') {
@@ -607,13 +581,7 @@ impl Reader<'_> {
                         self.c.skip_blank();
                         let value = self.value();
                         if depth == 1 && self.c.peek() != b':' {
-                            if let Some(k) = EXTERNAL.iter().position(|e| name.eq_ignore_ascii_case(e)) {
-                                out.external[k] = value.as_ref().ok().and_then(|v| self.scan.value(*v, self.c.bytes));
-                            }
-                            if name.eq_ignore_ascii_case(b"IPO_FRAME") {
-                                out.fixed = value.is_err_and(|s| mentions(s.text(self.c.bytes), b"TCP"));
-                            }
-                            out.put(name, value);
+                            out.0.push((name, value));
                         }
                         continue;
                     }
@@ -633,39 +601,31 @@ impl Reader<'_> {
         constants.number(c, b",}", scan).ok_or_else(|| Span::new(c.at, c.at + c.until(b",}{\n\r").len()))
     }
 
-    fn target(&mut self, found: &Aggregate, name: Span) -> Option<u32> {
-        if let Some(spans) = all(&found.pose) {
+    fn target(&mut self, found: &Aggregate<'_>, name: Span) -> Option<u32> {
+        let bytes = self.c.bytes;
+        let spot = if let Some(spans) = found.all(&POSE) {
+            let (status, turn) = (found.number(b"S"), found.number(b"T"));
             let small = |s: Option<Span>| {
-                s.and_then(|s| self.scan.value(s, self.c.bytes)).filter(|v| (0.0..256.0).contains(v)).map(|v| v as u8)
+                s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..256.0).contains(v)).map(|v| v as u8)
             };
-            let configuration = Configuration::Kuka { s: small(found.status), t: small(found.turn) };
-            // a turn in binary is longer than what would replace it
-            let turn = found.turn.filter(|t| !t.text(self.c.bytes).starts_with(b"'"));
+            let configuration = match (status, turn) {
+                (None, None) => Configuration::Free,
+                _ => Configuration::Kuka { s: small(status), t: small(turn) },
+            };
             let mut list = spans.to_vec();
-            list.extend(turn);
-            let free = found.status.is_none() && found.turn.is_none();
-            let configuration = if free { Configuration::Free } else { configuration };
-            return Some(self.push(found, Shape::Zyx, &list, configuration, name));
-        }
-        let spans = all(&found.axes)?;
-        Some(self.push(found, Shape::JointsDeg, &spans, Configuration::Free, name))
+            // a turn in binary is longer than what would replace it
+            list.extend(turn.filter(|t| !t.text(bytes).starts_with(b"'")));
+            self.scan.push(Shape::Zyx, &list, configuration, name)
+        } else {
+            self.scan.push(Shape::JointsDeg, &found.all(&AXES)?, Configuration::Free, name)
+        };
+        let external = EXTERNAL.map(|axis| self.scan.value(found.number(axis)?, bytes));
+        self.scan.external_axes(&external);
+        Some(spot)
     }
 
-    fn push(
-        &mut self,
-        found: &Aggregate,
-        shape: Shape,
-        spans: &[Span],
-        configuration: Configuration,
-        name: Span,
-    ) -> u32 {
-        let spot = self.scan.push(shape, spans, configuration, name);
-        self.scan.external_axes(&found.external);
-        spot
-    }
-
-    fn frame(&self, found: &Aggregate) -> Result<Pose, String> {
-        let Some(spans) = all(&found.pose) else {
+    fn frame(&self, found: &Aggregate<'_>) -> Result<Pose, String> {
+        let Some(spans) = found.all(&POSE) else {
             return Err("its frame is not given by six numbers X, Y, Z, A, B, C".into());
         };
         let v = spans.map(|s| self.scan.value(s, self.c.bytes).unwrap_or(f64::NAN));
@@ -678,15 +638,9 @@ impl Reader<'_> {
 
 /// Keeps an element of `TOOL_DATA` or `BASE_DATA`; one that the program sets twice is known only while it runs.
 fn declare<T: PartialEq>(known: &mut BTreeMap<String, Result<T, String>>, number: String, new: Result<T, String>) {
-    match known.entry(number) {
-        Entry::Vacant(e) => {
-            e.insert(new);
-        }
-        Entry::Occupied(mut e) if *e.get() != new => {
-            *e.get_mut() = Err("is set to different frames at several places of the program".into());
-        }
-        Entry::Occupied(_) => {}
-    }
+    let differs = known.get(&number).is_some_and(|before| *before != new);
+    let several = || Err("is set to different frames at several places of the program".into());
+    known.insert(number, if differs { several() } else { new });
 }
 
 /// The name before the next bracket of the line (`REAL F(X:IN)`, `DECL 3 WHEN $IN[1] DO STOP()`); the cursor is behind the name.
@@ -704,32 +658,4 @@ fn target_of(motion_data: &[u8]) -> u64 {
         *first = b'X';
     }
     hashed(&name)
-}
-
-fn all(spans: &[Option<Span>; 6]) -> Option<[Span; 6]> {
-    let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] = *spans else { return None };
-    Some([a, b, c, d, e, f])
-}
-
-impl Aggregate {
-    fn put(&mut self, name: &[u8], value: Result<Span, Span>) {
-        let at = |list: &[&[u8]; 6]| list.iter().position(|n| name.eq_ignore_ascii_case(n));
-        let slot = if let Some(k) = at(&POSE) {
-            &mut self.pose[k]
-        } else if let Some(k) = at(&AXES) {
-            &mut self.axes[k]
-        } else if name.eq_ignore_ascii_case(b"S") {
-            &mut self.status
-        } else if name.eq_ignore_ascii_case(b"T") {
-            &mut self.turn
-        } else if name.eq_ignore_ascii_case(b"TOOL_NO") {
-            &mut self.tool
-        } else if name.eq_ignore_ascii_case(b"BASE_NO") {
-            &mut self.base
-        } else {
-            return;
-        };
-        self.unread = self.unread.or(value.err());
-        *slot = value.ok();
-    }
 }

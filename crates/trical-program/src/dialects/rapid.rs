@@ -361,7 +361,7 @@ impl Reader<'_> {
             return None;
         }
         let mut spans = [Span::default(); 6];
-        let mut pieces = [Piece::Other; 4];
+        let mut pieces = [Piece::default(); 4];
         let (mut numbers, mut lists, mut others, mut unread) = (0, 0, 0, None);
         loop {
             self.c.skip_space();
@@ -394,12 +394,12 @@ impl Reader<'_> {
             }
         }
         if others == 0 && lists == 0 && numbers <= 6 {
-            return Some(Piece::Flat { count: numbers, spans, unread });
+            return Some(Piece { count: numbers, spans, unread });
         }
         if others == 0 && numbers == 0 && lists <= 4 {
             self.target(&pieces[..lists]);
         }
-        Some(Piece::Other)
+        Some(Piece::default())
     }
 
     /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
@@ -422,51 +422,31 @@ impl Reader<'_> {
         Err(Span::new(start.at, self.c.at))
     }
 
-    /// Whether a number's text is over here: `1+2` is none.
+    /// Takes these lists as a target, where they are one: a robtarget or a jointtarget.
     fn target(&mut self, pieces: &[Piece]) {
         let bytes = self.c.bytes;
-        let is_one = matches!(
-            pieces,
-            [
-                Piece::Flat { count: 3, .. },
-                Piece::Flat { count: 4, .. },
-                Piece::Flat { count: 4, .. },
-                Piece::Flat { count: 6, .. }
-            ] | [Piece::Flat { count: 6, .. }, Piece::Flat { count: 6, .. }]
-        );
-        let unread = pieces.iter().find_map(|p| if let Piece::Flat { unread, .. } = p { *unread } else { None });
-        if let (true, Some(span)) = (is_one, unread) {
-            let text = String::from_utf8_lossy(span.text(bytes)).trim().to_owned();
-            self.scan
-                .problems
-                .push((span.at as usize, format!("holds '{text}', of which only the running program knows the value")));
-            return;
-        }
-        match *pieces {
-            [
-                Piece::Flat { count: 3, spans: p, .. },
-                Piece::Flat { count: 4, spans: q, .. },
-                Piece::Flat { count: 4, spans: cf, .. },
-                Piece::Flat { count: 6, .. },
-            ] => {
-                let demanded = cf.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
-                let configuration = match demanded {
-                    [Some(a), Some(b), Some(c), Some(d), ..] => Configuration::Abb([a, b, c, d]),
-                    _ => Configuration::Free,
-                };
-                let spans = [p[0], p[1], p[2], q[0], q[1], q[2], q[3], cf[0], cf[1], cf[2]];
-                self.scan.push(Shape::Quaternion, &spans, configuration, self.name);
-            }
-            [Piece::Flat { count: 6, spans: q, .. }, Piece::Flat { count: 6, .. }] => {
-                self.scan.push(Shape::JointsDeg, &q, Configuration::Free, self.name);
-            }
+        let (p, external) = match pieces {
+            [p, q, cf, external] if [p.count, q.count, cf.count, external.count] == [3, 4, 4, 6] => (p, external),
+            [q, external] if [q.count, external.count] == [6, 6] => (q, external),
             _ => return,
+        };
+        if let Some(span) = pieces.iter().find_map(|p| p.unread) {
+            return self.scan.unread(span, bytes);
         }
-        if let Some(Piece::Flat { spans, .. }) = pieces.last() {
-            let values: Vec<Option<f64>> =
-                spans.iter().map(|s| self.scan.value(*s, bytes).filter(|v| v.abs() < NO_AXIS)).collect();
-            self.scan.external_axes(&values);
+        if let [_, q, cf, _] = pieces {
+            let demanded = cf.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
+            let configuration = match demanded {
+                [Some(a), Some(b), Some(c), Some(d), ..] => Configuration::Abb([a, b, c, d]),
+                _ => Configuration::Free,
+            };
+            let (p, q, cf) = (p.spans, q.spans, cf.spans);
+            let spans = [p[0], p[1], p[2], q[0], q[1], q[2], q[3], cf[0], cf[1], cf[2]];
+            self.scan.push(Shape::Quaternion, &spans, configuration, self.name);
+        } else {
+            self.scan.push(Shape::JointsDeg, &p.spans, Configuration::Free, self.name);
         }
+        let values = external.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < NO_AXIS));
+        self.scan.external_axes(&values);
     }
 
     /// `tooldata name:=[...]`, `wobjdata name:=[...]`

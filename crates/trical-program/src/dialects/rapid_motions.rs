@@ -73,7 +73,7 @@ impl Reader<'_> {
                 Place::Here => self.names.visit(Visit::Unknown),
                 Place::Computed(at) => {
                     self.names.visit(Visit::Unknown);
-                    self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                    self.scan.goes_to_calculated(at);
                 }
             }
         }

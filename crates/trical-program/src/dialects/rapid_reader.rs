@@ -30,12 +30,13 @@ pub(super) struct Reader<'a> {
 }
 
 /// A list as far as targets care.
-#[derive(Clone, Copy)]
-pub(super) enum Piece {
-    /// Only numbers, at most six; `unread` is one without a value.
-    Flat { count: usize, spans: [Span; 6], unread: Option<Span> },
-    /// Anything else; targets in it were taken.
-    Other,
+#[derive(Clone, Copy, Default)]
+pub(super) struct Piece {
+    /// How many numbers it is, at most six; none where it is anything else, of which targets were taken.
+    pub(super) count: usize,
+    pub(super) spans: [Span; 6],
+    /// One of them that has no value.
+    pub(super) unread: Option<Span>,
 }
 
 /// Where a motion goes.

@@ -16,7 +16,7 @@ use crate::frames::ToolFrame;
 use crate::literal::{Meant, Shape};
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, Scan, Setup, Visit, hashed};
-use crate::text::{Cursor, Span, lower, mentions, moved_to};
+use crate::text::{Cursor, Span, lower, mentions};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
 /// Functions that say where the arm is.
@@ -77,13 +77,9 @@ fn constants(bytes: &[u8]) -> Constants {
     let mut found = Constants::default();
     let mut assigned: HashSet<u64> = HashSet::new();
     let mut c = Cursor::new(bytes, b'#');
-    while !c.done() {
-        c.skip_space();
-        let word = c.word();
-        if word.is_empty() {
-            if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
-        } else if word == b"def" || word == b"thread" {
-            c.skip_blank();
+    while let Some((_, word)) = c.next_word() {
+        c.skip_blank();
+        if word == b"def" || word == b"thread" {
             c.word();
             while !c.done() && !matches!(c.peek(), b')' | b'\n') {
                 let name = c.word();
@@ -93,28 +89,17 @@ fn constants(bytes: &[u8]) -> Constants {
                     found.forget(hashed(name));
                 }
             }
-        } else {
-            let start = c;
-            c.skip_blank();
-            if c.peek() == b'(' && is_motion(word) {
-                // its options (`a=1.2`) are no assignments
-                c.at += c.until(b"\n").len();
-                continue;
-            }
-            if c.peek() != b'=' || c.bytes.get(c.at + 1) == Some(&b'=') {
-                c = start;
-                continue;
-            }
+        } else if c.peek() == b'(' && is_motion(word) {
+            // its options (`a=1.2`) are no assignments
+            c.at += c.until(b"\n").len();
+        } else if c.assigns() {
             c.at += 1;
             let value = found.expression(&mut c).map(|(_, value)| value);
             c.skip_blank();
             let whole = value.filter(|_| c.done() || matches!(c.peek(), b'\n' | b'\r' | b'#'));
-            match whole {
-                Some(value) if assigned.insert(hashed(word)) => found.define(hashed(word), value),
-                _ => {
-                    assigned.insert(hashed(word));
-                    found.forget(hashed(word));
-                }
+            match (assigned.insert(hashed(word)), whole) {
+                (true, Some(value)) => found.define(hashed(word), value),
+                _ => found.forget(hashed(word)),
             }
         }
     }
@@ -123,20 +108,18 @@ fn constants(bytes: &[u8]) -> Constants {
 
 /// Names that stand first in a motion, also inside a function: only these are targets when they are assigned.
 fn targets(bytes: &[u8]) -> HashSet<u64> {
-    let mut copies = Vec::new();
-    let mut all = moved_to(bytes, b'#', |word, c, found| {
-        let start = *c;
-        c.skip_blank();
-        if c.peek() == b'=' {
-            c.at += 1;
-            c.skip_blank();
+    let (mut all, mut copies) = (HashSet::new(), Vec::new());
+    let mut c = Cursor::new(bytes, b'#');
+    while let Some((_, word)) = c.next_word() {
+        let start = c;
+        if c.eat_in_line(b'=') {
             let source = c.word();
             c.skip_blank();
             if !source.is_empty() && matches!(c.peek(), b'\n' | b'\r' | b'#' | 0) {
                 copies.push((hashed(word), hashed(source)));
             }
         }
-        *c = start;
+        c = start;
         let mut more = is_motion(word) && c.eat(b'(');
         // a circle goes by way of its first
         for _ in 0..2 {
@@ -150,11 +133,11 @@ fn targets(bytes: &[u8]) -> HashSet<u64> {
                 name = c.word();
             }
             if !name.is_empty() {
-                found.insert(hashed(name));
+                all.insert(hashed(name));
             }
             more = has_two(word) && c.eat(b',');
         }
-    });
+    }
     // what is copied to a target is one itself; the last copy comes first
     for (copy, source) in copies.into_iter().rev() {
         if all.contains(&copy) {
@@ -174,22 +157,17 @@ fn unsteady(bytes: &[u8]) -> HashSet<u64> {
     let mut open: Vec<Option<usize>> = Vec::new();
     let mut functions = 0;
     let mut c = Cursor::new(bytes, b'#');
-    while !c.done() {
-        c.skip_space();
-        match c.word() {
-            b"" if c.peek() == b'"' => c.skip_string(),
-            b"" => c.at += 1,
+    while let Some((_, word)) = c.next_word() {
+        match word {
             b"def" | b"thread" => {
                 functions += 1;
                 open.push(Some(functions));
             }
             b"while" | b"if" | b"for" => open.push(None),
             b"end" => drop(open.pop()),
-            word => {
-                let start = c;
+            _ => {
                 c.skip_blank();
-                let assigned = c.peek() == b'=' && c.bytes.get(c.at + 1) != Some(&b'=');
-                c = start;
+                let assigned = c.assigns();
                 let function = open.iter().rev().find_map(|f| *f).unwrap_or(0);
                 let (first, count, elsewhere) = names.entry(hashed(word)).or_insert((function, 0, false));
                 *count = count.saturating_add(u32::from(assigned));
@@ -217,18 +195,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn file(&mut self) {
-        while !self.c.done() {
-            self.c.skip_space();
-            let from = self.c.at;
-            let word = self.c.word();
-            if word.is_empty() {
-                if self.c.peek() == b'"' {
-                    self.c.skip_string()
-                } else {
-                    self.c.at += 1
-                }
-                continue;
-            }
+        while let Some((from, word)) = self.c.next_word() {
             if is_motion(word) {
                 if self.c.eat(b'(') {
                     let inside = self.c;
@@ -318,7 +285,7 @@ impl Reader<'_> {
         match self.literal() {
             Literal::Numbers(shape, spans) => self.assigned(Span::new(from, from + word.len()), shape, &spans),
             Literal::Unread(span) if is_target => {
-                self.unread(span);
+                self.scan.unread(span, self.c.bytes);
                 self.names.listed(hash);
             }
             Literal::Unread(_) => drop(self.values.insert(hash, None)),
@@ -440,10 +407,8 @@ impl Reader<'_> {
             }
             Err(_) => format!("set_tcp at byte {at}"),
         };
-        let known = self.scan.frames.tools.iter().find(|(_, f)| match (f, &frame) {
-            (Ok(a), Ok(b)) => a.flange_from_tool == *b,
-            _ => false,
-        });
+        let is_it = |f: &Result<ToolFrame, String>| matches!((f, &frame), (Ok(a), Ok(b)) if a.flange_from_tool == *b);
+        let known = self.scan.frames.tools.iter().find(|(_, f)| is_it(f));
         let key = known.map_or(key, |(k, _)| k.clone());
         self.scan.frames.tools.insert(key.clone(), frame.map(ToolFrame::massless));
         self.now.tool = Some(key);
@@ -451,13 +416,8 @@ impl Reader<'_> {
 
     /// The first argument of a motion, or the first two.
     fn motion(&mut self, two: bool) {
-        for k in 0..=usize::from(two) {
-            if k == 1 && !self.c.eat(b',') {
-                return;
-            }
-            if !self.place(None, 0) {
-                return;
-            }
+        if self.place(None, 0) && two && self.c.eat(b',') {
+            self.place(None, 0);
         }
     }
 
@@ -475,7 +435,7 @@ impl Reader<'_> {
                 return true;
             }
             Literal::Unread(span) => {
-                self.unread(span);
+                self.scan.unread(span, self.c.bytes);
                 self.names.visit(Visit::Unknown);
                 return true;
             }
@@ -504,7 +464,7 @@ impl Reader<'_> {
         } else {
             self.names.visit(Visit::Unknown);
             if !HERE.contains(&word) {
-                self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                self.scan.goes_to_calculated(at);
             }
         }
         self.c = inside;
@@ -540,15 +500,9 @@ impl Reader<'_> {
             Some(Some(name)) => self.names.used(name, setup, Way::Computed, start.at),
             None => {
                 self.names.visit(Visit::Unknown);
-                self.scan.problems.push((at, "goes to a place that only the running program calculates".into()));
+                self.scan.goes_to_calculated(at);
             }
         }
-    }
-
-    fn unread(&mut self, span: Span) {
-        let text = String::from_utf8_lossy(span.text(self.c.bytes)).trim().to_owned();
-        let what = format!("holds '{text}', of which only the running program knows the value");
-        self.scan.problems.push((span.at as usize, what));
     }
 
     /// To the parenthesis that closes the one that was passed.

@@ -11,7 +11,7 @@ use trical_model::recording::{Recording, Row};
 use super::cdr::{self, JointState};
 use super::lock::{Locked, begin_beside, lock_existing, temporary_beside};
 use super::read::{interpret, read_raw};
-use super::walk::RawFile;
+use super::walk::{RawFile, RawMessage};
 use super::{Header, ReadRecording, RunLog, schema};
 use crate::error::RecordError;
 use crate::json;
@@ -174,16 +174,6 @@ impl RecordingWriter {
         before: Option<&RawFile>,
     ) -> Result<Self, RecordError> {
         let file = begin_beside(path)?;
-        Self::write_head(file, path, header, shared, before)
-    }
-
-    fn write_head(
-        file: Locked,
-        path: &Path,
-        header: &Header,
-        shared: Shared,
-        before: Option<&RawFile>,
-    ) -> Result<Self, RecordError> {
         let failed = || RecordError::mcap(path);
         let stream = file.try_clone().map_err(RecordError::io(path, "write"))?;
         // not compressed: a chunk that was cut still gives its messages, and the files are small
@@ -226,29 +216,16 @@ impl RecordingWriter {
     fn copy(&mut self, raw: &RawFile) -> Result<(), RecordError> {
         let mut ids: BTreeMap<u16, u16> = BTreeMap::new();
         for (old, channel) in &raw.channels {
-            let schema = match &channel.schema {
-                Some(schema) => self
-                    .mcap
-                    .add_schema(&schema.name, &schema.encoding, &schema.data)
-                    .map_err(RecordError::mcap(&self.path))?,
-                None => 0,
-            };
-            let id = self
-                .mcap
-                .add_channel(schema, &channel.topic, &channel.encoding, &channel.metadata)
-                .map_err(RecordError::mcap(&self.path))?;
-            ids.insert(*old, id);
+            let schema = channel.schema.as_ref();
+            let schema = schema.map(|s| self.mcap.add_schema(&s.name, &s.encoding, &s.data)).transpose();
+            let schema = schema.map_err(RecordError::mcap(&self.path))?.unwrap_or(0);
+            let id = self.mcap.add_channel(schema, &channel.topic, &channel.encoding, &channel.metadata);
+            ids.insert(*old, id.map_err(RecordError::mcap(&self.path))?);
         }
         for message in &raw.messages {
-            let Some(channel_id) = ids.get(&message.channel).copied() else {
-                continue;
-            };
-            let header = MessageHeader {
-                channel_id,
-                sequence: message.sequence,
-                log_time: message.log_time,
-                publish_time: message.publish_time,
-            };
+            let Some(channel_id) = ids.get(&message.channel).copied() else { continue };
+            let RawMessage { sequence, log_time, publish_time, .. } = *message;
+            let header = MessageHeader { channel_id, sequence, log_time, publish_time };
             self.mcap.write_to_known_channel(&header, &message.data).map_err(RecordError::mcap(&self.path))?;
             let next = self.sequences.entry(channel_id).or_insert(0);
             *next = (*next).max(message.sequence.saturating_add(1));
@@ -354,16 +331,8 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
 /// Gives the file beside its name.
 fn publish(path: &Path) -> Result<(), RecordError> {
     std::fs::rename(temporary_beside(path), path).map_err(RecordError::io(path, "rename the new file to it"))?;
-    sync_directory(path)
-}
-
-/// Makes a rename last.
-fn sync_directory(path: &Path) -> Result<(), RecordError> {
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    File::open(directory)
-        .and_then(|directory| directory.sync_all())
-        .map_err(RecordError::io(directory, "write to the disk"))
+    // so that the rename lasts
+    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let lasts = File::open(folder).and_then(|folder| folder.sync_all());
+    lasts.map_err(RecordError::io(folder, "write to the disk"))
 }

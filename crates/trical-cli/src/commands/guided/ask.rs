@@ -12,7 +12,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::interrupt::Interrupt;
-use crate::say;
+use crate::say_lines;
 
 /// Live readings are shown anew this often, and Ctrl-C is looked for.
 const EVERY: Duration = Duration::from_millis(200);
@@ -34,7 +34,7 @@ pub enum Answer {
 
 /// A paragraph on standard output.
 pub fn tell(text: &str) -> Result<()> {
-    table::wrapped(text, WIDE, "").iter().try_for_each(say)
+    say_lines(table::wrapped(text, WIDE, ""))
 }
 
 /// Lines that are typed. They are read in a thread of their own, so that readings are shown and Ctrl-C is heard meanwhile.

@@ -5,28 +5,20 @@ use trical_model::recording::Joints;
 use super::{Runner, is_same, norm, responds};
 use crate::controller::largest_difference;
 use crate::gauge::AXES;
-use crate::procedure::steps::{check_joints, check_way};
+use crate::procedure::steps::check_joints;
 use crate::procedure::{PlanEntry, Violation};
 
 impl Runner<'_, '_> {
     /// A little aside along all axes, which every channel has to follow. A gap in a joint may swallow one step: then a longer
     /// one goes the same way before a transmitter is taken for dead.
-    pub(super) fn aside(
-        &mut self,
-        entry: &PlanEntry,
-        before: [f64; 3],
-        corrections: &mut usize,
-        total_length: &mut f64,
-    ) -> Result<[f64; 3], Violation> {
+    pub(super) fn aside(&mut self, entry: &PlanEntry, before: [f64; 3]) -> Result<[f64; 3], Violation> {
         let confirm = self.options.limits.confirm;
         let mut moved = 0.0;
         loop {
             let step = if moved == 0.0 { confirm } else { 2.0 * confirm };
             moved += step;
-            *total_length += norm(&[step; 3]);
-            self.correct([step; 3], *total_length)?;
-            *corrections += 1;
-            let after = self.read(entry, *corrections)?;
+            self.correct([step; 3])?;
+            let after = self.read(entry)?;
             match (0..3).find(|k| !responds(before[*k], after[*k], confirm)) {
                 None => return Ok(after),
                 Some(k) if moved > confirm => {
@@ -39,33 +31,22 @@ impl Runner<'_, '_> {
 
     /// Corrects by a reading, and reads again. A gap in a joint may swallow a small correction: where a channel shows the very
     /// same, steps of twice the length follow the same way, until no gap would be that wide and its transmitter may be dead.
-    pub(super) fn follow(
-        &mut self,
-        entry: &PlanEntry,
-        before: [f64; 3],
-        corrections: &mut usize,
-        total_length: &mut f64,
-    ) -> Result<[f64; 3], Violation> {
+    pub(super) fn follow(&mut self, entry: &PlanEntry, before: [f64; 3]) -> Result<[f64; 3], Violation> {
         let limits = &self.options.limits;
         let (mut step, mut moved) = (before, before);
         loop {
-            *total_length += norm(&step);
-            self.correct(step, *total_length)?;
-            *corrections += 1;
-            let after = self.read(entry, *corrections)?;
+            self.correct(step)?;
+            let after = self.read(entry)?;
             let silent = |k: usize| is_same(before[k], after[k]) && before[k].abs() > limits.stale;
             let Some(first) = (0..3).find(|k| silent(*k)) else {
                 self.check_growth(norm(&before).max(norm(&step)), norm(&after))?;
                 return Ok(after);
             };
             let given_up = (0..3).find(|k| silent(*k) && moved[*k].abs() > 2.0 * limits.confirm);
-            if given_up.is_some() || *corrections >= limits.iterations {
+            if given_up.is_some() || self.corrections >= limits.iterations {
                 let k = given_up.unwrap_or(first);
-                return Err(Violation::Stale {
-                    axis: AXES[k],
-                    reading_mm: after[k] * 1e3,
-                    moved_mm: moved[k].abs() * 1e3,
-                });
+                let (reading_mm, moved_mm) = (after[k] * 1e3, moved[k].abs() * 1e3);
+                return Err(Violation::Stale { axis: AXES[k], reading_mm, moved_mm });
             }
             step = std::array::from_fn(|k| if silent(k) { 2.0 * step[k] } else { after[k] });
             moved = std::array::from_fn(|k| moved[k] + step[k]);
@@ -73,24 +54,23 @@ impl Runner<'_, '_> {
     }
 
     /// Steps (d), (e): displaces the TCP by the reading, in the tool's axes.
-    fn correct(&mut self, reading: [f64; 3], total_length: f64) -> Result<(), Violation> {
+    fn correct(&mut self, reading: [f64; 3]) -> Result<(), Violation> {
         let limits = &self.options.limits;
         let length = norm(&reading);
+        self.corrected += length;
         if length > limits.correction {
             return Err(Violation::Correction { length_mm: length * 1e3, limit_mm: limits.correction * 1e3 });
         }
-        if total_length > limits.total_correction {
-            return Err(Violation::TotalCorrection {
-                length_mm: total_length * 1e3,
-                limit_mm: limits.total_correction * 1e3,
-            });
+        if self.corrected > limits.total_correction {
+            let (length_mm, limit_mm) = (self.corrected * 1e3, limits.total_correction * 1e3);
+            return Err(Violation::TotalCorrection { length_mm, limit_mm });
         }
         self.check_cancelled()?;
         self.look()?;
         let before = self.at;
         if let Some(to) = self.options.corrected.and_then(|corrected| corrected(&before, reading)) {
             self.check_turn(&before, &to, length)?;
-            check_way(&before, &to, self.touching, self.options)?;
+            self.options.allow(&before, &to, self.touching).map_err(Violation::NoWay)?;
         }
         self.controller.correct(reading)?;
         self.at = self.settled_joints()?;
@@ -100,6 +80,7 @@ impl Runner<'_, '_> {
             return Err(Violation::NotMoved { length_mm: length * 1e3 });
         }
         self.check_turn(&before, &self.at, length)?;
+        self.corrections += 1;
         self.report.corrections += 1;
         Ok(())
     }

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use super::{Reader, before_bracket, is_one_of};
+use super::{CURRENT, Reader, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
-use crate::text::Cursor;
+use crate::text::{Cursor, is_one_of};
 
 /// Of the language: they change none of what they are given.
 const CHANGE_NOTHING: [&[u8]; 13] = [
@@ -87,10 +87,8 @@ impl Reader<'_> {
     fn may_change(&mut self, word: &[u8], at: usize) {
         if self.moved_to.contains(&hashed(word)) {
             self.names.set_from(hashed(word), Origin::Computed(u32::try_from(at).unwrap_or(u32::MAX)));
-        } else if is_one_of(word, &[b"$TOOL", b"$BASE"]) {
-            let is_tool = word.eq_ignore_ascii_case(b"$TOOL");
-            let slot = if is_tool { &mut self.now.tool } else { &mut self.now.frame };
-            *slot = Some("(set by a routine)".to_owned());
+        } else if is_one_of(word, &CURRENT) {
+            *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some("(set by a routine)".to_owned());
         } else if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) {
             self.scan.problems.push((at, changed_here("a tool or base")));
         }

@@ -1,9 +1,9 @@
 //! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms.
 
-use super::{Aggregate, Reader, is_one_of, target_of};
+use super::{Aggregate, ELEMENTS, Reader, target_of};
 use crate::frames::ToolFrame;
 use crate::scan::Setup;
-use crate::text::{Span, lower};
+use crate::text::{is_one_of, lower, mentions};
 
 impl Reader<'_> {
     /// What is behind `$TOOL=` or `$BASE=`.
@@ -31,13 +31,11 @@ impl Reader<'_> {
             return self.on_external_axis();
         }
         self.c.skip_blank();
-        if (word.eq_ignore_ascii_case(b"TOOL_DATA") || word.eq_ignore_ascii_case(b"BASE_DATA")) && self.c.peek() == b'['
+        if is_one_of(word, &ELEMENTS)
+            && self.c.eat_in_line(b'[')
+            && let Some(n) = self.c.number()
         {
-            self.c.at += 1;
-            self.c.skip_blank();
-            if let Some(n) = self.c.number() {
-                return lower(n.text(self.c.bytes));
-            }
+            return lower(n.text(self.c.bytes));
         }
         // calculated: $BASE = A : B
         let name = lower(word);
@@ -52,13 +50,12 @@ impl Reader<'_> {
         let what = self.c.word();
         if self.c.eat(b',') {
             self.c.skip_blank();
-            let n = self.c.number().map(|n| lower(n.text(self.c.bytes)));
-            if what.eq_ignore_ascii_case(b"TOOL") {
-                self.now.tool = Some(n.unwrap_or_else(|| "(computed)".into()));
-            } else if what.eq_ignore_ascii_case(b"BASE") {
-                self.now.frame = Some(n.unwrap_or_else(|| "(computed)".into()));
-            } else if what.eq_ignore_ascii_case(b"EX_BASE") {
-                self.now.frame = Some(self.on_external_axis());
+            let n = self.c.number().map_or_else(|| "(computed)".into(), |n| lower(n.text(self.c.bytes)));
+            match lower(what).as_str() {
+                "tool" => self.now.tool = Some(n),
+                "base" => self.now.frame = Some(n),
+                "ex_base" => self.now.frame = Some(self.on_external_axis()),
+                _ => {}
             }
         }
     }
@@ -87,16 +84,15 @@ impl Reader<'_> {
     }
 
     /// Tool and base of motion data.
-    pub(super) fn said(&mut self, found: &Aggregate) -> Setup {
-        let text = |s: Option<Span>| s.map(|s| lower(s.text(self.c.bytes)));
-        let (tool, frame) = (text(found.tool), text(found.base));
-        Setup { tool: if found.fixed { Some(self.fixed_tool()) } else { tool }, frame }
+    pub(super) fn said(&mut self, found: &Aggregate<'_>) -> Setup {
+        let text = |name: &[u8]| found.number(name).map(|s| lower(s.text(self.c.bytes)));
+        let (tool, frame) = (text(b"TOOL_NO"), text(b"BASE_NO"));
+        let fixed = matches!(found.field(b"IPO_FRAME"), Some(Err(s)) if mentions(s.text(self.c.bytes), b"TCP"));
+        Setup { tool: if fixed { Some(self.fixed_tool()) } else { tool }, frame }
     }
 
     pub(super) fn motion_data(&mut self, name: &[u8]) {
-        if self.c.peek() != b'{' {
-            self.c.skip_blank();
-        }
+        self.c.skip_blank();
         if self.c.peek() != b'{' {
             return;
         }

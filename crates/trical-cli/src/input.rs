@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use trical_ident::{JointSource, ToolSharing};
 use trical_model::urdf::UrdfPath;
-use trical_model::{Cell, Recording, Robot};
+use trical_model::{Cell, JointKind, MAX_JOINTS, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
 use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large};
 use trical_report::Made;
@@ -62,14 +62,18 @@ pub fn quoted(arg: std::ffi::OsString) -> String {
     }
 }
 
-/// Refuses a `--start-deg` that is not one number for each joint; without it there are none.
-pub fn check_start(given: &[f64], robot: &Robot) -> Result<()> {
+/// Where the arm stands at first, rad and m: by `--start-deg`, which has one number for each joint, deg or mm, or nothing, for `usual`.
+pub fn start(given: &[f64], robot: &Robot, usual: [f64; MAX_JOINTS]) -> Result<[f64; MAX_JOINTS]> {
     let (found, expected) = (given.len(), robot.dof());
     if found > 0 && found != expected {
         let what = format!("--start-deg: found {found} numbers, expected {expected}, one for each joint");
         return Err(CliError::Input(what));
     }
-    Ok(())
+    let mut start = usual;
+    for ((q, v), joint) in start.iter_mut().zip(given).zip(&robot.joints) {
+        *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
+    }
+    Ok(start)
 }
 
 /// Makes a folder for what is written.
@@ -186,4 +190,22 @@ pub fn check_recording<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Pat
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn an_arm_stands_at_first_at_degrees_and_at_millimetres_of_joints_that_slide() {
+        let mut robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "r").unwrap();
+        robot.joints[0].kind = JointKind::Prismatic;
+        let usual = [0.1; MAX_JOINTS];
+        assert_eq!(start(&[], &robot, usual).unwrap(), usual);
+        let stands = start(&[250.0, 90.0, 0.0, 0.0, 0.0, 0.0], &robot, usual).unwrap();
+        assert_eq!(stands[..3], [0.25, std::f64::consts::FRAC_PI_2, 0.0]);
+        assert!(start(&[1.0; 5], &robot, usual).is_err());
+    }
 }

@@ -173,6 +173,23 @@ fn same(design: &Design, count: usize, [a, b]: [&RegressionState; 2]) {
 }
 
 #[test]
+fn a_set_added_at_once_is_its_members_added_one_after_the_other() {
+    let (model, data, mut candidates) = made();
+    let mut set: Vec<usize> = some(&candidates).into_iter().step_by(4).collect();
+    // a twin adds nothing
+    candidates.push(candidates[set[1]].clone());
+    set.insert(3, candidates.len() - 1);
+    let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
+    let mut beside = design.start();
+    design.add(&mut beside, 7);
+    for start in [design.start(), beside] {
+        let mut one_by_one = start.clone();
+        set.iter().for_each(|c| design.add(&mut one_by_one, *c));
+        same(&design, candidates.len(), [&design.with(&start, &set), &one_by_one]);
+    }
+}
+
+#[test]
 fn a_set_without_some_of_its_members_is_the_others_added_anew() {
     let (model, data, mut candidates) = made();
     let mut set: Vec<usize> = some(&candidates).into_iter().step_by(4).collect();

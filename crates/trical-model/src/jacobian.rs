@@ -160,11 +160,12 @@ impl Forward {
         &ws.columns[motion]
     }
 
-    /// The number by which the motion of a term is multiplied there; 0 for a term without one motion.
+    /// The number by which the motion of a term that has one is multiplied there.
+    #[inline]
     #[must_use]
     pub fn amount(&self, term: usize, ws: &Workspace) -> f64 {
         let index = self.spans[term].0;
-        self.motion(term).map_or(0.0, |_| self.bound[index].weight * ws.says[index])
+        self.bound[index].weight * ws.says[index]
     }
 
     /// The column of any term there, free or not: derivatives of the residuals to its coefficient.

@@ -168,11 +168,7 @@ impl Args {
     }
 
     fn options(&self, robot: &Robot, model: &Model) -> Result<PlanOptions> {
-        let mut start = usual_start(robot);
-        input::check_start(&self.start_deg, robot)?;
-        for (q, (v, joint)) in start.iter_mut().zip(self.start_deg.iter().zip(&robot.joints)) {
-            *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
-        }
+        let start = input::start(&self.start_deg, robot, usual_start(robot))?;
         let (criterion, whole_workspace) = self.criterion.goal();
         Ok(PlanOptions {
             criterion,

@@ -62,7 +62,7 @@ pub struct Args {
     /// A person guides the arm into the cell's sockets: lines typed here are those of `trical record`, which takes the visits down
     #[arg(long)]
     sockets: bool,
-    /// Where the arm stands at first; all zero without it
+    /// Where the arm stands at first, deg, and mm of joints that slide; all zero without it
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
     /// The two addresses as JSON, in one line
@@ -96,11 +96,7 @@ impl Args {
                 )));
             }
         };
-        let mut start = [0.0; MAX_JOINTS];
-        input::check_start(&self.start_deg, &truth.robot)?;
-        for (q, v) in start.iter_mut().zip(&self.start_deg) {
-            *q = v.to_radians();
-        }
+        let start = input::start(&self.start_deg, &truth.robot, [0.0; MAX_JOINTS])?;
         let usual = CellOptions::like_a_real_one(truth, self.seed, self.port);
         let secret = match self.secret.as_deref() {
             None => usual.secret.clone(),

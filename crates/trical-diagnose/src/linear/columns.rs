@@ -192,7 +192,9 @@ impl Linear {
             }
             let says = &mut all.says[index * width..(index + 1) * width];
             for (column, at) in all.place.iter().enumerate() {
-                says[*at] = forward.amount(own + column, &ws) * lengths[all.family[*at]];
+                if all.whole_of[*at].is_none() {
+                    says[*at] = forward.amount(own + column, &ws) * lengths[all.family[*at]];
+                }
             }
             for (k, column) in whole.iter().enumerate() {
                 let rows = weighted(forward.column(own + column, &o.measured, &ws));

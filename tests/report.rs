@@ -37,6 +37,11 @@ fn demo() -> (tempfile::TempDir, PathBuf) {
     (place, folder)
 }
 
+/// A page with plain blanks where lines must not end, so that words are found.
+fn text_of(page: &Path) -> String {
+    std::fs::read_to_string(page).unwrap().replace('\u{a0}', " ").replace("<wbr>", "")
+}
+
 const CELL: [&str; 4] = ["--robot", "robot.toml", "--cell", "cell.toml"];
 
 fn chromium() -> Option<&'static str> {
@@ -134,7 +139,7 @@ fn drawn(page: &Path) -> Option<usize> {
 
 /// Nothing is loaded from anywhere, and the last section names command and inputs.
 fn self_contained(page: &Path, inputs: &[&str]) -> String {
-    let html = std::fs::read_to_string(page).unwrap();
+    let html = text_of(page);
     let without_names = html
         .replace("xmlns=\"http://www.w3.org/2000/svg\"", "")
         .replace("/*! https://github.com/leeoniya/uPlot (v1.6.32) */", "");
@@ -154,6 +159,31 @@ fn self_contained(page: &Path, inputs: &[&str]) -> String {
         }
     }
     html
+}
+
+#[test]
+fn pages_and_models_have_names_that_say_so_and_a_file_each() {
+    let (_place, folder) = demo();
+    let refused = |args: &[&str], words: &[&str]| {
+        let o = run(&folder, &[args, &CELL].concat());
+        let err = String::from_utf8_lossy(&o.stderr).into_owned();
+        assert!(o.status.code() == Some(2) && err.trim().lines().count() == 1, "{args:?}: {err}");
+        words.iter().for_each(|w| assert!(err.contains(w), "{args:?}: {w}: {err}"));
+    };
+    refused(&["identify", "run.csv", "--report", "a.pdf"], &["--report: found a.pdf", "ends in .html", "as PDF"]);
+    refused(&["diagnose", "run.csv", "--out", "a.urdf"], &["--out: found a.urdf", "ends in .toml"]);
+    let both = ["identify", "run.csv", "--report", "a.html", "--certificate", "a.html"];
+    refused(&both, &["--certificate: found a.html, which --report names, too"]);
+    let validate = ["validate", "run.csv", "--model", "calibrated.toml", "--certificate", "c.pdf"];
+    refused(&validate, &["--certificate: found c.pdf", "ends in .html"]);
+    assert!(!folder.join("a.pdf").exists() && !folder.join("a.html").exists());
+    let map = run(&folder, &["export", "--model", "calibrated.toml", "--error-map", "map.html"]);
+    assert!(
+        String::from_utf8_lossy(&map.stderr).contains("--error-map: found map.html, expected a name that ends in .csv")
+    );
+    // numbers on axes do not follow the language of the browser
+    good(&folder, &[&["identify", "run.csv"][..], &CELL, &["--report", "a.HTML"]].concat());
+    assert_eq!(text_of(&folder.join("a.HTML")).matches("values: ticks").count(), 2);
 }
 
 fn verdict(html: &str) -> &str {
@@ -200,10 +230,10 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     }
     // the same to the byte
     with(&[]);
-    assert_eq!(html, std::fs::read_to_string(folder.join("i.html")).unwrap());
+    assert_eq!(html, text_of(&folder.join("i.html")));
 
     let json: serde_json::Value = serde_json::from_str(&with(&["--cross-validate", "5"])).unwrap();
-    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    let html = text_of(&folder.join("i.html"));
     let said = verdict(&html);
     assert!(said.contains("did not use") && said.contains(&mm(&json["cross_validation"]["mean_mm"])), "{said}");
     // the map of errors has the numbers of the export
@@ -237,7 +267,7 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     std::fs::copy(folder.join("run.csv"), folder.join("other <b>.csv")).unwrap();
     let v = validate("other <b>.csv");
     assert_eq!(v["sessions"][0]["learnt"], 1);
-    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    let html = text_of(&folder.join("v.html"));
     assert!(html.contains("The model was fitted to other &lt;b&gt;.csv: these errors") && !html.contains("<b>"));
     // one reading changed by a micrometre, and it is another recording
     let text = std::fs::read_to_string(folder.join("run.csv")).unwrap();
@@ -249,7 +279,7 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     lines[head + 20] = cells.join(",");
     std::fs::write(folder.join("other <b>.csv"), lines.join("\n") + "\n").unwrap();
     assert!(validate("other <b>.csv")["sessions"][0]["learnt"].is_null());
-    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    let html = text_of(&folder.join("v.html"));
     assert!(!html.contains("these errors say nothing about other poses"));
     assert!(html.contains("&#x27;other &lt;b&gt;.csv&#x27;"));
 }
@@ -261,7 +291,7 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
     let json = good(&folder, &[&["identify", "run.csv"][..], &CELL, out].concat());
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     let mm = |v: &serde_json::Value| format!("{:.3}", v.as_f64().unwrap());
-    let html = std::fs::read_to_string(folder.join("c.html")).unwrap();
+    let html = text_of(&folder.join("c.html"));
     // every pose was visited once: AP is the error, RP is not known
     let accuracy = html.split("Pose accuracy AP").nth(1).unwrap().split("</tr>").next().unwrap();
     for number in ["mean_nominal_mm", "max_nominal_mm", "mean_mm", "max_mm"] {
@@ -277,7 +307,7 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
     let args: &[&str] = &["--model", "out.toml", "--certificate", "v.html"];
     let said = good(&folder, &[&["validate", "run.csv"][..], &CELL, args].concat());
     assert!(said.contains("The model was fitted to run.csv") && said.contains("Wrote v.html"), "{said}");
-    let html = std::fs::read_to_string(folder.join("v.html")).unwrap();
+    let html = text_of(&folder.join("v.html"));
     assert!(html.contains("The model was fitted to run.csv"));
     // one sheet of paper
     let Some(chromium) = chromium() else { return };
@@ -302,12 +332,12 @@ fn what_was_rejected_is_named_in_the_report() {
     lines[head + 20] = cells.join(",");
     std::fs::write(folder.join("bad.csv"), lines.join("\n") + "\n").unwrap();
     good(&folder, &[&["identify", "bad.csv"][..], &CELL, &["--report", "i.html"]].concat());
-    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    let html = text_of(&folder.join("i.html"));
     assert!(html.contains("1 of 45 rows were rejected"), "{}", verdict(&html));
     assert!(html.contains(&format!("<td>bad.csv</td><td>line {}</td>", head + 21)));
     // kept, it is told that it was
     good(&folder, &[&["identify", "bad.csv"][..], &CELL, &["--report", "i.html", "--keep-outliers"]].concat());
-    let html = std::fs::read_to_string(folder.join("i.html")).unwrap();
+    let html = text_of(&folder.join("i.html"));
     assert!(html.contains("Gross errors were kept") && html.contains("No row was rejected"));
 }
 
@@ -320,7 +350,7 @@ fn reports_of_demo_plan_and_diagnosis_are_drawn_without_a_network() {
     assert!(drawn(&folder.join("report.html")).is_none_or(|n| n == 5));
     good(&folder, &[&["diagnose", "run.mcap"][..], &CELL, &["--report", "d.html"]].concat());
     self_contained(&folder.join("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
-    let html = std::fs::read_to_string(folder.join("d.html")).unwrap();
+    let html = text_of(&folder.join("d.html"));
     assert!(html.contains("before: 31 parameters") && html.contains("<td>c_2</td>"));
     assert!(drawn(&folder.join("d.html")).is_none_or(|n| n == 11));
 }

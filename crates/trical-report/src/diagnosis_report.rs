@@ -32,9 +32,18 @@ const RIVALS: usize = 3;
 
 fn rivals(f: &Finding) -> String {
     let named = |r: &Rival| verdict::named(r.effect, r.site).to_lowercase();
-    let more = f.rivals.len().saturating_sub(RIVALS);
+    // other forms of the effect itself have its name
+    let own = verdict::named(f.effect, f.site).to_lowercase();
+    let mut others: Vec<String> = Vec::new();
+    for name in f.rivals.iter().map(named).filter(|name| *name != own) {
+        if !others.contains(&name) {
+            others.push(name);
+        }
+    }
+    let more = others.len().saturating_sub(RIVALS);
+    others.truncate(RIVALS);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
+    others.join(", ") + &more
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -105,13 +114,16 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         let sense = |(k, o): (usize, &trical_ident::Observation)| {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };
-        return Some((format!("sense of joint {joint} (-1, 1; scattered)"), o.iter().enumerate().map(sense).collect()));
+        return Some((
+            format!("last move of joint {joint}: -1 down, 1 up (points are spread sideways)"),
+            o.iter().enumerate().map(sense).collect(),
+        ));
     }
     match (term.basis.of, term.basis.shape) {
         (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
             let turn = 360.0 / cycles;
             Some((
-                format!("joint {joint} within a cycle of {turn:.3}, deg"),
+                format!("angle of joint {joint} within a cycle of {turn:.2} deg, deg"),
                 of(&|s| s.q[joint - 1].to_degrees().rem_euclid(turn)),
             ))
         }
@@ -169,7 +181,7 @@ pub struct Against {
 /// A model that cannot be evaluated.
 pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
     let Seen { label: error, unit, before: without, after: with, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("what the finding does there, {unit}"), part));
+    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("error that this finding predicts, {unit}"), part));
     Ok(Against { label, x, error, without, with })
 }
 
@@ -212,11 +224,9 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
     let values = coefficients(f, d);
     let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
     let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
-    if !f.rivals.is_empty() {
-        text.push(format!(
-            "This data cannot exclude {}. trical diagnose --next 8 plans touches that decide.",
-            rivals(f)
-        ));
+    let rivals = rivals(f);
+    if !rivals.is_empty() {
+        text.push(format!("This data cannot exclude {rivals}. `trical diagnose --next 8` plans touches that decide."));
     }
     let mut figures = finding_figures::figures(f, d)?;
     figures.push(Figure {
@@ -305,7 +315,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     }
     section.tables.push(rows);
     section.text.push(
-        "lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
+        "Lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
          are at poses that the fit did not see, without and with this finding, in the order in which the findings were added."
             .into(),
     );
@@ -355,7 +365,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 vec![Figure {
                     caption: format!("The curve that was fitted{beside}."),
                     svg: plots::scatter(
-                        &format!("{}, {}", verdict::variable(&u.variable, &d.model.robot), u.curve_units.0),
+                        &format!("{}, {}", verdict::variable(&u.variable, &d.model.robot).trim_start_matches("the "), u.curve_units.0),
                         &format!("correction, {}", u.curve_units.1),
                         false,
                         true,
@@ -364,12 +374,17 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 }]
             };
             let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
+            let (before, after) = (u.holdout_rms_before_mm, u.holdout_rms_after_mm);
+            let lowers = if after < before {
+                format!("{how} lowers the error at unseen poses from {before:.4} to {after:.4} mm rms.")
+            } else {
+                format!("{how} explains it here, but not at unseen poses: there the error is {after:.4} mm rms with it, {before:.4} without.")
+            };
             Ok(Section {
                 heading: format!("No known cause: {}", u.site),
                 text: vec![format!(
-                    "{site} is off, {}, and no effect of the catalogue explains it. {how} lowers the error at unseen poses from \
-                     {:.4} to {:.4} mm rms.",
-                    verdict::region(&u.region, &d.model.robot), u.holdout_rms_before_mm, u.holdout_rms_after_mm
+                    "{site} is off, {}, and no effect of the catalogue explains it. {lowers}",
+                    verdict::region(&u.region, &d.model.robot)
                 )],
                 figures,
                 folded: d.findings.len() + k >= OPEN,
@@ -396,11 +411,14 @@ fn summary(d: &Diagnosis) -> String {
         .take(2)
         .map(|r| format!("{}.", verdict_told::sentence(r)));
     let decimals = verdict_told::decimals(d, &d.verdict.rows);
-    let falls = format!(
-        "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
-         modelled.",
-        d.baseline.holdout_rms_mm, d.after.holdout_rms_mm
-    );
+    let [before, after] = [d.baseline.holdout_rms_mm, d.after.holdout_rms_mm].map(|mm| format!("{mm:.decimals$}"));
+    let falls = if before == after {
+        format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.")
+    } else {
+        format!(
+            "The error at poses that the fit did not see falls from {before} to {after} mm rms once everything below is modelled."
+        )
+    };
     claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
 }
 
@@ -411,7 +429,8 @@ fn blind_to(d: &Diagnosis) -> Section {
         vec![
             format!("{} ({})", b.effect.effect().title, b.effect),
             b.site.to_string(),
-            format!("{:.2}", b.lambda),
+            // what was not asked has no size
+            if b.lacks.is_some() { "-".into() } else { format!("{:.2}", b.lambda) },
             b.lacks.clone().unwrap_or_default(),
         ]
     }));

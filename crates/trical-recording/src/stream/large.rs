@@ -117,3 +117,31 @@ fn write_as_csv(recording: &Path, csv: &Path, joints: usize) -> Result<()> {
     each(&mut |row| out.write(row).map_err(RecordError::Scratch))?;
     out.finish().map_err(RecordError::Scratch)
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_copy_of_a_recording_is_not_read_in_passes_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows: String = (0..50).map(|k| format!("{k},0,1,{k},0,0\n")).collect();
+        let file = |name: &str, rows: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, format!("q1_deg,q2_deg,target,x_mm,y_mm,z_mm\n{rows}")).unwrap();
+            path
+        };
+        let (a, copy, other) = (file("a.csv", &rows), file("b.csv", &rows), file("c.csv", &rows.replace("7,0", "6,0")));
+        let told = |files: &[&PathBuf]| {
+            let files: Vec<PathBuf> = files.iter().map(|f| (*f).clone()).collect();
+            open_large(&files, 2, true, true).map(|_| ()).map_err(|e| e.to_string())
+        };
+        assert_eq!(told(&[&a, &other]), Ok(()));
+        let error = told(&[&a, &other, &copy]).unwrap_err();
+        assert!(
+            error.ends_with("a.csv; expected each recording once") && error.contains("b.csv: holds the same"),
+            "{error}"
+        );
+    }
+}

@@ -32,10 +32,13 @@ const RIVALS: usize = 3;
 
 fn rivals(f: &Finding) -> String {
     let named = |r: &Rival| verdict::named(r.effect, r.site).to_lowercase();
-    // other forms of the effect itself have its name
-    let own = verdict::named(f.effect, f.site).to_lowercase();
+    first_of(f.rivals.iter().map(named), &verdict::named(f.effect, f.site).to_lowercase())
+}
+
+/// The first of some names, each once; other forms of the effect itself have its `own` name, and tell nothing.
+fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     let mut others: Vec<String> = Vec::new();
-    for name in f.rivals.iter().map(named).filter(|name| *name != own) {
+    for name in names.filter(|name| name != own) {
         if !others.contains(&name) {
             others.push(name);
         }
@@ -44,6 +47,27 @@ fn rivals(f: &Finding) -> String {
     others.truncate(RIVALS);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     others.join(", ") + &more
+}
+
+/// What the whole model does to the error (mm rms) at poses that the fit did not see.
+fn whole(before: f64, after: f64, decimals: usize) -> String {
+    let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
+    if before == after {
+        return format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.");
+    }
+    format!(
+        "The error at poses that the fit did not see falls from {before} to {after} mm rms once everything below is modelled."
+    )
+}
+
+/// What a search or a curve without a name does to the error (mm rms) at unseen poses.
+fn alone(how: &str, before: f64, after: f64) -> String {
+    if after < before {
+        return format!("{how} lowers the error at unseen poses from {before:.4} to {after:.4} mm rms.");
+    }
+    format!(
+        "{how} explains it here, but not at unseen poses: there the error is {after:.4} mm rms with it, {before:.4} without."
+    )
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -361,11 +385,19 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
             let figures = if u.curve.is_empty() {
                 Vec::new()
             } else {
-                let beside = if u.region.contains(", with ") { format!(", {} in the middle of its range", u.site) } else { String::new() };
+                let beside = if u.region.contains(", with ") {
+                    format!(", {} in the middle of its range", u.site)
+                } else {
+                    String::new()
+                };
                 vec![Figure {
                     caption: format!("The curve that was fitted{beside}."),
                     svg: plots::scatter(
-                        &format!("{}, {}", verdict::variable(&u.variable, &d.model.robot).trim_start_matches("the "), u.curve_units.0),
+                        &format!(
+                            "{}, {}",
+                            verdict::variable(&u.variable, &d.model.robot).trim_start_matches("the "),
+                            u.curve_units.0
+                        ),
                         &format!("correction, {}", u.curve_units.1),
                         false,
                         true,
@@ -374,12 +406,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 }]
             };
             let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
-            let (before, after) = (u.holdout_rms_before_mm, u.holdout_rms_after_mm);
-            let lowers = if after < before {
-                format!("{how} lowers the error at unseen poses from {before:.4} to {after:.4} mm rms.")
-            } else {
-                format!("{how} explains it here, but not at unseen poses: there the error is {after:.4} mm rms with it, {before:.4} without.")
-            };
+            let lowers = alone(how, u.holdout_rms_before_mm, u.holdout_rms_after_mm);
             Ok(Section {
                 heading: format!("No known cause: {}", u.site),
                 text: vec![format!(
@@ -411,14 +438,7 @@ fn summary(d: &Diagnosis) -> String {
         .take(2)
         .map(|r| format!("{}.", verdict_told::sentence(r)));
     let decimals = verdict_told::decimals(d, &d.verdict.rows);
-    let [before, after] = [d.baseline.holdout_rms_mm, d.after.holdout_rms_mm].map(|mm| format!("{mm:.decimals$}"));
-    let falls = if before == after {
-        format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.")
-    } else {
-        format!(
-            "The error at poses that the fit did not see falls from {before} to {after} mm rms once everything below is modelled."
-        )
-    };
+    let falls = whole(d.baseline.holdout_rms_mm, d.after.holdout_rms_mm, decimals);
     claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
 }
 
@@ -501,6 +521,26 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_falls_only_where_it_does() {
+        assert!(whole(0.5, 0.1, 2).contains("falls from 0.50 to 0.10 mm rms"));
+        assert_eq!(
+            whole(2.981, 2.979, 2),
+            "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."
+        );
+        assert!(alone("A free curve", 0.2, 0.1).contains("lowers the error at unseen poses from 0.2000 to 0.1000"));
+        assert!(
+            alone("A free curve", 0.1, 0.2).contains("not at unseen poses: there the error is 0.2000 mm rms with it")
+        );
+    }
+
+    #[test]
+    fn of_what_a_finding_could_also_be_each_is_told_once_and_never_itself() {
+        let names = ["payload", "a", "a", "b", "c", "d"].map(String::from);
+        assert_eq!(first_of(names.into_iter(), "payload"), "a, b, c and 1 more");
+        assert_eq!(first_of(std::iter::once("payload".to_owned()), "payload"), "");
+    }
 
     #[test]
     fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {

@@ -106,7 +106,7 @@ impl Page {
         };
         let ((left, right), (top, bottom)) = (range(0), range(1));
         // of an arm on a long rail the base is drawn whole, too
-        let margin = ((right - left) * 0.06).max(0.16);
+        let margin = ((right - left) * 0.09).max(0.16);
         let (left, right, top, bottom) = (left - margin, right + margin, top - margin, bottom + margin);
         let scale = width / (right - left);
         (Self { camera, scale, left, top }, (bottom - top) * scale)

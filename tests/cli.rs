@@ -494,6 +494,14 @@ fn wrong_input_is_noticed() {
         ["measure", "--guided", "--out", "z.csv", "--gauge", "line:///dev/null", "--controller", "rapid://127.0.0.1:1"];
     place.refuses(&[&measure[..], &CELL_ARGS].concat(), &["--out: found z.csv", "ends in .mcap", "trical convert"]);
     assert!(!place.path("z.csv").exists() && !place.path("z.plan.csv").exists());
+    // another arm
+    place.write("ur10.toml", include_str!("../cells/ur10/robot.toml"));
+    let o = place.run(&["identify", "run.csv", "--robot", "ur10.toml", "--cell", "cell.toml"]);
+    let err = String::from_utf8_lossy(&o.stderr).into_owned();
+    assert!(o.status.code() == Some(1) && err.contains("are robot.toml and cell.toml those of this arm?"), "{err}");
+    assert!(err.contains(" together least: measure more varied poses") && !err.contains(" with beta"), "{err}");
+    // a controller is asked for by its URL
+    place.refuses(&["robot", "ping", "--controller", "192.168.1.10"], &["rapid://192.168.125.1:5000 (a controller)"]);
     // joints in rad: sizes that no arm has
     let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     let joint = |name: &str| (name.starts_with('q') && name.ends_with("_deg")) || name.starts_with("qc");

@@ -27,6 +27,9 @@ const OPEN: usize = 4;
 /// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
 const TURNS: f64 = 5.0;
 
+/// How the label of a sense of motion begins.
+const LAST_MOVE: &str = "last move";
+
 /// Rivals of a finding that are told: the others are worse.
 const RIVALS: usize = 3;
 
@@ -139,7 +142,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };
         return Some((
-            format!("last move of joint {joint}: -1 down, 1 up (points are spread sideways)"),
+            format!("{LAST_MOVE} of joint {joint}: -1 down, 1 up"),
             o.iter().enumerate().map(sense).collect(),
         ));
     }
@@ -147,7 +150,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
             let turn = 360.0 / cycles;
             Some((
-                format!("angle of joint {joint} within a cycle of {turn:.2} deg, deg"),
+                format!("joint {joint} within a {turn:.2} deg cycle, deg"),
                 of(&|s| s.q[joint - 1].to_degrees().rem_euclid(turn)),
             ))
         }
@@ -253,11 +256,13 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         text.push(format!("This data cannot exclude {rivals}. `trical diagnose --next 8` plans touches that decide."));
     }
     let mut figures = finding_figures::figures(f, d)?;
+    let spread =
+        if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
     figures.push(Figure {
-        caption:
-            "Each point is one measurement: its error along the direction in which this effect acts, everything else \
-                      modelled, without this effect and with it."
-                .into(),
+        caption: format!(
+            "Each point is one measurement: its error along the direction in which this effect acts, everything else modelled, without this \
+             effect and with it.{spread}"
+        ),
         svg: plots::scatter(&label, error, false, false, &series)?,
     });
     let folded = number_of > OPEN;

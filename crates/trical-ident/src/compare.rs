@@ -50,6 +50,9 @@ const LARGEST_DEG: f64 = 2.0;
 /// A calibration that leaves so many times the usual noise of the instrument lacks something.
 const UNUSUAL: f64 = 3.0;
 
+/// A mean error of the new touches beyond so many times what the calibration left is no such lack.
+const BEYOND: f64 = 10.0;
+
 /// Most changes that are looked for.
 const CHANGES: usize = 4;
 
@@ -579,7 +582,7 @@ fn usual_mm(data: &Dataset) -> Option<f64> {
 /// What makes a change less sure than its number says: errors of the arm that the calibration lacks differ from pose to pose.
 fn doubt(c: &Comparison, usual_mm: Option<f64>) -> Option<String> {
     let left = c.noise_mm;
-    let much = usual_mm.is_some_and(|usual| left > UNUSUAL * usual);
+    let much = usual_mm.is_some_and(|usual| left > UNUSUAL * usual) && c.mean_mm < BEYOND * left;
     (much && !c.changes.is_empty()).then(|| {
         format!(
             "But the calibration itself left {left:.3} mm in each coordinate, more than the instrument's noise: an error of the arm that it \

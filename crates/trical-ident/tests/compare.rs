@@ -90,13 +90,17 @@ fn a_lost_joint_zero_a_new_tool_and_a_carried_plate_are_told_apart_with_their_si
 #[test]
 fn a_change_beside_a_calibration_that_left_much_is_told_with_that() {
     let truth = truth();
-    let change = Some((Site::Joint { joint: 2 }, 0.3_f64.to_radians()));
-    let c = compared(&truth, &calibrated_with(&truth, 8.0 * NOISE), change);
+    let change = Some((Site::Joint { joint: 2 }, 0.06_f64.to_radians()));
+    let rough = calibrated_with(&truth, 8.0 * NOISE);
+    let c = compared(&truth, &rough, change);
     assert!(
         c.summary.contains("But the calibration itself left 0.0") && c.summary.contains("can look like such a change"),
         "{}",
         c.summary
     );
+    // not beside one that is far larger than that
+    let c = compared(&truth, &rough, Some((Site::Joint { joint: 2 }, 1.5_f64.to_radians())));
+    assert!(!c.changes.is_empty() && !c.summary.contains("itself left"), "{}", c.summary);
     let c = compared(&truth, &calibrated(&truth), change);
     assert!(!c.changes.is_empty() && !c.summary.contains("itself left"), "{}", c.summary);
 }

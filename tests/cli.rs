@@ -77,6 +77,9 @@ fn the_demo_finds_what_is_concealed_in_its_arm_and_the_seal_says_the_same() {
         assert!(mean("program", "after") < 0.02 && mean("program", "before") > 0.3, "{story}");
         assert_eq!(story["verdict"]["rows"][1]["text"], sealed.as_str());
     }
+    // the way out of one of its touches is curved: the stems follow it, though they begin slowly
+    place.good(&words("demo --out demo --seed 5 --conceal none"));
+    place.good(&words("demo --out demo --seed 5"));
     let text = place.good(&words("demo --out demo --seed 2"));
     assert!(text.lines().count() < 40 && text.contains("The seal is broken"), "{text}");
     assert!(place.path("demo/improved.toml").exists());
@@ -359,6 +362,47 @@ fn wrong_input_is_noticed() {
     // the same recording twice, whatever it is called
     place.write("again.csv", &text);
     place.refuses(&in_cell("identify run.csv again.csv"), &["again.csv", "same measurements", "run.csv"]);
+    // so is one that is joined with itself, and another in which it is; they are compared and validated alike
+    place.write("later.csv", text.lines().take(20).map(|l| format!("{l}\n")).collect::<String>());
+    let all = "later.csv: 19 of its 19 measurements are in run.csv too";
+    place.refuses(&in_cell("identify run.csv later.csv"), &[all]);
+    let without_time = |line: &str| line.split(',').skip(2).collect::<Vec<_>>().join(",") + "\n";
+    let rows: String = text.lines().skip(1).map(without_time).collect();
+    let header = without_time(text.lines().next().unwrap());
+    assert!(header.starts_with("q1_deg"), "{header}");
+    place.write("twice.csv", format!("{header}{rows}{rows}"));
+    for command in ["identify", "diagnose"] {
+        let args = format!("{command} twice.csv");
+        place.refuses(&in_cell(&args), &["twice.csv: rows 46 to 90 hold the same measurements as rows 1 to 45"]);
+    }
+    place.good(&in_cell("identify run.csv --out m.toml"));
+    let other = text.replace("0.00", "0.01");
+    place.write("b.csv", &other);
+    place.write("c.csv", &other);
+    place.refuses(&words("compare m.toml b.csv c.csv"), &["c.csv", "same measurements as b.csv"]);
+    std::fs::create_dir(place.path("days")).unwrap();
+    for name in ["b.csv", "c.csv"] {
+        std::fs::copy(place.path(name), place.path("days").join(name)).unwrap();
+    }
+    place.refuses(&words("history days --model m.toml"), &["c.csv", "same measurements as"]);
+    // files that are no recordings
+    place.write("sheet.xlsx", "PK\u{3}\u{4}xl/workbook.xml");
+    place.refuses(&identify("sheet.xlsx"), &["sheet.xlsx: is a spreadsheet", "save the sheet as CSV"]);
+    place.refuses(&identify("m.toml"), &["m.toml: is a TOML file", "expected a recording"]);
+    place.write("short.csv", text.replacen("q1_deg", "q1", 1));
+    place.refuses(&identify("short.csv"), &["unknown column 'q1' (q1_deg?)"]);
+    // measurements are written one by one, in a format for that
+    let measure = "measure --guided --out z.csv --gauge line:///dev/null --controller rapid://127.0.0.1:1";
+    place.refuses(&in_cell(measure), &["--out: found z.csv", "ends in .mcap", "trical convert"]);
+    assert!(!place.path("z.csv").exists() && !place.path("z.plan.csv").exists());
+    // another arm
+    place.write("ur10.toml", include_str!("../cells/ur10/robot.toml"));
+    let o = place.run(&words("identify run.csv --robot ur10.toml --cell cell.toml"));
+    let err = errors(&o);
+    assert!(o.status.code() == Some(1) && err.contains("are robot.toml and cell.toml those of this arm?"), "{err}");
+    assert!(err.contains(" together least: measure more varied poses") && !err.contains(" with beta"), "{err}");
+    // a controller is asked for by its URL
+    place.refuses(&words("robot ping --controller 192.168.1.10"), &["rapid://192.168.125.1:5000 (a controller)"]);
     // joints in rad: sizes that no arm has
     let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     let joint = |name: &str| (name.starts_with('q') && name.ends_with("_deg")) || name.starts_with("qc");

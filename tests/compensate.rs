@@ -62,6 +62,11 @@ fn programs_are_rewritten_checked_and_refused() {
     text.truncate(text.len() - 1);
     p.write("latin.mod", &text);
     p.rewritten("latin.mod", &["--out", "latin.new.mod"]);
+    // a name that says another language
+    let o = p.compensate("sample.mod", &["--out", "out.src"]);
+    let err = errors(&o);
+    assert!(o.status.code() == Some(2) && err.contains("--out: found out.src, as krl programs are named"), "{err}");
+    assert!(err.contains("sample.mod is rapid and stays so") && !p.path("out.src").exists(), "{err}");
     assert!(p.bytes("latin.new.mod").windows(7).any(|w| w == b"Gr\xfc\xfce\n "));
 
     // a look without a file; another dialect than the extension says

@@ -25,6 +25,11 @@ fn demo() -> Place {
     place
 }
 
+/// A page with plain blanks where lines must not end, so that words are found.
+fn text_of(page: &Path) -> String {
+    std::fs::read_to_string(page).unwrap().replace('\u{a0}', " ").replace("<wbr>", "")
+}
+
 fn chromium() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome", "chrome"]
         .into_iter()
@@ -120,7 +125,7 @@ fn drawn(page: &Path) -> Option<usize> {
 
 /// Nothing is loaded from anywhere, and the last section names command and inputs.
 fn self_contained(page: &Path, inputs: &[&str]) -> String {
-    let html = std::fs::read_to_string(page).unwrap();
+    let html = text_of(page);
     let without_names = html
         .replace("xmlns=\"http://www.w3.org/2000/svg\"", "")
         .replace("/*! https://github.com/leeoniya/uPlot (v1.6.32) */", "");
@@ -140,6 +145,29 @@ fn self_contained(page: &Path, inputs: &[&str]) -> String {
         }
     }
     html
+}
+
+#[test]
+fn pages_and_models_have_names_that_say_so_and_a_file_each() {
+    let place = demo();
+    let refused = |command: &str, words: &[&str]| {
+        let o = place.run(&in_cell(command));
+        let err = errors(&o);
+        assert!(o.status.code() == Some(2) && err.trim().lines().count() == 1, "{command}: {err}");
+        words.iter().for_each(|w| assert!(err.contains(w), "{command}: {w}: {err}"));
+    };
+    refused("identify run.csv --report a.pdf", &["--report: found a.pdf", "ends in .html", "as PDF"]);
+    refused("diagnose run.csv --out a.urdf", &["--out: found a.urdf", "ends in .toml"]);
+    let both = "identify run.csv --report a.html --certificate a.html";
+    refused(both, &["--certificate: found a.html, which --report names, too"]);
+    let validate = "validate run.csv --model calibrated.toml --certificate c.pdf";
+    refused(validate, &["--certificate: found c.pdf", "ends in .html"]);
+    assert!(!place.path("a.pdf").exists() && !place.path("a.html").exists());
+    let map = errors(&place.run(&words("export --model calibrated.toml --error-map map.html")));
+    assert!(map.contains("--error-map: found map.html, expected a name that ends in .csv"), "{map}");
+    // numbers on axes do not follow the language of the browser
+    place.good(&in_cell("identify run.csv --report a.HTML"));
+    assert_eq!(text_of(&place.path("a.HTML")).matches("values: ticks").count(), 2);
 }
 
 fn verdict(html: &str) -> &str {
@@ -192,10 +220,10 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     }
     // the same to the byte
     place.good(&identify);
-    assert_eq!(html, place.text("i.html"));
+    assert_eq!(html, text_of(&place.path("i.html")));
 
     let json = place.json(&[&identify[..], &["--cross-validate", "5"]].concat());
-    let html = place.text("i.html");
+    let html = text_of(&place.path("i.html"));
     let said = verdict(&html);
     assert!(said.contains("did not use") && said.contains(&mm(&json["cross_validation"]["mean_mm"])), "{said}");
     // the map of errors has the numbers of the export
@@ -227,12 +255,12 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     place.write("other <b>.csv", place.bytes("run.csv"));
     let v = validate("other <b>.csv");
     assert_eq!(v["sessions"][0]["learnt"], 1);
-    let html = place.text("v.html");
+    let html = text_of(&place.path("v.html"));
     assert!(html.contains("The model was fitted to other &lt;b&gt;.csv: these errors") && !html.contains("<b>"));
     // one reading changed by a micrometre, and it is another recording
     changed(&place, "iz_mm", 1e-3, "other <b>.csv");
     assert!(validate("other <b>.csv")["sessions"][0]["learnt"].is_null());
-    let html = place.text("v.html");
+    let html = text_of(&place.path("v.html"));
     assert!(!html.contains("these errors say nothing about other poses"));
     assert!(html.contains("&#x27;other &lt;b&gt;.csv&#x27;"));
 }
@@ -242,7 +270,7 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
     let place = demo();
     let json = place.json(&in_cell("identify run.csv --out out.toml --certificate c.html --json"));
     let mm = |v: &serde_json::Value| format!("{:.3}", v.as_f64().unwrap());
-    let html = place.text("c.html");
+    let html = text_of(&place.path("c.html"));
     // every pose was visited once: AP is the error, RP is not known
     let accuracy = html.split("Pose accuracy AP").nth(1).unwrap().split("</tr>").next().unwrap();
     for number in ["mean_nominal_mm", "max_nominal_mm", "mean_mm", "max_mm"] {
@@ -257,7 +285,7 @@ fn a_certificate_is_one_page_with_the_numbers_of_the_model() {
     }
     let said = place.good(&in_cell("validate run.csv --model out.toml --certificate v.html"));
     assert!(said.contains("The model was fitted to run.csv") && said.contains("Wrote v.html"), "{said}");
-    let html = place.text("v.html");
+    let html = text_of(&place.path("v.html"));
     assert!(html.contains("The model was fitted to run.csv"));
     // one sheet of paper
     let Some(chromium) = chromium() else { return };
@@ -275,12 +303,12 @@ fn what_was_rejected_is_named_in_the_report() {
     let place = demo();
     let line = changed(&place, "q1_deg", 1.5, "bad.csv");
     place.good(&in_cell("identify bad.csv --report i.html"));
-    let html = place.text("i.html");
+    let html = text_of(&place.path("i.html"));
     assert!(html.contains("1 of 45 rows were rejected"), "{}", verdict(&html));
     assert!(html.contains(&format!("<td>bad.csv</td><td>line {line}</td>")));
     // kept, it is told that it was
     place.good(&in_cell("identify bad.csv --report i.html --keep-outliers"));
-    let html = place.text("i.html");
+    let html = text_of(&place.path("i.html"));
     assert!(html.contains("Gross errors were kept") && html.contains("No row was rejected"));
 }
 
@@ -293,7 +321,7 @@ fn reports_of_demo_plan_and_diagnosis_are_drawn_without_a_network() {
     assert!(drawn(&place.path("report.html")).is_none_or(|n| n == 5));
     place.good(&in_cell("diagnose run.mcap --report d.html"));
     self_contained(&place.path("d.html"), &["run.mcap", "robot.toml", "cell.toml"]);
-    let html = place.text("d.html");
+    let html = text_of(&place.path("d.html"));
     assert!(html.contains("before: 31 parameters") && html.contains("<td>c_2</td>"));
     assert!(drawn(&place.path("d.html")).is_none_or(|n| n == 11));
 }

@@ -67,7 +67,9 @@ class Measured:
 
 
 def _output(out: PathLike) -> str:
-    """Refuse a recording in a folder that does not exist, before anything is asked of a device."""
+    """Refuse a recording that is no .mcap or in a folder that does not exist, before anything is asked of a device."""
+    if not os.fspath(out).endswith(".mcap"):
+        raise TricalError(f"out is {os.fspath(out)}, expected a name that ends in .mcap")
     folder = os.path.dirname(os.fspath(out)) or "."
     if not os.path.isdir(folder):
         raise TricalError(f"{os.fspath(out)}: the folder {folder} does not exist")

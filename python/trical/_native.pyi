@@ -36,6 +36,7 @@ __all__ = [
     "_inside",
     "_master",
     "_measure",
+    "_named",
     "_observability",
     "_plan",
     "_ports",
@@ -272,6 +273,8 @@ class Told:
     def finding(self, number: int) -> tuple[str, str, _Floats, _Floats, _Floats]:
         """Return a finding (from 0) against what reveals it: labels of x and errors, x, errors without and with it."""
 
+    def slides(self) -> list[bool]:
+        """Which of these joints slide, (joints,)."""
     def joint_values(self) -> _Floats:
         """Return the joints at each observation that was fitted, (n, joints), rad (m for a joint that slides)."""
 
@@ -396,6 +399,7 @@ def _validate(
 def _history(model: Model, recordings: Sequence[_Path | Rows], joints: str | None, need_mm: float | None) -> str: ...
 def _repeatability(recording: Rows, robot: _Path | Robot | None, cell: _Path | Cell | None, same: float) -> str: ...
 def _effects_json() -> str: ...
+def _named(effect: str, site: str | None) -> str: ...
 def _plan(
     robot: _Path | Robot,
     cell: _Path | Cell,

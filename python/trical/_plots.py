@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from . import _native
 from ._native import TricalError
 
 Floats = npt.NDArray[np.float64]
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ._findings import Finding
+    from ._native import Told
     from ._results import Diagnosis, Plan
 
 
@@ -29,19 +32,26 @@ def _figure(wide: int, high: int = 1) -> tuple[Figure, list[Axes]]:
     return figure, list(np.ravel(figure.subplots(high, wide)))
 
 
+def _name(found: Finding) -> str:
+    """Effect, place and session of a finding, as the reports have it: "Gear ripple at joint 3"."""
+    session = "" if found.session is None else f" in session {found.session}"
+    return _native._named(found.effect, json.dumps(found.site.as_dict())) + session
+
+
 def one_finding(found: Finding, label: str, error: str, x: Floats, without: Floats, with_it: Floats) -> Figure:
     """Errors of each measurement without and with a finding (n,), against the variable x that reveals it."""
     figure, (axes,) = _figure(1)
     axes.plot(x, without, ".", color="tab:red", markersize=4, label="without it")
     axes.plot(x, with_it, ".", color="tab:blue", markersize=4, label="with it")
-    title = f"{found.effect} at {found.site} ({100 * found.confidence:.0f} %)"
+    title = f"{_name(found)} ({100 * found.confidence:.0f} %)"
     axes.set(xlabel=label, ylabel=error, title=title)
     axes.legend(loc="best")
     return figure
 
 
-def by_joint(q: npt.NDArray[np.float64], errors_mm: npt.NDArray[np.float64] | None, names: tuple[str, str]) -> Figure:
-    """Position errors (n, 2) mm against each joint of (n, joints) rad."""
+def by_joint(told: Told, errors_mm: Floats | None, names: tuple[str, str]) -> Figure:
+    """Position errors (n, 2) mm against each joint."""
+    q, slides = told.joint_values(), told.slides()
     if errors_mm is None:
         raise TricalError("the recordings were read in passes: there are no errors one by one to draw")
     figure, panels = _figure(3, -(-q.shape[1] // 3))
@@ -49,11 +59,10 @@ def by_joint(q: npt.NDArray[np.float64], errors_mm: npt.NDArray[np.float64] | No
         if joint >= q.shape[1]:
             axes.set_visible(False)
             continue
+        x, unit = (1e3 * q[:, joint], "mm") if slides[joint] else (np.degrees(q[:, joint]), "deg")
         for column, color in enumerate(("tab:gray", "tab:blue")):
-            axes.plot(
-                np.degrees(q[:, joint]), errors_mm[:, column], ".", color=color, markersize=3, label=names[column]
-            )
-        axes.set(xlabel=f"joint {joint + 1}, deg", ylabel="position error, mm", ylim=(0, None))
+            axes.plot(x, errors_mm[:, column], ".", color=color, markersize=3, label=names[column])
+        axes.set(xlabel=f"joint {joint + 1}, {unit}", ylabel="position error, mm", ylim=(0, None))
     panels[0].legend(loc="best")
     return figure
 
@@ -71,13 +80,14 @@ def plan(p: Plan) -> Figure:
     for b in p.blind_to:
         weakest[b.effect] = min(b.lambda_, weakest.get(b.effect, 3.0))
     names = sorted(weakest, key=lambda name: -weakest[name])
+    titles = [_native._named(name, None) for name in names]
     right.barh(range(len(names)), [weakest[name] for name in names], color="tab:blue", height=0.6)
     right.axvline(3.0, color="tab:red", linestyle=":")
     right.set(
         xlim=(0, 3.2),
         xlabel="lambda at the worst place (3 is just visible)",
         yticks=range(len(names)),
-        yticklabels=names,
+        yticklabels=titles,
     )
     right.set_title("what these touches would not show")
     return figure
@@ -108,7 +118,7 @@ def diagnosis(d: Diagnosis) -> Figure:
     figure, (left, right) = _figure(2)
     _draw_errors(left, d.errors_mm, ("without what was found", "with it"))
     findings = d.findings[::-1]
-    names = [f"{f.effect} at {f.site}" for f in findings]
+    names = [_name(f) for f in findings]
     right.barh(range(len(findings)), [100 * f.confidence for f in findings], color="tab:blue", height=0.6)
     right.set(
         xlim=(0, 100),

@@ -116,7 +116,7 @@ class Identified(Certified):
         """Draw each measurement's position error against every joint, of the nominal arm and identified."""
         from ._plots import by_joint
 
-        return by_joint(self._told().joint_values(), self.errors_mm, ("nominal arm", "identified"))
+        return by_joint(self._told(), self.errors_mm, ("nominal arm", "identified"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -284,7 +284,7 @@ class Diagnosis(Reported):
         """Draw each measurement's position error against every joint, without and with what was found."""
         from ._plots import by_joint
 
-        return by_joint(self._told().joint_values(), self.errors_mm, ("without what was found", "with it"))
+        return by_joint(self._told(), self.errors_mm, ("without what was found", "with it"))
 
 
 @dataclass(frozen=True, repr=False)

@@ -173,12 +173,33 @@ def test_plots_are_figures(
         assert len(out.getvalue()) > 5000
     # the gap of joint 2: without it the errors of both senses lie apart
     (without, with_it) = diagnosis.plot(1).axes[0].lines
-    assert "sense of joint 2" in diagnosis.plot(1).axes[0].get_xlabel()
+    assert "last move of joint 2" in diagnosis.plot(1).axes[0].get_xlabel()
     assert np.std(without.get_ydata()) > 3 * np.std(with_it.get_ydata())
+    # effects by their titles, as in the reports
+    assert diagnosis.plot(1).axes[0].get_title().startswith("Backlash or friction wind-up at joint 2 (")
+    bars = [label.get_text() for label in diagnosis.plot().axes[1].get_yticklabels()]
+    assert bars[-1] == "Backlash or friction wind-up at joint 2"
+    unseen = [label.get_text() for label in plan.plot().axes[1].get_yticklabels()]
+    assert unseen and not [label for label in unseen if "_" in label]
     with pytest.raises(trical.TricalError, match="found no finding 9"):
         diagnosis.plot(9)
     with pytest.raises(trical.TricalError, match="draw it where it was made"):
         pickle.loads(pickle.dumps(diagnosis)).plot(1)
+
+
+def test_a_rail_is_drawn_in_millimetres() -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    from types import SimpleNamespace
+    from typing import Any
+
+    from trical._plots import by_joint
+
+    told: Any = SimpleNamespace(
+        joint_values=lambda: np.array([[0.5, np.pi / 2], [1.5, np.pi]]), slides=lambda: [True, False]
+    )
+    rail, joint = by_joint(told, np.ones((2, 2)), ("before", "after")).axes[:2]
+    assert (rail.get_xlabel(), joint.get_xlabel()) == ("joint 1, mm", "joint 2, deg")
+    assert np.allclose(rail.lines[0].get_xdata(), [500, 1500]) and np.allclose(joint.lines[0].get_xdata(), [90, 180])
 
 
 def test_sizes_and_orders_that_no_arm_has_are_noticed(touches: trical.Recording, tmp_path: Path) -> None:
@@ -225,6 +246,23 @@ def test_recordings_are_joined(touches: trical.Recording) -> None:
         trical.concat([timed, trical.Recording(q=np.zeros((1, 2)), distance=1.0)])
     with pytest.raises(trical.TricalError, match="found no recording"):
         trical.concat([])
+    # joined with itself, it has every measurement twice
+    again = "rows 91 to 180 hold the same measurements as rows 1 to 90; expected each measurement once"
+    for call in (trical.identify, trical.diagnose):
+        with pytest.raises(trical.TricalError, match=again):
+            call(touches + touches, **FILES)
+    with pytest.raises(trical.TricalError, match="holds the same measurements as"):
+        trical.identify([touches, trical.concat([touches], name="copy")], **FILES)
+
+
+def test_an_arm_may_have_one_joint() -> None:
+    turned = np.radians(np.linspace(-90.0, 90.0, 12))
+    circle = np.stack([0.3 * np.cos(turned), 0.3 * np.sin(turned), np.full(12, 0.1)], axis=1)
+    r = trical.Recording(q=turned[:, None], commanded=turned[:, None], position=circle, target=1)
+    assert r.joints == 1 and np.array_equal(r.q, turned[:, None])
+    assert r.commanded is not None and r.commanded.shape == (12, 1)
+    again = pickle.loads(pickle.dumps(r))
+    assert again == r and np.array_equal(again.q, r.q)
 
 
 def test_an_arm_is_compared_with_what_it_was(truth: trical.Model, plan: trical.Plan, fitted: trical.Identified) -> None:

@@ -80,6 +80,12 @@ def test_without_go_nothing_moves(plan: trical.Plan, cell: trical.VirtualCell, t
         trical.measure(plan, tmp_path / "r.mcap", **FILES, gauge="ruler:///dev/x", controller=cell.controller)
 
 
+def test_a_recording_of_measurements_is_an_mcap(plan: trical.Plan, cell: trical.VirtualCell, tmp_path: Path) -> None:
+    with pytest.raises(trical.TricalError, match=r"run\.csv, expected a name that ends in \.mcap"):
+        trical.measure(plan, tmp_path / "run.csv", **FILES, **links(cell), go=True)
+    assert not (tmp_path / "run.csv").exists()
+
+
 class EnoughError(Exception):
     pass
 

@@ -99,6 +99,9 @@ def test_a_report_is_written_where_the_result_was_made(place: Path, tmp_path: Pa
     with pytest.raises(trical.TricalError, match="where it was made"):
         again.report(tmp_path / "fit.html")
     fit.report(tmp_path / "fit.html")
+    for write in (fit.report, fit.certificate):
+        with pytest.raises(trical.TricalError, match=r"fit\.pdf, expected a name that ends in \.html"):
+            write(tmp_path / "fit.pdf")
     with pytest.raises(trical.TricalError, match="nowhere"):
         fit.report(tmp_path / "nowhere" / "fit.html")
 

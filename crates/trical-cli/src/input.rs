@@ -160,6 +160,43 @@ pub fn check_output<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>)
     Ok(())
 }
 
+/// What commands write, by the option that names it: how such names end, and what makes another format of it.
+const FORMATS: [(&str, &[&str], &str); 5] = [
+    ("model", &["toml"], ""),
+    ("page", &["html", "htm"], "; a browser prints it as PDF"),
+    ("error map", &["csv"], ""),
+    ("URDF", &["urdf", "xml"], ""),
+    ("kinematics", &["yaml", "yml"], ""),
+];
+
+/// Refuses outputs whose names say another format than what is written (a name without an ending is taken), or that are one file; each is
+/// given with its option and what it is to hold.
+pub fn check_names<'a>(
+    outputs: impl IntoIterator<Item = (&'static str, &'static str, Option<&'a PathBuf>)>,
+) -> Result<()> {
+    let mut before: Vec<(&str, &Path)> = Vec::new();
+    for (option, what, path) in outputs {
+        let Some(path) = path else { continue };
+        if let (Some((_, endings, else_)), Some(found)) = (FORMATS.iter().find(|f| f.0 == what), path.extension())
+            && !endings.iter().any(|e| found.eq_ignore_ascii_case(e))
+        {
+            return Err(CliError::Input(format!(
+                "{option}: found {}, expected a name that ends in .{}{else_}",
+                path.display(),
+                endings[0]
+            )));
+        }
+        if let Some((other, _)) = before.iter().find(|(_, other)| other == path) {
+            return Err(CliError::Input(format!(
+                "{option}: found {}, which {other} names, too; expected a file for each",
+                path.display()
+            )));
+        }
+        before.push((option, path));
+    }
+    Ok(())
+}
+
 /// Whether a file is a recording, by how it begins.
 fn is_recording(path: &Path) -> bool {
     // no pipe or device, that may wait for ever

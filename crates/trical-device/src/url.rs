@@ -83,7 +83,7 @@ impl DeviceUrl {
         let fail = |problem: String| UrlError { url: without_secrets(text), problem };
         let (scheme, rest) = text
             .split_once("://")
-            .ok_or_else(|| fail("no \"://\" in it; expected scheme://place, e.g. uwave:///dev/ttyUSB0".to_owned()))?;
+            .ok_or_else(|| fail("no \"://\" in it; expected scheme://place, as in uwave:///dev/ttyUSB0 (a gauge) or rapid://192.168.125.1:5000 (a controller)".to_owned()))?;
         let (place, query) = match rest.split_once('?') {
             Some((place, query)) => (place, query),
             None => (rest, ""),

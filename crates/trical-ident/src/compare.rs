@@ -17,6 +17,7 @@ use crate::dataset::{Dataset, JointSource};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
 use crate::model_file::{ModelFile, Uncertainty};
+use crate::noise::Noise;
 use crate::triangle::dot;
 use crate::units::unit;
 use crate::validate::{Refit, adapted};
@@ -45,6 +46,12 @@ const ANOTHER_ARM: (f64, f64) = (1e-2, 100.0);
 /// is seen at all.
 const LARGEST_MM: f64 = 20.0;
 const LARGEST_DEG: f64 = 2.0;
+
+/// A calibration that leaves so many times the usual noise of the instrument lacks something.
+const UNUSUAL: f64 = 3.0;
+
+/// A mean error of the new touches beyond so many times what the calibration left is no such lack.
+const BEYOND: f64 = 10.0;
 
 /// Most changes that are looked for.
 const CHANGES: usize = 4;
@@ -171,6 +178,9 @@ pub fn compare(
     out.noise_mm = uncertainty.noise * 1e3;
     out.temp_c = (!temperatures.is_empty()).then(|| mean(&temperatures));
     out.summary = in_words(&out);
+    if let Some(doubt) = doubt(&out, usual_mm(&adapted.data)) {
+        out.summary += &format!(" {doubt}");
+    }
     let left = out.more_noise * uncertainty.noise;
     if left > ANOTHER_ARM.0 && out.more_noise > ANOTHER_ARM.1 {
         return Err(IdentError::WrongModel(format!(
@@ -561,6 +571,26 @@ fn lambda(limit: f64, rank: usize, share: f64) -> f64 {
 }
 
 /// The verdict in sentences.
+/// Standard deviation of each coordinate, mm, that the instrument usually has; `None` for balls in sockets, whose play depends on the print.
+fn usual_mm(data: &Dataset) -> Option<f64> {
+    let usual = Noise::usual(data.names.len());
+    let each =
+        data.observations.iter().map(|o| (o.state.place.is_none()).then(|| usual.sigma(o.recording, &o.measured, 0)));
+    each.collect::<Option<Vec<f64>>>().map(|all| all.into_iter().fold(0.0, f64::max) * 1e3)
+}
+
+/// What makes a change less sure than its number says: errors of the arm that the calibration lacks differ from pose to pose.
+fn doubt(c: &Comparison, usual_mm: Option<f64>) -> Option<String> {
+    let left = c.noise_mm;
+    let much = usual_mm.is_some_and(|usual| left > UNUSUAL * usual) && c.mean_mm < BEYOND * left;
+    (much && !c.changes.is_empty()).then(|| {
+        format!(
+            "But the calibration itself left {left:.3} mm in each coordinate, more than the instrument's noise: an error of the arm that it \
+             lacks can look like such a change at other poses. Compare with a diagnosed model of the same recording, too."
+        )
+    })
+}
+
 fn in_words(c: &Comparison) -> String {
     let size = |change: &Change| {
         let along: Vec<&Changed> = change.by.iter().filter(|b| b.unit == "mm").collect();

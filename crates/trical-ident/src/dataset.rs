@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use trical_model::{Joints, Measured, Pose, Recording, Row, State};
 
 use crate::error::{IdentError, Result};
+use crate::repeated::refuse_repeated;
 use crate::rigid::{median, rigid_from_points};
 
 /// Which joint angles the model is to believe.
@@ -125,6 +126,7 @@ impl Dataset {
         let Some(first) = recordings.first() else {
             return Err(IdentError::NotEnough("no recording was given".into()));
         };
+        refuse_repeated(recordings)?;
         let mut this = Self {
             names: recordings.iter().map(|r| r.name.clone()).collect(),
             fingerprints: recordings.iter().map(fingerprint).collect(),
@@ -137,7 +139,6 @@ impl Dataset {
             joints,
             dof: first.joints,
         };
-        this.refuse_twice()?;
         let mut row = 0;
         for (index, recording) in recordings.iter().enumerate() {
             if recording.joints != this.dof {
@@ -171,21 +172,6 @@ impl Dataset {
             )));
         }
         Ok(this)
-    }
-
-    fn refuse_twice(&self) -> Result<()> {
-        for (k, print) in self.fingerprints.iter().enumerate() {
-            if let Some(same) = self.fingerprints[..k].iter().position(|p| p == print) {
-                return Err(IdentError::File {
-                    file: self.names[k].clone(),
-                    problem: format!(
-                        "holds the same measurements as {}; expected each recording once",
-                        self.names[same]
-                    ),
-                });
-            }
-        }
-        Ok(())
     }
 
     /// Adds the observations of one recording, whose rows come behind `before` others. Its references are returned, each with its pose.

@@ -9,6 +9,7 @@ use crate::dataset::JointSource;
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
+use crate::repeated::refuse_repeated;
 use crate::validate::adapted;
 
 /// Errors over sessions as a straight line.
@@ -64,6 +65,7 @@ pub fn history(
     joints: Option<JointSource>,
     need_mm: Option<f64>,
 ) -> Result<History> {
+    refuse_repeated(recordings)?;
     let is_later = |r: &&Recording| file.session_of(&crate::dataset::fingerprint(r)).is_none();
     let (later, own): (Vec<&Recording>, Vec<&Recording>) = recordings.iter().partition(is_later);
     let sessions = later.into_iter().map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;

@@ -313,12 +313,13 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
         let weak = weakest_direction(&r, &names, 1.0).unwrap_or_default();
         return Err(IdentError::NotConverged(
             format!(
-                "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? These measurements determine {} least: measure more varied poses, or identify fewer parameters",
+                "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? These measurements determine {}{} least: measure more varied poses, or identify fewer parameters",
                 report.iterations,
                 if report.ended == Ended::Stuck { " where no step helped" } else { "" },
                 report.gradient,
                 if in_radians(data) { ", and the joint angles in deg (none is beyond 6.3)" } else { "" },
-                weak.join(" with "),
+                weak.join(", "),
+                if weak.len() > 1 { " together" } else { "" },
             ) + &beyond_limits(&forward.model().robot, data).map_or_else(String::new, |said| format!("; {said}")),
         ));
     }

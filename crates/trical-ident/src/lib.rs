@@ -12,6 +12,7 @@
 //! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |
 //! | [`follow`] | indicators that read the same whatever the arm does |
+//! | [`repeated`] | measurements that were given twice |
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`], [`predicted`] | a model on data that it was not fitted to; how far off it says that it may be |
@@ -45,6 +46,7 @@ mod normal;
 mod optional;
 pub mod predicted;
 pub mod repeatability;
+pub mod repeated;
 pub mod rigid;
 mod sample;
 pub mod simulate;
@@ -76,6 +78,7 @@ pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
 pub use predicted::{Expected, Predicted};
 pub use repeatability::{Repeatability, repeatability};
+pub use repeated::refuse_repeated;
 pub use simulate::{Aim, Scatter, simulate};
 pub use stream::{Streamed, identify_stream};
 pub use torque_load::{TorqueLoad, torque_loads};

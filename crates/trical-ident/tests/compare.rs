@@ -16,7 +16,11 @@ fn truth() -> Model {
 
 /// The arm's calibration from 90 touches, as its file has it.
 fn calibrated(truth: &Model) -> ModelFile {
-    let old = Recording { name: "old.csv".into(), ..arm::touch(truth, 90, NOISE, 1) };
+    calibrated_with(truth, NOISE)
+}
+
+fn calibrated_with(truth: &Model, noise: f64) -> ModelFile {
+    let old = Recording { name: "old.csv".into(), ..arm::touch(truth, 90, noise, 1) };
     let c =
         calibrate(&truth.robot, &truth.cell, &[old], &Options::new(ParameterSet::Compliance), &Task::silent()).unwrap();
     let text = ModelFile::of_fit(&c.fitted).to_toml().unwrap();
@@ -80,6 +84,25 @@ fn a_lost_joint_zero_a_new_tool_and_a_carried_plate_are_told_apart_with_their_si
     assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "tool"));
     let c = compared(&truth, &file, Some((Site::Base(Motion::Along(Axis::Y)), 5e-4)));
     assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "base"));
+}
+
+/// What such a calibration lacks of the arm would differ from pose to pose, and look like a change.
+#[test]
+fn a_change_beside_a_calibration_that_left_much_is_told_with_that() {
+    let truth = truth();
+    let change = Some((Site::Joint { joint: 2 }, 0.06_f64.to_radians()));
+    let rough = calibrated_with(&truth, 8.0 * NOISE);
+    let c = compared(&truth, &rough, change);
+    assert!(
+        c.summary.contains("But the calibration itself left 0.0") && c.summary.contains("can look like such a change"),
+        "{}",
+        c.summary
+    );
+    // not beside one that is far larger than that
+    let c = compared(&truth, &rough, Some((Site::Joint { joint: 2 }, 1.5_f64.to_radians())));
+    assert!(!c.changes.is_empty() && !c.summary.contains("itself left"), "{}", c.summary);
+    let c = compared(&truth, &calibrated(&truth), change);
+    assert!(!c.changes.is_empty() && !c.summary.contains("itself left"), "{}", c.summary);
 }
 
 #[test]

@@ -7,13 +7,13 @@ use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 use trical_diagnose::effects::EFFECTS;
-use trical_diagnose::{Diagnosis, diagnose_recordings};
+use trical_diagnose::{Diagnosis, EffectId, diagnose_recordings, verdict};
 use trical_ident::fit::position_errors;
 use trical_ident::{
     Calibration, Choice, KnownParameters, ModelFile, Options, Refit, ToolSharing, calibrate, calibrate_stream, history,
     repeatability, validate,
 };
-use trical_model::{Cell, Forward, Robot, Task};
+use trical_model::{Cell, Forward, MAX_JOINTS, Place, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
@@ -262,6 +262,26 @@ pub fn _repeatability(
         let cell = cell.map(|c| c.read()).transpose()?;
         Ok(serde_json::to_string(&repeatability(&recording, robot, cell, same)?)?)
     })
+}
+
+/// An effect at a place in words, as the reports have it: "Gear ripple at joint 3"; an effect alone without a place.
+#[pyfunction]
+pub fn _named(effect: &str, site: Option<&str>) -> Result<String> {
+    let title = verdict::capital(&verdict::title_of(effect));
+    let (Some(id), Some(site)) = (EffectId::named(effect), site) else { return Ok(title) };
+    let site: Value = serde_json::from_str(site)?;
+    let wanted = |place: &Place| serde_json::to_value(place).is_ok_and(|known| known == site);
+    Ok(places().find(wanted).map_or(title, |place| verdict::named(id, place)))
+}
+
+/// All places that a finding may be at.
+fn places() -> impl Iterator<Item = Place> {
+    use Place::{All, Anchor, Axis, Ball, Base, Coupling, Fixture, Frame, Joint, Joints, Link, Links, Target, Tool};
+    let numbered = (1..=64).flat_map(|n| [Joint(n), Link(n), Target(n), Ball(n), Anchor(n), Frame(Some(n))]);
+    let coupled = (1..=MAX_JOINTS).flat_map(|joint| (1..=MAX_JOINTS).map(move |from| Coupling { joint, from }));
+    let axes = trical_model::Axis::ALL.map(Axis);
+    let whole = [Joints, Links, Base, Tool, Fixture, Frame(None), All];
+    whole.into_iter().chain(axes).chain(numbered).chain(coupled)
 }
 
 /// The catalogue of effects as JSON text.

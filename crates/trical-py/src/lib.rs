@@ -65,6 +65,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(fits::_history, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_repeatability, m)?)?;
     m.add_function(wrap_pyfunction!(fits::_effects_json, m)?)?;
+    m.add_function(wrap_pyfunction!(fits::_named, m)?)?;
     m.add_function(wrap_pyfunction!(compensate::_compensate, m)?)?;
     m.add_function(wrap_pyfunction!(designs::_plan, m)?)?;
     m.add_function(wrap_pyfunction!(designs::_poses, m)?)?;

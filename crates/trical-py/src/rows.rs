@@ -76,7 +76,8 @@ impl Column {
         let view = array.as_array();
         let shape = view.shape();
         let whole: &[usize] = if width == 1 { &[n] } else { &[n, width] };
-        let data: Vec<f64> = if shape == whole {
+        // of an arm with one joint
+        let data: Vec<f64> = if shape == whole || shape == [n, width] {
             view.iter().copied().collect()
         } else if (width == 1 && shape.is_empty()) || (width > 1 && shape == [width]) {
             let row: Vec<f64> = view.iter().copied().collect();

@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use trical_diagnose::Diagnosis;
 use trical_ident::{Calibration, JointSource, ModelFile, Validation, write_whole};
-use trical_model::{Cell, Robot};
+use trical_model::{Cell, JointKind, Robot};
 use trical_report::study::Study;
 use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
 
@@ -37,6 +37,18 @@ impl Kept {
             Self::Planned(p) => plan_report::render(&p.0, &p.1, &p.2, &made),
             Self::Studied(s) => s.html(&made),
         }
+    }
+}
+
+/// Refuses a page whose name says another format.
+fn page(path: &Path) -> Result<()> {
+    match path.extension() {
+        Some(found) if !["html", "htm"].iter().any(|e| found.eq_ignore_ascii_case(e)) => Err(bad(format!(
+            "path is {}, expected a name that ends in .html; a browser prints it as PDF",
+            path.display()
+        ))
+        .into()),
+        _ => Ok(()),
     }
 }
 
@@ -72,8 +84,19 @@ impl PyTold {
         Ok(Array2::from_shape_fn((o.len(), dof), |(k, j)| o[k].state.q[j]).into_pyarray(py))
     }
 
+    /// Which of these joints slide, (joints,).
+    fn slides(&self) -> Result<Vec<bool>> {
+        let robot = match &self.0 {
+            Kept::Fitted(f) => &f.fitted.model.robot,
+            Kept::Diagnosed(d) => &d.0.model.robot,
+            _ => return Err(bad("expected an identification or a diagnosis").into()),
+        };
+        Ok(robot.joints.iter().map(|j| j.kind == JointKind::Prismatic).collect())
+    }
+
     /// Writes the certificate of a calibration or a validation: one page, made by `call` from `inputs`.
     fn certify(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
+        page(&path)?;
         long(py, None, |_| -> Result<()> {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let made = Made::by(call, &inputs);
@@ -89,6 +112,7 @@ impl PyTold {
 
     /// Writes the report: one HTML file, whole or not at all, that says it was made by `call` from `inputs`.
     fn write(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
+        page(&path)?;
         long(py, None, |_| -> Result<()> {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let html = self.0.html(Made::by(call, &inputs))?;

@@ -503,6 +503,13 @@ pub fn find(name: &str) -> Option<(&'static Column, usize, Unit)> {
     })
 }
 
+/// What may have been meant by a name without its unit: " (q1_deg?)"; nothing for any other.
+pub fn meant(name: &str) -> String {
+    let ends = ["deg", "mm", "s", "nm", "c", "kg"];
+    let whole = ends.iter().map(|unit| format!("{name}_{unit}")).find(|whole| find(whole).is_some());
+    whole.map_or_else(String::new, |whole| format!(" ({whole}?)"))
+}
+
 /// Whether columns of these names are those of a recording: all that every row needs, all that one kind of measurement needs, and none
 /// that is unknown.
 pub fn is_recording<'a>(names: impl Iterator<Item = &'a str>) -> bool {

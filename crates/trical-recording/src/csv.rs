@@ -87,7 +87,7 @@ impl Reader<'_> {
             .header
             .iter()
             .filter(|n| columns::find(n).is_none())
-            .map(|n| format!("'{}'", shortened(n, 60)))
+            .map(|n| format!("'{}'{}", shortened(n, 60), columns::meant(n)))
             .collect();
         if !unknown.is_empty() {
             let (s, known) = (if unknown.len() > 1 { "s" } else { "" }, columns::known());

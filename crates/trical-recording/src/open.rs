@@ -63,6 +63,33 @@ fn not_sqlite(path: &Path) -> Result<()> {
 const CONVERT: &str = "is a ROS 2 bag in sqlite3; expected MCAP: ros2 bag convert -i BAG -o out.yaml, with out.yaml = \
                        {output_bags: [{uri: converted, storage_id: mcap, all_topics: true}]}";
 
+/// Files of other kinds, by how they begin or end, and what a person does with them.
+fn no_recording(path: &Path) -> Option<&'static str> {
+    let mut head = [0; 4];
+    let begins = path.is_file() && std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut head)).is_ok();
+    match head {
+        [b'P', b'K', 3, 4] if begins => {
+            return Some("is a spreadsheet or another ZIP file, expected a recording: save the sheet as CSV");
+        }
+        [0xd0, 0xcf, 0x11, 0xe0] if begins => {
+            return Some("is a spreadsheet, expected a recording: save the sheet as CSV");
+        }
+        [0x1f, 0x8b, ..] | [0x28, 0xb5, 0x2f, 0xfd] if begins => {
+            return Some("is compressed, expected a recording: unpack it first");
+        }
+        [b'%', b'P', b'D', b'F'] if begins => return Some("is a PDF, expected a recording (CSV or MCAP)"),
+        _ => {}
+    }
+    let ends = |with: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(with));
+    if ends("toml") {
+        Some("is a TOML file, as robots, cells and models are, expected a recording (CSV or MCAP)")
+    } else if ["urdf", "xacro", "xml"].into_iter().any(ends) {
+        Some("is an XML file, as robots are, expected a recording (CSV or MCAP)")
+    } else {
+        None
+    }
+}
+
 /// Number of joints by a CSV's header, the last that it has; 1 where it has none: the reader says what is missing.
 fn joints_of_csv(path: &Path) -> Result<usize> {
     let mut line = Vec::new();
@@ -107,6 +134,9 @@ pub fn open(path: &Path, joints: Option<usize>) -> Result<Recording> {
 /// As [`open`]; a damaged MCAP without a complete measurement.
 pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Option<String>)> {
     if !is_mcap(path)? {
+        if let Some(problem) = no_recording(path) {
+            return Err(RecordError::File { file: path.display().to_string(), problem: problem.to_owned() });
+        }
         let joints = joints.map_or_else(|| joints_of_csv(path), Ok)?;
         return Ok((load_csv(path, joints)?, None));
     }

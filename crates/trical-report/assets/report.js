@@ -1,7 +1,10 @@
 // Draws the plots of a report with uPlot over their static pictures; print and a browser without scripts keep those.
 (() => {
   "use strict";
-  const round = (v) => (v == null ? "" : Number(v.toPrecision(4)).toString());
+  // five digits, as the data has them
+  const round = (v) => (v == null ? "" : String(Number(v.toPrecision(5))));
+  // a point for decimals and nothing between thousands, as in the tables, whatever the language of the browser
+  const ticks = (_, all) => all.map((v) => (v == null ? "" : String(Number(v.toPrecision(9)))));
   const make = (holder) => {
     const plot = JSON.parse(holder.querySelector("script").textContent);
     const stage = document.createElement("div");
@@ -36,8 +39,8 @@
         } },
       },
       axes: [
-        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" } },
-        { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: 64 },
+        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" }, values: ticks },
+        { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: 64, values: ticks },
       ],
       // points have no line, whose colour the legend would take
       legend: { markers: { width: 2, stroke: ink, fill: ink } },

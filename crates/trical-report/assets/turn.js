@@ -143,7 +143,9 @@
       g.font = "italic 13px system-ui, sans-serif";
       g.strokeStyle = g.fillStyle = "#1d2733";
       g.lineWidth = 1.6;
-      [["x", [0.1, 0, 0]], ["y", [0, 0.1, 0]], ["z", [0, 0, 0.1]]].forEach(([name, tip]) => {
+      // as long as in the picture for paper
+      const long = Math.max(0.1, 30 / scale);
+      [["x", [long, 0, 0]], ["y", [0, long, 0]], ["z", [0, 0, long]]].forEach(([name, tip]) => {
         path([at([0, 0, 0]), at(tip)], false);
         g.stroke();
         const p = at(tip.map((x) => 1.18 * x));

@@ -7,6 +7,7 @@ use trical_diagnose::Diagnosis;
 use trical_model::{Forward, Place, Pose};
 
 use crate::error::Result;
+use crate::table::wrapped;
 
 /// Colours of lines, and of places where something was found.
 const INK: &str = "#47566a";
@@ -69,8 +70,9 @@ fn dot_of(site: &Place, last: usize) -> Option<usize> {
 pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     const WIDE: f64 = 600.0;
     const HIGH: f64 = 360.0;
-    // of the list beside the arm
+    // of the list beside the arm, and what fits into a line of it
     const LIST: f64 = 330.0;
+    const LETTERS: usize = 50;
     let mut flat = from_the_side(&places(d)?);
     move_apart(&mut flat);
     let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
@@ -117,11 +119,17 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
             y + below
         );
     }
-    for (k, heading) in headings.iter().enumerate() {
-        let short = format!("{}. {heading}", k + 1);
+    // a long heading goes on in a second line
+    let told = headings.iter().enumerate().map(|(k, heading)| format!("{}. {heading}", k + 1));
+    let more = d.findings.len().saturating_sub(headings.len());
+    let told = told.chain((more > 0).then(|| format!("and {more} more, in the table")));
+    let lines: Vec<String> = told.flat_map(|text| wrapped(&text, LETTERS, "")).collect();
+    #[expect(clippy::cast_precision_loss, reason = "a small count")]
+    let step = (HIGH - 50.0) / (lines.len() as f64).max(14.0);
+    for (k, line) in lines.iter().enumerate() {
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
-        let y = 30.0 + 22.0 * k as f64;
-        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{short}</text>", WIDE - LIST);
+        let y = 30.0 + step * k as f64;
+        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{line}</text>", WIDE - LIST);
     }
     svg += "</svg>";
     Ok(svg)

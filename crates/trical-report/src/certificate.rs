@@ -1,14 +1,14 @@
 //! One page to print and sign: what an arm did before and after calibration, by the formulas of ISO 9283.
 
-use minijinja::{Environment, context};
+use minijinja::context;
 use sha2::{Digest, Sha256};
 use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
-use trical_ident::{Calibration, Dataset, ModelFile, Validation};
-use trical_model::Model;
+use trical_ident::{Calibration, Dataset, ModelFile, Observation, Validation};
+use trical_model::{Measured, Model};
 
 use crate::error::{Error, Result};
 use crate::evidence::{row, where_measured};
-use crate::page::Made;
+use crate::page::{self, Made};
 
 /// To be filled in by hand.
 const BY_HAND: &str = "________________________";
@@ -71,7 +71,12 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
 }
 
 fn instrument(data: &Dataset) -> String {
-    let mut kinds: Vec<&str> = data.observations.iter().map(|o| o.measured.instrument()).collect();
+    // a ball that is laid into sockets has no indicators
+    let laid = |o: &Observation| {
+        matches!(o.measured, Measured::Touch { reading: [0.0, 0.0, 0.0], .. }) && o.state.place.is_some()
+    };
+    let named = |o: &Observation| if laid(o) { "a ball in sockets, guided by hand" } else { o.measured.instrument() };
+    let mut kinds: Vec<&str> = data.observations.iter().map(named).collect();
     kinds.sort_unstable();
     kinds.dedup();
     format!("{}, no. {BY_HAND}", kinds.join(", "))
@@ -134,8 +139,9 @@ fn render(
     notes.push(format!(
         "AP, RP and AD by the formulas of ISO 9283: AP is the distance from the commanded place to the mean of those attained, RP the mean \
          distance from that mean and three standard deviations, AD the difference between distances attained and commanded of \
-         neighbouring poses. The standard asks for five poses of 30 visits; here {} poses were visited {visits} each{}.",
+         neighbouring poses. The standard asks for five poses of 30 visits; here {} {} visited {visits} each{}.",
         told.poses,
+        if told.poses == after.data.used_poses().len() { "poses were" } else { "places (each point of the tool at each pose is one) were" },
         if told.repeatability.is_none() { ", so that RP is not known and AP contains it" } else { "" }
     ));
     notes.push(
@@ -168,7 +174,7 @@ fn render(
         mean(after.errors),
         mean(before.errors)
     );
-    let mut env = Environment::new();
+    let mut env = page::environment();
     // the name ends in .html, so that text is escaped
     env.add_template("certificate.html", include_str!("../assets/certificate.html"))
         .and_then(|()| env.get_template("certificate.html"))
@@ -188,7 +194,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::test_data::{arm, data, pose};
-    use trical_model::{Measured, State};
+    use trical_model::State;
 
     #[test]
     fn shares_within_a_limit_and_the_worst_measurement_are_those_of_each_column() {
@@ -206,6 +212,33 @@ mod tests {
         assert_eq!(of("Worst measurement"), ["2.000 (line 2, ball 1)", "0.300 (line 4, ball 1)"]);
         assert_eq!(temperature(&data), "20.0 to 23.0 degC");
         assert!(instrument(&data).starts_with("indicators touching precision balls, no. "));
+        let mut sockets = data.clone();
+        sockets.observations.iter_mut().for_each(|o| o.state.place = Some(0));
+        assert!(instrument(&sockets).starts_with("a ball in sockets, guided by hand, no. "));
+    }
+
+    #[test]
+    fn points_of_a_pose_are_not_counted_as_poses() {
+        let mut model = arm();
+        model.cell.tool.targets = [0.0, 0.05, 0.1].map(|x| nalgebra::Vector3::new(x, 0.0, 0.1)).to_vec();
+        let points =
+            |k: u8| [0, 1, 2].map(|target| (pose(k), Measured::Point { target, position: [0.1, 0.2, f64::from(k)] }));
+        let data = data(&[(0..4).flat_map(points).collect()]);
+        let column = || Column { model: &model, data: &data, errors: &[1e-3; 12] };
+        let page = render(&column(), &column(), 0, None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
+        assert!(page.contains("12 at 4 poses"), "{page}");
+        assert!(
+            page.contains("here 12 places (each point of the tool at each pose is one) were visited once each"),
+            "{page}"
+        );
+        let touches = data_of_touches();
+        let column = || Column { model: &model, data: &touches, errors: &[1e-3; 4] };
+        let page = render(&column(), &column(), 0, None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
+        assert!(page.contains("here 4 poses were visited once each"), "{page}");
+    }
+
+    fn data_of_touches() -> Dataset {
+        data(&[(0..4).map(|k| (pose(k), Measured::Touch { ball: 0, reading: [0.0; 3] })).collect()])
     }
 
     #[test]

@@ -27,14 +27,50 @@ const OPEN: usize = 4;
 /// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
 const TURNS: f64 = 5.0;
 
+/// How the label of a sense of motion begins.
+const LAST_MOVE: &str = "last move";
+
 /// Rivals of a finding that are told: the others are worse.
 const RIVALS: usize = 3;
 
 fn rivals(f: &Finding) -> String {
     let named = |r: &Rival| verdict::named(r.effect, r.site).to_lowercase();
-    let more = f.rivals.len().saturating_sub(RIVALS);
+    first_of(f.rivals.iter().map(named), &verdict::named(f.effect, f.site).to_lowercase())
+}
+
+/// The first of some names, each once; other forms of the effect itself have its `own` name, and tell nothing.
+fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
+    let mut others: Vec<String> = Vec::new();
+    for name in names.filter(|name| name != own) {
+        if !others.contains(&name) {
+            others.push(name);
+        }
+    }
+    let more = others.len().saturating_sub(RIVALS);
+    others.truncate(RIVALS);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    f.rivals.iter().take(RIVALS).map(named).collect::<Vec<_>>().join(", ") + &more
+    others.join(", ") + &more
+}
+
+/// What the whole model does to the error (mm rms) at poses that the fit did not see.
+fn whole(before: f64, after: f64, decimals: usize) -> String {
+    let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
+    if before == after {
+        return format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.");
+    }
+    format!(
+        "The error at poses that the fit did not see falls from {before} to {after} mm rms once everything below is modelled."
+    )
+}
+
+/// What a search or a curve without a name does to the error (mm rms) at unseen poses.
+fn alone(how: &str, before: f64, after: f64) -> String {
+    if after < before {
+        return format!("{how} lowers the error at unseen poses from {before:.4} to {after:.4} mm rms.");
+    }
+    format!(
+        "{how} explains it here, but not at unseen poses: there the error is {after:.4} mm rms with it, {before:.4} without."
+    )
 }
 
 /// What one finding does to every measurement, seen along the direction in which it acts.
@@ -105,13 +141,16 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
         let sense = |(k, o): (usize, &trical_ident::Observation)| {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };
-        return Some((format!("sense of joint {joint} (-1, 1; scattered)"), o.iter().enumerate().map(sense).collect()));
+        return Some((
+            format!("{LAST_MOVE} of joint {joint}: -1 down, 1 up"),
+            o.iter().enumerate().map(sense).collect(),
+        ));
     }
     match (term.basis.of, term.basis.shape) {
         (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
             let turn = 360.0 / cycles;
             Some((
-                format!("joint {joint} within a cycle of {turn:.3}, deg"),
+                format!("joint {joint} within a {turn:.2} deg cycle, deg"),
                 of(&|s| s.q[joint - 1].to_degrees().rem_euclid(turn)),
             ))
         }
@@ -169,7 +208,7 @@ pub struct Against {
 /// A model that cannot be evaluated.
 pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
     let Seen { label: error, unit, before: without, after: with, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("what the finding does there, {unit}"), part));
+    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("error that this finding predicts, {unit}"), part));
     Ok(Against { label, x, error, without, with })
 }
 
@@ -212,18 +251,18 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
     let values = coefficients(f, d);
     let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
     let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
-    if !f.rivals.is_empty() {
-        text.push(format!(
-            "This data cannot exclude {}. trical diagnose --next 8 plans touches that decide.",
-            rivals(f)
-        ));
+    let rivals = rivals(f);
+    if !rivals.is_empty() {
+        text.push(format!("This data cannot exclude {rivals}. `trical diagnose --next 8` plans touches that decide."));
     }
     let mut figures = finding_figures::figures(f, d)?;
+    let spread =
+        if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
     figures.push(Figure {
-        caption:
-            "Each point is one measurement: its error along the direction in which this effect acts, everything else \
-                      modelled, without this effect and with it."
-                .into(),
+        caption: format!(
+            "Each point is one measurement: its error along the direction in which this effect acts, everything else modelled, without this \
+             effect and with it.{spread}"
+        ),
         svg: plots::scatter(&label, error, false, false, &series)?,
     });
     let folded = number_of > OPEN;
@@ -305,7 +344,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     }
     section.tables.push(rows);
     section.text.push(
-        "lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
+        "Lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
          are at poses that the fit did not see, without and with this finding, in the order in which the findings were added."
             .into(),
     );
@@ -351,11 +390,19 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
             let figures = if u.curve.is_empty() {
                 Vec::new()
             } else {
-                let beside = if u.region.contains(", with ") { format!(", {} in the middle of its range", u.site) } else { String::new() };
+                let beside = if u.region.contains(", with ") {
+                    format!(", {} in the middle of its range", u.site)
+                } else {
+                    String::new()
+                };
                 vec![Figure {
                     caption: format!("The curve that was fitted{beside}."),
                     svg: plots::scatter(
-                        &format!("{}, {}", verdict::variable(&u.variable, &d.model.robot), u.curve_units.0),
+                        &format!(
+                            "{}, {}",
+                            verdict::variable(&u.variable, &d.model.robot).trim_start_matches("the "),
+                            u.curve_units.0
+                        ),
                         &format!("correction, {}", u.curve_units.1),
                         false,
                         true,
@@ -364,12 +411,12 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 }]
             };
             let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
+            let lowers = alone(how, u.holdout_rms_before_mm, u.holdout_rms_after_mm);
             Ok(Section {
                 heading: format!("No known cause: {}", u.site),
                 text: vec![format!(
-                    "{site} is off, {}, and no effect of the catalogue explains it. {how} lowers the error at unseen poses from \
-                     {:.4} to {:.4} mm rms.",
-                    verdict::region(&u.region, &d.model.robot), u.holdout_rms_before_mm, u.holdout_rms_after_mm
+                    "{site} is off, {}, and no effect of the catalogue explains it. {lowers}",
+                    verdict::region(&u.region, &d.model.robot)
                 )],
                 figures,
                 folded: d.findings.len() + k >= OPEN,
@@ -396,11 +443,7 @@ fn summary(d: &Diagnosis) -> String {
         .take(2)
         .map(|r| format!("{}.", verdict_told::sentence(r)));
     let decimals = verdict_told::decimals(d, &d.verdict.rows);
-    let falls = format!(
-        "The error at poses that the fit did not see falls from {:.decimals$} to {:.decimals$} mm rms once everything below is \
-         modelled.",
-        d.baseline.holdout_rms_mm, d.after.holdout_rms_mm
-    );
+    let falls = whole(d.baseline.holdout_rms_mm, d.after.holdout_rms_mm, decimals);
     claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
 }
 
@@ -411,7 +454,8 @@ fn blind_to(d: &Diagnosis) -> Section {
         vec![
             format!("{} ({})", b.effect.effect().title, b.effect),
             b.site.to_string(),
-            format!("{:.2}", b.lambda),
+            // what was not asked has no size
+            if b.lacks.is_some() { "-".into() } else { format!("{:.2}", b.lambda) },
             b.lacks.clone().unwrap_or_default(),
         ]
     }));
@@ -482,6 +526,26 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_falls_only_where_it_does() {
+        assert!(whole(0.5, 0.1, 2).contains("falls from 0.50 to 0.10 mm rms"));
+        assert_eq!(
+            whole(2.981, 2.979, 2),
+            "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."
+        );
+        assert!(alone("A free curve", 0.2, 0.1).contains("lowers the error at unseen poses from 0.2000 to 0.1000"));
+        assert!(
+            alone("A free curve", 0.1, 0.2).contains("not at unseen poses: there the error is 0.2000 mm rms with it")
+        );
+    }
+
+    #[test]
+    fn of_what_a_finding_could_also_be_each_is_told_once_and_never_itself() {
+        let names = ["payload", "a", "a", "b", "c", "d"].map(String::from);
+        assert_eq!(first_of(names.into_iter(), "payload"), "a, b, c and 1 more");
+        assert_eq!(first_of(std::iter::once("payload".to_owned()), "payload"), "");
+    }
 
     #[test]
     fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {

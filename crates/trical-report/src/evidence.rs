@@ -15,9 +15,6 @@ use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
 use crate::turn;
 
-/// So many points are drawn at most, evenly chosen.
-const POINTS: usize = 4000;
-
 /// So many marks and arms in the picture of the cell.
 const MARKS: usize = 250;
 const ARMS: usize = 45;
@@ -87,48 +84,38 @@ pub fn typical(poses: &[Joints]) -> Joints {
 }
 
 impl Errors<'_> {
-    /// Which observations are drawn, and the sentence that says so where it is not all of them.
-    fn drawn(&self) -> (Vec<usize>, String) {
-        let n = self.after.len();
-        let step = n.div_ceil(POINTS).max(1);
-        let some = if step > 1 { format!(" One in {step} of {n} is drawn.") } else { String::new() };
-        ((0..n).step_by(step).collect(), some)
-    }
-
     fn name(&self, k: usize) -> String {
         where_measured(self.data, k)
     }
 
     /// Errors against `x`, before and after.
     fn against(&self, label: &str, x: impl Fn(usize) -> f64) -> Result<String> {
-        let (drawn, _) = self.drawn();
-        let points = |e: &[f64]| drawn.iter().map(|k| (x(*k), e[*k] * 1e3)).collect();
+        let points = |e: &[f64]| e.iter().enumerate().map(|(k, e)| (x(k), e * 1e3)).collect();
         let series = [
             Series { name: "before", color: BEFORE, points: points(self.before) },
             Series { name: "after", color: AFTER, points: points(self.after) },
         ];
-        let names: Vec<String> = drawn.iter().map(|k| self.name(*k)).collect();
+        let names: Vec<String> = (0..self.after.len()).map(|k| self.name(k)).collect();
         plots::scatter_named(label, "position error, mm", true, false, &series, &names)
     }
 
     /// Error of every measurement, their distribution, and the residuals along each axis.
     pub fn section(&self) -> Result<Section> {
         let number = |k: usize| f64::from(u32::try_from(k + 1).unwrap_or(u32::MAX));
-        let (drawn, some) = self.drawn();
-        let names: Vec<String> = drawn.iter().map(|k| self.name(*k)).collect();
-        let only: Vec<(f64, f64)> = drawn.iter().map(|k| (number(*k), self.after[*k] * 1e3)).collect();
+        let names: Vec<String> = (0..self.after.len()).map(|k| self.name(k)).collect();
+        let only: Vec<(f64, f64)> = self.after.iter().enumerate().map(|(k, e)| (number(k), e * 1e3)).collect();
         let mm: Vec<f64> = self.after.iter().map(|e| e * 1e3).collect();
         let label = "measurement, in the order of recording";
         let one = |name, points| [Series { name, color: AFTER, points }];
         let mut figures = vec![
             Figure {
-                caption: format!("Each measurement before ({}) and after (the model).{some}", self.was),
+                caption: format!("Each measurement before ({}) and after (the model).", self.was),
                 svg: self.against(label, number)?,
             },
             Figure {
-                caption: format!(
-                    "After alone. A trend or a step within a recording says that something changed while measuring.{some}"
-                ),
+                caption:
+                    "After alone. A trend or a step within a recording says that something changed while measuring."
+                        .into(),
                 svg: plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
             },
             Figure {
@@ -139,11 +126,11 @@ impl Errors<'_> {
         let residuals = residuals(self.model, self.data)?;
         let lengths_only = self.data.observations.iter().all(|o| matches!(o.measured, Measured::Distance { .. }));
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate().take(if lengths_only { 1 } else { 3 }) {
-            let points = drawn.iter().map(|k| (number(*k), residuals[*k][axis])).collect();
+            let points = residuals.iter().enumerate().map(|(k, r)| (number(k), r[axis])).collect();
             let along = if lengths_only { "residual, mm".to_owned() } else { format!("residual along {name}, mm") };
             let axes = if lengths_only { "" } else { " (axes of the cell for touches, of the instrument for points)" };
             figures.push(Figure {
-                caption: format!("{}{axes}, after.{some}", along.replacen('r', "R", 1)),
+                caption: format!("{}{axes}, after.", along.replacen('r', "R", 1)),
                 svg: plots::scatter_named(label, &along, false, false, &one("after", points), &names)?,
             });
         }
@@ -255,8 +242,8 @@ fn coverage(robot: &Robot, poses: &[Joints]) -> Vec<Vec<String>> {
         let low = poses.iter().map(|q| q[k]).fold(f64::INFINITY, f64::min);
         let high = poses.iter().map(|q| q[k]).fold(f64::NEG_INFINITY, f64::max);
         let show = |x: f64| match joint.kind {
-            JointKind::Revolute => format!("{:.0} deg", x.to_degrees()),
-            JointKind::Prismatic => format!("{:.0} mm", x * 1e3),
+            JointKind::Revolute => format!("{} deg", table::fixed(x.to_degrees(), 0)),
+            JointKind::Prismatic => format!("{} mm", table::fixed(x * 1e3, 0)),
         };
         let part = (high - low) / (joint.limits[1] - joint.limits[0]) * 100.0;
         rows.push(vec![
@@ -293,7 +280,7 @@ pub fn long_tail(e: &ErrorSummary, data: &Dataset) -> Option<String> {
     let lengths = data.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
     (!lengths && e.max_mm > TAIL * e.rms_mm).then(|| {
         format!(
-            "The largest error is {:.1} times the rms, more than random noise would give: trical diagnose looks for what the model lacks.",
+            "The largest error is {:.1} times the rms, more than random noise would give: `trical diagnose` looks for what the model lacks.",
             e.max_mm / e.rms_mm
         )
     })
@@ -332,7 +319,7 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
         .map(|(name, f)| {
             format!(
                 "The residuals of {name} are {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
-                 0.05 mm for poses): either the measurement is that much worse, or the model lacks something; trical diagnose looks \
+                 0.05 mm for poses): either the measurement is that much worse, or the model lacks something; `trical diagnose` looks \
                  for it."
             )
         })
@@ -359,7 +346,7 @@ pub fn parameters<'a>(
         let (factor, unit) = table::unit_told(&s.unit);
         let d = table::decimals_for(s.sd.map_or(f64::NAN, |sd| factor * sd));
         let end =
-            |sign: f64| s.sd.map_or_else(|| "-".into(), |sd| format!("{:.d$}", factor * (s.value + sign * sds * sd)));
+            |sign: f64| s.sd.map_or_else(|| "-".into(), |sd| table::fixed(factor * (s.value + sign * sds * sd), d));
         let mut remarks = vec![remark(&s.name)];
         if s.nominal.zip(s.sd).is_some_and(|(n, sd)| (s.value - n).abs() <= sds * sd) {
             remarks.push("nominal lies within".into());
@@ -367,8 +354,8 @@ pub fn parameters<'a>(
         remarks.retain(|r| !r.is_empty());
         rows.push(vec![
             s.name.clone(),
-            s.nominal.map_or_else(|| "-".into(), |n| format!("{:.3}", factor * n)),
-            format!("{:.d$}", factor * s.value),
+            s.nominal.map_or_else(|| "-".into(), |n| table::fixed(factor * n, 3)),
+            table::fixed(factor * s.value, d),
             end(-1.0),
             end(1.0),
             unit.to_owned(),

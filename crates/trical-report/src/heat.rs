@@ -92,28 +92,29 @@ fn range(points: &[[f64; 3]], axis: usize) -> [f64; 2] {
     [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
 }
 
-/// Panels in rows of two, one scale of colours for all of them.
+/// Panels side by side where the page has room for two, one scale of colours for all of them.
 fn draw(panels: &[Panel]) -> String {
     let grids: Vec<Grid> =
         panels.iter().map(|p| Grid::of(&p.points, [range(&p.points, 0), range(&p.points, 1)])).collect();
     let most = grids.iter().flat_map(Grid::means).fold(1e-9, f64::max);
     let [left, right, around] = MARGIN;
-    let (wide, tall) = (left + PANEL + right, around + PANEL + 46.0);
-    #[expect(clippy::cast_precision_loss, reason = "a small count")]
-    let rows = panels.len().div_ceil(2) as f64;
-    let (width, height) = (2.0 * wide, rows * tall + 52.0);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"100%\" style=\"max-width:{width:.0}px\" \
-         viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"#47566a\">\
-         <rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#fff\"/>"
-    );
-    for (k, (panel, grid)) in panels.iter().zip(&grids).enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "small counts")]
-        let begin = ((k % 2) as f64 * wide + left, (k / 2) as f64 * tall + around);
-        svg += &squares(panel, grid, begin, most);
-        svg += &axes(panel, grid, begin);
-    }
-    svg + &scale_of_colors((left, rows * tall + 8.0), most) + "</svg>"
+    let wide = left + PANEL + right;
+    let picture = |height: f64, what: &str| {
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{wide:.0}\" style=\"max-width:100%\" viewBox=\"0 0 {wide:.0} \
+             {height:.0}\" font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"#47566a\"><rect width=\"{wide:.0}\" \
+             height=\"{height:.0}\" fill=\"#fff\"/>{what}</svg>"
+        )
+    };
+    let begin = (left, around);
+    let drawn = panels.iter().zip(&grids).map(|(panel, grid)| {
+        picture(around + PANEL + 46.0, &(squares(panel, grid, begin, most) + &axes(panel, grid, begin)))
+    });
+    format!(
+        "<div class=\"panels\">{}{}</div>",
+        drawn.collect::<String>(),
+        picture(52.0, &scale_of_colors((left, 8.0), most))
+    )
 }
 
 /// The heading of a panel that begins at `begin`, and its squares in the colours of their mean errors.
@@ -237,7 +238,7 @@ pub fn section(model: &Model) -> Result<Section> {
         )],
         figures: vec![Figure {
             caption: "Each square in the colour of the mean error of its poses; numbers show under the pointer. Places in the \
-                      frame of the arm's base. trical export --error-map writes the poses one by one."
+                      frame of the arm's base. `trical export --error-map` writes the poses one by one."
                 .into(),
             svg: draw(&panels(&map.misses)),
         }],

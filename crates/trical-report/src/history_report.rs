@@ -1,6 +1,8 @@
 //! The report of an arm's history: errors and parameters over its sessions.
 
+use trical_ident::compare::Change;
 use trical_ident::{History, ModelFile};
+use trical_model::Scope;
 
 use crate::error::Result;
 use crate::evidence::row;
@@ -69,11 +71,16 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     page::render(&title, &h.due, &sections, &made)
 }
 
+/// "joint 3"; of a touch that is wrong, that it is.
+pub fn changed(change: &Change) -> String {
+    if change.scope == Scope::Reading { format!("{} is wrong", change.what) } else { change.what.clone() }
+}
+
 /// A row for each recording: those of the fit first.
 fn sessions(h: &History) -> Vec<Vec<String>> {
     let day = |d: Option<f64>| d.map_or_else(|| "-".into(), |d| format!("{d:.0}"));
     let temp = |t: Option<f64>| t.map_or_else(|| "-".into(), |t| format!("{t:.1}"));
-    let mut rows = vec![row(["session", "day", "n", "degC", "mean, mm", "what changed"])];
+    let mut rows = vec![row(["session", "day", "measurements", "degC", "mean, mm", "what changed"])];
     let line = |name: &str, day: String, n: usize, t: Option<f64>, mean: f64, changed: String| {
         vec![name.to_owned(), day, n.to_string(), temp(t), format!("{mean:.3}"), changed]
     };
@@ -82,7 +89,7 @@ fn sessions(h: &History) -> Vec<Vec<String>> {
         line(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, said)
     }));
     rows.extend(h.sessions.iter().enumerate().map(|(k, s)| {
-        let changed: Vec<&str> = s.changes.iter().map(|c| c.what.as_str()).collect();
+        let changed: Vec<String> = s.changes.iter().map(changed).collect();
         let changed = if changed.is_empty() { "nothing".into() } else { changed.join(", ") };
         let on = day(h.days.as_ref().and_then(|d| d.get(k).copied()));
         line(&s.recording, on, s.measurements, s.temp_c, s.mean_mm, changed)

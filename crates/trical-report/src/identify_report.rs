@@ -55,7 +55,7 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     }
     if unseen.is_empty() {
         out.push(
-            "Nothing was scored at poses that the fit did not use: --cross-validate 5 does, and trical validate on another \
+            "Nothing was scored at poses that the fit did not use: --cross-validate 5 does, and `trical validate` on another \
              recording does better."
                 .into(),
         );

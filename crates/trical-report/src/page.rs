@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use minijinja::value::Serde;
-use minijinja::{Environment, context};
+use minijinja::{Environment, Value, context};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
@@ -101,7 +101,7 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
     // the library is carried by those who have something to draw with it
     let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
     let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turn::OPEN));
-    let mut env = Environment::new();
+    let mut env = environment();
     // the name ends in .html, so that text is escaped
     env.add_template("report.html", include_str!("../assets/report.html"))
         .and_then(|()| env.get_template("report.html"))
@@ -115,6 +115,75 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
             t.render(context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js })
         })
         .map_err(|e| Error::Failed(format!("the report could not be written: {e}")))
+}
+
+/// Templates, with the filter `told` for what a person reads.
+pub fn environment() -> Environment<'static> {
+    let mut env = Environment::new();
+    env.add_filter("told", |text: String| Value::from_safe_string(told(&text)));
+    env
+}
+
+/// What stays in one line with the number before it.
+const UNITS: [&str; 9] = ["%", "mm", "deg", "mdeg", "degC", "Nm", "kg", "deg/Nm", "s"];
+
+/// What stays in one line with the number behind it.
+const COUNTED: [&str; 9] = ["joint", "joints", "ball", "line", "row", "axis", "axes", "session", "target"];
+
+/// Text as HTML: escaped, `commands` set as code, no line ends between a number and its unit or what it counts, long names of files break
+/// behind a slash.
+fn told(text: &str) -> String {
+    let mut html = String::with_capacity(text.len() + 16);
+    // an odd one is no pair
+    let (quotes, mut open) = (text.matches('`').count() / 2 * 2, 0);
+    let (mut rest, mut before) = (text, "");
+    while let Some(c) = rest.chars().next() {
+        let (here, after) = rest.split_at(c.len_utf8());
+        match c {
+            '&' => html += "&amp;",
+            '<' => html += "&lt;",
+            '>' => html += "&gt;",
+            '"' => html += "&quot;",
+            '\'' => html += "&#x27;",
+            '`' if open < quotes => {
+                html += if open % 2 == 0 { "<code>" } else { "</code>" };
+                open += 1;
+            }
+            '/' | '#'
+                if before.ends_with(char::is_alphanumeric)
+                    && after.starts_with(|c: char| c.is_alphanumeric() || c == '.')
+                    && long(text) =>
+            {
+                html += here;
+                html += "<wbr>";
+            }
+            '+' if before.ends_with(' ') && after.starts_with("- ") => {
+                html.push('\u{b1}');
+                rest = &after[1..];
+                before = &text[..text.len() - rest.len()];
+                continue;
+            }
+            ' ' if tied(before, after) => html.push('\u{a0}'),
+            _ => html += here,
+        }
+        before = &text[..text.len() - after.len()];
+        rest = after;
+    }
+    html
+}
+
+/// Whether a text is the name of a file in a folder, alone or among words.
+fn long(text: &str) -> bool {
+    text.split(' ').any(|word| word.matches('/').count() > 1)
+}
+
+/// Whether a blank between these belongs to one number.
+fn tied(before: &str, after: &str) -> bool {
+    let word = |c: char| c.is_alphanumeric() || "%/_".contains(c);
+    let next = after.split(|c| !word(c)).next().unwrap_or_default();
+    let last = before.rsplit(|c| !word(c)).next().unwrap_or_default();
+    before.ends_with(|c: char| c.is_ascii_digit()) && UNITS.contains(&next)
+        || COUNTED.contains(&last) && next.starts_with(|c: char| c.is_ascii_digit())
 }
 
 /// Rows of a before and after table.
@@ -170,6 +239,24 @@ mod tests {
         let (plot, turned) = (page(&format!("{}</div>", plots::LIVE)), page(&format!("{}</div>", turn::OPEN)));
         assert!(!plain.contains("uPlot") && plot.contains("uPlot") && !turned.contains("uPlot"));
         assert!(turned.len() > plain.len() + 1000);
+    }
+
+    #[test]
+    fn a_number_stays_with_its_unit_and_a_command_is_set_as_code() {
+        assert_eq!(
+            told("0.5 mm (96 %) at joint 3, from joints 1 and 2"),
+            "0.5\u{a0}mm (96\u{a0}%) at joint\u{a0}3, from joints\u{a0}1 and 2"
+        );
+        assert_eq!(told("<a> & `trical diagnose` looks"), "&lt;a&gt; &amp; <code>trical diagnose</code> looks");
+        assert_eq!(told("by 0.3 +- 0.1 deg, 1 +1"), "by 0.3 \u{b1} 0.1\u{a0}deg, 1 +1");
+        // what only looks like it
+        assert_eq!(told("one ` alone; 3 made; the joint moves"), "one ` alone; 3 made; the joint moves");
+    }
+
+    #[test]
+    fn the_name_of_a_file_breaks_between_its_folders() {
+        assert_eq!(told("/data/arm/run.csv, line 3"), "/data/<wbr>arm/<wbr>run.csv, line\u{a0}3");
+        assert_eq!(told("../run.csv in deg/Nm"), "../run.csv in deg/Nm");
     }
 
     #[test]

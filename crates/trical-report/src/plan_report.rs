@@ -10,7 +10,7 @@ use crate::evidence::{row, typical};
 use crate::page::{self, Figure, Made, Section};
 use crate::picture::{self, Scene, View};
 use crate::plan_told::Told;
-use crate::table::two_digits;
+use crate::table::{fixed, two_digits};
 use crate::turn;
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
@@ -61,14 +61,14 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
         };
         let (low, high) = span(&mut told.plan.entries.iter().map(|e| e.joints[k]));
         let show = |x: f64| match joint.kind {
-            JointKind::Revolute => format!("{:.0} deg", x.to_degrees()),
-            JointKind::Prismatic => format!("{:.0} mm", x * 1e3),
+            JointKind::Revolute => format!("{} deg", fixed(x.to_degrees(), 0)),
+            JointKind::Prismatic => format!("{} mm", fixed(x * 1e3, 0)),
         };
         let torque = torques.as_ref().map_or_else(
             || "-".into(),
             |t| {
                 let (a, b) = span(&mut t.iter().map(|t| t[k]));
-                format!("{a:.1} to {b:.1}")
+                format!("{} to {}", fixed(a, 1), fixed(b, 1))
             },
         );
         let [down, up] = told.plan.expected.senses.get(k).copied().unwrap_or_default();
@@ -121,7 +121,7 @@ fn parameters(told: &Told) -> Vec<Vec<String>> {
     rows.extend(told.parameters.iter().map(|s| {
         vec![
             s.name.clone(),
-            s.nominal.map_or_else(|| "-".into(), |n| format!("{n:.3}")),
+            s.nominal.map_or_else(|| "-".into(), |n| fixed(n, 3)),
             two_digits(s.sd.unwrap_or(f64::NAN)),
             s.unit.clone(),
         ]

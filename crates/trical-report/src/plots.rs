@@ -128,6 +128,16 @@ fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
     }
 }
 
+/// The sentence that says how many points are drawn, where it is not all of them.
+fn not_all(series: &[Series], kept: &[Vec<usize>]) -> String {
+    let (all, drawn): (usize, usize) = if same_x(series) {
+        (series.first().map_or(0, |s| s.points.len()), kept.first().map_or(0, Vec::len))
+    } else {
+        (series.iter().map(|s| s.points.len()).sum(), kept.iter().map(Vec::len).sum())
+    };
+    if drawn < all { format!("<p class=\"fewer\">{drawn} of {all} points are drawn.</p>") } else { String::new() }
+}
+
 /// Whether all series have the same x, point by point.
 fn same_x(series: &[Series]) -> bool {
     series.iter().skip(1).all(|s| {
@@ -156,6 +166,7 @@ pub fn scatter_named(
         .zip(series)
         .map(|(k, s)| Series { name: s.name, color: s.color, points: k.iter().map(|k| s.points[*k]).collect() })
         .collect();
+    let fewer_told = if curves { String::new() } else { not_all(series, &kept) };
     let series = if curves { series } else { &fewer };
     let own: Vec<String> = kept.first().into_iter().flatten().filter_map(|k| names.get(*k).cloned()).collect();
     let picture = still(x_label, y_label, from_zero, curves, series)?;
@@ -173,7 +184,7 @@ pub fn scatter_named(
     });
     // nothing in it may end the script
     let data = serde_json::to_string(&data)?.replace('<', "\\u003c");
-    Ok(format!("{LIVE}{picture}<script type=\"application/json\">{data}</script></div>"))
+    Ok(format!("{LIVE}{picture}<script type=\"application/json\">{data}</script>{fewer_told}</div>"))
 }
 
 /// Columns with one ascending x, and the names in that order.
@@ -304,6 +315,7 @@ fn with_more(svg: &str, more: &str) -> String {
 /// A fitted curve with its band over the data that it was fitted to.
 pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Band) -> Result<String> {
     let kept = drawn(data);
+    let fewer_told = not_all(data, &kept);
     let data: Vec<Series> = kept
         .iter()
         .zip(data)
@@ -342,7 +354,7 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
     keys.push((&curve.name, curve.color));
     // points behind the curve
     let at = svg.find("<polygon").unwrap_or(svg.len());
-    Ok(with_more(&format!("{}{dots}{}", &svg[..at], &svg[at..]), &legend(&keys)))
+    Ok(with_more(&format!("{}{dots}{}", &svg[..at], &svg[at..]), &legend(&keys)) + &fewer_told)
 }
 
 /// A spectrum: amplitude of each whole number of cycles a turn; `marks` are those that were named.
@@ -375,10 +387,17 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
             if written.iter().any(|(a, b)| (a - x).abs() < 26 && (b - top).abs() < 14) {
                 continue;
             }
+            // beside a higher line, the number stands on its own side of it
+            let beside = written.iter().find(|(a, _)| (a - x).abs() < 14).map(|(a, _)| a <= &x);
+            let (anchor, at) = match beside {
+                Some(true) => ("start", x + 4),
+                Some(false) => ("end", x - 4),
+                None => ("middle", x),
+            };
             written.push((x, top));
             let _ = write!(
                 named,
-                "<text x=\"{x}\" y=\"{}\" font-family=\"sans-serif\" font-size=\"13\" text-anchor=\"middle\" \
+                "<text x=\"{at}\" y=\"{}\" font-family=\"sans-serif\" font-size=\"13\" text-anchor=\"{anchor}\" \
                  fill=\"#c85c46\">{:.0}</text>",
                 top - 5,
                 mark.0

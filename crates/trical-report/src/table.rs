@@ -82,6 +82,15 @@ pub fn estimate(name: &str, value: f64, sd: Option<f64>, unit: &str) -> String {
     format!("{name} = {digits} {unit}{sd}")
 }
 
+/// A number with so many decimals; zero has no sign.
+pub fn fixed(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(size) if !size.contains(|c: char| ('1'..='9').contains(&c)) => size.to_owned(),
+        _ => text,
+    }
+}
+
 /// A number with two significant digits.
 pub fn two_digits(x: f64) -> String {
     let d = decimals_for(x.abs());
@@ -119,6 +128,12 @@ mod tests {
         assert_eq!(wrapped("one two three", 9, "  "), ["  one two", "  three"]);
         assert_eq!(["is off", "is it?", "Stop."].map(ended), ["is off.", "is it?", "Stop."]);
         assert_eq!(wrapped("a word_that_is_longer", 6, ""), ["a", "word_that_is_longer"]);
+    }
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign() {
+        assert_eq!([-0.0, -0.04, 0.04, -0.06, -1.0].map(|x| fixed(x, 1)), ["0.0", "0.0", "0.0", "-0.1", "-1.0"]);
+        assert_eq!([-0.4, f64::NAN].map(|x| fixed(x, 0)), ["0", "NaN"]);
     }
 
     /// Two digits of a standard deviation, however large or small it is.

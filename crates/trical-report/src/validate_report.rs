@@ -74,8 +74,17 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     let predicted = v.predicted.as_ref().map(trical_ident::Predicted::in_words);
     text.extend(v.left_out_in_words(verdict::title_of).into_iter().chain(v.beyond_in_words()).chain(predicted));
     let parts = |what: &str, of: &mut dyn Iterator<Item = (&str, usize, &ErrorSummary, &ErrorSummary)>| {
-        let mut rows =
-            vec![row([what, "n", "before: mean, mm", "max", "after: mean, mm", "max", "sd", "median", "rms"])];
+        let mut rows = vec![row([
+            what,
+            "measurements",
+            "before: mean, mm",
+            "max",
+            "after: mean, mm",
+            "max",
+            "sd",
+            "median",
+            "rms",
+        ])];
         rows.extend(of.map(|(name, n, b, a)| {
             let values = [b.mean_mm, b.max_mm, a.mean_mm, a.max_mm, a.sd_mm, a.median_mm, a.rms_mm];
             [name.to_owned(), n.to_string()].into_iter().chain(values.map(|x| format!("{x:.3}"))).collect()
@@ -100,7 +109,7 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         errors.by_joint()?,
         Section {
             heading: "By region".into(),
-            text: vec!["Each joint's angles in four parts with equally many measurements.".into()],
+            text: vec!["Each joint's positions (q1 is joint 1) in four parts with equally many measurements.".into()],
             tables: vec![regions],
             ..Section::default()
         },

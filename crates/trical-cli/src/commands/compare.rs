@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use trical_ident::compare::Change;
-use trical_ident::{Comparison, JointSource, ModelFile, compare, write_whole};
+use trical_ident::{Comparison, JointSource, ModelFile, compare, refuse_repeated, write_whole};
 use trical_model::Recording;
 use trical_report::table;
 
@@ -83,6 +83,7 @@ impl Asked {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let (file, recordings, joints) = args.asked.load(&args.model, &args.recordings)?;
+    refuse_repeated(&recordings)?;
     let each =
         recordings.iter().map(|r| Ok(compare(&file.model.cell, &file, r, joints)?)).collect::<Result<Vec<_>>>()?;
     args.asked.tell(&file, &each, serde_json::to_string_pretty(&each), || each.iter().try_for_each(print))

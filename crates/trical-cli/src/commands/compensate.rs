@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use trical_ident::{Expected, ModelFile};
 use trical_model::{Model, State};
-use trical_program::{Job, Options, ProgramError, Report, declared_frames, left};
+use trical_program::{Dialect, Job, Options, ProgramError, Report, declared_frames, left};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -106,7 +106,17 @@ pub fn run(args: &Args) -> Result<()> {
         partial: args.partial,
     };
     let failed = failed(args.out.as_ref());
-    job.dialect().map_err(&failed)?;
+    let dialect = job.dialect().map_err(&failed)?;
+    if let Some(out) = &args.out
+        && let Some(other) = Dialect::of(out).filter(|other| *other != dialect)
+    {
+        return Err(CliError::Input(format!(
+            "--out: found {}, as {} programs are named; {name} is {} and stays so",
+            out.display(),
+            other.name(),
+            dialect.name()
+        )));
+    }
     for path in &args.frames {
         declared_frames(path).map_err(&failed)?;
     }

@@ -45,6 +45,12 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    input::check_names([
+        ("--urdf", "URDF", args.urdf.as_ref()),
+        ("--mdh", "table", args.mdh.as_ref()),
+        ("--error-map", "error map", args.error_map.as_ref()),
+        ("--ur-kinematics", "kinematics", args.ur_kinematics.as_ref()),
+    ])?;
     for out in [&args.urdf, &args.mdh, &args.error_map, &args.ur_kinematics].into_iter().flatten() {
         input::check_output(out, [Some(&args.model), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path))?;
     }

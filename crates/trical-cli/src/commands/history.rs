@@ -34,6 +34,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(need) = args.need_mm.filter(|n| !(n.is_finite() && *n > 0.0)) {
         return Err(CliError::Input(format!("--need-mm: found {need}, expected a number above 0")));
     }
+    input::check_names([("--report", "page", args.report.as_ref())])?;
     let paths = recordings_in(&args.folder)?;
     if let Some(report) = &args.report {
         input::check_output(report, paths.iter().map(PathBuf::as_path).chain([args.model.as_path()]))?;
@@ -59,10 +60,10 @@ fn print(h: &History) -> Result<()> {
         rows.push(vec![name(recording), day, n.to_string(), temp(t), format!("{mean_mm:.3}"), changed]);
     };
     for b in &h.learnt {
-        row(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, "(the model was fitted to it)".into());
+        row(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, "(the calibration was fitted to it)".into());
     }
     for (k, s) in h.sessions.iter().enumerate() {
-        let changed: Vec<&str> = s.changes.iter().map(|c| c.what.as_str()).collect();
+        let changed: Vec<String> = s.changes.iter().map(history_report::changed).collect();
         let changed = if changed.is_empty() { "nothing".into() } else { changed.join(", ") };
         let on = h.days.as_ref().and_then(|d| d.get(k).copied());
         row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, changed);

@@ -90,6 +90,11 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let files = input::files(&args.recordings, &args.cell, args.known.as_deref());
+    input::check_names([
+        ("--out", "model", args.out.as_ref()),
+        ("--report", "page", args.report.as_ref()),
+        ("--certificate", "page", args.certificate.as_ref()),
+    ])?;
     for file in [&args.out, &args.report, &args.certificate].into_iter().flatten() {
         input::check_output(file, files.iter().copied())?;
     }
@@ -135,8 +140,8 @@ pub fn parameter_rows(fitted: &Identified) -> Vec<Vec<String>> {
         let d = table::decimals_for(s.sd.map_or(f64::NAN, |sd| factor * sd));
         rows.push(vec![
             s.name,
-            s.nominal.map_or_else(|| "-".into(), |n| format!("{:.3}", factor * n)),
-            format!("{:.d$}", factor * s.value),
+            s.nominal.map_or_else(|| "-".into(), |n| table::fixed(factor * n, 3)),
+            table::fixed(factor * s.value, d),
             s.sd.map_or_else(|| "-".into(), |v| format!("{:.d$}", factor * v)),
             unit.to_owned(),
         ]);

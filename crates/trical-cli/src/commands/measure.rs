@@ -34,7 +34,7 @@ pub struct Args {
     /// The robot controller, e.g. rapid://192.168.125.1:5000?secret=@FILE; see trical robot ping --help
     #[arg(long, value_name = "URL")]
     controller: String,
-    /// Where to record
+    /// Where to record: an .mcap
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Continue a recording that was interrupted
@@ -124,6 +124,13 @@ impl Settings {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     input::check_recording(&args.out, args.cell.files().into_iter().chain(args.plan.as_deref()))?;
+    if args.out.extension().is_none_or(|e| e != "mcap") {
+        return Err(CliError::Input(format!(
+            "--out: found {}, expected a name that ends in .mcap, in which each touch is on disk before the next move; trical convert makes \
+             a CSV of it",
+            args.out.display()
+        )));
+    }
     let (robot, cell) = args.cell.load()?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;

@@ -257,25 +257,30 @@ impl Runner<'_, '_> {
     }
 
     /// A little way out of the touch, towards the approach point: the whole way takes every stem out of its stroke, so every
-    /// channel has to follow this part of it. One that does not measures nothing, whatever it reads.
+    /// channel has to follow this part of it, or a little more where the way is curved and one begins slowly. One that does not measures
+    /// nothing, whatever it reads.
     fn check_response(&mut self, entry: &PlanEntry, reading: &[f64; 3]) -> Result<(), Violation> {
         let Some(approach) = entry.via.last() else { return Ok(()) };
-        let part = self.options.beyond;
-        let out = std::array::from_fn(|k| self.at[k] + part * (approach[k] - self.at[k]));
-        check_joints(&out, self.options)?;
-        self.drive(&out)?;
-        let after = self.settled_reading()?;
+        let (part, touch) = (self.options.beyond, self.at);
         // a gap in a joint may swallow some of it
         let least = 0.25 * part * self.options.limits.stroke[1].abs();
-        match (0..3).find(|k| (after[*k] - reading[*k]).abs() < least) {
-            None => Ok(()),
-            Some(k) => Err(Violation::NoResponse {
-                axis: AXES[k],
-                before_mm: reading[k] * 1e3,
-                after_mm: after[k] * 1e3,
-                least_mm: least * 1e3,
-            }),
+        let mut still = Ok(());
+        for farther in [1.0, 2.0, 4.0] {
+            let out = std::array::from_fn(|k| touch[k] + farther * part * (approach[k] - touch[k]));
+            check_joints(&out, self.options)?;
+            self.drive(&out)?;
+            let after = self.settled_reading()?;
+            still = match (0..3).find(|k| (after[*k] - reading[*k]).abs() < least) {
+                None => return Ok(()),
+                Some(k) => Err(Violation::NoResponse {
+                    axis: AXES[k],
+                    before_mm: reading[k] * 1e3,
+                    after_mm: after[k] * 1e3,
+                    least_mm: least * 1e3,
+                }),
+            };
         }
+        still
     }
 
     /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond.

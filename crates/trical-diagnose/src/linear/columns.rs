@@ -166,13 +166,12 @@ impl Linear {
                 (0..n).for_each(|k| column[k] /= noise.sigma(o.recording, &o.measured, k));
                 column
             };
-            let residual = weighted(*ws.residual());
-            for k in 0..n {
+            for (k, residual) in weighted(*ws.residual()).into_iter().enumerate().take(n) {
                 // rotations of a pose are fitted, but a position error has no part in them
                 let sigma = if k < 3 { noise.sigma(o.recording, &o.measured, k) } else { 0.0 };
                 all.sigma_of_row.push((sigma, index));
                 all.pose_of_row[row + k] = o.pose;
-                all.residual[row + k] = residual[k];
+                all.residual[row + k] = residual;
             }
             for j in 0..total {
                 let column = weighted(std::array::from_fn(|k| if k < n { block[k * total + j] } else { 0.0 }));

@@ -1,7 +1,7 @@
 //! Which recordings are read in passes; one that is no CSV goes by way of a CSV in the folder for temporary files.
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufRead, BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
@@ -45,6 +45,7 @@ pub fn open_large(recordings: &[PathBuf], joints: usize, wanted: bool, allowed: 
 }
 
 fn open(recordings: &[(&PathBuf, bool)], joints: usize) -> Result<CsvStream> {
+    refuse_copies(recordings)?;
     let any = recordings.iter().any(|(_, is_mcap)| *is_mcap);
     let folder = if any { Some(TempDir::new().map_err(RecordError::Scratch)?) } else { None };
     let mut files = Vec::with_capacity(recordings.len());
@@ -60,6 +61,35 @@ fn open(recordings: &[(&PathBuf, bool)], joints: usize) -> Result<CsvStream> {
         files.push((file, path.display().to_string()));
     }
     CsvStream::open_as(files, joints, folder)
+}
+
+/// Refuses files with the same bytes: rows of the sample, by which others are told to be the same, are not those of a copy.
+fn refuse_copies(recordings: &[(&PathBuf, bool)]) -> Result<()> {
+    let size = |path: &Path| std::fs::metadata(path).map_or(0, |m| m.len());
+    for (k, (path, _)) in recordings.iter().enumerate() {
+        for (other, _) in recordings.iter().take(k).filter(|(other, _)| size(other) == size(path)) {
+            if same_bytes(path, other).unwrap_or(false) {
+                let problem =
+                    format!("holds the same measurements as {}; expected each recording once", other.display());
+                return Err(RecordError::File { file: path.display().to_string(), problem });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn same_bytes(a: &Path, b: &Path) -> std::io::Result<bool> {
+    let open = |path: &Path| File::open(path).map(BufReader::new);
+    let (mut a, mut b) = (open(a)?, open(b)?);
+    loop {
+        let (x, y) = (a.fill_buf()?, b.fill_buf()?);
+        let n = x.len().min(y.len());
+        if n == 0 || x[..n] != y[..n] {
+            return Ok(x.is_empty() && y.is_empty());
+        }
+        a.consume(n);
+        b.consume(n);
+    }
 }
 
 /// Writes the measurements of an MCAP recording as CSV, row by row.
@@ -86,4 +116,32 @@ fn write_as_csv(recording: &Path, csv: &Path, joints: usize) -> Result<()> {
     let mut out = CsvWriter::new(BufWriter::new(out), &layout, shared).map_err(RecordError::Scratch)?;
     each(&mut |row| out.write(row).map_err(RecordError::Scratch))?;
     out.finish().map_err(RecordError::Scratch)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_copy_of_a_recording_is_not_read_in_passes_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows: String = (0..50).map(|k| format!("{k},0,1,{k},0,0\n")).collect();
+        let file = |name: &str, rows: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, format!("q1_deg,q2_deg,target,x_mm,y_mm,z_mm\n{rows}")).unwrap();
+            path
+        };
+        let (a, copy, other) = (file("a.csv", &rows), file("b.csv", &rows), file("c.csv", &rows.replace("7,0", "6,0")));
+        let told = |files: &[&PathBuf]| {
+            let files: Vec<PathBuf> = files.iter().map(|f| (*f).clone()).collect();
+            open_large(&files, 2, true, true).map(|_| ()).map_err(|e| e.to_string())
+        };
+        assert_eq!(told(&[&a, &other]), Ok(()));
+        let error = told(&[&a, &other, &copy]).unwrap_err();
+        assert!(
+            error.ends_with("a.csv; expected each recording once") && error.contains("b.csv: holds the same"),
+            "{error}"
+        );
+    }
 }

@@ -63,6 +63,13 @@ pub(super) struct Page {
     pub(super) top: f64,
 }
 
+/// Least length of the axes that are drawn, and of the bar that shows the scale, pixels.
+const AXIS: f64 = 30.0;
+const BAR: f64 = 60.0;
+
+/// What the bar may be long, mm.
+const BARS: [f64; 5] = [200.0, 500.0, 1000.0, 2000.0, 5000.0];
+
 /// How a body looks.
 #[derive(Clone, Copy)]
 pub(super) struct Paint<'a> {
@@ -92,13 +99,15 @@ fn list(points: impl IntoIterator<Item = (f64, f64)>) -> String {
 impl Page {
     /// A page `width` pixels wide on which the points are with a margin, and its height.
     pub(super) fn around(points: &[V3], camera: Camera, width: f64) -> (Self, f64) {
-        let margin = 0.16;
         let seen: Vec<V3> = points.iter().map(|p| camera.see(p)).collect();
         let range = |k: usize| {
-            let low = seen.iter().map(|s| s[k]).fold(f64::INFINITY, f64::min) - margin;
-            (low, seen.iter().map(|s| s[k]).fold(f64::NEG_INFINITY, f64::max) + margin)
+            let low = seen.iter().map(|s| s[k]).fold(f64::INFINITY, f64::min);
+            (low, seen.iter().map(|s| s[k]).fold(f64::NEG_INFINITY, f64::max))
         };
         let ((left, right), (top, bottom)) = (range(0), range(1));
+        // of an arm on a long rail the base is drawn whole, too
+        let margin = ((right - left) * 0.09).max(0.16);
+        let (left, right, top, bottom) = (left - margin, right + margin, top - margin, bottom + margin);
         let scale = width / (right - left);
         (Self { camera, scale, left, top }, (bottom - top) * scale)
     }
@@ -124,25 +133,27 @@ impl Page {
     /// The axes of {w}, but those that point at the eye.
     pub(super) fn axes(&self) -> String {
         let mut svg = String::new();
+        let long = (AXIS / self.scale).max(0.1);
         for (axis, name) in [V3::x(), V3::y(), V3::z()].into_iter().zip(["x", "y", "z"]) {
-            let tip = axis * 0.1;
+            let tip = axis * long;
             let ((x0, y0, _), (x1, y1, _)) = (self.at(&V3::zeros()), self.at(&tip));
             if (x1 - x0).hypot(y1 - y0) < 6.0 {
                 continue;
             }
             svg += &self.line(&[V3::zeros(), tip], "stroke=\"#1d2733\" stroke-width=\"1.6\"");
             let style = "font-size=\"13\" font-style=\"italic\" fill=\"#1d2733\"";
-            svg += &self.text(&(axis * 0.118), -4.0, 4.0, name, style);
+            svg += &self.text(&(axis * 1.18 * long), -4.0, 4.0, name, style);
         }
         svg
     }
 
-    /// How long 200 mm are.
+    /// How long 200 mm are, or in a picture of something large a round number of millimetres.
     pub(super) fn scale_bar(&self, height: f64) -> String {
-        let (x, y, long) = (16.0, height - 16.0, 0.2 * self.scale);
+        let mm = BARS.into_iter().find(|mm| mm * 1e-3 * self.scale > BAR).unwrap_or(BARS[BARS.len() - 1]);
+        let (x, y, long) = (16.0, height - 16.0, mm * 1e-3 * self.scale);
         format!(
             "<path d=\"M{x:.1} {:.1}v6h{long:.1}v-6\" fill=\"none\" stroke=\"#47566a\" stroke-width=\"1.4\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" fill=\"#47566a\">200 mm</text>",
+             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" fill=\"#47566a\">{mm} mm</text>",
             y - 6.0,
             x + long + 8.0,
             y + 2.0

@@ -64,6 +64,9 @@ fn a_point_keeps_its_name_where_others_are_left_out() {
     let data: serde_json::Value = serde_json::from_str(data).unwrap();
     let (rows, x) = (data["rows"].as_array().unwrap(), data["data"][0].as_array().unwrap());
     assert!(rows.len() == x.len() && rows.len() <= MOST_POINTS);
+    // and the reader is told
+    assert!(html.contains(&format!(">{} of 5000 points are drawn.<", rows.len())));
+    assert!(!scatter("x", "y", true, false, &[series(&points[..30])]).unwrap().contains("are drawn"));
     assert!(rows.iter().zip(x).all(|(name, x)| name.as_str().unwrap().parse::<f64>().ok() == x.as_f64()));
 }
 
@@ -136,6 +139,13 @@ fn numbers_on_an_axis_have_the_digits_that_they_need() {
 fn of_numbers_that_would_lie_on_each_other_the_largest_is_written() {
     let amplitudes: Vec<(f64, f64)> = (1..=320).map(|n| (f64::from(n), if n == 101 { 4.1 } else { 4.0 })).collect();
     let svg = spectrum("cycles", "mm", &amplitudes, &[100.0, 101.0, 200.0]).unwrap();
+    // the number of a line beside a higher one stands on its own side
+    let beside =
+        spectrum("cycles", "mm", &[(1.0, 1.0), (100.0, 9.0), (102.0, 5.0), (320.0, 1.0)], &[100.0, 102.0]).unwrap();
+    assert!(
+        beside.contains("text-anchor=\"middle\" fill=\"#c85c46\">100<")
+            && beside.contains("text-anchor=\"start\" fill=\"#c85c46\">102<")
+    );
     let written = |n: &str| svg.contains(&format!("fill=\"#c85c46\">{n}</text>"));
     assert_eq!(["100", "101", "200"].map(written), [false, true, true]);
     assert_eq!(svg.matches("stroke=\"#c85c46\"").count(), 3);

@@ -1,0 +1,136 @@
+//! Measurements that were given twice: they would count twice, and no error at unseen poses would be one.
+
+use std::collections::{HashMap, HashSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use trical_model::{Recording, Row};
+
+use crate::dataset::fingerprint;
+use crate::error::{IdentError, Result};
+
+/// So many measurements in a row that are the same to the last bit come from one file, not from one arm.
+const CHANCE: usize = 5;
+
+/// What tells a measurement from others: joints and what was measured.
+fn mark(row: &Row, joints: usize) -> u64 {
+    let mut hash = DefaultHasher::new();
+    let (_, lengths) = row.measured.lengths();
+    row.state.q[..joints].iter().chain(lengths).for_each(|x| x.to_bits().hash(&mut hash));
+    (row.measured.instrument(), row.measured.of_which()).hash(&mut hash);
+    hash.finish()
+}
+
+fn wrong(recording: &Recording, problem: String) -> IdentError {
+    IdentError::File { file: recording.name.clone(), problem }
+}
+
+/// Refuses recordings that hold the same measurements: whole ones, whatever their names and formats; at least half of one in another; the
+/// rows of one that are repeated further down in it, as where it was joined with itself.
+///
+/// # Errors
+/// One sentence that names both.
+pub fn refuse_repeated(recordings: &[Recording]) -> Result<()> {
+    let prints: Vec<String> = recordings.iter().map(fingerprint).collect();
+    for (k, print) in prints.iter().enumerate() {
+        if let Some(same) = prints[..k].iter().position(|p| p == print) {
+            let problem =
+                format!("holds the same measurements as {}; expected each recording once", recordings[same].name);
+            return Err(wrong(&recordings[k], problem));
+        }
+    }
+    let marks: Vec<Vec<u64>> =
+        recordings.iter().map(|r| r.rows.iter().map(|row| mark(row, r.joints)).collect()).collect();
+    for (k, (recording, own)) in recordings.iter().zip(&marks).enumerate() {
+        if let Some((again, first, length)) = within(own) {
+            let rows = |from: usize| format!("{} to {}", from + 1, from + length);
+            let problem = format!(
+                "rows {} hold the same measurements as rows {}; expected each measurement once",
+                rows(again),
+                rows(first)
+            );
+            return Err(wrong(recording, problem));
+        }
+        for (other, theirs) in recordings.iter().zip(&marks).take(k) {
+            let known: HashSet<u64> = theirs.iter().copied().collect();
+            let shared: HashSet<u64> = own.iter().copied().filter(|m| known.contains(m)).collect();
+            let fewer = known.len().min(own.len());
+            if shared.len() >= CHANCE && 2 * shared.len() >= fewer {
+                let problem = format!(
+                    "{} of its {} measurements are in {} too; expected each measurement once",
+                    shared.len(),
+                    own.len(),
+                    other.name
+                );
+                return Err(wrong(recording, problem));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The first stretch of rows that are, one after the other, the same as a stretch above: where it begins, where that begins, how long.
+fn within(marks: &[u64]) -> Option<(usize, usize, usize)> {
+    let mut last: HashMap<u64, usize> = HashMap::new();
+    // from where on rows repeat those so many above, and how many are above
+    let mut run: Option<(usize, usize)> = None;
+    for k in 0..=marks.len() {
+        let above = marks.get(k).and_then(|m| last.insert(*m, k)).map(|before| k - before);
+        match run {
+            Some((_, distance)) if above == Some(distance) => {}
+            _ => {
+                if let Some((begin, distance)) =
+                    run.filter(|(begin, distance)| k - begin >= CHANCE && k - begin <= *distance)
+                {
+                    return Some((begin, begin - distance, k - begin));
+                }
+                run = above.map(|distance| (k, distance));
+            }
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use trical_model::{Measured, State};
+
+    /// Rows of a recording, each by its number.
+    fn recording(name: &str, rows: impl IntoIterator<Item = u32>) -> Recording {
+        let row = |k: u32| Row {
+            state: State::at(&[f64::from(k) * 0.1, 0.2]),
+            measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+            seq: None,
+            line: 0,
+        };
+        Recording { name: name.into(), joints: 2, rows: rows.into_iter().map(row).collect(), ..Recording::default() }
+    }
+
+    fn told(recordings: &[Recording]) -> String {
+        refuse_repeated(recordings).map_or_else(|e| e.to_string(), |()| String::new())
+    }
+
+    #[test]
+    fn a_recording_given_twice_is_refused_also_in_parts_and_joined_with_itself() {
+        let (a, copy, part) = (recording("a", 0..30), recording("copy", 0..30), recording("part", 10..25));
+        assert_eq!(told(&[a.clone(), copy]), "copy: holds the same measurements as a; expected each recording once");
+        assert_eq!(
+            told(&[a.clone(), part]),
+            "part: 15 of its 15 measurements are in a too; expected each measurement once"
+        );
+        let both = recording("both", (0..30).chain(100..190));
+        assert_eq!(told(&[a, both]), "both: 30 of its 120 measurements are in a too; expected each measurement once");
+        let twice = recording("a", (0..30).chain(0..30));
+        let expected = "a: rows 31 to 60 hold the same measurements as rows 1 to 30; expected each measurement once";
+        assert_eq!(told(&[twice]), expected);
+    }
+
+    #[test]
+    fn poses_that_are_visited_again_and_sessions_with_few_poses_in_common_are_none() {
+        assert_eq!(told(&[recording("a", (0..30).chain([3, 3, 4, 7, 6]))]), "");
+        assert_eq!(told(&[recording("a", 0..30), recording("b", 26..60)]), "");
+        // without any noise, five poses again and again
+        assert_eq!(told(&[recording("a", (0..50).map(|k| k % 5))]), "");
+    }
+}

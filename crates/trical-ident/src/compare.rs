@@ -172,7 +172,7 @@ pub fn compare(
     #[expect(clippy::cast_precision_loss, reason = "counts")]
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     out.recording.clone_from(&recording.name);
-    out.hash = crate::dataset::fingerprint(recording);
+    out.hash = crate::repeated::fingerprint(recording);
     out.measurements = adapted.data.observations.len();
     out.mean_mm = mean(&errors) * 1e3;
     out.noise_mm = uncertainty.noise * 1e3;
@@ -570,7 +570,6 @@ fn lambda(limit: f64, rank: usize, share: f64) -> f64 {
     threshold.max(share) + above
 }
 
-/// The verdict in sentences.
 /// Standard deviation of each coordinate, mm, that the instrument usually has; `None` for balls in sockets, whose play depends on the print.
 fn usual_mm(data: &Dataset) -> Option<f64> {
     let usual = Noise::usual(data.names.len());
@@ -591,6 +590,7 @@ fn doubt(c: &Comparison, usual_mm: Option<f64>) -> Option<String> {
     })
 }
 
+/// The verdict in sentences.
 fn in_words(c: &Comparison) -> String {
     let size = |change: &Change| {
         let along: Vec<&Changed> = change.by.iter().filter(|b| b.unit == "mm").collect();

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use trical_model::{Joints, Measured, Pose, Recording, Row, State};
 
 use crate::error::{IdentError, Result};
-use crate::repeated::refuse_repeated;
+use crate::repeated::{fingerprint, refuse_repeated};
 use crate::rigid::{median, rigid_from_points};
 
 /// Which joint angles the model is to believe.
@@ -98,19 +98,6 @@ pub struct Dataset {
     pub joints: JointSource,
     /// Number of the arm's joints.
     pub dof: usize,
-}
-
-/// What tells a recording from others, whatever its name or format: a hash of its joints and measurements, 16 hexadecimal digits.
-#[must_use]
-pub fn fingerprint(recording: &Recording) -> String {
-    use sha2::{Digest, Sha256};
-    let mut hash = Sha256::new();
-    for row in &recording.rows {
-        for value in row.state.q[..recording.joints].iter().chain(row.measured.lengths().1) {
-            hash.update(value.to_le_bytes());
-        }
-    }
-    hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Which reference, and where.

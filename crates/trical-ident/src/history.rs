@@ -66,7 +66,7 @@ pub fn history(
     need_mm: Option<f64>,
 ) -> Result<History> {
     refuse_repeated(recordings)?;
-    let is_later = |r: &&Recording| file.session_of(&crate::dataset::fingerprint(r)).is_none();
+    let is_later = |r: &&Recording| file.session_of(&crate::repeated::fingerprint(r)).is_none();
     let (later, own): (Vec<&Recording>, Vec<&Recording>) = recordings.iter().partition(is_later);
     let sessions = later.into_iter().map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
     let mut learnt = own.into_iter().map(|r| beginning(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;

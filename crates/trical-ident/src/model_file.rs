@@ -95,7 +95,7 @@ const CORRELATED: usize = 1000;
 pub struct Session {
     /// Its name.
     pub recording: String,
-    /// What tells it from others: see [`crate::dataset::fingerprint`].
+    /// What tells it from others: see [`crate::repeated::fingerprint`].
     pub fingerprint: String,
     /// Its measuring frame, counted from 1, if it has one.
     pub frame: Option<usize>,

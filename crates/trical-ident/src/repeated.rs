@@ -1,15 +1,27 @@
-//! Measurements that were given twice: they would count twice, and no error at unseen poses would be one.
+//! What tells recordings from each other, and measurements that were given twice: they would count twice, and no error at unseen poses would be one.
 
 use std::collections::{HashMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
+use sha2::{Digest, Sha256};
 use trical_model::{Recording, Row};
 
-use crate::dataset::fingerprint;
 use crate::error::{IdentError, Result};
 
 /// So many measurements in a row that are the same to the last bit come from one file, not from one arm.
 const CHANCE: usize = 5;
+
+/// What tells a recording from others, whatever its name or format: a hash of its joints and measurements, 16 hexadecimal digits.
+#[must_use]
+pub fn fingerprint(recording: &Recording) -> String {
+    let mut hash = Sha256::new();
+    for row in &recording.rows {
+        for value in row.state.q[..recording.joints].iter().chain(row.measured.lengths().1) {
+            hash.update(value.to_le_bytes());
+        }
+    }
+    hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+}
 
 /// What tells a measurement from others: joints and what was measured.
 fn mark(row: &Row, joints: usize) -> u64 {

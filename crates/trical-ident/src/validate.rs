@@ -295,7 +295,7 @@ pub(crate) fn adapted(
     same_tool: bool,
 ) -> Result<Adapted> {
     let joints = joints.unwrap_or(file.joints);
-    let fingerprints: Vec<String> = recordings.iter().map(crate::dataset::fingerprint).collect();
+    let fingerprints: Vec<String> = recordings.iter().map(crate::repeated::fingerprint).collect();
     let mut places = places(file, cell, recordings, &fingerprints, refit);
     places.iter_mut().for_each(|p| p.refit.targets &= !same_tool);
     let framed = places.iter().filter_map(|p| p.frame);

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use serde::de::{Deserialize, Deserializer, Error};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
 use crate::axis::Axis;
@@ -168,10 +169,76 @@ impl Serialize for Place {
     }
 }
 
+/// All keys that places have in files.
+#[derive(Default, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Keys {
+    joint: Option<usize>,
+    from: Option<usize>,
+    joints: bool,
+    link: Option<usize>,
+    links: bool,
+    base: bool,
+    tool: bool,
+    target: Option<usize>,
+    fixture: bool,
+    ball: Option<usize>,
+    axis: Option<Axis>,
+    frame: bool,
+    number: Option<usize>,
+    anchor: Option<usize>,
+    all: bool,
+}
+
+impl<'de> Deserialize<'de> for Place {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let keys = Keys::deserialize(deserializer)?;
+        let number = keys.number;
+        let numbered = [
+            keys.link.map(Self::Link),
+            keys.target.map(Self::Target),
+            keys.joint.map(|joint| keys.from.map_or(Self::Joint(joint), |from| Self::Coupling { joint, from })),
+            keys.ball.map(Self::Ball),
+            keys.axis.map(Self::Axis),
+            keys.anchor.map(Self::Anchor),
+        ];
+        let whole = [
+            (keys.joints, Self::Joints),
+            (keys.links, Self::Links),
+            (keys.base, Self::Base),
+            (keys.tool, Self::Tool),
+            (keys.fixture, Self::Fixture),
+            (keys.frame, Self::Frame(number)),
+            (keys.all, Self::All),
+        ];
+        let whole = whole.into_iter().filter_map(|(is, place)| is.then_some(place));
+        let place = numbered.into_iter().flatten().chain(whole).next();
+        place.ok_or_else(|| D::Error::custom("no key of a place, as {\"joint\": 3} or {\"tool\": true}"))
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::*;
     use crate::term::{Motion, Payload};
+
+    #[test]
+    fn places_are_read_as_they_are_written() {
+        let (joint, from) = (5, 4);
+        let numbered =
+            [Place::Joint(3), Place::Coupling { joint, from }, Place::Link(2), Place::Target(2), Place::Ball(1)];
+        let whole =
+            [Place::Joints, Place::Links, Place::Base, Place::Tool, Place::Fixture, Place::Frame(None), Place::All];
+        let others = [Place::Axis(Axis::Y), Place::Frame(Some(2)), Place::Anchor(1)];
+        for place in numbered.into_iter().chain(whole).chain(others) {
+            let text = toml::to_string(&place).unwrap();
+            assert_eq!(toml::from_str::<Place>(&text).unwrap(), place, "{text}");
+        }
+        assert!(toml::from_str::<Place>("elbow = 1").is_err());
+        assert!(toml::from_str::<Place>("").unwrap_err().to_string().contains("no key of a place"));
+    }
 
     #[test]
     fn a_place_in_words() {

@@ -13,7 +13,7 @@ use trical_ident::{
     Calibration, Choice, KnownParameters, ModelFile, Options, Refit, ToolSharing, calibrate, calibrate_stream, history,
     repeatability, validate,
 };
-use trical_model::{Cell, Forward, MAX_JOINTS, Place, Robot, Task};
+use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
@@ -269,19 +269,7 @@ pub fn _repeatability(
 pub fn _named(effect: &str, site: Option<&str>) -> Result<String> {
     let title = verdict::capital(&verdict::title_of(effect));
     let (Some(id), Some(site)) = (EffectId::named(effect), site) else { return Ok(title) };
-    let site: Value = serde_json::from_str(site)?;
-    let wanted = |place: &Place| serde_json::to_value(place).is_ok_and(|known| known == site);
-    Ok(places().find(wanted).map_or(title, |place| verdict::named(id, place)))
-}
-
-/// All places that a finding may be at.
-fn places() -> impl Iterator<Item = Place> {
-    use Place::{All, Anchor, Axis, Ball, Base, Coupling, Fixture, Frame, Joint, Joints, Link, Links, Target, Tool};
-    let numbered = (1..=64).flat_map(|n| [Joint(n), Link(n), Target(n), Ball(n), Anchor(n), Frame(Some(n))]);
-    let coupled = (1..=MAX_JOINTS).flat_map(|joint| (1..=MAX_JOINTS).map(move |from| Coupling { joint, from }));
-    let axes = trical_model::Axis::ALL.map(Axis);
-    let whole = [Joints, Links, Base, Tool, Fixture, Frame(None), All];
-    whole.into_iter().chain(axes).chain(numbered).chain(coupled)
+    Ok(verdict::named(id, serde_json::from_str(site)?))
 }
 
 /// The catalogue of effects as JSON text.

@@ -175,17 +175,23 @@ fn same(design: &Design, count: usize, [a, b]: [&RegressionState; 2]) {
 #[test]
 fn a_set_added_at_once_is_its_members_added_one_after_the_other() {
     let (model, data, mut candidates) = made();
-    let mut set: Vec<usize> = some(&candidates).into_iter().step_by(4).collect();
     // a twin adds nothing
-    candidates.push(candidates[set[1]].clone());
-    set.insert(3, candidates.len() - 1);
+    let first = some(&candidates)[1];
+    candidates.push(candidates[first].clone());
+    let columns = |set: &[usize]| set.iter().map(|c| candidates[*c].terms.len()).sum::<usize>();
+    let all: Vec<usize> = (0..candidates.len()).collect();
     let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
-    let mut beside = design.start();
-    design.add(&mut beside, 7);
-    for start in [design.start(), beside] {
-        let mut one_by_one = start.clone();
-        set.iter().for_each(|c| design.add(&mut one_by_one, *c));
-        same(&design, candidates.len(), [&design.with(&start, &set), &one_by_one]);
+    for members in [3, 8, 20] {
+        let mut set: Vec<usize> = some(&candidates).into_iter().skip(1).step_by(2).take(members).collect();
+        set.insert(2, candidates.len() - 1);
+        assert!(4 * columns(&set) <= columns(&all), "much wider than the set");
+        let mut beside = design.start();
+        some(&candidates).into_iter().step_by(2).take(8).for_each(|c| design.add(&mut beside, c));
+        for start in [design.start(), beside] {
+            let mut one_by_one = start.clone();
+            set.iter().for_each(|c| design.add(&mut one_by_one, *c));
+            same(&design, candidates.len(), [&design.with(&start, &set), &one_by_one]);
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use trical_model::{Joints, Measured, Pose, Recording, Row, State};
 
 use crate::error::{IdentError, Result};
-use crate::repeated::{fingerprint, refuse_repeated};
+use crate::repeated::refuse_repeated;
 use crate::rigid::{median, rigid_from_points};
 
 /// Which joint angles the model is to believe.
@@ -80,7 +80,7 @@ pub struct References {
 pub struct Dataset {
     /// Names of the recordings.
     pub names: Vec<String>,
-    /// What tells each recording from others, whatever its name: see [`fingerprint`].
+    /// What tells each recording from others, whatever its name: see [`crate::repeated::fingerprint`].
     pub fingerprints: Vec<String>,
     /// Names of the places where the set of balls stood, of each recording; empty for one that does not say.
     pub places: Vec<Vec<String>>,
@@ -113,10 +113,10 @@ impl Dataset {
         let Some(first) = recordings.first() else {
             return Err(IdentError::NotEnough("no recording was given".into()));
         };
-        refuse_repeated(recordings)?;
+        let fingerprints = refuse_repeated(recordings)?;
         let mut this = Self {
             names: recordings.iter().map(|r| r.name.clone()).collect(),
-            fingerprints: recordings.iter().map(fingerprint).collect(),
+            fingerprints,
             places: recordings.iter().map(|r| r.places.clone()).collect(),
             observations: Vec::new(),
             rejected: Vec::new(),

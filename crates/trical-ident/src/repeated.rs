@@ -37,11 +37,11 @@ fn wrong(recording: &Recording, problem: String) -> IdentError {
 }
 
 /// Refuses recordings that hold the same measurements: whole ones, whatever their names and formats; at least half of one in another; the
-/// rows of one that are repeated further down in it, as where it was joined with itself.
+/// rows of one that are repeated further down in it, as where it was joined with itself. Returns the fingerprint of each.
 ///
 /// # Errors
 /// One sentence that names both.
-pub fn refuse_repeated(recordings: &[Recording]) -> Result<()> {
+pub fn refuse_repeated(recordings: &[Recording]) -> Result<Vec<String>> {
     let prints: Vec<String> = recordings.iter().map(fingerprint).collect();
     for (k, print) in prints.iter().enumerate() {
         if let Some(same) = prints[..k].iter().position(|p| p == print) {
@@ -52,6 +52,7 @@ pub fn refuse_repeated(recordings: &[Recording]) -> Result<()> {
     }
     let marks: Vec<Vec<u64>> =
         recordings.iter().map(|r| r.rows.iter().map(|row| mark(row, r.joints)).collect()).collect();
+    let sets: Vec<HashSet<u64>> = marks.iter().map(|own| own.iter().copied().collect()).collect();
     for (k, (recording, own)) in recordings.iter().zip(&marks).enumerate() {
         if let Some((again, first, length)) = within(own) {
             let rows = |from: usize| format!("{} to {}", from + 1, from + length);
@@ -62,22 +63,18 @@ pub fn refuse_repeated(recordings: &[Recording]) -> Result<()> {
             );
             return Err(wrong(recording, problem));
         }
-        for (other, theirs) in recordings.iter().zip(&marks).take(k) {
-            let known: HashSet<u64> = theirs.iter().copied().collect();
-            let shared: HashSet<u64> = own.iter().copied().filter(|m| known.contains(m)).collect();
-            let fewer = known.len().min(own.len());
-            if shared.len() >= CHANCE && 2 * shared.len() >= fewer {
-                let problem = format!(
-                    "{} of its {} measurements are in {} too; expected each measurement once",
-                    shared.len(),
-                    own.len(),
-                    other.name
-                );
+        for (other, theirs) in recordings.iter().zip(&sets).take(k) {
+            let shared = sets[k].intersection(theirs).count();
+            let fewer = theirs.len().min(own.len());
+            if shared >= CHANCE && 2 * shared >= fewer {
+                let (all, other) = (own.len(), &other.name);
+                let problem =
+                    format!("{shared} of its {all} measurements are in {other} too; expected each measurement once");
                 return Err(wrong(recording, problem));
             }
         }
     }
-    Ok(())
+    Ok(prints)
 }
 
 /// The first stretch of rows that are, one after the other, the same as a stretch above: where it begins, where that begins, how long.
@@ -120,7 +117,7 @@ mod tests {
     }
 
     fn told(recordings: &[Recording]) -> String {
-        refuse_repeated(recordings).map_or_else(|e| e.to_string(), |()| String::new())
+        refuse_repeated(recordings).map_or_else(|e| e.to_string(), |_| String::new())
     }
 
     #[test]

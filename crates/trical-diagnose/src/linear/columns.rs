@@ -161,15 +161,15 @@ impl Linear {
             }
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
             let tool = matches!(o.measured, Measured::Touch { .. }).then(|| forward.tool_axes(&ws));
+            let sigmas: Vec<f64> = (0..n).map(|k| noise.sigma(o.recording, &o.measured, k)).collect();
             let weighted = |mut column: [f64; MOST_ROWS]| {
                 tool.iter().for_each(|tool| in_device_axes(tool, &mut column[..3]));
-                (0..n).for_each(|k| column[k] /= noise.sigma(o.recording, &o.measured, k));
+                column.iter_mut().zip(&sigmas).for_each(|(v, sigma)| *v /= sigma);
                 column
             };
             for (k, residual) in weighted(*ws.residual()).into_iter().enumerate().take(n) {
                 // rotations of a pose are fitted, but a position error has no part in them
-                let sigma = if k < 3 { noise.sigma(o.recording, &o.measured, k) } else { 0.0 };
-                all.sigma_of_row.push((sigma, index));
+                all.sigma_of_row.push((if k < 3 { sigmas[k] } else { 0.0 }, index));
                 all.pose_of_row[row + k] = o.pose;
                 all.residual[row + k] = residual;
             }

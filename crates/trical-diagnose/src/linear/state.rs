@@ -220,10 +220,10 @@ impl Design {
             }
         }
         let l = lengths(&among.added, &among.parts[start.parts.len()..]);
-        let mut w = Mat::from_fn(w.len(), self.width, |k, a| w[k][a]);
-        solve_lower_triangular_in_place(l.as_ref(), w.as_mut(), Par::Seq);
+        let mut w = Mat::from_fn(self.width, w.len(), |a, k| w[k][a]);
+        solve_lower_triangular_in_place(l.as_ref(), w.transpose_mut(), Par::Seq);
         for (k, added) in among.added.iter().enumerate() {
-            state.explain(self, Part { w: w.row(k).iter().copied().collect(), taken_out: false }, added.d);
+            state.explain(self, Part { w: w.col_as_slice(k).into(), taken_out: false }, added.d);
         }
         (state.ss, state.parameters) = (among.ss, among.parameters);
         state

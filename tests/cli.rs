@@ -1,11 +1,8 @@
 //! The program as its users meet it: what it prints, what it leaves, how it refuses.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
-
-mod common;
 
 use std::path::Path;
 
-use common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
+use crate::common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
 
 impl Place {
     /// Refused as bad input: one sentence that has `words`, exit code 2, nothing written.

@@ -1,11 +1,8 @@
 //! `trical compensate` as its users meet it: files in, files out, refusals.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-mod common;
 
 use std::process::Output;
 
-use common::{CELL_ARGS, Place, errors, words};
+use crate::common::{CELL_ARGS, Place, errors, words};
 
 const PROGRAM: &str = include_str!("../crates/trical-cli/assets/sample.mod");
 
@@ -30,7 +27,7 @@ impl Place {
     }
 
     /// One sentence that has `words`, the exit code, and nothing written.
-    fn refuses(&self, code: i32, program: &str, more: &[&str], words: &[&str]) {
+    fn refuses_program(&self, code: i32, program: &str, more: &[&str], words: &[&str]) {
         let o = self.compensate(program, &[more, &["--out", "new"]].concat());
         let err = errors(&o);
         assert_eq!(o.status.code(), Some(code), "{err}");
@@ -73,13 +70,13 @@ fn programs_are_rewritten_checked_and_refused() {
     let check = p.rewritten("sample.mod", &["--check"]);
     assert_eq!(check["rows"].as_array().unwrap().len(), 7);
     p.write("poses.txt", b"x_mm,y_mm,z_mm,qw,qx,qy,qz\n350,50,320,0,0.6,0.8,0\n");
-    p.refuses(2, "poses.txt", &[], &["poses.txt", "extension", "--dialect", "krl", "urscript"]);
+    p.refuses_program(2, "poses.txt", &[], &["poses.txt", "extension", "--dialect", "krl", "urscript"]);
     assert_eq!(p.rewritten("poses.txt", &["--dialect", "csv", "--out", "poses.new"])["targets"], 1);
-    p.refuses(2, "poses.txt", &["--dialect", "vb"], &["'vb'", "rapid"]);
+    p.refuses_program(2, "poses.txt", &["--dialect", "vb"], &["'vb'", "rapid"]);
 
     // frames from files
     p.write("moved.mod", PROGRAM.replace("fine,tDevice;", "fine,tDevice\\WObj:=wTable;"));
-    p.refuses(1, "moved.mod", &[], &["'wtable'", "not declared", "--frames", "line 4 (pCorner1)"]);
+    p.refuses_program(1, "moved.mod", &[], &["'wtable'", "not declared", "--frames", "line 4 (pCorner1)"]);
     p.write("frames.toml", b"[frames.wTable]\nxyz_mm = [10, 5, -20]\nzyx_deg = [3, 0, 0]\n");
     assert_eq!(p.rewritten("moved.mod", &["--frames", "frames.toml", "--out", "moved.new.mod"])["targets"], 7);
     let same = "PERS wobjdata wTable:=[FALSE,TRUE,\"\",[[10,5,-20],[0.99965732,0,0,0.02617695]],[[0,0,0],[1,0,0,0]]];";
@@ -87,25 +84,25 @@ fn programs_are_rewritten_checked_and_refused() {
     let with = |f: &str| p.rewritten("moved.mod", &["--frames", f, "--check"])["largest_move_mm"].as_f64().unwrap();
     assert!((with("frames.toml") - with("CalibData.mod")).abs() < 1e-4);
     p.write("bad.toml", b"[frames.wTable]\nxyz_mm = [10, 5, -20]\nzyx_rad = [3, 0, 0]\n");
-    p.refuses(2, "moved.mod", &["--frames", "bad.toml"], &["bad.toml", "line 3", "zyx_rad"]);
-    p.refuses(2, "sample.mod", &["--tool", "tNone"], &["'tNone'", "tdevice"]);
+    p.refuses_program(2, "moved.mod", &["--frames", "bad.toml"], &["bad.toml", "line 3", "zyx_rad"]);
+    p.refuses_program(2, "sample.mod", &["--tool", "tNone"], &["'tNone'", "tdevice"]);
 
     // a target out of reach: nothing, or the others
     p.write("far.mod", PROGRAM.replacen("[[300,", "[[3000,", 1));
-    p.refuses(1, "far.mod", &[], &["line 4 (pCorner1)", "out of reach", "--partial"]);
+    p.refuses_program(1, "far.mod", &[], &["line 4 (pCorner1)", "out of reach", "--partial"]);
     let part = p.rewritten("far.mod", &["--partial", "--out", "far.new.mod"]);
     assert_eq!((&part["targets"], part["problems"].as_array().unwrap().len()), (&serde_json::json!(6), 1));
     p.write("all.mod", b"CONST robtarget p:=[[3000,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];");
-    p.refuses(1, "all.mod", &["--partial"], &["none of its 1 target can"]);
-    p.refuses(2, "out.mod", &[], &["out.mod", "compensated already"]);
+    p.refuses_program(1, "all.mod", &["--partial"], &["none of its 1 target can"]);
+    p.refuses_program(2, "out.mod", &[], &["out.mod", "compensated already"]);
     p.write("wide.mod", PROGRAM.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>());
-    p.refuses(2, "wide.mod", &[], &["wide.mod", "UTF-16"]);
-    p.refuses(2, "sample.mod", &["--temp-c", "nan"], &["--temp-c"]);
+    p.refuses_program(2, "wide.mod", &[], &["wide.mod", "UTF-16"]);
+    p.refuses_program(2, "sample.mod", &["--temp-c", "nan"], &["--temp-c"]);
 
     // what a motion goes to and this file does not say is listed, and nothing is written without being told to
     let home = "    MoveJ pElsewhere,v1000,z50,tDevice;\n    MoveL pCorner1";
     p.write("home.mod", PROGRAM.replacen("    MoveL pCorner1", home, 1));
-    p.refuses(1, "home.mod", &[], &["line ", "'pElsewhere'", "--partial"]);
+    p.refuses_program(1, "home.mod", &[], &["line ", "'pElsewhere'", "--partial"]);
     let part = p.rewritten("home.mod", &["--partial", "--out", "home.new.mod"]);
     assert_eq!((&part["targets"], part["problems"].as_array().unwrap().len()), (&serde_json::json!(7), 1));
     let o = p.compensate("home.mod", &["--check", "--partial"]);

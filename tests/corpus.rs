@@ -1,7 +1,6 @@
 //! The corpus of the fuzz targets (`fuzz/corpus/`, a folder for each reader of what comes from outside), replayed.
 //!
 //! A name says what must happen: `refused-...` is refused, `any-...` must only not panic, and all others are taken.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 #[path = "../fuzz/src/lib.rs"]
 mod fuzz;

@@ -1,13 +1,10 @@
 //! Gauge, robot and measurement from the command line, against a virtual cell in a process of its own.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-mod common;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
+use crate::common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
 
 /// A virtual cell; it ends with the test.
 struct Cell {

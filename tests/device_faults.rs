@@ -1,6 +1,5 @@
 //! Two hundred scripted fault runs of the whole procedure: each ends complete or with a clear stop, the arm stays within its
 //! limits, what was recorded is right, and the rest can be measured once the fault is gone.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs, dead_code)]
 
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};

@@ -1,16 +1,13 @@
 //! Files that claim, nest or repeat more than any honest file does, given to the real binary with little memory: one sentence
 //! and exit code 1 or 2, in seconds.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 #![cfg(unix)]
-
-mod common;
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write as _};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{CELL, Place, ROBOT, errors, in_cell, words};
+use crate::common::{CELL, Place, ROBOT, errors, in_cell, words};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Address space of the process, KiB: what a recording of a day needs, and far less than the files here ask for.
@@ -20,7 +17,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 
 impl Place {
     /// The command fails in order, with one short sentence that has `words`.
-    fn refuses(&self, args: &str, words: &str) {
+    fn fails_in_order(&self, args: &str, words: &str) {
         let begin = Instant::now();
         let o = Command::new("sh")
             .args(["-c", &format!("ulimit -v {ADDRESS_SPACE}; exec timeout 120 \"$0\" \"$@\"")])
@@ -42,13 +39,13 @@ impl Place {
 
     /// As `robot.toml`, as `cell.toml`, as `--known` and as `--frames`.
     fn refuses_toml(&self, name: &str, words: &str) {
-        self.refuses(&format!("plan --robot {name} --cell cell.toml --out o.csv"), words);
-        self.refuses(&format!("plan --robot robot.toml --cell {name} --out o.csv"), words);
+        self.fails_in_order(&format!("plan --robot {name} --cell cell.toml --out o.csv"), words);
+        self.fails_in_order(&format!("plan --robot robot.toml --cell {name} --out o.csv"), words);
         self.write(
             "one.csv",
             "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,ball,ix_mm,iy_mm,iz_mm\n0,0,0,0,0,0,1,0,0,0\n",
         );
-        self.refuses(&format!("identify one.csv --robot robot.toml --cell cell.toml --known {name}"), words);
+        self.fails_in_order(&format!("identify one.csv --robot robot.toml --cell cell.toml --known {name}"), words);
     }
 }
 
@@ -125,8 +122,11 @@ fn recordings_that_claim_more_than_they_are() {
     let all = [record(0x04, channel.len() as u64, &channel), chunk("lz4", 1 << 27, messages.len() as u64, &messages)];
     p.write("messages.mcap", mcap(&all.concat()));
     for name in ["claim", "stored", "record", "bomb", "messages"] {
-        p.refuses(&format!("convert {name}.mcap o.csv"), "there is no complete measurement in it");
-        p.refuses(&format!("identify {name}.mcap --robot robot.toml --cell cell.toml"), "no complete measurement");
+        p.fails_in_order(&format!("convert {name}.mcap o.csv"), "there is no complete measurement in it");
+        p.fails_in_order(
+            &format!("identify {name}.mcap --robot robot.toml --cell cell.toml"),
+            "no complete measurement",
+        );
     }
 }
 
@@ -160,7 +160,7 @@ fn urdfs_that_expand_nest_or_go_on() {
         ("long", ""),
         ("huge", "has more than 20000000 bytes"),
     ] {
-        p.refuses(&format!("convert {name}.urdf o.toml"), words);
+        p.fails_in_order(&format!("convert {name}.urdf o.toml"), words);
     }
 }
 
@@ -182,7 +182,7 @@ fn toml_files_that_nest_or_go_on() {
     p.refuses_toml("a.toml", "has more than 20000000 bytes");
     let joint = &ROBOT[ROBOT.find("[[joint]]").unwrap()..ROBOT.rfind("[[joint]]").unwrap()];
     p.write("a.toml", "name = \"centipede\"\n".to_owned() + &joint.repeat(2000));
-    p.refuses("plan --robot a.toml --cell cell.toml --out o.csv", "10000 joints found, expected 1 to 9");
+    p.fails_in_order("plan --robot a.toml --cell cell.toml --out o.csv", "10000 joints found, expected 1 to 9");
 }
 
 #[test]
@@ -198,32 +198,32 @@ fn tables_of_one_line_or_a_million_columns() {
     // a file with a hole: 500 MB of zeros that take no place
     let hole = std::fs::File::create(p.path("a.csv")).unwrap();
     hole.set_len(500_000_000).unwrap();
-    p.refuses(identify, "expected");
-    p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
-    p.refuses(measure, "has more than 20000000 bytes");
+    p.fails_in_order(identify, "expected");
+    p.fails_in_order("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
+    p.fails_in_order(measure, "has more than 20000000 bytes");
     p.write("a.csv", "9".repeat(500_000_000));
-    p.refuses(identify, "expected");
-    p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
-    p.refuses(measure, "has more than 20000000 bytes");
+    p.fails_in_order(identify, "expected");
+    p.fails_in_order("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
+    p.fails_in_order(measure, "has more than 20000000 bytes");
     p.write("a.csv", format!("{header}\n{}", "9".repeat(500_000_000)));
-    p.refuses(identify, "line 2 is longer than 1048576 bytes");
-    p.refuses("convert a.csv o.mcap", "line 2 is longer than 1048576 bytes");
+    p.fails_in_order(identify, "line 2 is longer than 1048576 bytes");
+    p.fails_in_order("convert a.csv o.mcap", "line 2 is longer than 1048576 bytes");
     p.write("a.csv", format!("{header}\n{}", "9".repeat(1_000_000)));
-    p.refuses(identify, "found 1 fields, expected 10");
+    p.fails_in_order(identify, "found 1 fields, expected 10");
     p.write("a.csv", format!("{header}\n{},0,0,0,0,0,1,0,0,0", "9".repeat(1_000_000)));
-    p.refuses(identify, "999...', expected a finite number");
+    p.fails_in_order(identify, "999...', expected a finite number");
     let columns: String = (0..1_000_000).fold(header.to_owned(), |s, k| s + &format!(",c{k}"));
     p.write("a.csv", columns + "\n" + &"0,".repeat(1_000_009) + "0\n");
-    p.refuses("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
+    p.fails_in_order("convert a.csv o.mcap", "line 1 is longer than 1048576 bytes");
     p.write("a.csv", "q1_deg,".repeat(140_000) + "q1_deg\n" + &"0,".repeat(140_000) + "0\n");
-    p.refuses(identify, "column q1_deg is given twice");
-    p.refuses(measure, "found it twice");
+    p.fails_in_order(identify, "column q1_deg is given twice");
+    p.fails_in_order(measure, "found it twice");
     p.write("a.csv", "x".repeat(1_000_000) + "\n0\n");
-    p.refuses(identify, "unknown column 'xxx");
-    p.refuses(measure, "unknown column 'xxx");
+    p.fails_in_order(identify, "unknown column 'xxx");
+    p.fails_in_order(measure, "unknown column 'xxx");
     let far = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,reference,x_mm,y_mm,z_mm\n0,0,0,0,0,0,999999999,0,0,0\n";
     p.write("a.csv", far);
-    p.refuses(identify, "found '999999999', expected a number counted from 1 up to 10000");
+    p.fails_in_order(identify, "found '999999999', expected a number counted from 1 up to 10000");
 }
 
 #[test]
@@ -233,21 +233,24 @@ fn messages_hold_nothing_that_a_terminal_obeys_and_stay_short_in_bytes() {
     }
     let p = Place::new();
     p.write("a.csv", "q1_deg,\u{1b}[2J\u{7}\n0,0\n");
-    p.refuses("identify a.csv --robot robot.toml --cell cell.toml", "unknown column");
-    p.refuses(
+    p.fails_in_order("identify a.csv --robot robot.toml --cell cell.toml", "unknown column");
+    p.fails_in_order(
         &format!("identify {}.csv --robot robot.toml --cell cell.toml", "\u{1f916}".repeat(60)),
         "cannot be read",
     );
     let url = format!("line:///dev/null?{}=1", "\u{1f916}".repeat(20_000));
-    p.refuses(&format!("gauge test --gauge {url}"), "unknown option");
+    p.fails_in_order(&format!("gauge test --gauge {url}"), "unknown option");
     // a site that the arm does not have: the file, and the site as it stands there
     p.good(&["sample", "s"]);
     p.good(&words("identify s/touches.csv --robot s/robot.toml --cell s/cell.toml --out model.toml"));
     p.write("bad.toml", p.text("model.toml").replace("link = 2\n", "link = 22\n"));
     let validate = "validate s/touches.csv --robot s/robot.toml --cell s/cell.toml --model bad.toml";
-    p.refuses(validate, "bad.toml: term 'alpha_2' acts at site = { link = { link = 22, parameter = \"alpha\" } }");
+    p.fails_in_order(
+        validate,
+        "bad.toml: term 'alpha_2' acts at site = { link = { link = 22, parameter = \"alpha\" } }",
+    );
     let list = "1,".repeat(20_000) + "1";
-    p.refuses(&format!("virtual-cell --robot robot.toml --cell cell.toml --unsettled {list}"), "--unsettled");
+    p.fails_in_order(&format!("virtual-cell --robot robot.toml --cell cell.toml --unsettled {list}"), "--unsettled");
 }
 
 #[test]
@@ -257,7 +260,10 @@ fn numbers_on_the_command_line() {
     }
     let p = Place::new();
     for (option, words) in [("--per-ball", "at most 1000"), ("--pool", "at most 1000"), ("--points", "at most 1000")] {
-        p.refuses(&format!("plan --robot robot.toml --cell cell.toml {option} 1000000000000 --out o.csv"), words);
+        p.fails_in_order(
+            &format!("plan --robot robot.toml --cell cell.toml {option} 1000000000000 --out o.csv"),
+            words,
+        );
     }
 }
 
@@ -354,14 +360,14 @@ fn no_reader_of_any_kind_of_file_is_held_up_by_one_without_an_end() {
             }
             let asked = command.replace("{}", &name).replace("GAUGE", &gauge).replace("CONTROLLER", &controller);
             if kind != "pipe" {
-                p.refuses(&asked, "");
+                p.fails_in_order(&asked, "");
                 continue;
             }
             for (writes, first) in &lines {
                 let script = format!("{{ echo '{first}'; {writes}; }} > \"$0\"");
                 let writer = Command::new("sh").args(["-c", &script]).arg(&pipe).stderr(Stdio::null()).spawn().unwrap();
                 let _ends = Ends(writer);
-                p.refuses(&asked, "");
+                p.fails_in_order(&asked, "");
             }
         }
     }
@@ -402,7 +408,7 @@ fn controllers_that_never_end_sending_fill_nothing() {
             "rws" => format!("rws://127.0.0.1:{port}?timeout_s=1&login=factory"),
             _ => format!("ur://127.0.0.1?timeout_s=1&rtde_port={port}&script_port={port}"),
         };
-        p.refuses(&format!("robot ping --controller {url}"), "robot controller");
+        p.fails_in_order(&format!("robot ping --controller {url}"), "robot controller");
     }
 }
 
@@ -415,7 +421,7 @@ fn an_arm_that_cannot_turn_its_device_is_given_up_soon() {
     p.write("nine.toml", "name = \"nine parallel joints\"\n".to_owned() + &joint(0, 300) + &joint(100, 0).repeat(8));
     p.write("flat.toml", &CELL[..CELL.find("[geometry]").unwrap()]);
     let begin = Instant::now();
-    p.refuses(
+    p.fails_in_order(
         "plan --robot nine.toml --cell flat.toml --start-deg 30,10,10,10,10,10,10,10,10 --out o.csv",
         "ball 1: 0 collision-free configurations found in 1024 attempts, expected 15; all were out of reach",
     );
@@ -443,7 +449,7 @@ fn meshes_that_claim_four_thousand_million_triangles() {
         ("d.stl", ""),
     ] {
         p.write("mesh.toml", cell_with_mesh(name));
-        p.refuses("plan --robot robot.toml --cell mesh.toml --out o.csv", words);
+        p.fails_in_order("plan --robot robot.toml --cell mesh.toml --out o.csv", words);
     }
 }
 
@@ -468,6 +474,6 @@ fn programs_of_one_nest_of_brackets() {
     ] {
         p.write(name, text);
         let model = "--robot demo/robot.toml --cell demo/cell.toml --model demo/calibrated.toml";
-        p.refuses(&format!("compensate {name} {model} --out o"), "");
+        p.fails_in_order(&format!("compensate {name} {model} --out o"), "");
     }
 }

@@ -1,7 +1,4 @@
 //! `trical record`: an arm guided into sockets, its joints from a file that grows.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-mod common;
 
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -10,14 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
-#[allow(dead_code)]
-#[path = "../crates/trical-device/tests/common/rws_server.rs"]
-mod rws_server;
-#[allow(dead_code)]
-#[path = "../crates/trical-device/tests/common/ur_server.rs"]
-mod ur_server;
-
-use common::{CELL, Place, errors, in_cell, words};
+use crate::common::{CELL, Place, errors, in_cell, words};
 
 impl Place {
     fn record(&self, follow: &str, out: &str, typed: &[&str]) -> Output {
@@ -187,8 +177,8 @@ fn rapid_server() -> (String, Arc<AtomicBool>) {
 #[test]
 fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     let place = Place::new();
-    let (ur, behind_ur) = ur_server::server();
-    let (rws, behind_rws) = rws_server::server();
+    let (ur, behind_ur) = crate::ur_server::server();
+    let (rws, behind_rws) = crate::rws_server::server();
     let (rapid, moved) = rapid_server();
     behind_ur.lock().unwrap().q = [1.5, -2.0, 0.0, -0.00001, 45.0, 180.25].map(f64::to_radians);
     let urls = [

@@ -1,13 +1,10 @@
 //! Reports as their readers meet them: what they say, what they carry, and whether a browser without a network draws them.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
-
-mod common;
 
 use std::path::Path;
 use std::process::Command;
 use std::sync::LazyLock;
 
-use common::{CELL_ARGS, Place, errors, in_cell, words};
+use crate::common::{CELL_ARGS, Place, errors, in_cell, words};
 
 /// The files of a demo, its recording as CSV too: measured and diagnosed once for all tests.
 static DEMO: LazyLock<Vec<(String, Vec<u8>)>> = LazyLock::new(|| {

@@ -1,10 +1,7 @@
 //! The client of the RAPID dialect against servers that do not do as they should.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use std::io::{Read, Write};
 use std::net::TcpListener;
-mod common;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -273,7 +270,7 @@ fn a_controller_that_floods_is_stopped_all_the_same() {
 
 #[test]
 fn who_speaks_another_language_is_disconnected_and_moves_nothing() {
-    let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
+    let cell = VirtualCell::start(Box::new(crate::common::Gantry::default()), CellOptions::default()).unwrap();
     for text in [
         "POST / HTTP/1.1\r\nHost: robot\r\nContent-Length: 99\r\n\r\n#02 10 0 0 0 0 0 #",
         "hello #02 10 0 0 0 0 0 #",
@@ -300,7 +297,7 @@ fn answered(cell: &VirtualCell, text: &str) -> String {
 #[test]
 fn who_does_not_know_the_secret_commands_nothing() {
     let options = CellOptions { secret: Some(Secret::new("Torx25kanne")), ..CellOptions::default() };
-    let cell = VirtualCell::start(Box::new(common::Gantry::default()), options).unwrap();
+    let cell = VirtualCell::start(Box::new(crate::common::Gantry::default()), options).unwrap();
     assert_eq!(answered(&cell, "24 #02 10 0 0 0 0 0 #"), "27 0 secret expected#");
     assert_eq!(answered(&cell, "02 10 0 0 0 0 0 #"), "27 0 secret expected#");
     assert_eq!(answered(&cell, "27 Torx25 #02 10 0 0 0 0 0 #"), "27 0 wrong secret#");
@@ -319,7 +316,7 @@ fn who_does_not_know_the_secret_commands_nothing() {
 
 #[test]
 fn a_secret_where_none_is_set_is_told() {
-    let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
+    let cell = VirtualCell::start(Box::new(crate::common::Gantry::default()), CellOptions::default()).unwrap();
     let error = open_controller(&format!("rapid://{}?secret=Torx25kanne", cell.address())).err().unwrap();
     assert!(error.to_string().contains("no secret is set here"), "{error}");
     open_controller(&format!("rapid://{}?secret=none", cell.address())).unwrap().ping().unwrap();
@@ -327,7 +324,7 @@ fn a_secret_where_none_is_set_is_told() {
 
 #[test]
 fn a_second_client_waits_until_the_first_has_gone() {
-    let cell = VirtualCell::start(Box::new(common::Gantry::default()), CellOptions::default()).unwrap();
+    let cell = VirtualCell::start(Box::new(crate::common::Gantry::default()), CellOptions::default()).unwrap();
     let first = open_controller(&cell.controller_url()).unwrap();
     let mut second = std::net::TcpStream::connect(cell.address()).unwrap();
     second.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
@@ -343,7 +340,7 @@ fn a_second_client_waits_until_the_first_has_gone() {
 #[test]
 fn an_arm_whose_client_is_gone_stops() {
     let options = CellOptions { pace: 1.0, dwell: 0.0, ..CellOptions::default() };
-    let cell = VirtualCell::start(Box::new(common::Gantry::default()), options).unwrap();
+    let cell = VirtualCell::start(Box::new(crate::common::Gantry::default()), options).unwrap();
     let mut stream = std::net::TcpStream::connect(cell.address()).unwrap();
     // 1 rad of the gantry is 1 m, at 0.1 m/s
     stream.write_all(b"02 57.29578 0 0 0 0 0 #").unwrap();

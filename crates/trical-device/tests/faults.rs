@@ -1,12 +1,8 @@
 //! What goes wrong, and how the procedure ends then.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::sync::atomic::AtomicBool;
 
-use common::{Bench, Gantry, bench, options, plan};
+use crate::common::{Bench, Gantry, bench, options, plan};
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{RetreatOutcome, Violation};
 use trical_device::{CellError, CellOptions, Fault, ProcedureError, ProcedureOptions, Progress, VirtualCell, run};

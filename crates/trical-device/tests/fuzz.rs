@@ -1,9 +1,5 @@
 //! Random bytes from and to every device: errors, never a panic or a hang.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::io::{self, Read, Write};
 use std::time::Duration;
 
@@ -156,7 +152,7 @@ proptest! {
 
     #[test]
     fn the_virtual_cell_survives_any_request(noise in proptest::collection::vec(any::<u8>(), 0..400)) {
-        let bench = common::bench();
+        let bench = crate::common::bench();
         let mut port = std::fs::OpenOptions::new().write(true).open(bench.cell.terminal()).unwrap();
         port.write_all(&noise).unwrap();
         port.write_all(b"\r").unwrap();

@@ -1,7 +1,5 @@
 //! Gauges on pseudo-terminals, opened by their URLs like the hardware.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::OwnedFd;

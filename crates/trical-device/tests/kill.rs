@@ -1,16 +1,12 @@
 //! A measuring process that is killed in the middle, and another that takes its recording up.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use common::{Gantry, options, plan};
+use crate::common::{Gantry, options, plan};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_device::{CellOptions, ProcedureOptions, Progress, VirtualCell, open_controller, open_gauge, run};
@@ -47,7 +43,7 @@ fn start(cell: &VirtualCell, path: &PathBuf) -> Child {
 
 fn start_with(cell: &VirtualCell, path: &PathBuf, touches: u64) -> Child {
     Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "child"])
+        .args(["--exact", "kill::child"])
         .env("TRICAL_TEST_RECORDING", path)
         .env("TRICAL_TEST_TOUCHES", touches.to_string())
         .env("TRICAL_TEST_GAUGE", cell.gauge_url())

@@ -1,8 +1,6 @@
 //! A million inputs for every parser, most of them one or a few bytes from a valid one: no panic, and nothing accepted that
 //! the protocol does not allow.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 #[path = "../../../fuzz/src/device.rs"]
 #[expect(dead_code, reason = "recordings are asked for more here")]
 mod targets;

@@ -1,12 +1,8 @@
 //! The whole procedure against a virtual cell, through the real drivers.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
+use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
 use trical_device::procedure::{Retreat, Violation, stride, visits};
 use trical_device::virtual_cell::Unsettled;
 use trical_device::{

@@ -1,8 +1,6 @@
 //! The RAPID module and the protocol module must not drift apart; no RAPID compiler is at hand, so what can be checked
 //! of its form is checked here.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use trical_device::controller::rapid_protocol::{self as protocol, code};
 
 fn module() -> String {

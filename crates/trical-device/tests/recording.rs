@@ -1,13 +1,9 @@
 //! Recordings through the real drivers: whole, cut, taken up again.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use common::{Gantry, options, plan};
+use crate::common::{Gantry, options, plan};
 use trical_device::{
     CellOptions, PlanEntry, ProcedureOptions, Progress, VirtualCell, open_controller, open_gauge, run,
 };

@@ -1,7 +1,5 @@
 //! The client of Robot Web Services against a server that speaks them, digest authentication included.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
@@ -13,9 +11,7 @@ use trical_device::controller::{RwsClient, RwsSettings};
 use trical_device::url::Secret;
 use trical_device::{Controller, ControllerError, open_controller};
 
-#[path = "common/rws_server.rs"]
-mod rws_server;
-use rws_server::{Robot, serve, server};
+use crate::rws_server::{Robot, serve, server};
 
 const CERTIFICATE: &str = include_str!("data/rws-test-server.pem");
 

@@ -1,13 +1,9 @@
 //! Controllers that do not say the truth about the joints.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{Bench, bench, options, plan};
+use crate::common::{Bench, bench, options, plan};
 use trical_device::{Controller, ControllerError};
 use trical_model::recording::Joints;
 

@@ -1,7 +1,5 @@
 //! The client of Universal Robots against a server that speaks RTDE and takes programs.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
@@ -10,9 +8,7 @@ use std::time::Duration;
 use trical_device::controller::{StopCount, UrClient, UrSettings};
 use trical_device::{Controller, ControllerError, open_controller};
 
-#[path = "common/ur_server.rs"]
-mod ur_server;
-use ur_server::{Robot, server};
+use crate::ur_server::{Robot, server};
 
 fn connect() -> (UrClient, Arc<Mutex<Robot>>) {
     let (settings, robot) = server();

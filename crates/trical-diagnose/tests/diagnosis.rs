@@ -1,10 +1,6 @@
 //! Diagnoses of arms whose truth is known.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-#[path = "../../trical-ident/tests/common/arm.rs"]
-mod arm;
-
-use arm::{build, touch, touch_in_sockets, truth};
+use crate::arm::{build, touch, touch_in_sockets, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};

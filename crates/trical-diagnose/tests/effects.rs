@@ -1,12 +1,10 @@
 //! The catalogue as users read it is the catalogue as the program has it.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use trical_diagnose::effects::EFFECTS;
 
 const DOC: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/effects.md");
 
-/// To write the rows anew: `UPDATE_DOCS=1 cargo test -p trical-diagnose --test effects`.
+/// To write the rows anew: `UPDATE_DOCS=1 cargo test -p trical-diagnose effects::`.
 #[test]
 fn the_documentation_lists_every_effect_as_its_file_has_it() {
     let text = std::fs::read_to_string(DOC).unwrap();

@@ -1,8 +1,4 @@
 //! An encoder's curve is learnt over the part of a turn that a joint has, and holds on another day.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-#[path = "../../trical-ident/tests/common/arm.rs"]
-mod arm;
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -18,7 +14,7 @@ const LEAST_MM: f64 = 1.6e-2;
 
 /// An arm whose joint 2 reads its angle with a curve of five waves, 0.1 deg from end to end.
 fn truth() -> Model {
-    let mut model = arm::truth(ParameterSet::Compliance, 11);
+    let mut model = crate::arm::truth(ParameterSet::Compliance, 11);
     model.cell.tool.targets = vec![Vector3::new(0.018, -0.012, 0.118)];
     for (cycles, shape, size_deg) in [
         (2.0, Shape::Sine { cycles: 2.0 }, 0.02),

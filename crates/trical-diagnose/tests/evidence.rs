@@ -1,6 +1,5 @@
 //! What evidence is, and where the search stops: claims that deliberate errors in the code (see docs/hardening.md) went against
 //! unnoticed.
-#![allow(clippy::unwrap_used, missing_docs)]
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -1,6 +1,5 @@
 //! The linear picture of a fit works on inner products, of the numbers that bases say wherever a column has the direction of its
 //! site. What it says is compared with fits of all rows as they are.
-#![allow(clippy::unwrap_used, missing_docs)]
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};

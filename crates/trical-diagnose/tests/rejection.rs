@@ -1,5 +1,4 @@
 //! Stale rows.
-#![allow(clippy::unwrap_used, clippy::cast_precision_loss, missing_docs)]
 
 use trical_diagnose::rejection::without_stale;
 use trical_ident::{Dataset, JointSource};

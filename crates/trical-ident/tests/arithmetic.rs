@@ -1,6 +1,5 @@
 //! Small claims about fits, noise, observability and what is left out, each checked by hand or by its definition. Deliberate
 //! errors in the code (see docs/hardening.md) went unnoticed without them.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::cast_precision_loss, missing_docs)]
 
 use faer::Mat;
 use rand::{RngExt, SeedableRng};

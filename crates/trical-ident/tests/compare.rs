@@ -1,8 +1,4 @@
 //! Is this arm still what it was: a few touches against an earlier calibration.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-#[path = "common/arm.rs"]
-mod arm;
 
 use trical_ident::{Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
 use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Site, Task, Term};
@@ -11,7 +7,7 @@ use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Site, Task, Ter
 const NOISE: f64 = 1e-5;
 
 fn truth() -> Model {
-    arm::truth(ParameterSet::Compliance, 5)
+    crate::arm::truth(ParameterSet::Compliance, 5)
 }
 
 /// The arm's calibration from 90 touches, as its file has it.
@@ -20,7 +16,7 @@ fn calibrated(truth: &Model) -> ModelFile {
 }
 
 fn calibrated_with(truth: &Model, noise: f64) -> ModelFile {
-    let old = Recording { name: "old.csv".into(), ..arm::touch(truth, 90, noise, 1) };
+    let old = Recording { name: "old.csv".into(), ..crate::arm::touch(truth, 90, noise, 1) };
     let c =
         calibrate(&truth.robot, &truth.cell, &[old], &Options::new(ParameterSet::Compliance), &Task::silent()).unwrap();
     let text = ModelFile::of_fit(&c.fitted).to_toml().unwrap();
@@ -35,7 +31,7 @@ fn later(truth: &Model, change: Option<(Site, f64)>, name: &str, seed: u64) -> R
         term.value = value;
         arm.terms.push(term);
     }
-    Recording { name: name.into(), ..arm::touch(&arm, 10, NOISE, seed) }
+    Recording { name: name.into(), ..crate::arm::touch(&arm, 10, NOISE, seed) }
 }
 
 fn compared(truth: &Model, file: &ModelFile, change: Option<(Site, f64)>) -> Comparison {
@@ -62,7 +58,7 @@ fn of_many_touches_what_is_called_visible_is_told_and_half_of_it_is_not() {
         let mut term = Term::new("change", "change", Site::Joint { joint: 2 }, Basis::CONSTANT);
         term.value = by.to_radians();
         arm.terms.push(term);
-        let new = Recording { name: "new.csv".into(), ..arm::touch(&arm, 200, NOISE, 7) };
+        let new = Recording { name: "new.csv".into(), ..crate::arm::touch(&arm, 200, NOISE, 7) };
         compare(&truth.cell, &file, &new, None).unwrap()
     };
     let visible = many(0.0).visible.iter().find(|v| v.what == "joint 2").and_then(|v| v.smallest).unwrap();
@@ -121,7 +117,7 @@ fn one_wrong_touch_is_told_as_that() {
 fn a_model_without_its_uncertainty_and_its_own_recording_are_refused() {
     let truth = truth();
     let mut file = calibrated(&truth);
-    let own = Recording { name: "old.csv".into(), ..arm::touch(&truth, 90, NOISE, 1) };
+    let own = Recording { name: "old.csv".into(), ..crate::arm::touch(&truth, 90, NOISE, 1) };
     let e = compare(&truth.cell, &file, &own, None).unwrap_err().to_string();
     assert_eq!(e, "old.csv: the model was fitted to this recording; expected a later one");
     file.uncertainty = None;
@@ -155,7 +151,7 @@ fn months_of_growing_errors_say_when_the_next_calibration_is_due() {
 fn a_history_begins_with_the_recording_that_the_model_was_learnt_on() {
     let truth = truth();
     let file = calibrated(&truth);
-    let own = Recording { name: "2026-01-01 old.csv".into(), ..arm::touch(&truth, 90, NOISE, 1) };
+    let own = Recording { name: "2026-01-01 old.csv".into(), ..crate::arm::touch(&truth, 90, NOISE, 1) };
     let sessions = [own, later(&truth, None, "2026-02-01.csv", 7), later(&truth, None, "2026-02-03.csv", 8)];
     let h = history(&truth.cell, &file, &sessions, None, None).unwrap();
     assert_eq!((h.learnt.len(), h.sessions.len()), (1, 2));
@@ -183,7 +179,7 @@ fn another_arm_is_not_told_as_unchanged() {
         joint.a += 0.05 * (k as f64 - 2.0);
         joint.d += 0.04;
     }
-    let recording = Recording { name: "other.csv".into(), ..arm::touch(&other, 40, NOISE, 3) };
+    let recording = Recording { name: "other.csv".into(), ..crate::arm::touch(&other, 40, NOISE, 3) };
     let e = compare(&truth.cell, &calibrated(&truth), &recording, None).unwrap_err().to_string();
     assert!(e.starts_with("other.csv: the model misses these measurements by"), "{e}");
     assert!(e.contains("expected a recording of the arm that the model is of"), "{e}");

@@ -8,7 +8,6 @@
 //!
 //! Craig's four numbers a joint miss one twist, Hayati's beta, for each pair of consecutive revolute axes that are parallel: so
 //! many fewer does the geometry without beta have.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use std::path::Path;
 

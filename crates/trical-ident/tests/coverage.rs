@@ -1,5 +1,4 @@
 //! Intervals that say 95 % cover 95 %: of parameters, and of predictions where nothing was measured.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::Distribution;
@@ -122,7 +121,7 @@ fn the_last_poses_are_scored_by_a_fit_that_has_not_seen_them() {
     assert!(all.unwrap_err().to_string().contains("the last 100 % of 45 poses leave no poses to fit"));
 }
 
-/// The full number, for reports: `cargo test --release -p trical-ident --test coverage -- --ignored --nocapture`.
+/// The full number, for reports: `cargo test --release -p trical-ident --test all coverage:: -- --ignored --nocapture`.
 #[test]
 #[ignore = "the small version above runs in every test; this is the number that is reported"]
 fn intervals_of_95_percent_in_1000_runs() {

@@ -1,5 +1,4 @@
 //! Data that cannot be fitted: each kind gets its own sentence.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -1,5 +1,4 @@
 //! Lengths from anchors, and full poses of arms with slides: nothing but the arm's nominal table is known beforehand.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};

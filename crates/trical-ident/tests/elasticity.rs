@@ -1,8 +1,4 @@
 //! How far joints give way where the robot has no masses, and what a fit does with directions in which the measurements say little.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-#[path = "common/arm.rs"]
-mod arm;
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -13,7 +9,7 @@ use trical_model::{Basis, Forward, Measured, Model, Pose, Recording, Row, Shape,
 
 /// An arm without masses, seen by a tracker: every parameter of its geometry off by chance.
 fn without_masses(seed: u64) -> Model {
-    let mut model = arm::truth(ParameterSet::Geometry, seed);
+    let mut model = crate::arm::truth(ParameterSet::Geometry, seed);
     model.robot.joints.iter_mut().for_each(|j| j.mass = None);
     model.cell.tool.targets = vec![nalgebra::Vector3::new(0.04, -0.02, 0.12)];
     model.frames = vec![Pose::identity()];
@@ -186,7 +182,7 @@ fn weighed(arm: &Model, poses: usize, seed: u64) -> Recording {
 
 #[test]
 fn a_load_on_the_flange_is_found_by_measured_torques_without_masses() {
-    let arm = arm::truth(ParameterSet::Geometry, 5);
+    let arm = crate::arm::truth(ParameterSet::Geometry, 5);
     let mut loaded = arm.clone();
     let cog = nalgebra::Vector3::new(0.02, -0.03, 0.09);
     loaded.cell.tool.cog = (arm.cell.tool.cog * arm.cell.tool.mass + cog * 2.5) / (arm.cell.tool.mass + 2.5);

@@ -1,10 +1,6 @@
 //! An indicator that does not follow the arm is told, and one that follows is not.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "common/arm.rs"]
-mod arm;
-
-use arm::{nominal, touch, truth};
+use crate::arm::{nominal, touch, truth};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::calibration::{Options, calibrate};

@@ -1,13 +1,8 @@
 //! Identification on arms whose truth is known, and on the real recordings where they are present.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
-
-mod common {
-    pub mod arm;
-}
 
 use std::path::{Path, PathBuf};
 
-use common::arm::{build, nominal, paper_terms, touch, truth};
+use crate::arm::{build, nominal, paper_terms, touch, truth};
 use trical_ident::identify::fit_model_knowing;
 use trical_ident::known::Known;
 use trical_ident::{

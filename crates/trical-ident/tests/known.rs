@@ -1,5 +1,4 @@
 //! Priors and limits: what is known of parameters before they are measured.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -1,8 +1,6 @@
 //! Valid recordings, model files and files of what is known, with a few characters changed: no panic, and whatever is taken is
 //! finite and is read back as it was written.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::cast_precision_loss)]
-
 #[path = "../../trical-model/tests/common/mutants.rs"]
 mod common;
 #[path = "../../../fuzz/src/ident.rs"]

@@ -1,8 +1,4 @@
 //! Balls and printed sockets at unknown places: their pose is identified with the arm, and the arm is scored at places that it did not see.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-#[path = "common/arm.rs"]
-mod arm;
 
 use nalgebra::Vector3;
 use trical_ident::{ModelFile, Options, ParameterSet, calibrate, validate};
@@ -19,9 +15,9 @@ fn touched(cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
 
 /// The same by an arm that has more terms.
 fn touched_with(more: Vec<Term>, cell: &Cell, places: &[usize], seed: u64) -> (Model, Recording) {
-    let mut truth = arm::truth(ParameterSet::Geometry, 3);
+    let mut truth = crate::arm::truth(ParameterSet::Geometry, 3);
     truth.terms.extend(more);
-    let recording = arm::touch_in_sockets(&mut truth, cell, places, NOISE, seed);
+    let recording = crate::arm::touch_in_sockets(&mut truth, cell, places, NOISE, seed);
     (truth, recording)
 }
 

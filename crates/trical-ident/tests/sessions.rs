@@ -1,8 +1,4 @@
 //! Sessions: what belongs to the arm is learnt from all of them and holds in others; frame, tool and what happened on the day are each one's own.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
-
-#[path = "common/arm.rs"]
-mod arm;
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -22,7 +18,7 @@ const LEAST_MM: f64 = 1.6e-2;
 
 /// The arm that all sessions share, with three targets on its tool: every parameter off by chance.
 fn truth() -> Model {
-    let mut model = arm::truth(ParameterSet::Compliance, 11);
+    let mut model = crate::arm::truth(ParameterSet::Compliance, 11);
     let targets = [[18.0, -12.0, 118.0], [60.0, 20.0, 90.0], [-30.0, 40.0, 100.0]];
     model.cell.tool.targets = targets.map(|t| Vector3::from(t) * 1e-3).to_vec();
     model
@@ -206,13 +202,13 @@ fn whoever_knows_better_may_say_which_sessions_share_a_tool() {
 
 #[test]
 fn balls_that_stood_elsewhere_in_another_session_are_found_and_refitted_in_a_third() {
-    let nominal = arm::truth(ParameterSet::Compliance, 11);
+    let nominal = crate::arm::truth(ParameterSet::Compliance, 11);
     let touched = |session: u64, shift: f64| {
         let mut model = nominal.clone();
         for ball in &mut model.cell.balls {
             *ball += Vector3::new(shift, 0.0, -shift);
         }
-        Recording { name: format!("touches{session}"), ..arm::touch(&model, 90, NOISE, session) }
+        Recording { name: format!("touches{session}"), ..crate::arm::touch(&model, 90, NOISE, session) }
     };
     let sessions = [touched(1, 0.0), touched(2, 3e-3)];
     let c = learnt(&nominal, &sessions, ToolSharing::Same);
@@ -245,7 +241,7 @@ fn intervals_of_predictions_hold_what_they_promise_on_another_day() {
 /// What moved in the course of a session counts by how far it moved the measurements about their middle.
 #[test]
 fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
-    let mut truth = arm::nominal();
+    let mut truth = crate::arm::nominal();
     truth.cell.tool.targets = vec![Vector3::new(18e-3, -12e-3, 118e-3)];
     let along_x = Site::Frame { frame: 1, motion: trical_model::Motion::ALL[0] };
     let hour = Basis::new(Variable::Time, Shape::Linear);

@@ -1,5 +1,4 @@
 //! Simulated recordings agree with the model that they came from, and scatter as they were told to.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use trical_ident::fit::position_errors;
 use trical_ident::{Aim, Dataset, JointSource, Scatter, simulate};

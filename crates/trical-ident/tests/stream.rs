@@ -1,5 +1,4 @@
 //! Files that are read pass by pass give what the same rows give in memory.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -1,6 +1,5 @@
 //! The forward function and its Jacobians against a second, naive implementation on dual numbers: homogeneous matrices
 //! multiplied one by one, gravity moments summed body by body.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use nalgebra::Vector3;
 use num_dual::{Dual64, DualNum};

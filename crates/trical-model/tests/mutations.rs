@@ -1,7 +1,5 @@
 //! Valid files with a few characters changed: no panic, and whatever is taken is finite and is read back as it was written.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 #[path = "common/mutants.rs"]
 mod common;
 #[path = "../../../fuzz/src/model.rs"]

@@ -1,5 +1,4 @@
 //! The shipped arms: each reads, reaches as far as its maker says, and stands where it should at a documented pose.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use std::path::Path;
 

@@ -1,8 +1,6 @@
 //! Slopes of basis functions against central differences, on both sides of every kink; whole turns of a joint whose error
 //! goes on with them.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use trical_model::{
     Basis, Cell, Forward, Measured, Model, Motion, Pose, Robot, Shape, Site, State, Term, Variable, inverse_kinematics,
 };

@@ -1,5 +1,4 @@
 //! ROS 2 bags of others, written here by hand: joint states while the arm goes from stop to stop, and what an instrument saw of the tool.
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
 use std::collections::BTreeMap;
 use std::fs::File;

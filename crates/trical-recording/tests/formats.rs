@@ -1,12 +1,11 @@
 //! The table of columns in docs/formats.md is that of the program.
-#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
 use trical_recording::columns::markdown;
 
 const BEGIN: &str = "<!-- columns: written by the test of trical-recording -->\n";
 const END: &str = "<!-- end of columns -->\n";
 
-/// To write the table anew: `UPDATE_DOCS=1 cargo test -p trical-recording --test formats`.
+/// To write the table anew: `UPDATE_DOCS=1 cargo test -p trical-recording formats::`.
 #[test]
 fn the_documentation_has_the_columns_of_the_program() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/formats.md");

@@ -1,5 +1,4 @@
 //! What a recording says comes back from CSV and from MCAP.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::cast_precision_loss, missing_docs)]
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

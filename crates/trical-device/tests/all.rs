@@ -1,0 +1,28 @@
+//! Tests of the simulated devices, drivers and procedure, one program: to build and link one costs less than many.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::cast_precision_loss,
+    missing_docs
+)]
+
+mod common;
+#[path = "common/rws_server.rs"]
+mod rws_server;
+#[path = "common/ur_server.rs"]
+mod ur_server;
+
+mod controller;
+mod faults;
+mod fuzz;
+mod gauges;
+mod kill;
+mod million;
+mod procedure;
+mod rapid_module;
+mod recording;
+mod rws;
+mod untrue;
+mod ur;

@@ -1,0 +1,28 @@
+//! Tests of identification, sessions and comparison, one program: to build and link one costs less than many.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::cast_precision_loss,
+    missing_docs
+)]
+
+#[path = "common/arm.rs"]
+mod arm;
+
+mod arithmetic;
+mod compare;
+mod counts;
+mod coverage;
+mod degenerate;
+mod distances;
+mod elasticity;
+mod follow;
+mod identification;
+mod known;
+mod mutations;
+mod places;
+mod sessions;
+mod simulate;
+mod stream;

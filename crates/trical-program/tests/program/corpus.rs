@@ -72,6 +72,12 @@ const RAPID: &[Case] = &[
         &[(3, "calculated")],
     ),
     case(
+        "a circle with a signal",
+        "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nMoveL p,v1,fine,tool0;\nMoveCDO p,q,v1,z10,tool0,doIt,1;\nMoveCSync p,q,v1,z10,tool0,\"Beep\";\n",
+        &[1, 2],
+        &[],
+    ),
+    case(
         "shifted",
         "CONST robtarget q:=@0;\nMoveL Offs(q,0,0,50),v1,fine,tool0;\nMoveL RelTool(q,0,0,-50\\Rz:=5),v1,fine,tool0;\nMoveL q,v1,fine,tool0;\n",
         &[1],

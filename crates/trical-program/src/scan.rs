@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use trical_model::Joints;
 
 use crate::branch::Configuration;
+use crate::elsewhere::Outside;
 use crate::frames::Frames;
 use crate::literal::Shape;
 use crate::text::Span;
@@ -138,6 +139,8 @@ pub struct Scan {
     pub routines: HashMap<u64, Setup>,
     /// Calls of routines that are in no file that was read.
     pub calls: Vec<Call>,
+    /// What called routines of other files do, and where they are called.
+    pub called: Vec<(usize, Outside)>,
     /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
     pub visits: Vec<Visit>,
     /// Joints that the program gives to choose a configuration by, rad.

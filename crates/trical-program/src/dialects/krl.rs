@@ -6,7 +6,10 @@
 //! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
 mod arguments;
+mod outside;
 mod setup;
+
+pub use outside::{displaces, sets};
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -104,6 +107,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     };
     let mut reader = Flow::read(pass, |r| &mut r.scan, Some(elsewhere));
     reader.scan.calls.retain(|call| !is_one_of(call.name.as_bytes(), &BUILT_IN));
+    outside::note(bytes, &mut reader);
     let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
     said.sort_unstable();
     for (name, setup) in said {
@@ -113,7 +117,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     frame_names.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
-        format!("goes to '{name}', which neither this file nor the .dat beside it gives as numbers")
+        format!("goes to '{name}', which is not in the program's own files (what $config.dat and other programs have stays as it is)")
     });
     scan
 }

@@ -446,6 +446,18 @@ const FANUC: &[Case] = &[
         &[(6, "register"), (8, "calculated")],
     ),
     case(
+        "along a conveyor",
+        "/PROG A\n/APPL\n\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 1;\n  LINE_TRACK_BOUNDARY_NUMBER      : 0;\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[],
+        &[(5, "conveyor")],
+    ),
+    case(
+        "no conveyor, a seam that a sensor follows, an offset by touching",
+        "/PROG A\n/APPL\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 0;\n/MN\n   1:  Track TAST[R[21]] ;\n   2:L P[1] 100mm/sec FINE ;\n   3:  Track End ;\n   4:  Touch Offset PR[5] ;\n   5:  Touch Offset End ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "sensor"), (9, "sensor")],
+    ),
+    case(
         "a register whose number a register gives, a position that is set, an output that a motion sets",
         "/PROG A\n/MN\n   1:  PR[R[1]]=P[1] ;\n   2:L PR[R[1]] 100mm/sec FINE ;\n   3:L P[1] 100mm/sec FINE DB 10mm,DO[1]=ON ;\n   4:  P[2]=PR[1] ;\n   5:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
         &[12, 17],

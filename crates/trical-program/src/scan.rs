@@ -149,6 +149,8 @@ pub struct Scan {
     pub relative: Vec<u32>,
     /// Of joint values in columns: which joints are given in mm; empty where the program's language says no unit.
     pub in_mm: Vec<bool>,
+    /// Where the program says what the arm carries beside its tools (`GripLoad`, `set_payload`), which is not read.
+    pub loads: Vec<usize>,
     /// Tools and frames that the program declares.
     pub frames: Frames,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.

@@ -360,7 +360,9 @@ impl<'a> Reader<'a> {
         if !self.c.assigns() {
             return;
         }
-        if is_one_of(word, &CURRENT) {
+        if word.eq_ignore_ascii_case(b"$LOAD") {
+            self.scan.loads.push(from);
+        } else if is_one_of(word, &CURRENT) {
             *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some(format!("{}: (computed)", lower(word)));
         } else if mentions(self.c.until(b";\n\r"), word) {
             self.names.changed(hashed(word), from);
@@ -399,6 +401,8 @@ impl<'a> Reader<'a> {
         }
         if is_one_of(word, &CURRENT) {
             *self.now.slot(is("$TOOL")) = Some(self.current(is("$TOOL")));
+        } else if is("$LOAD") {
+            self.scan.loads.push(from);
         } else if is("$IPO_MODE") {
             if mentions(self.c.until(b";\n\r"), b"TCP") {
                 self.now.tool = Some(self.fixed_tool());

@@ -141,6 +141,9 @@ impl Reader<'_> {
         self.c.eat(b'=');
         self.c.skip_space();
         let from = self.c.at;
+        if option.eq_ignore_ascii_case(b"tload") {
+            return self.load(from);
+        }
         let value = self.c.word();
         if option.eq_ignore_ascii_case(b"wobj") {
             arguments.frame = Some(lower(value));

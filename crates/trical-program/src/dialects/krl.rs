@@ -117,7 +117,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     frame_names.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
-        format!("goes to '{name}', which is not in the program's own files (what $config.dat and other programs have stays as it is)")
+        format!("goes to '{name}', which the program's own files do not give as numbers ($config.dat and other programs stay as they are)")
     });
     scan
 }

@@ -8,7 +8,6 @@ use nalgebra::Vector3;
 use trical_model::Joints;
 
 use crate::branch::Configuration;
-use crate::elsewhere::Outside;
 use crate::frames::Frames;
 use crate::literal::Shape;
 use crate::text::Span;
@@ -122,6 +121,19 @@ pub struct Call {
     pub at: usize,
     /// Whether its line begins with it; else it may be a function of the language.
     pub is_statement: bool,
+}
+
+/// What a routine of another file does.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Outside {
+    /// Tool and frame that it leaves set.
+    pub setup: Setup,
+    /// Whether it moves the arm.
+    pub moves: bool,
+    /// Whether it displaces the motions that follow.
+    pub displaces: bool,
+    /// Data of others that it sets, by their hashed names.
+    pub sets: Vec<u64>,
 }
 
 /// What a dialect's reader found.

@@ -142,8 +142,12 @@ fn bad_recordings_are_refused_with_file_line_and_column() {
     }
     place.write("bytes.csv", [0xff, 0xfd, 0, 1]);
     place.refuses(&identify("bytes.csv"), &["bytes.csv", "not a text file"]);
-    place.write("wide.csv", [0xff, 0xfe, b't', 0]);
-    place.refuses(&identify("wide.csv"), &["wide.csv", "UTF-16", "expected a CSV recording in UTF-8"]);
+    // a surrogate without its other half
+    place.write("wide.csv", [0xff, 0xfe, b't', 0, 0, 0xd8]);
+    place.refuses(&identify("wide.csv"), &["wide.csv", "not a text file"]);
+    let wide: Vec<u8> = "speed\n1\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    place.write("wide.csv", [&[0xff, 0xfe][..], &wide].concat());
+    place.refuses(&identify("wide.csv"), &["wide.csv", "header", "'speed'"]);
     place.write("bad.mcap", b"\x89MCAP0\r\n\x00\x01nonsense");
     place.refuses(&identify("bad.mcap"), &["bad.mcap"]);
     place.refuses(&identify("nowhere.csv"), &["nowhere.csv", "cannot be read"]);

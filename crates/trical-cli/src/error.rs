@@ -5,6 +5,7 @@ use trical_ident::IdentError;
 use trical_model::ModelError;
 use trical_plan::PlanError;
 use trical_recording::RecordError;
+use trical_report::effect_names;
 
 /// What ends a command.
 #[derive(Debug, thiserror::Error)]
@@ -62,6 +63,14 @@ impl From<RecordError> for CliError {
             RecordError::Scratch(_) => Self::Failed(e.to_string()),
             _ => Self::Input(e.to_string()),
         }
+    }
+}
+
+/// What is wrong with an effect that `option` was to hide, and which one may be meant.
+pub fn of_wish(option: &str, e: TruthError) -> CliError {
+    match &e {
+        TruthError::Wish { wish, .. } => CliError::Input(format!("{option} {e}{}", effect_names::meant(wish))),
+        _ => e.into(),
     }
 }
 

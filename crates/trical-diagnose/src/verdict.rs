@@ -29,6 +29,9 @@ const NAMED_IN_REST: f64 = 0.9;
 /// ... but so many of them at most.
 const MOST_NAMED_IN_REST: usize = 3;
 
+/// What is true of any data in which nothing was found: with few of them, or with much left, the model need not explain them.
+const NOTHING: &str = "Nothing found: no known effect explains what is left";
+
 /// What to do about curves without a name: where the robot has no masses, ...
 const GIVE_MASSES: &str =
     "Give the masses of the links in the robot file: without them little of what gravity does has a name.";
@@ -399,7 +402,7 @@ fn rows(
         plain_row(RowKind::Unexplained, text, [after; 2])
     }));
     let last = if findings.is_empty() && unexplained.is_empty() {
-        "Nothing found: the model explains the data".to_owned()
+        NOTHING.to_owned()
     } else {
         format!("Whole model, {whole} parameters")
     };
@@ -456,7 +459,7 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         format!("No known cause: {} is off, {} ({:.3} mm).", u.site, region(&u.region, given.robot), u.rms_mm)
     }));
     if findings.is_empty() && unexplained.is_empty() {
-        sentences.push("The model explains the data: nothing found.".into());
+        sentences.push(format!("{NOTHING}."));
     }
     let mut actions: Vec<String> = Vec::new();
     for f in told {
@@ -516,6 +519,17 @@ mod tests {
 
     fn told(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2]) -> Verdict {
         of(findings, unexplained, models, Given { robot: &arm().robot, several: false })
+    }
+
+    #[test]
+    fn where_nothing_is_found_nothing_is_claimed_of_the_model() {
+        // 59 mm are left where a recording does not say which target it measured
+        for left in [0.006, 59.3] {
+            let verdict = told(&[], &[], [(15, left); 2]);
+            assert_eq!(verdict.summary, "Nothing found: no known effect explains what is left.");
+            let row = verdict.rows.last().map(|r| (r.text.as_str(), r.after_mm));
+            assert_eq!(row, Some(("Nothing found: no known effect explains what is left", left)));
+        }
     }
 
     #[test]

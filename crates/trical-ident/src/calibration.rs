@@ -7,7 +7,10 @@ use trical_recording::CsvStream;
 
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{MeasuredDistance, TriedByPlace, choose, score_places};
-use crate::caution::{EVEN_MASSES, beyond_limits, cautions, held, near_nominal, no_arm, too_many, without_masses};
+use crate::caution::{
+    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, too_many, which_target,
+    without_masses,
+};
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{orientation_errors, position_errors};
@@ -214,6 +217,8 @@ impl Calibration {
         if f.model.cell.balls.len() == 1 && f.model.cell.anchors.is_empty() && f.data.frames() == 0 {
             out.push("no distance between balls is known: the scale is held by the arm's nominal lengths alone".into());
         }
+        out.extend(which_target(&f.data, f.model.cell.tool.targets.len()));
+        out.extend(coincident(&f.model.robot));
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {

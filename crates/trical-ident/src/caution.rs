@@ -1,10 +1,10 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Basis, JointKind, Model, Motion, Robot, Site, Variable};
+use trical_model::{Basis, JointKind, Measured, Model, Motion, Robot, Site, Variable};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
-use crate::identifiability::Elasticity;
+use crate::identifiability::{Elasticity, NEAR_PARALLEL};
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
 const FAR: f64 = 0.1;
@@ -148,6 +148,40 @@ pub fn without_masses(elasticity: Elasticity, model: &Model) -> Option<String> {
     })
 }
 
+/// What to say of points of which nobody says which target they are, where the cell has several.
+#[must_use]
+pub fn which_target(data: &Dataset, targets: usize) -> Option<String> {
+    let mut points = data.observations.iter().filter_map(|o| match o.measured {
+        Measured::Point { target, .. } => Some(target),
+        _ => None,
+    });
+    (targets > 1 && points.next() == Some(0) && points.all(|target| target == 0)).then(|| {
+        format!(
+            "the cell has {targets} targets on the tool (targets_mm), and every point is taken as target 1: where others were measured, the \
+             column `target` has to say which"
+        )
+    })
+}
+
+/// Axes of consecutive joints that are nearer than this have no side that a common normal points to, m.
+const SAME_LINE: f64 = 1e-3;
+
+/// What to say of consecutive joints that turn about the same line.
+#[must_use]
+pub fn coincident(robot: &Robot) -> Option<String> {
+    let turns = |k: usize| robot.joints[k].kind == JointKind::Revolute;
+    let same = |k: &usize| {
+        let next = &robot.joints[*k];
+        turns(k - 1) && turns(*k) && next.alpha.sin().abs() < NEAR_PARALLEL && next.a.abs() < SAME_LINE
+    };
+    let first = (1..robot.dof()).find(same)?;
+    Some(format!(
+        "joints {first} and {} turn about the same line by the robot file. If the second axis stands beside the first, the model has that in \
+         one direction only (a_{first}), and what lies across it is left as an error that goes round with joint {first}",
+        first + 1
+    ))
+}
+
 /// What to say of joints that hardly move: what cannot be told without their motion was held.
 #[must_use]
 pub fn held(robot: &Robot, data: &Dataset, names: &[&str]) -> Option<String> {
@@ -218,6 +252,23 @@ mod tests {
         let said = much_left(&robot, 3.0).unwrap();
         assert!(said.starts_with("3.0 mm is left") && said.contains("as much as 0.18 deg"), "{said}");
         assert!(said.contains("measure one pose five times") && said.contains("robot file"), "{said}");
+    }
+
+    #[test]
+    fn joints_that_turn_about_the_same_line_are_told() {
+        let arm = include_str!("../../../cells/irb120/robot.toml");
+        assert_eq!(coincident(&Robot::parse(arm, "robot.toml").unwrap()), None);
+        // an arm on a turntable below its first joint
+        let joint = arm.find("[[joint]]").unwrap();
+        let turntable = "[[joint]]\nalpha_deg = 0.0\na_mm = 0.0\nd_mm = 100.0\ntheta_offset_deg = 0.0\nlimits_deg = [-180.0, 180.0]\n\n";
+        let arm: String = [&arm[..joint], turntable, &arm[joint..]].concat();
+        let bare = arm
+            .lines()
+            .filter(|l| !l.starts_with("mass_kg") && !l.starts_with("cog_mm"))
+            .collect::<Vec<_>>()
+            .join("\n");
+        let said = coincident(&Robot::parse(&bare, "robot.toml").unwrap()).unwrap();
+        assert!(said.starts_with("joints 1 and 2 turn about the same line") && said.contains("a_1"), "{said}");
     }
 
     #[test]

@@ -438,7 +438,7 @@ fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Te
 
 /// Axes with a smaller sine between them are nearly parallel (6 deg): an error of 3 mrad then moves their common normal by more than 3 % of
 /// its length.
-const NEAR_PARALLEL: f64 = 0.1;
+pub(crate) const NEAR_PARALLEL: f64 = 0.1;
 
 /// What the tool and the place of the balls add in those sessions that have their own.
 fn own_terms(shared: &[Term], cell: &Cell, data: &Dataset, own: &OwnSetup) -> Vec<Term> {

@@ -167,3 +167,22 @@ fn numbers_that_no_arm_gives_are_refused_with_their_line() {
     assert!(e.contains("line 2, column y_mm") && e.contains("1000000"), "{e}");
     assert!(csv("3", "inf").unwrap_err().contains("column y_mm"));
 }
+
+#[test]
+fn points_of_which_nobody_says_the_target_are_told_where_the_cell_has_several() {
+    let mut several = cell();
+    several.tool.targets.push(several.tool.tcp + nalgebra::Vector3::new(0.05, 0.0, 0.02));
+    let said = |cell: &Cell, recording: Recording| {
+        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        trical_ident::caution::which_target(&data, cell.tool.targets.len())
+    };
+    let one = points(30, varied);
+    assert_eq!(said(&cell(), one.clone()), None);
+    let told = said(&several, one.clone()).unwrap();
+    assert!(told.contains("has 2 targets") && told.contains("column `target`"), "{told}");
+    let mut both = one;
+    if let Some(Measured::Point { target, .. }) = both.rows.last_mut().map(|r| &mut r.measured) {
+        *target = 1;
+    }
+    assert_eq!(said(&several, both), None);
+}

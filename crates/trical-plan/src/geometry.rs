@@ -108,7 +108,7 @@ impl Geometry {
         let balls = sections.balls.unwrap_or_else(|| derived::balls(cell));
         let mut bodies = sections.links.unwrap_or_else(|| derived::links(robot));
         bodies.extend(sections.device.unwrap_or_else(|| derived::device(cell, robot.dof(), &balls)));
-        bodies.extend(sections.obstacles.unwrap_or_else(|| derived::obstacles(cell, &balls)));
+        bodies.extend(sections.obstacles.unwrap_or_else(|| derived::obstacles(robot, cell, &balls)));
         bodies.extend(derived::balls_and_posts(cell, &balls));
         file::check_names(&bodies, &sections.ignore)?;
         file::check_balls_stand_free(&bodies)?;

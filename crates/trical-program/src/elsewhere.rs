@@ -1,21 +1,8 @@
 //! What a program uses and other files have: routines that it calls, tools and frames.
 
 use crate::frames::ToolFrame;
-use crate::scan::Setup;
+pub use crate::scan::Outside;
 use trical_model::Pose;
-
-/// What a routine of another file does.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Outside {
-    /// Tool and frame that it leaves set.
-    pub setup: Setup,
-    /// Whether it moves the arm.
-    pub moves: bool,
-    /// Whether it displaces the motions that follow.
-    pub displaces: bool,
-    /// Data of others that it sets, by their hashed names.
-    pub sets: Vec<u64>,
-}
 
 /// Where a reader looks for what its file does not have; names are in lower case.
 pub trait Elsewhere {

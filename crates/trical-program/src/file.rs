@@ -16,7 +16,7 @@ use crate::modules::Modules;
 use crate::options::Options;
 use crate::report::{Report, summarized};
 use crate::rewriting::{Part, Program, compensate_together};
-use crate::scan::{Setup, hashed};
+use crate::scan::hashed;
 
 /// What to do with which file.
 #[derive(Clone, Copy, Debug)]
@@ -242,8 +242,8 @@ fn entry(folder: &Path, name: &str) -> Option<PathBuf> {
 /// The routines of a KRL controller that a program calls: `NAME.src`, with the .dat beside it.
 struct Beside<'a> {
     program: &'a Path,
-    /// What each leaves set; `None` as long as it is being read (it calls itself) and where it is in no file.
-    known: RefCell<HashMap<String, Option<Setup>>>,
+    /// What each does; `None` as long as it is being read (it calls itself) and where it is in no file.
+    known: RefCell<HashMap<String, Option<Outside>>>,
     /// Files.
     read: RefCell<Vec<String>>,
     /// Files of GLOBAL routines.
@@ -260,8 +260,8 @@ impl<'a> Beside<'a> {
         self.global.get_or_init(|| globals(self.program)).get(&hashed(name.as_bytes())).cloned()
     }
 
-    /// What the routine of this name leaves set.
-    fn leaves(&self, name: &str) -> Option<Setup> {
+    /// What the routine of this name does; what its file sets counts as set by it.
+    fn does(&self, name: &str) -> Option<Outside> {
         if let Some(known) = self.known.borrow().get(name) {
             return known.clone();
         }
@@ -273,7 +273,12 @@ impl<'a> Beside<'a> {
             self.read.borrow_mut().push(path.display().to_string());
         }
         let scan = Dialect::Krl.scan_with(&bytes, self).ok()?;
-        let found = scan.routines.get(&hashed(name.as_bytes())).cloned();
+        let found = scan.routines.get(&hashed(name.as_bytes())).map(|setup| {
+            let mut all = Outside { setup: setup.clone(), sets: krl::sets(&bytes), ..Outside::default() };
+            all.sets.extend(scan.called.iter().flat_map(|(_, other)| &other.sets));
+            all.displaces = scan.called.iter().any(|(_, other)| other.displaces) || krl::displaces(&bytes);
+            all
+        });
         self.known.borrow_mut().insert(name.to_owned(), found.clone());
         found
     }
@@ -281,7 +286,7 @@ impl<'a> Beside<'a> {
 
 impl Elsewhere for Beside<'_> {
     fn routine(&self, name: &str) -> Option<Outside> {
-        self.leaves(name).map(|setup| Outside { setup, ..Outside::default() })
+        self.does(name)
     }
 }
 

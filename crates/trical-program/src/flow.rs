@@ -88,10 +88,12 @@ impl Flow {
                 Block::Loop(_) => None,
             });
             scan(&mut made).routines = leaves.collect();
-            calls.retain(|(name, call)| match elsewhere.map(|other| other.routine(&call.name).map(|r| r.setup)) {
-                Some(Some(ends)) => {
-                    let passage = Passage { begins: Some(Setup::default()), ends: Some(in_any_file(ends)) };
-                    seen.insert(Block::Routine(*name), passage);
+            let mut called = Vec::new();
+            calls.retain(|(name, call)| match elsewhere.map(|other| other.routine(&call.name)) {
+                Some(Some(routine)) => {
+                    let ends = in_any_file(routine.setup.clone());
+                    seen.insert(Block::Routine(*name), Passage { begins: Some(Setup::default()), ends: Some(ends) });
+                    called.push((call.at, routine));
                     false
                 }
                 Some(None) => call.is_statement,
@@ -106,6 +108,7 @@ impl Flow {
                 let scan = scan(&mut made);
                 declare_unknown(scan);
                 scan.calls = calls.into_iter().map(|(_, call)| call).collect();
+                scan.called = called;
                 return made;
             }
             known = seen;

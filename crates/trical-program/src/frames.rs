@@ -60,6 +60,22 @@ pub struct Frames {
     pub world: Option<Pose>,
 }
 
+/// Stands between a name and the offset in the text where it is given; a report says the line instead.
+pub const AT: &str = " at byte ";
+
+/// The name of what a program gives without one: of the first that is the same, else `name`, under which it is kept.
+pub fn named<T: PartialEq>(
+    known: &mut BTreeMap<String, Result<T, String>>,
+    name: String,
+    new: Result<T, String>,
+) -> String {
+    if let Some((first, _)) = known.iter().find(|(first, old)| new.is_ok() && **old == new && first.contains(AT)) {
+        return first.clone();
+    }
+    known.insert(name.clone(), new);
+    name
+}
+
 const TWICE: &str = "is given twice: controllers do not distinguish upper and lower case";
 
 #[derive(Deserialize)]

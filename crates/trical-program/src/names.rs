@@ -42,6 +42,8 @@ pub enum Origin {
     Here,
     /// From a calculation (at this offset) that only the running program does.
     Computed(u32),
+    /// Perhaps from a routine that is called at this offset and that nobody has read.
+    Perhaps(u32),
 }
 
 /// Places in the program that set the same name and are looked at, at most.
@@ -143,7 +145,7 @@ impl Names {
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
         let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
-            Origin::Name { at, .. } | Origin::Computed(at) => Some(*at),
+            Origin::Name { at, .. } | Origin::Computed(at) | Origin::Perhaps(at) => Some(*at),
             Origin::Here => None,
         });
         let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
@@ -445,13 +447,18 @@ impl Names {
     /// Lists, once, where a name to which the arm moves is calculated.
     fn computed(&mut self, name: u64, scan: &mut Scan) {
         for origin in self.origins.get(&name).into_iter().flatten() {
-            if let Origin::Computed(at) = origin
-                && self.listed_at.insert(*at)
-            {
-                scan.problems.push((
-                    *at as usize,
-                    "a place to which the arm moves is calculated here while the program runs".into(),
-                ));
+            let (at, what) = match origin {
+                Origin::Computed(at) => {
+                    (at, "a place to which the arm moves is calculated here while the program runs")
+                }
+                Origin::Perhaps(at) => (
+                    at,
+                    "calls a routine that is in none of the files read and may change a global target to which the arm moves",
+                ),
+                _ => continue,
+            };
+            if self.listed_at.insert(*at) {
+                scan.problems.push((*at as usize, what.into()));
             }
         }
     }

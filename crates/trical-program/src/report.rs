@@ -1,12 +1,14 @@
 //! What is told of a compensated program.
 
 use std::cmp::Ordering;
+use std::collections::HashMap;
 
 use serde_json::{Value, json};
 use trical_model::{Joints, Pose};
 
 use crate::compensation::Done;
 use crate::dialects::Dialect;
+use crate::frames::AT;
 use crate::options::Options;
 use crate::scan::{Scan, Setup, Spot, Visit};
 use crate::text::Lines;
@@ -63,6 +65,13 @@ pub fn summarized(problems: &[Problem]) -> String {
 /// Reasons, and targets of each, that [`summarized`] shows.
 const REASONS: usize = 8;
 const PLACES: usize = 5;
+
+/// The first few of a list.
+fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
+    let more = all.len().saturating_sub(REASONS);
+    let first = all.take(REASONS).collect::<Vec<_>>().join(", ");
+    if more == 0 { first } else { format!("{first} and {more} more") }
+}
 
 impl Problem {
     fn place(&self) -> String {
@@ -246,6 +255,8 @@ pub(crate) struct Tally<'a> {
     lines: Lines<'a>,
     /// Where each of several files begins: offset, its first line, name.
     files: Vec<(usize, usize, String)>,
+    /// Lines of the offsets in names ([`AT`]).
+    given: HashMap<usize, usize>,
     report: Report,
     counts: Vec<usize>,
 }
@@ -256,7 +267,16 @@ impl<'a> Tally<'a> {
         let report = Report { unknown_places, ..Report::default() };
         let mut lines = Lines::new(bytes);
         let files = files.into_iter().map(|(at, name)| (at, lines.of(at), name)).collect();
-        Self { scan, bytes, options, lines, files, report, counts: vec![0; scan.setups.len() + 1] }
+        Self {
+            scan,
+            bytes,
+            options,
+            lines,
+            files,
+            given: HashMap::new(),
+            report,
+            counts: vec![0; scan.setups.len() + 1],
+        }
     }
 
     /// The file (empty where there is one only) and the line of an offset.
@@ -268,21 +288,46 @@ impl<'a> Tally<'a> {
         }
     }
 
+    /// Words in which the line stands for the offset of what has no name of its own.
+    fn with_lines(&mut self, words: &str) -> String {
+        let mut pieces = words.split(AT);
+        let mut out = pieces.next().unwrap_or_default().to_owned();
+        for piece in pieces {
+            let digits = piece.bytes().take_while(u8::is_ascii_digit).count();
+            let (at, behind) = piece.split_at(digits);
+            let at = at.parse().unwrap_or(0);
+            let line = self.given.get(&at).copied().unwrap_or_else(|| {
+                // far above the targets: lines are counted from the last one that was asked for
+                let lines = std::mem::replace(&mut self.lines, Lines::new(self.bytes));
+                let line = self.line(at).1;
+                self.lines = lines;
+                self.given.insert(at, line);
+                line
+            });
+            out += &format!(" in line {line}{behind}");
+        }
+        out
+    }
+
     fn problem(&mut self, spot: &Spot, what: String) -> Problem {
         let name = String::from_utf8_lossy(spot.name.text(self.bytes)).into_owned();
         let (file, line) = self.line(self.scan.at(spot));
-        Problem { file, line, name, what }
+        Problem { file, line, name, what: self.with_lines(&what) }
+    }
+
+    /// Loads that nobody has read, in one sentence.
+    pub fn loads(&mut self) -> Option<String> {
+        let scan = self.scan;
+        let all = listed(scan.loads.iter().map(|at| format!("line {}", self.line(*at).1)));
+        (!all.is_empty()).then(|| {
+            format!("the program says what the arm carries ({all}), which is not read: the arm's sag is corrected for the tool alone (--payload-kg adds a load)")
+        })
     }
 
     /// Routines that nobody has read, in one sentence.
     pub fn called_elsewhere(&mut self) -> Option<String> {
-        const NAMED: usize = 8;
         let scan = self.scan;
-        let named = scan.calls.iter().take(NAMED).map(|c| format!("{} (line {})", c.name, self.line(c.at).1));
-        let mut all = named.collect::<Vec<_>>().join(", ");
-        if let Some(more) = scan.calls.len().checked_sub(NAMED).filter(|n| *n > 0) {
-            all += &format!(" and {more} more");
-        }
+        let all = listed(scan.calls.iter().map(|c| format!("{} (line {})", c.name, self.line(c.at).1)));
         (!all.is_empty()).then(|| {
             format!("calls routines that are in none of the files read: {all}; they are taken to leave tools, frames and targets that they are not given as they are")
         })
@@ -362,6 +407,23 @@ impl<'a> Tally<'a> {
             let (file, line) = self.line(*at);
             self.report.problems.push(Problem { file, line, name: String::new(), what: what.clone() });
         }
+        let unsaid = Setup::default();
+        let said = |s: &Setup| {
+            let or = |own: &Option<String>, asked: &Option<String>| own.clone().or_else(|| asked.clone());
+            (Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) }).in_words()
+        };
+        let used: Vec<(String, usize)> = (self.scan.setups.iter().chain(std::iter::once(&unsaid)))
+            .zip(&self.counts)
+            .filter(|(_, n)| **n > 0)
+            .map(|(setup, n)| (said(setup), *n))
+            .collect();
+        for (words, n) in used {
+            let words = self.with_lines(&words);
+            match self.report.setups.iter_mut().find(|(w, _)| *w == words) {
+                Some((_, m)) => *m += n,
+                None => self.report.setups.push((words, n)),
+            }
+        }
         let mut r = self.report;
         r.relative.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
         r.problems.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
@@ -369,19 +431,6 @@ impl<'a> Tally<'a> {
         let [before, after] = &mut r.turned;
         for sums in [&mut r.before, &mut r.after, before, after] {
             sums[0] /= n;
-        }
-        let unsaid = Setup::default();
-        let setups = self.scan.setups.iter().chain(std::iter::once(&unsaid)).zip(self.counts);
-        let said = |s: &Setup| {
-            let or = |own: &Option<String>, asked: &Option<String>| own.clone().or_else(|| asked.clone());
-            (Setup { tool: or(&s.tool, &self.options.tool), frame: or(&s.frame, &self.options.frame) }).in_words()
-        };
-        for (setup, n) in setups.filter(|(_, n)| *n > 0) {
-            let words = said(setup);
-            match r.setups.iter_mut().find(|(w, _)| *w == words) {
-                Some((_, m)) => *m += n,
-                None => r.setups.push((words, n)),
-            }
         }
         r
     }

@@ -1,6 +1,6 @@
 //! A program read, rewritten block by block and copied, in memory.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use trical_model::interrupt::checkpoint;
 use trical_model::pose::rotation_vector;
-use trical_model::{Cell, Model, Pose};
+use trical_model::{Cell, Model, Pose, Term, Variable};
 
 use crate::branch::Configuration;
 use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
-use crate::frames::Frames;
+use crate::frames::{AT, Frames};
 use crate::options::Options;
 use crate::report::{Report, Tally};
 use crate::scan::{Scan, Spot, Visit};
@@ -101,8 +101,12 @@ pub fn compensate_together(
     let mut tally = writer.finish(&all, &shifted)?;
     scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
     let called_elsewhere = tally.called_elsewhere();
+    let sags = options.payload_kg.is_none() && model.terms.iter().any(by_gravity);
+    let loads = if sags { tally.loads() } else { None };
     let mut report = tally.report();
     report.cautions.extend(called_elsewhere);
+    report.cautions.extend(loads);
+    report.cautions.extend(if sags { weightless(&scan, &known, nominal) } else { None });
     report.cautions.extend(configuration_unsaid(&scan));
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
@@ -263,6 +267,35 @@ fn configuration_unsaid(scan: &Scan) -> Option<String> {
         "nothing says in which configuration (shoulder, elbow, wrist) the arm comes to the program's first target: the one nearest to joints at zero is taken; a motion to joint values before it would say it".into()
     })
 }
+
+/// Whether a term depends on what the arm carries.
+fn by_gravity(term: &Term) -> bool {
+    matches!(term.basis.of, Variable::Moment { .. } | Variable::FootMoment { .. } | Variable::PartMoment { .. })
+}
+
+/// Tools of which nobody says what they weigh, in one sentence.
+fn weightless(scan: &Scan, known: &Frames, nominal: &Model) -> Option<String> {
+    let is_weightless = |name: &&String| {
+        let tool = known.tools.get(name.as_str()).and_then(|t| t.as_ref().ok());
+        tool.is_some_and(|t| t.mass < LIGHTEST && !t.is_of(&nominal.cell) && t.flange_from_tool != Pose::identity())
+    };
+    let names: BTreeSet<&str> = scan
+        .setups
+        .iter()
+        .filter_map(|s| s.tool.as_ref())
+        .filter(is_weightless)
+        .map(|n| n.split(AT).next().unwrap_or(n))
+        .collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "the arm sags under load, and nothing says what tool {} weighs: it is taken as 0 kg (mass_kg in a --frames file, or --payload-kg, says it)",
+            names.into_iter().map(|n| format!("'{n}'")).collect::<Vec<_>>().join(", ")
+        )
+    })
+}
+
+/// Lighter tools are placeholders (RAPID has 0.001 kg for what nobody weighed), kg.
+const LIGHTEST: f64 = 0.01;
 
 /// What was learnt over measured torques and cannot be used where none are measured.
 fn without_torques(model: &Model) -> Option<String> {

@@ -123,6 +123,19 @@ pub struct Call {
     pub is_statement: bool,
 }
 
+/// What a routine of another file does.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Outside {
+    /// Tool and frame that it leaves set.
+    pub setup: Setup,
+    /// Whether it moves the arm.
+    pub moves: bool,
+    /// Whether it displaces the motions that follow.
+    pub displaces: bool,
+    /// Data of others that it sets, by their hashed names.
+    pub sets: Vec<u64>,
+}
+
 /// What a dialect's reader found.
 #[derive(Debug, Default)]
 pub struct Scan {
@@ -138,6 +151,8 @@ pub struct Scan {
     pub routines: HashMap<u64, Setup>,
     /// Calls of routines that are in no file that was read.
     pub calls: Vec<Call>,
+    /// What called routines of other files do, and where they are called.
+    pub called: Vec<(usize, Outside)>,
     /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
     pub visits: Vec<Visit>,
     /// Joints that the program gives to choose a configuration by, rad.
@@ -146,6 +161,8 @@ pub struct Scan {
     pub relative: Vec<u32>,
     /// Of joint values in columns: which joints are given in mm; empty where the program's language says no unit.
     pub in_mm: Vec<bool>,
+    /// Where the program says what the arm carries beside its tools (`GripLoad`, `set_payload`), which is not read.
+    pub loads: Vec<usize>,
     /// Tools and frames that the program declares.
     pub frames: Frames,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.

@@ -14,6 +14,7 @@ use trical_ident::{ChoiceError, IdentError};
 use trical_model::{IkError, ModelError};
 use trical_plan::PlanError;
 use trical_recording::RecordError;
+use trical_report::effect_names;
 
 create_exception!(trical, TricalError, PyValueError, "Bad input; the message is one sentence.");
 create_exception!(trical, RecordingError, TricalError, "A recording cannot be read, or holds what makes no sense.");
@@ -136,7 +137,9 @@ impl From<TruthError> for Failed {
     fn from(e: TruthError) -> Self {
         match e {
             TruthError::Ident(e) => e.into(),
-            TruthError::Wish { .. } => Self(TricalError::new_err(format!("hide: {e}"))),
+            TruthError::Wish { ref wish, .. } => {
+                Self(TricalError::new_err(format!("hide: {e}{}", effect_names::meant(wish))))
+            }
             TruthError::OutOfReach => Self(TricalError::new_err(e.to_string())),
         }
     }

@@ -483,40 +483,35 @@ pub(crate) fn csv_reader(has_headers: bool) -> csv::ReaderBuilder {
     builder
 }
 
-/// The names of a header line, as they are known.
-pub(crate) fn header_names(line: &str) -> Vec<String> {
-    let (line, _) = tidy::tidied(line);
-    line.split(',').map(|n| n.trim().trim_matches('"').to_owned()).collect()
+/// The names of the columns, as they are known, of a file that begins with these bytes.
+pub(crate) fn header_names(begin: &[u8]) -> Vec<String> {
+    tidy::decoded(begin).map(|(text, _)| tidy::names(&text)).unwrap_or_default()
 }
 
-/// Reads the bytes of a CSV recording; `file` is its name for messages. Separators, decimal commas, upper case, an index column and
-/// blank lines are understood where their meaning is certain; [`Recording::notes`] says so.
+/// Reads the bytes of a CSV recording; `file` is its name for messages. UTF-16, separators, decimal commas, upper case, units in
+/// brackets, an index column, remarks and blank lines are understood where their meaning is certain; [`Recording::notes`] says so.
 ///
 /// # Errors
 /// As [`load_csv`].
 pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     let problem = |p: &str| RecordError::File { file: file.to_owned(), problem: p.to_owned() };
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(problem(
-            "is text in UTF-16; expected a CSV recording in UTF-8 (a spreadsheet saves it as \"CSV UTF-8\")",
-        ));
-    }
-    let text = std::str::from_utf8(bytes).map_err(|_| problem("is not a text file; expected a CSV recording"))?;
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let (text, encoded) =
+        tidy::decoded(bytes).ok_or_else(|| problem("is not a text file; expected a CSV recording"))?;
+    let text = text.as_ref();
     if text.trim().is_empty() {
         return Err(problem("is empty; expected a CSV recording with a header line"));
     }
     if text.contains('\0') {
         return Err(problem("is not a text file; expected a CSV recording"));
     }
-    let (text, note) = tidy::tidied(text);
+    let tidy::Tidied { text, before, note } = tidy::tidied(text);
     let mut csv = csv_reader(true).from_reader(text.as_bytes());
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
     let parser = Parser::new(file, &header, joints)?;
     let mut rows = Vec::new();
     let mut last_t = f64::NEG_INFINITY;
     let mut places = Places::default();
-    parser.each_row(&mut csv, 0, &mut places, &mut |row| {
+    parser.each_row(&mut csv, before, &mut places, &mut |row| {
         parser.in_order(&row, &mut last_t)?;
         rows.push(row);
         Ok::<_, RecordError>(())
@@ -525,6 +520,7 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
         return Err(problem("has a header but no rows"));
     }
     let prismatic = parser.prismatic();
-    let notes = note.map(|n| format!("{file}: {n}")).into_iter().collect();
+    let said: Vec<String> = encoded.map(str::to_owned).into_iter().chain(note).collect();
+    let notes = if said.is_empty() { Vec::new() } else { vec![format!("{file}: {}", said.join("; "))] };
     Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows, notes })
 }

@@ -1,6 +1,6 @@
 //! Recordings from files: CSV or MCAP, by what is in them.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use trical_model::Recording;
@@ -92,16 +92,13 @@ fn no_recording(path: &Path) -> Option<&'static str> {
 
 /// Number of joints by a CSV's header, the last that it has; 1 where it has none: the reader says what is missing.
 fn joints_of_csv(path: &Path) -> Result<usize> {
-    let mut line = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|f| BufReader::new(f.take(1 << 16)).read_until(b'\n', &mut line))
-        .map_err(unreadable(path))?;
-    Ok(joints_of_header(&line))
+    let mut begin = Vec::new();
+    std::fs::File::open(path).and_then(|f| f.take(1 << 16).read_to_end(&mut begin)).map_err(unreadable(path))?;
+    Ok(joints_of_header(&begin))
 }
 
-fn joints_of_header(line: &[u8]) -> usize {
-    let line = String::from_utf8_lossy(line);
-    let names = header_names(line.trim_start_matches('\u{feff}'));
+fn joints_of_header(begin: &[u8]) -> usize {
+    let names = header_names(begin);
     let joints = names.iter().filter_map(|n| find(n)).filter(|(column, ..)| column.field == Field::Joints);
     joints.map(|(_, k, _)| k + 1).max().unwrap_or(1)
 }
@@ -111,8 +108,7 @@ fn joints_of_header(line: &[u8]) -> usize {
 /// # Errors
 /// As [`open`].
 pub fn parse(name: &str, bytes: &[u8]) -> Result<Recording> {
-    let header = bytes.split(|b| *b == b'\n').next().unwrap_or_default();
-    parse_csv(bytes, name, joints_of_header(header))
+    parse_csv(bytes, name, joints_of_header(bytes.get(..1 << 16).unwrap_or(bytes)))
 }
 
 /// Reads a recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it

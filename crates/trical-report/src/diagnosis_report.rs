@@ -430,8 +430,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
 fn summary(d: &Diagnosis) -> String {
     if d.findings.is_empty() && d.unexplained.is_none() {
         return format!(
-            "The model explains the data: {} parameters leave {:.4} mm rms at poses that the fit did not see, and nothing was found \
-             that is missing in it.",
+            "Nothing found: {} parameters leave {:.4} mm rms at poses that the fit did not see, and no known effect explains that.",
             d.baseline.parameters, d.baseline.holdout_rms_mm
         );
     }

@@ -11,7 +11,7 @@
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`finding_figures`], [`arm_map`] | the curve or the spectrum of a finding; where on the arm they are |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
-//! | [`verdict_told`] | a diagnosis in a few lines |
+//! | [`verdict_told`], [`effect_names`] | a diagnosis in a few lines; which effect someone means |
 //! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
 //! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
@@ -22,6 +22,7 @@ pub mod blindness;
 pub mod certificate;
 pub mod deciding;
 pub mod diagnosis_report;
+pub mod effect_names;
 pub mod error;
 pub mod error_map;
 pub mod evidence;

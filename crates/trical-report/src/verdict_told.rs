@@ -111,7 +111,12 @@ pub fn no_arm(d: &Diagnosis) -> Vec<String> {
 pub fn cautions(d: &Diagnosis) -> Vec<String> {
     let named = d.findings.iter().any(|f| f.confidence >= 0.5);
     let much = (!named).then(|| caution::much_left(&d.model.robot, d.after.holdout_rms_mm)).flatten();
-    let all = much.into_iter().chain(d.cautions.iter().cloned()).chain(caution::beyond_limits(&d.model.robot, &d.data));
+    let which = caution::which_target(&d.data, d.model.cell.tool.targets.len());
+    let all = much
+        .into_iter()
+        .chain(which)
+        .chain(d.cautions.iter().cloned())
+        .chain(caution::beyond_limits(&d.model.robot, &d.data));
     all.map(|c| table::ended(&c)).collect()
 }
 

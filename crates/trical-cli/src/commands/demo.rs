@@ -7,7 +7,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use trical_device::session::Settings;
 use trical_device::{ArmPlant, CellOptions, PlanEntry, Session, VirtualCell, open_controller};
-use trical_diagnose::truth::{TruthError, draw_truth, hidden_in, hide};
+use trical_diagnose::truth::{draw_truth, hidden_in, hide};
 use trical_diagnose::{Coefficient, EffectId, diagnose_recordings, verdict};
 use trical_ident::{
     Dataset, ErrorSummary, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
@@ -24,7 +24,7 @@ use trical_report::{plan_report, table, verdict_told};
 
 use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
 use crate::commands::{demo_report, plan, virtual_cell};
-use crate::error::{CliError, Result};
+use crate::error::{CliError, Result, of_wish};
 use crate::measure_view::{View, perform};
 use crate::{input, progress, say};
 
@@ -70,7 +70,7 @@ pub struct Args {
     seed: u64,
     /// What to conceal in the arm: an effect of docs/effects.md with its site and its size in typical ones, as in
     /// lost_motion_direction@3*2, or none. By default the seed draws one
-    #[arg(long, value_name = "EFFECT[@SITE][*SIZE]")]
+    #[arg(long, alias = "hide", value_name = "EFFECT[@SITE][*SIZE]")]
     conceal: Option<String>,
     /// A machine-readable summary on standard output
     #[arg(long)]
@@ -210,10 +210,7 @@ fn true_arm(story: &Story<'_>, nominal: &Model) -> Result<(VirtualCell, bool)> {
     let mut truth = draw_truth(nominal, seed)?;
     let wish = story.args.wish();
     if let Some(wish) = &wish {
-        hide(&mut truth, std::slice::from_ref(wish)).map_err(|e| match e {
-            TruthError::Wish { .. } => CliError::Input(format!("--conceal {e}")),
-            e => e.into(),
-        })?;
+        hide(&mut truth, std::slice::from_ref(wish)).map_err(|e| of_wish("--conceal", e))?;
     }
     virtual_cell::seal(&truth, &story.file("truth.sealed.toml"))?;
     let running = VirtualCell::start(Box::new(ArmPlant::new(&truth)?), CellOptions::like_a_real_one(&truth, seed, 0))

@@ -20,7 +20,7 @@ pub fn run(args: &Args) -> Result<()> {
         return say(serde_json::to_string_pretty(&EFFECTS)?);
     }
     for e in EFFECTS {
-        say(format!("{} (site: {})", e.id, e.site))?;
+        say(format!("{}: {} (site: {})", e.id, e.title, e.site))?;
         for (what, text) in [("", e.form), ("needs: ", e.needs), ("typical: ", e.typical), ("rivals: ", e.rivals)] {
             if text != "-" {
                 say_lines(table::wrapped(&format!("{what}{text}"), 104, "    "))?;

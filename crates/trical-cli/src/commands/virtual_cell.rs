@@ -6,13 +6,13 @@ use trical_device::controller::rapid_protocol::{NO_SECRET, is_secret};
 use trical_device::url::Secret;
 use trical_device::virtual_cell::{Scheduled, Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
-use trical_diagnose::truth::{TruthError, draw_truth, hide};
+use trical_diagnose::truth::{draw_truth, hide};
 use trical_ident::{ModelFile, write_whole};
 use trical_model::{MAX_JOINTS, Model};
 use trical_report::places::Guided;
 
 use super::record::Typed;
-use crate::error::{CliError, Result};
+use crate::error::{CliError, Result, of_wish};
 use crate::input::{self, RobotAndCell};
 use crate::say;
 
@@ -38,7 +38,7 @@ pub struct Args {
     secret: Option<String>,
     /// An effect of docs/effects.md to hide in the arm, with its site and its size in typical ones, as in
     /// lost_motion_direction@3*2; steps and ripples as joint_zero_shift@2/600 (s), gear_ripple@4/100 (cycles)
-    #[arg(long, value_name = "EFFECT[@SITE][*SIZE]")]
+    #[arg(long, alias = "conceal", value_name = "EFFECT[@SITE][*SIZE]")]
     hide: Vec<String>,
     /// What goes wrong, and when: TOML, see docs/cell.md
     #[arg(long, value_name = "FILE")]
@@ -139,10 +139,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         None => draw_truth(&crate::commands::plan::model_to_identify(&robot, &cell)?, args.seed)?,
     };
-    hide(&mut truth, &args.hide).map_err(|e| match e {
-        TruthError::Wish { .. } => CliError::Input(format!("--hide {e}")),
-        e => e.into(),
-    })?;
+    hide(&mut truth, &args.hide).map_err(|e| of_wish("--hide", e))?;
     if let Some(path) = &args.seal {
         seal(&truth, path)?;
     }

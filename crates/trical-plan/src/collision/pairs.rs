@@ -98,12 +98,14 @@ fn slide(joint: &Joint) -> f64 {
     }
 }
 
-/// Pairs on the arm itself that meet at each of many configurations all over the joint ranges.
+/// Pairs on the arm itself that meet at each of many configurations all over the joint ranges; of an arm on a rail also its carriage and
+/// what the rail lies on.
 pub(super) fn always_in_contact(model: &CollisionModel) -> Vec<Contact> {
     let robot = &model.forward.model().robot;
     let mut ws = MotionWorkspace::new(model);
-    let mut left: Vec<Contact> =
-        model.pairs.iter().filter(|p| model.parts[p.b].frame <= model.joints).map(|p| model.contact(p)).collect();
+    let carriage = robot.is_on_rail().then_some(1);
+    let of_arm = |p: &&Pair| model.parts[p.b].frame <= model.joints || Some(model.parts[p.a].frame) == carriage;
+    let mut left: Vec<Contact> = model.pairs.iter().filter(of_arm).map(|p| model.contact(p)).collect();
     left.sort_unstable();
     left.dedup();
     const SAMPLES: u32 = 100;

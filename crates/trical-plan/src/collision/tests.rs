@@ -48,6 +48,46 @@ fn an_arm_bent_into_the_table_meets_it() {
     assert!(a == "table" || b == "table", "{a} {b}");
 }
 
+#[test]
+fn an_arm_on_a_rail_is_free_on_its_floor_all_along_the_rail_and_meets_what_stands_beside_it() {
+    let joint = |kind: &str, alpha: f64, a: f64, d: f64, offset: f64, limits: &str| {
+        format!(
+            "[[joint]]\n{kind}alpha_deg = {alpha:?}\na_mm = {a:?}\nd_mm = {d:?}\ntheta_offset_deg = {offset:?}\n{limits}\n"
+        )
+    };
+    let turns = "limits_deg = [-160.0, 160.0]";
+    let robot = [
+        "name = 'rail'\n[root]\nxyz_mm = [0.0, 0.0, 0.0]\nzyx_deg = [90.0, 0.0, 90.0]\n".to_owned(),
+        joint("kind = 'prismatic'\n", 0.0, 0.0, 0.0, 0.0, "limits_mm = [0.0, 5000.0]"),
+        joint("", -90.0, 0.0, 350.0, 90.0, turns),
+        joint("", 90.0, 0.0, 0.0, 90.0, turns),
+        joint("", 0.0, 300.0, 0.0, 0.0, turns),
+        joint("", -90.0, 0.0, 300.0, 0.0, turns),
+    ]
+    .concat();
+    let cell = |obstacles: &str| {
+        format!(
+            "[base]\nxyz_mm = [0.0, 0.0, 0.0]\nzyx_deg = [0.0, 0.0, 0.0]\n[tool]\ntcp_mm = [0.0, 0.0, 50.0]\n{obstacles}"
+        )
+    };
+    let model = |obstacles: &str| {
+        let cell = Cell::parse(&cell(obstacles), "cell.toml").unwrap();
+        CollisionModel::new(&Robot::parse(&robot, "robot.toml").unwrap(), &cell).unwrap()
+    };
+    let free = model("");
+    let mut ws = MotionWorkspace::new(&free);
+    let mut q = joints([0.0, 20.0, -20.0, -30.0, 10.0, 0.0]);
+    for at in [0.0, 0.05, 1.5, 5.0] {
+        q[0] = at;
+        assert_eq!(named(&free, free.check_joints(&q, None, &mut ws)), None, "the rail at {at} m");
+    }
+    // a post beside the rail that the carriage comes to at its end
+    let post = "[[geometry.obstacle]]\nname = 'post'\nsolids = [{ shape = 'box', center_mm = [5050.0, 0.0, 100.0], size_mm = [50.0, 50.0, 200.0] }]\n";
+    let blocked = model(post);
+    let hit = named(&blocked, blocked.check_joints(&q, None, &mut MotionWorkspace::new(&blocked))).unwrap();
+    assert_eq!(hit, ("link 1".to_owned(), "post".to_owned()));
+}
+
 /// A gantry of one sliding joint: distances and instants are known by hand.
 fn slider(extra: &str) -> CollisionModel {
     let robot = Robot::parse(

@@ -33,8 +33,10 @@ pub(super) fn links(robot: &Robot) -> Vec<Body> {
                 None => vec![Solid::sphere(V3::new(0.0, 0.0, -0.5 * radius), 0.7 * radius)],
                 Some(next) => {
                     let (s, c) = next.alpha.sin_cos();
-                    let corner = V3::new(next.a, 0.0, 0.0);
-                    let along = V3::new(0.0, -s, c);
+                    // body 0 is placed by the arm's foot, and the first joint by {0}
+                    let zero = if k == 0 { robot.root_from_zero } else { Pose::identity() };
+                    let corner = zero.apply(&V3::new(next.a, 0.0, 0.0));
+                    let along = zero.rotation * V3::new(0.0, -s, c);
                     // a sliding joint carries what is behind it as far as it slides
                     let ends = match next.kind {
                         JointKind::Revolute => [next.d; 2],
@@ -143,14 +145,26 @@ pub(super) fn balls_and_posts(cell: &Cell, balls: &Balls) -> Vec<Body> {
 }
 
 /// A floor under the base, a platform under the balls' posts and a column under the platform.
-pub(super) fn obstacles(cell: &Cell, balls: &Balls) -> Vec<Body> {
+pub(super) fn obstacles(robot: &Robot, cell: &Cell, balls: &Balls) -> Vec<Body> {
     let mut bodies = Vec::new();
     if stands(cell) {
+        // as far as a rail goes, to either side
+        let rail = robot
+            .joints
+            .first()
+            .filter(|_| robot.is_on_rail())
+            .map_or(0.0, |j| j.limits[1].abs().max(j.limits[0].abs()));
+        let wide = 6.0 + 2.0 * rail;
         let below = Pose {
             rotation: cell.world_from_base.rotation,
             translation: cell.world_from_base.apply(&V3::new(0.0, 0.0, -FLOOR_DROP - 0.1)),
         };
-        bodies.push(body("floor", Place::World, Role::Plain, vec![Solid::cuboid(below, V3::new(6.0, 6.0, 0.2), 0.0)]));
+        bodies.push(body(
+            "floor",
+            Place::World,
+            Role::Plain,
+            vec![Solid::cuboid(below, V3::new(wide, wide, 0.2), 0.0)],
+        ));
     }
     let Some(first) = cell.balls.first() else { return bodies };
     let (mut low, mut high) = (*first, *first);

@@ -45,6 +45,11 @@ pub fn scan(bytes: &[u8]) -> Scan {
     scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
     scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
     let Some(positions) = section(bytes, b"/POS") else { return scan };
+    if let Some(at) = tracks_line(bytes, positions) {
+        let what = "the positions of this program move along with a conveyor (LINE_TRACK), which is not supported";
+        scan.problems.push((at, what.into()));
+        return scan;
+    }
     let mut names = Names::default();
     let main = section(bytes, b"/MN").map_or(0, |m| m.min(positions));
     let active = [active(&bytes[main..positions], "UTOOL_NUM"), active(&bytes[main..positions], "UFRAME_NUM")];
@@ -72,6 +77,16 @@ pub fn scan(bytes: &[u8]) -> Scan {
         }
     });
     scan
+}
+
+/// Where the head of a listing (its bytes before `end`) names a schedule of line tracking; number 0 is none.
+fn tracks_line(bytes: &[u8], end: usize) -> Option<usize> {
+    let name = b"LINE_TRACK_SCHEDULE_NUMBER";
+    let at = bytes[..end].windows(name.len()).position(|w| w.eq_ignore_ascii_case(name))?;
+    let mut c = Cursor::new(bytes, 0);
+    c.at = at + name.len();
+    c.skip_blank();
+    (c.eat_in_line(b':') && c.number()?.value(bytes)? != 0.0).then_some(at)
 }
 
 /// The tool or frame that the program activates: nothing where it says none; an error where it says several, or calculates it.
@@ -250,6 +265,9 @@ const STATEMENTS: &str = " J L C S A P PR R F M DO DI RO RI GO GI AO AI SO SI UO
     LINEAR ERROR RESUME STRLEN SUBSTR FINDSTR VISION ARC WEAVE TRACK TC DIAG TORQ PULSE BREAK SOFTFLOAT STOP LINE SENSOR POINT PERCH \
     DEFAULT EG ";
 
+/// Beginnings of statements behind which motions end elsewhere than they say, until one of the same kind says END.
+const DISPLACES: [&[u8]; 2] = [b"TRACK ", b"TOUCH OFFSET "];
+
 /// Whether a statement that begins with this word (in capitals) is one of the user's.
 fn is_macro(word: &[u8]) -> bool {
     let known = |w: &[u8]| STATEMENTS.split_ascii_whitespace().any(|s| s.as_bytes() == w);
@@ -337,6 +355,12 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
                 let what = "a position is set here while the program runs; it is corrected for what /POS has";
                 scan.problems.push((offset, what.into()));
             }
+        } else if upper.starts_with(b"PAYLOAD[") {
+            scan.loads.push(offset);
+        } else if DISPLACES.iter().any(|word| upper.starts_with(word)) && !has(&upper, b"END") {
+            let what =
+                "displaces the motions that follow as a sensor says; they are corrected for where the text has them";
+            scan.problems.push((offset, what.into()));
         } else if moves(&upper) {
             motion(&upper, &all, offset, scan, names);
         }

@@ -6,7 +6,10 @@
 //! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
 mod arguments;
+mod outside;
 mod setup;
+
+pub use outside::{displaces, sets};
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -104,6 +107,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     };
     let mut reader = Flow::read(pass, |r| &mut r.scan, Some(elsewhere));
     reader.scan.calls.retain(|call| !is_one_of(call.name.as_bytes(), &BUILT_IN));
+    outside::note(bytes, &mut reader);
     let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
     said.sort_unstable();
     for (name, setup) in said {
@@ -113,7 +117,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     frame_names.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
-        format!("goes to '{name}', which neither this file nor the .dat beside it gives as numbers")
+        format!("goes to '{name}', which the program's own files do not give as numbers ($config.dat and other programs stay as they are)")
     });
     scan
 }
@@ -356,7 +360,9 @@ impl<'a> Reader<'a> {
         if !self.c.assigns() {
             return;
         }
-        if is_one_of(word, &CURRENT) {
+        if word.eq_ignore_ascii_case(b"$LOAD") {
+            self.scan.loads.push(from);
+        } else if is_one_of(word, &CURRENT) {
             *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some(format!("{}: (computed)", lower(word)));
         } else if mentions(self.c.until(b";\n\r"), word) {
             self.names.changed(hashed(word), from);
@@ -395,6 +401,8 @@ impl<'a> Reader<'a> {
         }
         if is_one_of(word, &CURRENT) {
             *self.now.slot(is("$TOOL")) = Some(self.current(is("$TOOL")));
+        } else if is("$LOAD") {
+            self.scan.loads.push(from);
         } else if is("$IPO_MODE") {
             if mentions(self.c.until(b";\n\r"), b"TCP") {
                 self.now.tool = Some(self.fixed_tool());

@@ -133,6 +133,9 @@ impl Reader<'_> {
                 if words.len() > 2 {
                     self.names.visit(Visit::Unknown);
                 }
+            } else if is("gripload") {
+                self.c.skip_space();
+                self.load(from);
             } else if is("moveextj") {
                 self.motion_of_others();
             } else if is("confl") || is("confj") {
@@ -160,6 +163,13 @@ impl Reader<'_> {
                     self.names.fork(Fork::Anywhere);
                 }
             }
+        }
+    }
+
+    /// The load that the arm carries from `at` on, at the cursor.
+    pub(super) fn load(&mut self, at: usize) {
+        if !self.c.word().eq_ignore_ascii_case(b"load0") {
+            self.scan.loads.push(at);
         }
     }
 

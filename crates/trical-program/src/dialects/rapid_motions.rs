@@ -89,9 +89,9 @@ impl Reader<'_> {
             tool: None,
             frame: None,
         };
-        // of MoveLDO p,v,z,tool,signal,1 and MoveLSync p,v,z,tool,"routine" the fourth is the tool
+        // of MoveLDO p,v,z,tool,signal,1 and MoveCSync p,q,v,z,tool,"routine" the third behind the targets is the tool
         let more = word.starts_with("move") && ["do", "ao", "go", "sync"].iter().any(|end| word.ends_with(end));
-        let mut left = if arguments.targets.is_some() && more { 4 } else { usize::MAX };
+        let mut left = arguments.targets.filter(|_| more).map_or(usize::MAX, |targets| targets + 3);
         let begin = self.c.at;
         loop {
             self.c.skip_space();
@@ -141,6 +141,9 @@ impl Reader<'_> {
         self.c.eat(b'=');
         self.c.skip_space();
         let from = self.c.at;
+        if option.eq_ignore_ascii_case(b"tload") {
+            return self.load(from);
+        }
         let value = self.c.word();
         if option.eq_ignore_ascii_case(b"wobj") {
             arguments.frame = Some(lower(value));

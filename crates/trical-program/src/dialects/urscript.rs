@@ -3,7 +3,7 @@
 //! Targets are what `movej`, `movel`, `movep`, `movec` and `servoj` go to: literals, or names of literals, by themselves or in
 //! `get_inverse_kin(...)`. Numbers may be expressions of what is assigned once. `set_tcp(p[...])` declares the tool from there on.
 //! `pose_trans(name, p[...])` is relative to a target that is rewritten and stays, or, where no motion goes to `name`, a target in
-//! that frame. A motion to what the program calculates is listed. Loads (`set_payload`) are not read.
+//! that frame. A motion to what the program calculates is listed. Where loads are set (`set_payload`) is only noted.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +12,7 @@ use trical_model::{Joints, Pose};
 use crate::branch::Configuration;
 use crate::expression::Constants;
 use crate::flow::Flow;
-use crate::frames::ToolFrame;
+use crate::frames::{AT, ToolFrame, named};
 use crate::literal::{Meant, Shape};
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, Scan, Setup, Visit, hashed};
@@ -32,6 +32,8 @@ const HERE: [&[u8]; 6] = [
 const DISPLACES: [&[u8]; 4] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set", b"force_mode"];
 /// Functions that move the arm to where the script does not say, or let a person or a force do so.
 const ELSEWHERE: [&[u8]; 5] = [b"speedl", b"speedj", b"freedrive_mode", b"teach_mode", b"end_force_mode"];
+/// Functions that say what the arm carries.
+const LOADS: [&[u8]; 3] = [b"set_payload", b"set_payload_mass", b"set_target_payload"];
 /// Functions inside functions, at most.
 const DEEPEST: usize = 8;
 
@@ -208,6 +210,8 @@ impl Reader<'_> {
                 if self.c.eat(b'(') {
                     self.set_tcp(from);
                 }
+            } else if LOADS.contains(&word) {
+                self.scan.loads.push(from);
             } else if DISPLACES.contains(&word) {
                 let what = "displaces the motions that follow; they are corrected for where the text has them";
                 self.scan.problems.push((from, what.into()));
@@ -399,19 +403,14 @@ impl Reader<'_> {
             }
         };
         let frame = pose.ok_or("its set_tcp is computed by the program".to_owned());
-        // the same tool has the same name wherever it is set
         let key = match &frame {
             Ok(p) => {
                 let t = p.translation * 1e3;
-                format!("set_tcp({:.3}, {:.3}, {:.3} mm) first at byte {at}", t.x, t.y, t.z)
+                format!("set_tcp({:.3}, {:.3}, {:.3} mm) first{AT}{at}", t.x, t.y, t.z)
             }
-            Err(_) => format!("set_tcp at byte {at}"),
+            Err(_) => format!("set_tcp{AT}{at}"),
         };
-        let is_it = |f: &Result<ToolFrame, String>| matches!((f, &frame), (Ok(a), Ok(b)) if a.flange_from_tool == *b);
-        let known = self.scan.frames.tools.iter().find(|(_, f)| is_it(f));
-        let key = known.map_or(key, |(k, _)| k.clone());
-        self.scan.frames.tools.insert(key.clone(), frame.map(ToolFrame::massless));
-        self.now.tool = Some(key);
+        self.now.tool = Some(named(&mut self.scan.frames.tools, key, frame.map(ToolFrame::massless)));
     }
 
     /// The first argument of a motion, or the first two.
@@ -489,7 +488,7 @@ impl Reader<'_> {
             // set anew, it is another frame
             let is_it = |f: &Result<Pose, String>| *f == Ok(pose);
             let known = !base.is_empty() && self.scan.frames.frames.get(&own).is_none_or(is_it);
-            let name = if known { own } else { format!("{own} at byte {at}") };
+            let name = if known { own } else { format!("{own}{AT}{at}") };
             self.scan.frames.frames.insert(name.clone(), Ok(pose));
             self.place(Some(&name), depth + 1);
             return;

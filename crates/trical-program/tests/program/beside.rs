@@ -94,3 +94,32 @@ fn global_routines_are_found_in_files_of_other_names() {
     assert_eq!(names(&report.read_with), ["tools.src"]);
     assert!(report.cautions.iter().any(|c| c.contains("hidden (line 5)") && !c.contains("grip")), "{report:?}");
 }
+
+#[test]
+fn a_global_target_that_a_routine_of_another_file_may_set_is_listed() {
+    let pose = "{X 430,Y 0,Z 430,A 0,B 90,C 0}";
+    let program = format!(
+        "DEF main()\nGLOBAL DECL E6POS gSeen\nDECL E6POS own\n$TOOL={{X 0,Y 0,Z 80,A 0,B 0,C 0}}\n$BASE=$NULLFRAME\ngSeen={pose}\nown={pose}\n\
+        LOOK()\nLIN own\nLIN gSeen\nEND\n"
+    );
+    let known = "DEF look()\nDECL E6POS own\nown=$POS_ACT\nDEEPER()\nEND\nDEF other()\nEND\n";
+    let deeper = "DEF deeper()\ngSeen.Z = 300\nEND\n";
+    let quiet = "DEF deeper()\n;gSeen.Z = 300\nIF gSeen.Z == 300 THEN\n$OUT[1]=TRUE\nENDIF\nEND\n";
+    let of = |folder: &str, files: &[(&str, &str)]| {
+        let all: Vec<(&str, &str)> =
+            std::iter::once(("main.src", program.as_str())).chain(files.iter().copied()).collect();
+        let report = checked(folder, KR6, &all);
+        (report.rewritten, report.problems.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let (rewritten, problems) = of("sets", &[("look.src", known), ("deeper.src", deeper)]);
+    assert_eq!((rewritten, problems.len()), (2, 1), "{problems:?}");
+    assert!(problems[0].contains("line 8: a place to which the arm moves is calculated here"), "{problems:?}");
+    let (rewritten, problems) = of("sets_nothing", &[("look.src", known), ("deeper.src", quiet)]);
+    assert_eq!((rewritten, problems.len()), (2, 0), "{problems:?}");
+    let (rewritten, problems) = of("sets_perhaps", &[]);
+    assert_eq!((rewritten, problems.len()), (2, 1), "{problems:?}");
+    assert!(problems[0].contains("line 8: calls a routine that is in none of the files read"), "{problems:?}");
+    let sensor = "DEF look()\nRET = RSI_ON(#RELATIVE)\nEND\n";
+    let (_, problems) = of("sensor", &[("look.src", sensor)]);
+    assert!(problems.len() == 1 && problems[0].contains("line 8") && problems[0].contains("RSI"), "{problems:?}");
+}

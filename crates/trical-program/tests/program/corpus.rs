@@ -72,6 +72,12 @@ const RAPID: &[Case] = &[
         &[(3, "calculated")],
     ),
     case(
+        "a circle with a signal",
+        "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nMoveL p,v1,fine,tool0;\nMoveCDO p,q,v1,z10,tool0,doIt,1;\nMoveCSync p,q,v1,z10,tool0,\"Beep\";\n",
+        &[1, 2],
+        &[],
+    ),
+    case(
         "shifted",
         "CONST robtarget q:=@0;\nMoveL Offs(q,0,0,50),v1,fine,tool0;\nMoveL RelTool(q,0,0,-50\\Rz:=5),v1,fine,tool0;\nMoveL q,v1,fine,tool0;\n",
         &[1],
@@ -430,9 +436,27 @@ const KRL: &[Case] = &[
         &[10],
         &[(3, "several places"), (6, "several places")],
     ),
+    case(
+        "the same tool given twice",
+        "$TOOL={X 0,Y 0,Z 80,A 0,B 0,C 0}\n$BASE={FRAME: X 5,Y 0,Z 0,A 0,B 0,C 0}\nDECL E6POS P={X 430,Y 0,Z 430,A 0,B 90,C 0}\nLIN P\n$TOOL={X 0,Y 0,Z 80.0,A 0,B 0,C 0}\n$BASE={X 5,Y 0,Z 0,A 0,B 0,C 0}\nLIN P\n",
+        &[3],
+        &[],
+    ),
 ];
 
 const FANUC: &[Case] = &[
+    case(
+        "along a conveyor",
+        "/PROG A\n/APPL\n\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 1;\n  LINE_TRACK_BOUNDARY_NUMBER      : 0;\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[],
+        &[(5, "conveyor")],
+    ),
+    case(
+        "no conveyor, a seam that a sensor follows, an offset by touching",
+        "/PROG A\n/APPL\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 0;\n/MN\n   1:  Track TAST[R[21]] ;\n   2:L P[1] 100mm/sec FINE ;\n   3:  Track End ;\n   4:  Touch Offset PR[5] ;\n   5:  Touch Offset End ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "sensor"), (9, "sensor")],
+    ),
     case(
         "lines without numbers",
         "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",

@@ -10,7 +10,7 @@ mod rail;
 mod sink;
 
 use fixtures::{
-    IRB, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
+    IRB, KR6, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
 };
 use proptest::prelude::*;
 use trical_model::{
@@ -438,4 +438,56 @@ proptest! {
         let n = nominal(IRB);
         let _ = compensate(text.as_bytes(), "p", d, &n, &n, &Frames::default(), &options(), &mut Vec::new());
     }
+}
+
+#[test]
+fn loads_that_nobody_has_read_are_named_where_the_arm_sags() {
+    let n = nominal(IRB);
+    let of = |d: Dialect, text: &str, options: &Options| {
+        let report =
+            compensate(text.as_bytes(), "p", d, &n, &real(&n), &Frames::default(), options, &mut Vec::new()).unwrap();
+        report.cautions.into_iter().filter(|c| c.contains("carries") || c.contains("weighs")).collect::<Vec<_>>()
+    };
+    let rapid = |tool: &str, mass: f64, load: &str| {
+        format!(
+            "PERS tooldata tGrip:=[TRUE,[[0,0,80],[1,0,0,0]],[{mass},[0,0,40],[1,0,0,0],0,0,0]];\nMoveAbsJ \
+             [[10,12,-8,20,40,-30],[9E9,9E9,9E9,9E9,9E9,9E9]]{load},v1,fine,{tool};\n"
+        )
+    };
+    let lines = "GripLoad load0;\nGripLoad piece;\n";
+    let said = of(Dialect::Rapid, &(lines.to_owned() + &rapid("tGrip", 1.0, "\\TLoad:=piece")), &options());
+    assert!(said.len() == 1 && said[0].contains("(line 2, line 4)"), "{said:?}");
+    let said = of(Dialect::Rapid, &rapid("tGrip", 0.001, "\\TLoad:=load0"), &options());
+    assert!(said.len() == 1 && said[0].contains("what tool 'tgrip' weighs"), "{said:?}");
+    for (tool, mass) in [("tGrip", 1.0), ("tool0", 0.001)] {
+        assert_eq!(of(Dialect::Rapid, &rapid(tool, mass, ""), &options()), [""; 0]);
+    }
+    let stated = Options { payload_kg: Some(2.0), ..options() };
+    assert_eq!(of(Dialect::Rapid, &(lines.to_owned() + &rapid("tGrip", 0.001, "")), &stated), [""; 0]);
+    let ur = "def p():\n  set_payload(1.5)\n  set_tcp(p[0,0,0.1,0,0,0])\n  movej([0.1,0.2,-0.1,0.3,0.6,-0.4])\nend\n";
+    let said = of(Dialect::UrScript, ur, &options());
+    assert!(
+        said.len() == 2
+            && said[0].contains("(line 2)")
+            && said[1].contains("'set_tcp(0.000, 0.000, 100.000 mm) first'"),
+        "{said:?}"
+    );
+    let krl = "$TOOL={X 0,Y 0,Z 80,A 0,B 0,C 0}\n$LOAD.M=3\nPTP {A1 10,A2 12,A3 -8,A4 20,A5 40,A6 -30}\n";
+    let said = of(Dialect::Krl, krl, &options());
+    assert!(said.len() == 2 && said[0].contains("(line 2)") && said[1].contains("'$tool'"), "{said:?}");
+    // an arm that does not sag
+    let stiff = nominal(KR6);
+    let report = compensate(
+        krl.replace("A2 12,A3 -8", "A2 -70,A3 85").as_bytes(),
+        "p",
+        Dialect::Krl,
+        &stiff,
+        &real(&stiff),
+        &Frames::default(),
+        &options(),
+        &mut Vec::new(),
+    )
+    .unwrap();
+    assert_eq!(report.cautions, [""; 0]);
+    assert_eq!(report.setups[0].0, "tool '$tool in line 1' in the robot's base");
 }

@@ -8,6 +8,21 @@ use crate::columns;
 const SEPARATORS: [(char, &str); 2] =
     [(';', "columns are separated by semicolons"), ('\t', "columns are separated by tabs")];
 
+/// What joints are called, beside q, in names that say a unit.
+const JOINTS: [&str; 5] = ["q", "j", "joint", "axis", "theta"];
+
+/// Units as people write them, and as they end the names of columns.
+const UNITS: [(&[&str], &str); 8] = [
+    (&["°", "º", "degree", "degrees"], "deg"),
+    (&["radian", "radians"], "rad"),
+    (&["millimeter", "millimetre"], "mm"),
+    (&["meter", "metre"], "m"),
+    (&["sec", "seconds"], "s"),
+    (&["°c", "degc"], "c"),
+    (&["n m", "n*m", "n·m"], "nm"),
+    (&["-", "1"], ""),
+];
+
 /// Names that an index column has.
 const INDEX: [&str; 4] = ["", "index", "unnamed: 0", "#"];
 
@@ -20,15 +35,23 @@ struct Form {
     names: Vec<String>,
     /// Whether the first column only counts the rows.
     index: bool,
+    /// Whether every line ends with a separator, behind which there is nothing.
+    trailing: bool,
 }
 
 impl Form {
     fn of(text: &str) -> Self {
-        let header = header(text);
+        let header = header(text).trim_start_matches('#');
         let separator = SEPARATORS.into_iter().find(|(c, _)| header.contains(*c) && !header.contains(','));
         let by = separator.map_or(',', |(c, _)| c);
-        let names: Vec<String> = header.split(by).map(known_name).collect();
-        Self { by, separated: separator.map(|(_, says)| says), index: has_index(text, by, &names), names }
+        let mut names: Vec<String> = header.split(by).map(known_name).collect();
+        let trailing = names.len() > 1
+            && names.last().is_some_and(String::is_empty)
+            && text
+                .lines()
+                .all(|l| is_remark(l) || l.trim().is_empty() || l.trim_end_matches(['\r', ' ']).ends_with(by));
+        names.truncate(names.len() - usize::from(trailing));
+        Self { by, separated: separator.map(|(_, says)| says), index: has_index(text, by, &names), trailing, names }
     }
 
     fn is_blank(&self, line: &str) -> bool {
@@ -39,21 +62,26 @@ impl Form {
     fn is_tidy(&self, text: &str) -> bool {
         self.separated.is_none()
             && !self.index
+            && !self.trailing
             && header(text).split(self.by).map(|n| n.trim().trim_matches('"').trim()).eq(self.names.iter())
-            && text.lines().all(|l| !self.is_blank(l))
+            && text.lines().all(|l| !self.is_blank(l) && !is_remark(l))
     }
 
     /// Adds a line, `headed` where it is not the header, and what was done to it.
     fn copy(&self, line: &str, headed: bool, out: &mut String, done: &mut Vec<&'static str>) {
         let first = usize::from(self.index);
-        for (k, cell) in line.split(self.by).enumerate().skip(first) {
+        let line = if headed { line } else { line.trim_start_matches('#') };
+        let cells = line.split(self.by).count() - usize::from(self.trailing);
+        for (k, cell) in line.split(self.by).enumerate().take(cells).skip(first) {
             if k > first {
                 out.push(',');
             }
             match (headed, self.names.get(k)) {
                 (false, Some(name)) => {
-                    if name != cell.trim() {
-                        note(done, "names of columns are read in lower case");
+                    let cell = cell.trim().trim_matches('"');
+                    if name.as_str() != cell {
+                        let lower = *name == cell.to_lowercase();
+                        note(done, if lower { LOWER } else { "names of columns are read as q1_deg, x_mm" });
                     }
                     out.push_str(name);
                 }
@@ -74,8 +102,45 @@ impl Form {
     }
 }
 
+const LOWER: &str = "names of columns are read in lower case";
+
 fn header(text: &str) -> &str {
-    text.lines().find(|l| !l.trim().is_empty()).unwrap_or("")
+    text.lines().find(|l| !l.trim().is_empty() && !is_remark(l)).unwrap_or("")
+}
+
+/// A line that is none of the table: "# measured on Monday", "sep=;". Behind the same sign a header stands, too ("# q1_deg,q2_deg").
+fn is_remark(line: &str) -> bool {
+    let Some(rest) = line.strip_prefix('#') else { return line.trim_end().len() == 5 && line.starts_with("sep=") };
+    let named = |by: char| {
+        let names: Vec<String> = rest.split(by).map(known_name).collect();
+        rest.starts_with(by) || columns::is_recording(names.iter().map(String::as_str))
+    };
+    ![',', ';', '\t'].into_iter().any(named)
+}
+
+/// The text of a file, its lines ending with \n, and what was done for it; `None` where it is none.
+pub(super) fn decoded(bytes: &[u8]) -> Option<(Cow<'_, str>, Option<&'static str>)> {
+    let wide = |of: fn([u8; 2]) -> u16| {
+        let units = bytes.get(2..)?.chunks_exact(2).map(|b| of([b[0], b[1]]));
+        char::decode_utf16(units).collect::<Result<String, _>>().ok()
+    };
+    let (text, note) = match bytes {
+        [0xff, 0xfe, ..] => (Cow::Owned(wide(u16::from_le_bytes)?), Some("the text is in UTF-16")),
+        [0xfe, 0xff, ..] => (Cow::Owned(wide(u16::from_be_bytes)?), Some("the text is in UTF-16")),
+        _ => match std::str::from_utf8(bytes) {
+            Ok(text) => (Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)), None),
+            // of recordings only the sign of degrees and what people remark are not ASCII
+            Err(_) if bytes.iter().any(|b| *b < b'\t') => return None,
+            Err(_) => (Cow::Owned(bytes.iter().map(|b| char::from(*b)).collect()), Some("the text is in Latin-1")),
+        },
+    };
+    if text.contains('\0') {
+        return None;
+    }
+    if !text.contains('\n') && text.contains('\r') {
+        return Some((Cow::Owned(text.replace('\r', "\n")), note));
+    }
+    Some((text, note))
 }
 
 fn note(done: &mut Vec<&'static str>, what: &'static str) {
@@ -84,24 +149,41 @@ fn note(done: &mut Vec<&'static str>, what: &'static str) {
     }
 }
 
-/// The text with commas and decimal points, column names as they are known, without an index column; line numbers stay. And
-/// what was done, in one sentence, where anything was.
-pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
+/// The names of the columns, as they are known.
+pub(super) fn names(text: &str) -> Vec<String> {
+    Form::of(text).names
+}
+
+/// A text made tidy.
+pub(super) struct Tidied<'a> {
+    pub text: Cow<'a, str>,
+    /// Lines before the header that are left out.
+    pub before: usize,
+    /// What was done, in one sentence, where anything was.
+    pub note: Option<String>,
+}
+
+/// The text with commas and decimal points, column names as they are known, without an index column; line numbers stay from
+/// the header on.
+pub(super) fn tidied(text: &str) -> Tidied<'_> {
     let form = Form::of(text);
     // a quoted cell may hold anything: such a file is read as it is
     if text.contains('"') && form.separated.is_none() || form.is_tidy(text) {
-        return (Cow::Borrowed(text), None);
+        return Tidied { text: Cow::Borrowed(text), before: 0, note: None };
     }
     let mut done: Vec<&str> = Vec::new();
     let mut out = String::with_capacity(text.len());
-    let mut headed = false;
+    let (mut headed, mut before) = (false, 0);
     for line in text.split('\n') {
         let line = line.strip_suffix('\r').unwrap_or(line);
-        if form.is_blank(line) {
-            if !line.is_empty() {
+        let remark = is_remark(line);
+        if form.is_blank(line) || remark {
+            if remark {
+                note(&mut done, "remarks (# ...) are left out");
+            } else if !line.is_empty() {
                 note(&mut done, "lines without a value are left out");
             }
-            // where the header is still to come, the number of the line is lost
+            before += usize::from(!headed);
             if headed {
                 // a reader counts lines with a blank, not those without
                 out.push_str(" \n");
@@ -113,19 +195,41 @@ pub(super) fn tidied(text: &str) -> (Cow<'_, str>, Option<String>) {
     }
     done.extend(form.separated);
     done.extend(form.index.then_some("the first column is an index and is left out"));
-    (Cow::Owned(out), (!done.is_empty()).then(|| done.join("; ")))
+    done.extend(form.trailing.then_some("the last column is empty and is left out"));
+    Tidied { text: Cow::Owned(out), before, note: (!done.is_empty()).then(|| done.join("; ")) }
 }
 
-/// A column's name as it is known: as it stands, or in lower case.
+/// A column's name as it is known: as it stands, in lower case, or with its unit in brackets ("X [mm]", "Joint 1 (rad)").
 fn known_name(cell: &str) -> String {
     let name = cell.trim().trim_matches('"').trim();
     let lower = name.to_lowercase();
-    if columns::find(name).is_none() && columns::find(&lower).is_some() { lower } else { name.to_owned() }
+    let is_known = |name: &String| columns::find(name).is_some();
+    if columns::find(name).is_some() {
+        None
+    } else {
+        Some(lower.clone()).filter(is_known).or_else(|| with_unit(&lower))
+    }
+    .unwrap_or_else(|| name.to_owned())
+}
+
+/// The known name of "x [mm]", "joint 1 (°)", "j1_rad": of nothing that does not say its unit.
+fn with_unit(lower: &str) -> Option<String> {
+    let (stem, unit) = match lower.strip_suffix([')', ']']) {
+        Some(open) => open.rsplit_once(['(', '[']),
+        None => lower.rsplit_once('_'),
+    }?;
+    let (stem, unit) = (stem.trim_end_matches([' ', '_']), unit.trim());
+    let unit = UNITS.iter().find(|(written, _)| written.contains(&unit)).map_or(unit, |(_, known)| known);
+    let joint = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    let is_joint = joint.len() < stem.len() && JOINTS.contains(&joint.trim_end_matches([' ', '_']));
+    let stem = if is_joint { format!("q{}", &stem[joint.len()..]) } else { stem.replace(' ', "_") };
+    let name = if unit.is_empty() { stem } else { format!("{stem}_{unit}") };
+    columns::find(&name).map(|_| name)
 }
 
 /// "3,14", with or without a sign and an exponent.
 fn decimal_comma(cell: &str) -> bool {
-    let cell = cell.trim();
+    let cell = cell.trim().trim_matches('"');
     cell.matches(',').count() == 1 && cell.replace(',', ".").parse::<f64>().is_ok()
 }
 
@@ -134,7 +238,7 @@ fn has_index(text: &str, by: char, names: &[String]) -> bool {
     if !names.first().is_some_and(|n| INDEX.contains(&n.to_lowercase().as_str())) {
         return false;
     }
-    let rows = text.lines().filter(|l| !l.chars().all(|c| c == by || c.is_whitespace())).skip(1);
+    let rows = text.lines().filter(|l| !is_remark(l) && !l.chars().all(|c| c == by || c.is_whitespace())).skip(1);
     let mut first = None;
     for (k, line) in rows.enumerate() {
         let Some(n) = line.split(by).next().and_then(|c| c.trim().parse::<usize>().ok()) else { return false };
@@ -156,7 +260,7 @@ mod tests {
 
     #[test]
     fn a_plain_file_is_not_touched() {
-        assert!(matches!(tidied(PLAIN), (Cow::Borrowed(_), None)));
+        assert!(matches!(tidied(PLAIN), Tidied { text: Cow::Borrowed(_), before: 0, note: None }));
     }
 
     #[test]
@@ -167,7 +271,21 @@ mod tests {
         let upper = PLAIN.replacen("t_s,q1_deg", "T_s,Q1_DEG", 1);
         let index = PLAIN.replacen("t_s", ",t_s", 1).replace("\n0,", "\n0,0,").replace("\n1,", "\n1,1,");
         let blank = PLAIN.replace("\n1,", "\n\n,,,,,\n1,");
+        let brackets = PLAIN.replacen("q1_deg,q2_deg,x_mm", "Joint 1 (°),J2 [deg],X [mm]", 1);
+        let units = PLAIN.replacen("q1_deg,q2_deg,x_mm", "axis_1_deg,theta2_deg,X (millimetre)", 1);
+        let remarks = format!("# Monday, in the hall\n{}", PLAIN.replace("\n1,", "\n# a pause\n1,"));
+        let savetxt = format!("# {PLAIN}");
+        let excel = format!("sep=;\r\n{}", german.replace('\n', "\r\n").replace("-2,5", "\"-2,5\""));
+        let trailing = PLAIN.replace('\n', ",\n");
+        let mac = PLAIN.replace('\n', "\r");
         for (text, says) in [
+            (brackets.as_str(), "as q1_deg, x_mm"),
+            (&units, "as q1_deg, x_mm"),
+            (&remarks, "remarks"),
+            (&savetxt, ""),
+            (&excel, "remarks; decimal commas"),
+            (&trailing, "the last column is empty"),
+            (&mac, ""),
             (german.as_str(), "semicolons; decimal commas"),
             (&tabs, "separated by tabs"),
             (&upper, "lower case"),
@@ -175,17 +293,33 @@ mod tests {
             (&blank, "lines without a value"),
         ] {
             let read = parse_csv(format!("\u{feff}{text}").as_bytes(), "r.csv", 2).expect(says);
-            assert_eq!(read.notes.len(), 1, "{says}");
-            for word in says.split("; ") {
+            assert_eq!(read.notes.len(), usize::from(!says.is_empty()), "{says}: {:?}", read.notes);
+            for word in says.split("; ").filter(|word| !word.is_empty()) {
                 assert!(read.notes[0].contains(word), "{says}: {:?}", read.notes);
             }
             let same = |a: &trical_model::Row, b: &trical_model::Row| a.state == b.state && a.measured == b.measured;
             assert!(read.rows.iter().zip(&plain).all(|(a, b)| same(a, b)) && read.rows.len() == 2, "{says}");
         }
+        for (bytes, says) in [
+            (PLAIN.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>(), &[0xff_u8, 0xfe][..]),
+            (PLAIN.encode_utf16().flat_map(u16::to_be_bytes).collect(), &[0xfe, 0xff]),
+        ] {
+            // the number of joints is read from the header, too
+            let read = crate::open::parse("r.csv", &[says, &bytes].concat()).expect("UTF-16");
+            assert!(read.rows.len() == 2 && read.notes == ["r.csv: the text is in UTF-16"], "{:?}", read.notes);
+        }
+        let latin =
+            [b"t_s,q1[\xb0],q2[\xb0],x_mm,y_mm,z_mm".as_slice(), &PLAIN.as_bytes()[PLAIN.find('\n').unwrap()..]]
+                .concat();
+        let read = parse_csv(&latin, "r.csv", 2).expect("Latin-1");
+        assert_eq!(read.notes, ["r.csv: the text is in Latin-1; names of columns are read as q1_deg, x_mm"]);
         // errors name the line of the file
         let wrong = PLAIN.replace(',', ";").replace(";3.5;", ";x;").replace("\n1", "\n\n1");
         let error = parse_csv(wrong.as_bytes(), "r.csv", 2).expect_err("x is no number").to_string();
         assert!(error.contains("line 4, column q2_deg: found 'x'"), "{error}");
+        let wrong = format!("# Monday\n\n{}", PLAIN.replace(",3.5,", ",x,"));
+        let error = parse_csv(wrong.as_bytes(), "r.csv", 2).expect_err("x is no number").to_string();
+        assert!(error.contains("line 5, column q2_deg: found 'x'"), "{error}");
     }
 
     #[test]

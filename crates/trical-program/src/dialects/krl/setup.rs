@@ -1,7 +1,7 @@
 //! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms.
 
 use super::{Aggregate, ELEMENTS, Reader, target_of};
-use crate::frames::ToolFrame;
+use crate::frames::{AT, ToolFrame, named};
 use crate::scan::Setup;
 use crate::text::{is_one_of, lower, mentions};
 
@@ -12,13 +12,12 @@ impl Reader<'_> {
             let at = self.c.at;
             let found = self.aggregate();
             let frame = self.frame(&found);
-            let name = format!("{} at byte {at}", if is_tool { "$tool" } else { "$base" });
-            if is_tool {
-                self.scan.frames.tools.insert(name.clone(), frame.map(ToolFrame::massless));
+            // the same numbers are the same tool or base wherever they stand
+            return if is_tool {
+                named(&mut self.scan.frames.tools, format!("$tool{AT}{at}"), frame.map(ToolFrame::massless))
             } else {
-                self.scan.frames.frames.insert(name.clone(), frame);
-            }
-            return name;
+                named(&mut self.scan.frames.frames, format!("$base{AT}{at}"), frame)
+            };
         }
         let word = self.c.word();
         if is_one_of(word, &[b"$NULLFRAME", b"$WORLD"]) {

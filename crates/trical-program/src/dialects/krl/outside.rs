@@ -1,0 +1,74 @@
+//! What routines of other files do to a KRL program: they set its global data, or displace its motions.
+
+use std::collections::HashSet;
+
+use super::{Reader, TYPES, is_system};
+use crate::names::Origin;
+use crate::scan::hashed;
+use crate::text::{Cursor, is_one_of, mentions};
+
+/// The places that a line declares, and whether for all files: `DECL GLOBAL E6POS P={...}`.
+fn declared(line: &[u8]) -> (Vec<u64>, bool) {
+    let mut c = Cursor::new(line, b';');
+    let (mut names, mut is_global, mut is_place) = (Vec::new(), false, false);
+    while let Some((_, word)) = c.next_word() {
+        is_global |= word.eq_ignore_ascii_case(b"GLOBAL");
+        if is_place {
+            names.push(hashed(word));
+        }
+        is_place |= is_one_of(word, &TYPES);
+        c.skip_blank();
+        if c.peek() == b'=' {
+            break;
+        }
+    }
+    (names, is_global)
+}
+
+fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    bytes.split(|b| *b == b'\n')
+}
+
+/// The data of others that a file sets, by their hashed names.
+#[must_use]
+pub fn sets(bytes: &[u8]) -> Vec<u64> {
+    let own: HashSet<u64> = lines(bytes).flat_map(|line| declared(line).0).collect();
+    let set = lines(bytes).filter_map(|line| {
+        let mut c = Cursor::new(line, b';');
+        c.skip_blank();
+        let name = c.word();
+        c.at += c.until(b"=(").iter().take_while(|b| b.is_ascii_alphanumeric() || b"_.[] ,".contains(b)).count();
+        (!name.is_empty() && !is_system(name) && c.assigns()).then(|| hashed(name))
+    });
+    let mut set: Vec<u64> = set.filter(|name| !own.contains(name)).collect();
+    set.sort_unstable();
+    set.dedup();
+    set
+}
+
+/// Whether a file lets a sensor displace the motions that follow.
+#[must_use]
+pub fn displaces(bytes: &[u8]) -> bool {
+    lines(bytes).any(|line| {
+        let code = line.split(|b| *b == b';').next().unwrap_or_default();
+        mentions(code, b"RSI_ON")
+    })
+}
+
+/// Notes what the routines do that this file calls and does not have. Of those that nobody has, any may set global data.
+pub(super) fn note(bytes: &[u8], reader: &mut Reader<'_>) {
+    let mut globals: Vec<u64> =
+        lines(bytes).map(declared).filter(|(_, global)| *global).flat_map(|(names, _)| names).collect();
+    globals.sort_unstable();
+    for (at, routine) in &reader.scan.called {
+        if routine.displaces {
+            let what = "calls a routine that lets a sensor displace the motions that follow (RSI); they are corrected for where the text has them";
+            reader.scan.problems.push((*at, what.into()));
+        }
+        let set = routine.sets.iter().filter(|name| globals.binary_search(name).is_ok());
+        set.for_each(|name| reader.names.set_from(*name, Origin::Computed(*at as u32)));
+    }
+    for call in &reader.scan.calls {
+        globals.iter().for_each(|name| reader.names.set_from(*name, Origin::Perhaps(call.at as u32)));
+    }
+}

@@ -83,7 +83,7 @@ pub fn reading_noise(recorded: &Covariates<'_>) -> Vec<Candidate> {
         };
         let parts = Axis::ALL.iter().map(part).collect();
         let site = Place::Tool;
-        out.push(of(Cause::ReadingNoise, site, "nulled readings are mostly noise", -1, parts));
+        out.push(of(Cause::ReadingNoise, site, "what a nulled gauge still reads is mostly noise", -1, parts));
     }
     if recorded.commanded && !recorded.lags {
         let basis = Basis::new(Variable::Lag { joint: 1 }, Shape::Linear);

@@ -30,7 +30,7 @@ const NAMED_IN_REST: f64 = 0.9;
 const MOST_NAMED_IN_REST: usize = 3;
 
 /// What is true of any data in which nothing was found: with few of them, or with much left, the model need not explain them.
-const NOTHING: &str = "Nothing found: no known effect explains what is left";
+const NOTHING: &str = "Nothing found: no known effect shows in what is left";
 
 /// What to do about curves without a name: where the robot has no masses, ...
 const GIVE_MASSES: &str =
@@ -526,9 +526,9 @@ mod tests {
         // 59 mm are left where a recording does not say which target it measured
         for left in [0.006, 59.3] {
             let verdict = told(&[], &[], [(15, left); 2]);
-            assert_eq!(verdict.summary, "Nothing found: no known effect explains what is left.");
+            assert_eq!(verdict.summary, "Nothing found: no known effect shows in what is left.");
             let row = verdict.rows.last().map(|r| (r.text.as_str(), r.after_mm));
-            assert_eq!(row, Some(("Nothing found: no known effect explains what is left", left)));
+            assert_eq!(row, Some(("Nothing found: no known effect shows in what is left", left)));
         }
     }
 

@@ -50,7 +50,7 @@ fn wobble(joint: usize, k: u8, pivot: Pivot) -> Candidate {
     }
     let mut candidate = EFFECT.candidate(
         Place::Joint(joint),
-        format!("axis {joint} tilts{} {k} time{} a turn", pivot.words(), if k == 1 { "" } else { "s" }),
+        format!("axis {joint} tilts{} {} a turn", pivot.words(), if k == 1 { "once" } else { "twice" }),
         Size { typical: deg(0.01), large: deg(0.03) },
         parts,
     );

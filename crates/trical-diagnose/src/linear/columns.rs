@@ -98,7 +98,7 @@ pub(crate) struct Linear {
     family: Vec<usize>,
     /// Unit direction of what the motion of each family does, `rows x families`.
     directions: Mat<f64>,
-    /// Columns that are no number times one motion, all rows, and by place which of them it is. What `says` and `directions` have for them is
+    /// Columns that are not one motion scaled by a number in each row, all rows, and by place which of them it is. What `says` and `directions` have for them is
     /// zero.
     whole: Mat<f64>,
     whole_of: Vec<Option<usize>>,
@@ -434,7 +434,7 @@ struct Families {
 }
 
 impl Families {
-    /// Of columns with these motions; those that are no number times one motion stand together too.
+    /// Of columns with these motions; those that are not one motion scaled by a number stand together too.
     fn of(motions: &[Option<usize>]) -> Self {
         let mut columns: Vec<usize> = (0..motions.len()).collect();
         columns.sort_by_key(|column| motions[*column]);

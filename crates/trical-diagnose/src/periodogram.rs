@@ -14,6 +14,7 @@ use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::effects::ripple;
 use crate::linear::{Fitted, Linear};
 use crate::settings::{FINEST_CYCLES, GEAR_CYCLES, PEAKS_PER_JOINT, UNNAMED_PRICE_NATS, UNNAMED_SIZE_RAD};
+use crate::specification_test::Probes;
 
 /// A joint's apparent angle error, pose by pose: `sum c r` and `sum c^2` over the rows of a pose, with `c` the joint's column.
 struct Apparent {
@@ -62,12 +63,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
         .flat_map(|(k, cycles)| cycles.iter().map(move |n| (k + 1, *n)))
         .map(|(joint, cycles)| {
             let variable = Variable::Joint { joint };
-            let period = std::f64::consts::TAU / cycles;
-            let every = if slides(fitted, joint) {
-                format!("{:.3} mm", period * 1e3)
-            } else {
-                format!("{:.4} deg", period.to_degrees())
-            };
+            let every = every(fitted, joint, cycles);
             let term = |part: &str, shape| {
                 let name = format!("fast_{part}_{joint}");
                 Term::new(name, UNEXPLAINED, Site::Joint { joint }, Basis::new(variable, shape))
@@ -85,6 +81,27 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
             }
         })
         .collect())
+}
+
+/// How far joint `joint` moves until an error of so many cycles a turn (or every 2 pi m) repeats.
+fn every(fitted: &Identified, joint: usize, cycles: f64) -> String {
+    let period = std::f64::consts::TAU / cycles;
+    if slides(fitted, joint) { format!("{:.3} mm", period * 1e3) } else { format!("{:.4} deg", period.to_degrees()) }
+}
+
+/// Adds the errors of [`fast`] to what is asked where nothing was modelled: such an error can be so steep that no model can have it (an
+/// encoder with coarse steps jumps back at each).
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn ask_for_fast(fitted: &Identified, data: &Dataset, probes: &mut Probes) -> Result<()> {
+    for wave in fast(fitted, data)? {
+        let (Place::Joint(joint), Some(cycles)) = (wave.site, wave.cycles()) else { continue };
+        let q = name(Variable::Joint { joint });
+        let region = format!("all of {q}, every {}", every(fitted, joint, cycles));
+        probes.add_best(f64::from(FINEST_CYCLES), q, region, wave);
+    }
+    Ok(())
 }
 
 fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {

@@ -435,6 +435,18 @@ mod tests {
     }
 
     #[test]
+    fn an_error_so_steep_that_no_model_can_have_it_is_told_with_its_period() {
+        let steep = Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles: 9000.0 });
+        let (truth, data) = with_joint_2(&[(steep, 2e-4)]);
+        let said = diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap();
+        let found = said.unexplained.unwrap();
+        assert_eq!((found.site, found.variable.as_str(), found.modelled), (Place::Joint(2), "q2", false));
+        assert_eq!(found.region, "all of q2, every 0.0400 deg");
+        let words = "that go with the angle of joint 2, the same every 0.0400 deg";
+        assert!(said.verdict.rows.iter().any(|r| r.text.ends_with(words)), "{:?}", said.verdict.rows);
+    }
+
+    #[test]
     fn a_sure_curve_is_not_told_again_without_a_name_beside_a_doubted_effect_of_the_same_joint() {
         let wave = |cycles| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles }), 4e-4);
         let hidden = [&[2.0, 3.0, 4.0, 7.0].map(wave)[..], &[(Basis::direction(2), -1.3e-5)]].concat();

@@ -453,7 +453,8 @@ impl Rounds {
 
     /// With all candidates, and probes behind them.
     pub(crate) fn design_with_probes(&self) -> Result<(Design, Probes)> {
-        let probes = probes(&self.fitted.model, &self.kept);
+        let mut probes = probes(&self.fitted.model, &self.kept);
+        periodogram::ask_for_fast(&self.fitted, &self.kept, &mut probes)?;
         let mut all = self.searched();
         all.extend(probes.candidates.iter().cloned());
         let mut weights = vec![Vec::new(); self.candidates.len()];

@@ -38,6 +38,18 @@ pub struct Probes {
     pub weights: Vec<Vec<Vec<f64>>>,
     /// For each of them, for which values of its variable a place would be off.
     pub regions: Vec<String>,
+    /// For each of them, how many like it were looked at before it was taken.
+    pub looked_at: Vec<f64>,
+}
+
+impl Probes {
+    /// Adds a probe over one variable that is the most telling of so many like it.
+    pub fn add_best(&mut self, of: f64, variable: String, region: String, best: Candidate) {
+        self.candidates.push(Candidate { behaviour: variable, ..best });
+        self.weights.push(Vec::new());
+        self.regions.push(region);
+        self.looked_at.push(of);
+    }
 }
 
 /// A design with probes behind its candidates, at a state.
@@ -71,14 +83,14 @@ impl SpecificationTest<'_> {
             site: *site,
             variable: behaviour.clone(),
             region: self.probes.regions[probe].clone(),
-            p_value: self.p_value(state, gain),
+            p_value: self.p_value(state, probe, gain),
             dss: gain.0,
             probe: self.first + probe,
         }
     }
 
-    fn p_value(&self, state: &RegressionState, (dss, rank): (f64, usize)) -> f64 {
-        f_test_of_probe(state.ss, dss, rank, self.freedom(state))
+    fn p_value(&self, state: &RegressionState, probe: usize, (dss, rank): (f64, usize)) -> f64 {
+        (f_test_of_probe(state.ss, dss, rank, self.freedom(state)) * self.probes.looked_at[probe]).min(1.0)
     }
 
     /// The most telling probe of every place.
@@ -108,7 +120,8 @@ impl SpecificationTest<'_> {
         let says = |(dss, rank): (f64, usize)| bic_nats(self.freedom(state), state.ss, state.ss - dss, rank as f64);
         let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == site);
         let gains = here.map(|k| (k, self.gain(state, k)));
-        let (probe, gain, nats) = gains.map(|(k, g)| (k, g, says(g))).max_by(|a, b| a.2.total_cmp(&b.2))?;
+        let (probe, gain, nats) =
+            gains.map(|(k, g)| (k, g, says(g) - self.probes.looked_at[k].ln())).max_by(|a, b| a.2.total_cmp(&b.2))?;
         Some((self.lack_of_fit(state, probe, gain), nats))
     }
 
@@ -142,7 +155,7 @@ impl SpecificationTest<'_> {
         let mut most = 0.0_f64;
         for k in here {
             let left = self.gain(state, k);
-            let odds = odds_outside_catalogue((self.p_value(state, left) * asked).min(1.0));
+            let odds = odds_outside_catalogue((self.p_value(state, k, left) * asked).min(1.0));
             let alone = self.gain(without, k).0;
             let share = left.0 / own.max(1e-300);
             let same = ((alone - left.0) / own.max(1e-300)).clamp(0.0, 1.0);
@@ -254,7 +267,8 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
             ]);
         }
     }
-    Probes { candidates: probes, weights, regions }
+    let looked_at = vec![1.0; probes.len()];
+    Probes { candidates: probes, weights, regions, looked_at }
 }
 
 fn value_of(data: &Dataset, variable: Variable) -> Vec<f64> {
@@ -375,22 +389,29 @@ mod tests {
         let mut model = arm();
         let zero = |joint| Term::new(format!("zero_{joint}"), "geometry", Site::Joint { joint }, Basis::CONSTANT);
         model.terms.extend((1..=6).map(zero));
-        let (probes, noise) = (probes(&model, &data), trical_ident::Noise::usual(1));
+        let (mut probes, noise) = (probes(&model, &data), trical_ident::Noise::usual(1));
+        let of_q4 = |c: &Candidate| c.site == Place::Joint(2) && c.behaviour == "q4";
+        let strongest = probes.candidates.iter().position(of_q4).unwrap();
+        let copy = probes.candidates[strongest].clone();
+        probes.add_best(1e4, "q4".into(), "all of q4, again".into(), copy);
         let white = crate::correlated_noise::CorrelatedNoise::WHITE;
         let all = Fitted::all(&model);
         let design = Design::weighted(all, &probes.candidates, &probes.weights, &data, &noise, white).unwrap();
         let state = design.start();
         let test = SpecificationTest { design: &design, probes: &probes, first: 0, temper: 1.0 };
         assert!((test.freedom(&state) - (180.0 - state.parameters)).abs() < 1e-9);
+        let p_value = |k| test.p_value(&state, k, test.gain(&state, k));
+        let [once, of_many] = [strongest, probes.candidates.len() - 1].map(p_value);
+        assert!(once > 0.0 && once < 1e-4 && (of_many / once - 1e4).abs() < 1e-3, "{once} {of_many}");
         for found in test.places(&state) {
             let here = (0..probes.candidates.len()).filter(|k| probes.candidates[*k].site == found.site);
-            let p: Vec<(f64, usize)> = here.map(|k| (test.p_value(&state, test.gain(&state, k)), k)).collect();
+            let p: Vec<(f64, usize)> = here.map(|k| (p_value(k), k)).collect();
             let least = p.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
             assert_eq!(found.probe, least.1, "{}", found.site);
             let asked = p.iter().map(|_| 1.0).sum::<f64>();
             assert!((found.p_value - (least.0 * asked).min(1.0)).abs() <= 1e-12 * found.p_value, "{}", found.site);
         }
         let (best, nats) = test.best_probe(&state, Place::Joint(2)).unwrap();
-        assert!(best.variable == "q4" && nats > 10.0, "{} {nats}", best.variable);
+        assert!(best.region == "all of q4" && nats > 10.0, "{} {nats}", best.region);
     }
 }

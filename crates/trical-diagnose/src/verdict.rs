@@ -6,7 +6,7 @@ use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
 pub use crate::words::{capital, region, variable};
-use crate::words::{numbered, percent, small, variables};
+use crate::words::{numbered, percent, period, small, variables};
 
 /// From here on a claim is said as a fact.
 const LIKELY: f64 = 0.5;
@@ -394,11 +394,15 @@ fn rows(
     if !rest.is_empty() {
         rows.push(rest_row(&rest.iter().collect::<Vec<_>>(), [here, after.min(here)]));
     }
-    let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
+    let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_after_mm < after);
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
-        let text =
-            format!("Still unexplained{place}: {:.3} mm that go with {}", u.rms_mm, variable(&u.variable, given.robot));
+        let text = format!(
+            "Still unexplained{place}: {:.3} mm that go with {}{}",
+            u.rms_mm,
+            variable(&u.variable, given.robot),
+            period(&u.region).1
+        );
         plain_row(RowKind::Unexplained, text, [after; 2])
     }));
     let last = if findings.is_empty() && unexplained.is_empty() {

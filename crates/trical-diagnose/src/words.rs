@@ -59,7 +59,10 @@ fn slides(joint: usize, robot: &Robot) -> bool {
 #[must_use]
 pub fn region(region: &str, robot: &Robot) -> String {
     match region.strip_prefix("all ").map(|all| all.strip_prefix("of ").ok_or(all)) {
-        Some(Ok(of)) => format!("depending on {}", variables(&of.split(", with ").collect::<Vec<_>>(), robot)),
+        Some(Ok(of)) => {
+            let (of, again) = period(of);
+            format!("depending on {}{again}", variables(&of.split(", with ").collect::<Vec<_>>(), robot))
+        }
         Some(Err(all)) => format!("in all {all}"),
         None => {
             let (name, rest) = region.split_once(' ').unwrap_or((region, ""));
@@ -67,6 +70,13 @@ pub fn region(region: &str, robot: &Robot) -> String {
             format!("where {} is {rest}", variable(name, robot))
         }
     }
+}
+
+/// A region without the period of what repeats in it, and that in words: ", the same every 0.0409 deg".
+pub(crate) fn period(region: &str) -> (&str, String) {
+    region
+        .split_once(", every ")
+        .map_or((region, String::new()), |(of, every)| (of, format!(", the same every {every}")))
 }
 
 /// Variables in words: "the angles of joints 3 and 4", "the position of joint 1 and the angle of joint 4".
@@ -99,6 +109,7 @@ mod tests {
                 ["time from 20.0 to 30.0 s", "where the time is from 20.0 to 30.0 s"],
                 ["all of q4, with q1", "depending on the angles of joints 1 and 4"],
                 ["all of seq", "depending on the number of the pose"],
+                ["all of q2, every 0.0409 deg", "depending on the angle of joint 2, the same every 0.0409 deg"],
                 ["all moves, in proportion to the last one", "in all moves, in proportion to the last one"],
             ],
         );

@@ -442,8 +442,6 @@ mod tests {
         let found = said.unexplained.unwrap();
         assert_eq!((found.site, found.variable.as_str(), found.modelled), (Place::Joint(2), "q2", false));
         assert_eq!(found.region, "all of q2, every 0.0400 deg");
-        let words = "that go with the angle of joint 2, the same every 0.0400 deg";
-        assert!(said.verdict.rows.iter().any(|r| r.text.ends_with(words)), "{:?}", said.verdict.rows);
     }
 
     #[test]

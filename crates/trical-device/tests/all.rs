@@ -1,12 +1,5 @@
 //! Tests of the simulated devices, drivers and procedure, one program: to build and link one costs less than many.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    clippy::cast_precision_loss,
-    missing_docs
-)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
 #[path = "common/rws_server.rs"]

@@ -91,17 +91,13 @@ fn every(fitted: &Identified, joint: usize, cycles: f64) -> String {
 
 /// Adds the errors of [`fast`] to what is asked where nothing was modelled: such an error can be so steep that no model can have it (an
 /// encoder with coarse steps jumps back at each).
-///
-/// # Errors
-/// None for a model that was fitted.
-pub fn ask_for_fast(fitted: &Identified, data: &Dataset, probes: &mut Probes) -> Result<()> {
-    for wave in fast(fitted, data)? {
+pub fn ask_for(waves: &[Candidate], fitted: &Identified, probes: &mut Probes) {
+    for wave in waves {
         let (Place::Joint(joint), Some(cycles)) = (wave.site, wave.cycles()) else { continue };
         let q = name(Variable::Joint { joint });
         let region = format!("all of {q}, every {}", every(fitted, joint, cycles));
-        probes.add_best(f64::from(FINEST_CYCLES), q, region, wave);
+        probes.add_best(f64::from(FINEST_CYCLES), q, region, wave.clone());
     }
-    Ok(())
 }
 
 fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {

@@ -42,7 +42,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
 
     task.step(0.75, "proving")?;
     let Rounds { kept, fitted, chosen, .. } = &rounds;
-    let (design, probes) = rounds.design_with_probes()?;
+    let (design, probes) = rounds.design_with_probes(&rounds.fast_waves()?)?;
     let start = design.start();
     let proving = Proving::new(&rounds, &design, &probes, &start)?;
     let folds = &proving.folds;

@@ -309,10 +309,10 @@ impl Rounds {
     /// it took two terms to say it: two effects at one joint are a coincidence. Whether there is anything new to try.
     pub(crate) fn widen(&mut self) -> Result<bool> {
         let before = self.candidates.len();
-        let fast = periodogram::fast(&self.fitted, &self.kept)?;
-        self.add(fast);
+        let fast = self.fast_waves()?;
+        self.add(fast.clone());
         let mut new = self.candidates.len() > before;
-        let (design, probes) = self.design_with_probes()?;
+        let (design, probes) = self.design_with_probes(&fast)?;
         let test = self.specification_test(&design, &probes);
         let search = self.searcher(&design);
         let start = design.start();
@@ -451,10 +451,15 @@ impl Rounds {
         Design::weighted(fitted, candidates, weights, &self.kept, &self.fitted.noise, correlation)
     }
 
-    /// With all candidates, and probes behind them.
-    pub(crate) fn design_with_probes(&self) -> Result<(Design, Probes)> {
+    /// Errors that repeat faster than any gear turns, the strongest of each joint.
+    pub(crate) fn fast_waves(&self) -> Result<Vec<Candidate>> {
+        periodogram::fast(&self.fitted, &self.kept)
+    }
+
+    /// With all candidates, and probes behind them, those of `fast` waves too.
+    pub(crate) fn design_with_probes(&self, fast: &[Candidate]) -> Result<(Design, Probes)> {
         let mut probes = probes(&self.fitted.model, &self.kept);
-        periodogram::ask_for_fast(&self.fitted, &self.kept, &mut probes)?;
+        periodogram::ask_for(fast, &self.fitted, &mut probes);
         let mut all = self.searched();
         all.extend(probes.candidates.iter().cloned());
         let mut weights = vec![Vec::new(); self.candidates.len()];

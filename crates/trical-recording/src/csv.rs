@@ -501,9 +501,6 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     if text.trim().is_empty() {
         return Err(problem("is empty; expected a CSV recording with a header line"));
     }
-    if text.contains('\0') {
-        return Err(problem("is not a text file; expected a CSV recording"));
-    }
     let tidy::Tidied { text, before, note } = tidy::tidied(text);
     let mut csv = csv_reader(true).from_reader(text.as_bytes());
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();

@@ -203,13 +203,8 @@ pub(super) fn tidied(text: &str) -> Tidied<'_> {
 fn known_name(cell: &str) -> String {
     let name = cell.trim().trim_matches('"').trim();
     let lower = name.to_lowercase();
-    let is_known = |name: &String| columns::find(name).is_some();
-    if columns::find(name).is_some() {
-        None
-    } else {
-        Some(lower.clone()).filter(is_known).or_else(|| with_unit(&lower))
-    }
-    .unwrap_or_else(|| name.to_owned())
+    let known = [name, &lower].into_iter().find(|name| columns::find(name).is_some()).map(str::to_owned);
+    known.or_else(|| with_unit(&lower)).unwrap_or_else(|| name.to_owned())
 }
 
 /// The known name of "x [mm]", "joint 1 (°)", "j1_rad": of nothing that does not say its unit.

@@ -397,6 +397,15 @@ def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) ->
     return case_id, files, truth
 
 
+def directions(effect: dict) -> list[dict]:
+    """An effect along each axis by itself: what it says with other numbers (a drifting tool: all drifting indicators)."""
+    by = effect["p"].get("by")
+    if by is None:
+        return [effect]
+    axes = np.eye(len(by)) * np.linalg.norm(by)
+    return [{**effect, "p": {**effect["p"], "by": list(axis)}} for axis in axes]
+
+
 def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
     """Everything that the scorer needs to know and the diagnosis must not."""
     design = Design(arm, s)
@@ -409,7 +418,9 @@ def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:
             item = {**e, "lambda": round(design.lam([e]), 3)}
             mine = design.project(design.signature([e]))
             if others:
-                basis = np.linalg.qr(np.stack([design.project(design.signature([o])) for o in others], 1))[0]
+                columns = [design.project(design.signature([v])) for o in others for v in directions(o)]
+                u, size, _ = np.linalg.svd(np.stack(columns, 1), full_matrices=False)
+                basis = u[:, size > 1e-9 * size[0]]
                 item["lambda_apart"] = round(float(np.linalg.norm(mine - basis @ (basis.T @ mine)) / s.sigma), 3)
             if e in named:
                 item["alike"] = alike[named.index(e)]

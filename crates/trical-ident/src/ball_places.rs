@@ -233,7 +233,6 @@ pub(crate) fn tool_by_pivoting(model: &Model, data: &Dataset, plain: &Forward, n
     let mut normal = Matrix3::identity() * (ARM / TOOL).powi(2);
     let mut right = Vector3::zeros();
     for (_, group) in groups(&touches) {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = group.len() as f64;
         let point = |t: &Touched| t.base_from_flange.apply(&(nominal + t.offset));
         let rotation = group.iter().map(|t| t.base_from_flange.rotation).sum::<Matrix3<f64>>() / n;

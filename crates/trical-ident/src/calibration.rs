@@ -222,7 +222,6 @@ impl Calibration {
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, f.free.len(), &Folds::of(&f.data)));
         }
         out
@@ -502,7 +501,6 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
             .filter(|o| o.state.session == Some(session))
             .map(|o| trical_model::residual_rows(&o.measured))
             .sum();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let price = own.len() as f64 * (rows.max(2) as f64).ln();
         !own.is_empty() && fitted.wald(&own) > price
     };

@@ -107,7 +107,6 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
             turn.to_degrees()
         ));
     }
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     if (rows as f64) < FEW * parameters as f64 {
         out.push(format!(
             "{rows} numbers were measured for {parameters} parameters: the error at these very measurements says little about the \
@@ -217,7 +216,6 @@ fn numbers(joints: &[usize]) -> String {
 #[must_use]
 pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> Option<String> {
     let blocks = folds.blocks();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     (3.0 * parameters > blocks as f64).then(|| {
         let determined = format!("{parameters:.0}");
         let of = if determined == fitted.to_string() { String::new() } else { format!(" of {fitted}") };

@@ -169,7 +169,6 @@ pub fn compare(
     let whitened = Whitened::of(&model, &free, &explanations, &data, uncertainty)?;
     let mut out = whitened.compare(&model, &explanations);
     let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     out.recording.clone_from(&recording.name);
     out.hash = crate::repeated::fingerprint(recording);
@@ -385,7 +384,6 @@ impl Whitened {
         let more_noise = self.more_noise(explanations);
         let families = explanations.len();
         let limit = FALSE_ALARMS / families as f64;
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let rows = self.rows as f64;
         let mut taken: Vec<usize> = Vec::new();
         let mut found: Vec<(usize, f64, f64, Vec<String>)> = Vec::new();
@@ -470,7 +468,6 @@ impl Whitened {
         // by the median, which one wrong touch does not move
         let mut squares: Vec<f64> = left.iter().map(|x| x * x).collect();
         squares.sort_by(f64::total_cmp);
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let share = self.rows as f64 / freedom as f64;
         (squares[squares.len() / 2] / 0.4549 * share).max(1.0)
     }
@@ -517,7 +514,6 @@ impl Whitened {
     /// The smallest change of each explanation that would be seen.
     fn visible(&self, model: &Model, explanations: &[Explanation], more_noise: f64) -> Vec<Visible> {
         let limit = FALSE_ALARMS / explanations.len() as f64;
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let share = SHARE * (self.rows as f64).sqrt();
         let machine = explanations.iter().zip(&self.columns).filter(|(e, _)| e.touch.is_none());
         let size = |(e, columns): (&Explanation, &Vec<Vec<f64>>)| {
@@ -545,14 +541,12 @@ impl Whitened {
 /// Evidence in nats of `rank` numbers that take up `t`: their prior is as wide as what was found (George & Foster 2000), so that more
 /// numbers pay for being more.
 fn evidence(t: f64, rank: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let k = rank.max(1) as f64;
     if t > k { 0.5 * (t - k - k * (t / k).ln()) } else { 0.0 }
 }
 
 /// Upper tail of chi-squared.
 fn tail(t: f64, rank: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     ChiSquared::new(rank as f64).map_or(1.0, |d| d.sf(t))
 }
 
@@ -563,7 +557,6 @@ fn largest(unit: &str) -> f64 {
 
 /// Length (in standard deviations) of a change that passes `limit`, and is at least `share`, with the chance [`SEEN`].
 fn lambda(limit: f64, rank: usize, share: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let threshold = ChiSquared::new(rank as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - limit)).sqrt();
     // the length of a vector with mean lambda in one of its directions is about normal above it
     let above = statrs::distribution::Normal::standard().inverse_cdf(SEEN);

@@ -161,7 +161,6 @@ const TURN_AS_DEG: f64 = 2.0 * std::f64::consts::PI * std::f64::consts::PI / 180
 /// Root mean square distance from the mean.
 fn spread(points: impl Iterator<Item = Vector3<f64>>) -> f64 {
     let points: Vec<Vector3<f64>> = points.collect();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = points.len().max(1) as f64;
     let middle = points.iter().sum::<Vector3<f64>>() / n;
     (points.iter().map(|p| (p - middle).norm_squared()).sum::<f64>() / n).sqrt()
@@ -187,10 +186,7 @@ fn bin(robot: &Robot, o: &Observation) -> [i64; MAX_JOINTS] {
     let mut key = [0_i64; MAX_JOINTS];
     for ((k, q), joint) in key.iter_mut().zip(&o.state.q).zip(&robot.joints) {
         let step = if joint.kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
-        #[expect(clippy::cast_possible_truncation, reason = "values were checked: a few million bins")]
-        {
-            *k = (q / step).round() as i64;
-        }
+        *k = (q / step).round() as i64;
     }
     key
 }

@@ -204,7 +204,6 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
     } else if near > 0.0 {
         let mut cells = std::collections::BTreeMap::new();
         for (k, q) in joints.iter().enumerate() {
-            #[expect(clippy::cast_possible_truncation, reason = "joint values are a few turns")]
             let cell: [i64; MAX_JOINTS] = std::array::from_fn(|i| (q[i] / near).floor() as i64);
             let first = *cells.entry(cell).or_insert(k);
             join(first, k);
@@ -215,7 +214,6 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
         let r = root(&mut parent, k);
         members.entry(r).or_default().push(k);
     }
-    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts")]
     let largest = ((n as f64 * LARGEST) as usize).max(1);
     let mut whole: Vec<Vec<usize>> = members.into_values().flat_map(|m| divided(joints, m, largest)).collect();
     whole.sort_by_key(|m| m.iter().min().copied());

@@ -78,7 +78,6 @@ pub fn history(
     let first = of_learnt.chain(days.iter().flatten().copied()).fold(f64::INFINITY, f64::min);
     let days = days.map(|d| d.iter().map(|x| x - first).collect::<Vec<_>>());
     learnt.iter_mut().for_each(|b| b.day = b.day.filter(|_| days.is_some()).map(|day| day - first));
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let steps = days.clone().unwrap_or_else(|| (0..sessions.len()).map(|k| k as f64).collect());
     let errors: Vec<f64> = sessions.iter().map(|s| s.mean_mm).collect();
     let trend = trend(&steps, &errors);
@@ -91,7 +90,6 @@ fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Optio
     let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, None, true)?;
     let errors = position_errors(&Forward::new(adapted.identified()?, Vec::new())?, &adapted.data);
     let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     Ok(Beginning {
         recording: recording.name.clone(),
@@ -117,14 +115,12 @@ fn day_in(name: &str) -> Option<f64> {
         }
         // days of the civil calendar, years that begin in March
         let (y, m) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-        #[expect(clippy::cast_precision_loss, reason = "a date")]
         Some((365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day) as f64)
     })
 }
 
 /// Least squares line, with how surely it rises; `None` for fewer than four points or all at one time.
 fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = x.len() as f64;
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
     let sxx: f64 = x.iter().map(|x| (x - mx).powi(2)).sum();

@@ -93,7 +93,6 @@ pub fn observability(r: &Mat<f64>, rows: usize) -> (Observability, Vec<f64>) {
 
 /// The indices from the singular values of the scaled Jacobian of `rows` scalars, largest first.
 pub(crate) fn indices(s: &[f64], rows: usize) -> Observability {
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let (pf, m) = (s.len().max(1) as f64, rows.max(1) as f64);
     let largest = s.first().copied().unwrap_or(0.0);
     let smallest = s.last().copied().unwrap_or(0.0);

@@ -75,7 +75,6 @@ impl ErrorSummary {
     /// Of errors in m.
     #[must_use]
     pub fn of(errors: &[f64]) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = errors.len().max(1) as f64;
         let mean = errors.iter().sum::<f64>() / n;
         let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
@@ -325,7 +324,6 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     }
     let rows: usize = residuals.iter().map(|(_, n)| n).sum();
     let square: f64 = residuals.iter().map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>()).sum();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let variance = square / (rows - p).max(1) as f64;
     let (scale, singular) = spectrum.unwrap_or_default();
     let of_moved = covariance(&r, &scale);
@@ -456,7 +454,6 @@ pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Ch
     let needed = |group: &&Vec<String>| {
         let own: Vec<usize> =
             (0..all.free.len()).filter(|k| group.contains(&all.model.terms[all.free[*k]].name)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let price = own.len() as f64 * (numbers as f64).ln();
         !own.is_empty() && all.wald(&own) > price
     };

@@ -68,7 +68,6 @@ impl Noise {
 
     /// As [`Noise::update`], from sums of squares.
     pub(crate) fn update_from(&mut self, squares: &Squares, parameters: usize) -> Option<f64> {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let share = (1.0 - parameters as f64 / squares.count()).max(0.1);
         let (mut factor, mut groups) = (1.0, 0);
         for (sigma, sums) in self.sigma.iter_mut().zip(&squares.sums) {

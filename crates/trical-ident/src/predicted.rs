@@ -79,14 +79,12 @@ pub(crate) fn predicted(
     let all = coordinates(model, uncertainty, (own, train), data, learnt)?;
     let root_mean = |of: &dyn Fn(&Coordinate) -> f64| {
         let square: f64 = all.iter().map(|c| of(c).powi(2)).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = all.len().max(1) as f64;
         (square / n).sqrt() * 1e3
     };
     let covered = |pick: &dyn Fn(&Coordinate) -> bool| {
         let some: Vec<&Coordinate> = all.iter().filter(|c| pick(c)).collect();
         let held = some.iter().filter(|c| c.error.abs() <= HOLDS_95 * c.all).count();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         (!some.is_empty()).then(|| held as f64 / some.len() as f64)
     };
     let is_beyond = |c: &Coordinate| beyond.get(c.observation).copied().unwrap_or(false);

@@ -39,7 +39,6 @@ pub struct Scatter {
 }
 
 /// Pose repeatability of ISO 9283: RP = mean(l) + 3 S.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 pub(crate) fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
     if points.len() < 2 {
         return None;
@@ -59,7 +58,6 @@ pub(crate) fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
     })
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a count")]
 pub(crate) fn barycentre(points: &[Vector3<f64>]) -> Vector3<f64> {
     points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64
 }
@@ -289,7 +287,6 @@ fn place(number: usize, visits: &[&Visit], touches: bool, joints: usize) -> Opti
     })
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn by_ball(places: &[Place], touches: bool) -> Vec<OfBall> {
     let mut balls: BTreeMap<usize, Vec<&Scatter>> = BTreeMap::new();
     for p in places {
@@ -308,7 +305,6 @@ fn by_ball(places: &[Place], touches: bool) -> Vec<OfBall> {
 }
 
 /// For each joint: places that were approached with both senses, and by how much the two differ on average.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn by_joint_sense(places: &[Vec<&Visit>], joints: usize) -> Vec<OfJoint> {
     let mut all = Vec::new();
     for joint in 0..joints {
@@ -346,7 +342,6 @@ fn by_joint_sense(places: &[Vec<&Visit>], joints: usize) -> Vec<OfJoint> {
 }
 
 /// A straight line in time through the deviations of all visits from their places.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn drift(places: &[Vec<&Visit>]) -> Option<Drift> {
     let mut pairs: Vec<(f64, Vector3<f64>)> = Vec::new();
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);

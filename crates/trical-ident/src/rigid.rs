@@ -25,7 +25,6 @@ pub fn rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Pose>
     if pairs.len() < 3 {
         return None;
     }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = pairs.len() as f64;
     let (mut ca, mut cb) = (Vector3::zeros(), Vector3::zeros());
     for (a, b) in pairs {

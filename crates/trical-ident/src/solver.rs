@@ -277,7 +277,7 @@ impl Solver {
                 self.hold(&x, known);
                 report.gradient = self.rescale(forward)?;
             }
-            if self.at.cost < 1e-22 * (1.0 + f64::from(u32::try_from(scalars).unwrap_or(u32::MAX))) {
+            if self.at.cost < 1e-22 * (1.0 + scalars as f64) {
                 report.ended = Ended::Zero;
                 break;
             }
@@ -321,7 +321,6 @@ impl Solver {
                 let gain = fell / predicted.max(1e-300);
                 x.copy_from_slice(&self.proposal);
                 // twice the fall that is foreseen is the squared length of the step, where each direction is measured by its standard deviation
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let mean = (2.0 * predicted / p as f64).sqrt();
                 let small_step = size.min(mean) < params.step_tolerance;
                 let small_fall =

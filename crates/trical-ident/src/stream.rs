@@ -316,7 +316,7 @@ impl Estimate {
         let covariance = covariance(&r, &scale);
         let cost = 0.5 * squares.total();
         let scalars = squares.count();
-        let freedom = (scalars - f64::from(u32::try_from(p).unwrap_or(u32::MAX))).max(1.0);
+        let freedom = (scalars - p as f64).max(1.0);
         let variance = 2.0 * cost / freedom;
         let sd = (0..p).map(|k| (covariance[k * p + k] * variance).max(0.0).sqrt()).collect();
         Self { r, whole, scale, singular, scalars, cost, variance, covariance, sd, step }
@@ -341,7 +341,6 @@ impl Estimate {
             model.terms[*index].sd = Some(*sd);
         }
         let report = LmReport { iterations: passes, cost: self.cost, gradient: self.gradient(), ended: Ended::Step };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
         let observability = indices(&self.singular, self.scalars as usize);
         let covariance = self.covariance.iter().map(|c| c * self.variance).collect();
         Identified { model, at_limit: Vec::new(), noise, covariance, observability, report, ..start }

@@ -160,7 +160,6 @@ pub fn generate(
     let stream = TOUCH | ((ball as u64) << 8);
     let none_in_reach = |r: &Rejected| r.unreachable == r.attempts && r.attempts >= most / NONE_IN_REACH;
     while pool.len() < wanted && rejected.attempts < most && !none_in_reach(&rejected) {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let done = (pool.len() as f64 / wanted.max(1) as f64).max(rejected.attempts as f64 / most as f64);
         task.step(done, "looking for touches")?;
         let first = rejected.attempts;

@@ -92,7 +92,6 @@ pub struct Plan {
 /// [`PlanError`]: bad geometry or options, too few configurations at a ball, or no way between two of them.
 pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, task: &Task<'_>) -> Result<Plan> {
     let (model, mut pool, rejected) = candidates_at_all_balls(robot, cell, options, &task.part(0.0, 0.7))?;
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let share = |done: usize| 0.75 + 0.2 * done as f64 / (2 * ROUNDS) as f64;
     let forward = nominal_forward(robot, cell, options)?;
     let regions = Regions::new(&model, &forward, options);
@@ -227,7 +226,6 @@ pub(crate) fn candidates_at_all_balls(
     let model = CollisionModel::new(robot, cell)?;
     check_start(&model, options)?;
     let (mut pool, mut rejected) = (Vec::new(), Vec::new());
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let share = |ball: usize| ball as f64 / cell.balls.len() as f64;
     for ball in 0..cell.balls.len() {
         let (candidates, refused) = generate(&model, ball, options, &task.part(share(ball), share(ball + 1)))?;

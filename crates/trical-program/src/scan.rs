@@ -187,7 +187,7 @@ impl Scan {
 
     /// Adds a target; numbers of its configuration stand behind the others.
     pub fn push(&mut self, shape: Shape, spans: &[Span], configuration: Configuration, name: Span) -> u32 {
-        let first = u32::try_from(self.spans.len()).unwrap_or(u32::MAX);
+        let first = self.spans.len() as u32;
         self.spans.extend_from_slice(spans);
         let count = u8::try_from(spans.len()).unwrap_or(0);
         self.spots.push(Spot {
@@ -200,7 +200,7 @@ impl Scan {
             name,
             external: External::None,
         });
-        u32::try_from(self.spots.len() - 1).unwrap_or(u32::MAX)
+        (self.spots.len() - 1) as u32
     }
 
     /// Where the newest target asks external axes to be, the first of them first.
@@ -279,7 +279,7 @@ impl Scan {
         if let Some(known) = self.setup_indices.get(&setup) {
             return *known;
         }
-        let index = u32::try_from(self.setups.len()).unwrap_or(u32::MAX);
+        let index = self.setups.len() as u32;
         self.setup_indices.insert(setup.clone(), index);
         self.setups.push(setup);
         index

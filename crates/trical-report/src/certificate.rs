@@ -106,7 +106,6 @@ fn numbers(before: &Column<'_>, after: &Column<'_>) -> Result<(Vec<Vec<String>>,
         add(&format!("Measurements within {limit} mm"), &|k| {
             let errors = columns[k].errors;
             let within = errors.iter().filter(|e| **e * 1e3 <= limit).count();
-            #[expect(clippy::cast_precision_loss, reason = "counts")]
             let share = 100.0 * within as f64 / errors.len().max(1) as f64;
             Some(format!("{share:.1} %"))
         });

@@ -137,7 +137,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
     let of = |value: &dyn Fn(&State) -> f64| o.iter().map(|o| value(&o.state)).collect::<Vec<f64>>();
     if let Some(joint) = term.basis.sense {
         // scattered a little, so that points do not hide each other
-        let spread = |k: usize| f64::from(u32::try_from(k * 37 % 100).unwrap_or(0)) / 400.0 - 0.125;
+        let spread = |k: usize| (k * 37 % 100) as f64 / 400.0 - 0.125;
         let sense = |(k, o): (usize, &trical_ident::Observation)| {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };

@@ -75,7 +75,7 @@ pub fn where_measured(data: &Dataset, k: usize) -> String {
 pub fn typical(poses: &[Joints]) -> Joints {
     let middle = poses.iter().fold([0.0; MAX_JOINTS], |mut sum, q| {
         for (s, q) in sum.iter_mut().zip(q) {
-            *s += q / f64::from(u32::try_from(poses.len()).unwrap_or(1));
+            *s += q / poses.len() as f64;
         }
         sum
     });
@@ -101,7 +101,7 @@ impl Errors<'_> {
 
     /// Error of every measurement, their distribution, and the residuals along each axis.
     pub fn section(&self) -> Result<Section> {
-        let number = |k: usize| f64::from(u32::try_from(k + 1).unwrap_or(u32::MAX));
+        let number = |k: usize| (k + 1) as f64;
         let names: Vec<String> = (0..self.after.len()).map(|k| self.name(k)).collect();
         let only: Vec<(f64, f64)> = self.after.iter().enumerate().map(|(k, e)| (number(k), e * 1e3)).collect();
         let mm: Vec<f64> = self.after.iter().map(|e| e * 1e3).collect();
@@ -328,9 +328,7 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
 
 /// How many standard deviations to each side hold 95 %, when so many numbers were measured beyond what the parameters need.
 pub fn half_width(spare: Option<usize>) -> f64 {
-    spare
-        .and_then(|n| StudentsT::new(0.0, 1.0, f64::from(u32::try_from(n).ok()?)).ok())
-        .map_or(1.959_964, |t| t.inverse_cdf(0.975))
+    spare.and_then(|n| StudentsT::new(0.0, 1.0, n as f64).ok()).map_or(1.959_964, |t| t.inverse_cdf(0.975))
 }
 
 /// Parameters beside nominal, with intervals.

@@ -40,7 +40,6 @@ impl LeftOut {
             sum += off.norm_squared();
             max = max.max(off.norm());
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let rms = (sum / POSES as f64).sqrt();
         Ok(Self { names, rms_mm: rms * 1e3, max_mm: max * 1e3 })
     }

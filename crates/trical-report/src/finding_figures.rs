@@ -104,7 +104,6 @@ impl Spread {
         };
         let n = terms.len();
         let covariance = (0..n * n).map(|k| correlation(k / n, k % n) * sd(k / n) * sd(k % n)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let count = a.points.len().max(1) as f64;
         let mean = |t: &Term| a.points.iter().map(|p| t.basis.shape.at(p.1.to_radians()).0).sum::<f64>() / count;
         Self { covariance, middle: terms.iter().map(mean).collect() }

@@ -17,7 +17,6 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     let (at, over) = match &h.days {
         Some(days) => (days.clone(), "days since the first recording"),
         None => {
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             let numbers = (1..=h.sessions.len()).map(|k| k as f64).collect();
             (numbers, "session")
         }

@@ -99,7 +99,6 @@ fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
     let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), false));
     let shared = same_x(series);
     let chosen = |cells: f64| -> Vec<Vec<usize>> {
-        #[expect(clippy::cast_possible_truncation, reason = "cells of a grid")]
         let cell = |p: &(f64, f64)| {
             let at = |v: f64, r: &std::ops::Range<f64>| ((v - r.start) / (r.end - r.start) * cells) as i32;
             (at(p.0, &x), at(p.1, &y))
@@ -219,7 +218,6 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
     let width = high / 30.0;
     let mut counts = [0_u32; BARS];
     for v in values.iter().filter(|v| v.is_finite()) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to BARS")]
         let k = ((v / width).max(0.0) as usize).min(BARS - 1);
         counts[k] += 1;
     }
@@ -416,14 +414,12 @@ pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Resu
     draw((480, 280), |root| {
         let high = values.iter().map(|v| v.1).fold(0.0, f64::max) * 1.15;
         let label = |x: &f64| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
             let k = x.round().max(0.0) as usize;
             let whole = (x - x.round()).abs() < 0.01;
             // of many bars every second is labelled
             let told = whole && k.is_multiple_of(values.len().div_ceil(CROWD).max(1));
             values.get(k).filter(|_| told).map_or_else(String::new, |v| v.0.clone())
         };
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let n = values.len() as f64;
         let mut chart = ChartBuilder::on(root)
             .margin(10)
@@ -436,7 +432,6 @@ pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Resu
         })?;
         chart
             .draw_series(values.iter().enumerate().map(|(k, (_, v))| {
-                #[expect(clippy::cast_precision_loss, reason = "a small count")]
                 let x = k as f64;
                 Rectangle::new([(x - 0.38, 0.0), (x + 0.38, *v)], if k == 0 { BEFORE } else { AFTER }.filled())
             }))
@@ -459,9 +454,9 @@ pub struct Band {
 pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> Result<String> {
     let legend = panels.first().map_or(&[][..], |p| p.1.as_slice());
     let columns = panels.len().clamp(1, 2);
-    let rows = u32::try_from(legend.len().div_ceil(columns)).unwrap_or(0);
+    let rows = legend.len().div_ceil(columns) as u32;
     let below = 24 * rows + 12;
-    let size = (460 * u32::try_from(panels.len()).unwrap_or(1).max(1), 340 + below);
+    let size = (460 * panels.len().max(1) as u32, 340 + below);
     draw(size, |root| {
         let (charts, keys) = root.split_vertically(340);
         for (area, (heading, curves)) in charts.split_evenly((1, panels.len().max(1))).iter().zip(panels) {

@@ -395,7 +395,7 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
     let increment = has(upper, b"INC");
     let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
     if relative && !increment {
-        scan.relative.push(u32::try_from(offset).unwrap_or(u32::MAX));
+        scan.relative.push(offset as u32);
     }
     let other = [
         (&b"COORD"[..], "goes to a place in the frame of another motion group (COORD)"),
@@ -439,7 +439,7 @@ fn set_register(
     from: &[(usize, bool, &[u8])],
 ) {
     let name = register(digits);
-    let at = u32::try_from(at).unwrap_or(u32::MAX);
+    let at = at as u32;
     let origin = match from.first() {
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => return,

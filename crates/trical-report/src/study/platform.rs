@@ -54,7 +54,6 @@ struct Layout {
 impl Layout {
     /// Evenly on a circle about the middle of the cell's own balls, every second one raised.
     fn cell(&self, cell: &Cell) -> Cell {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let (n, own) = (self.balls as f64, cell.balls.len() as f64);
         let middle = cell.balls.iter().sum::<Vector3<f64>>() / own;
         // the first ball lies as the cell's own first ball does
@@ -62,7 +61,6 @@ impl Layout {
         let radius = self.side / 3.0_f64.sqrt();
         let balls = (0..self.balls)
             .map(|k| {
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let angle = first + std::f64::consts::TAU * k as f64 / n;
                 let up = self.height + if k % 2 == 1 { self.raise } else { 0.0 };
                 middle + Vector3::new(radius * angle.cos(), radius * angle.sin(), up)

@@ -237,7 +237,7 @@ fn curves(settings: &[Setting], of: fn(&Outcome) -> f64) -> Vec<Band> {
             .map(|s| (s, s.spread(of)))
             .filter(|(_, x)| x.mean.is_finite())
             .map(|(s, x)| {
-                let n = f64::from(u32::try_from(s.per_ball).unwrap_or(0));
+                let n = s.per_ball as f64;
                 // bands of the arms that are described; those of any arm would cover them
                 if arm == DESCRIBED { (n, x.mean, x.low, x.high) } else { (n, x.mean, x.mean, x.mean) }
             })

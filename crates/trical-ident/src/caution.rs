@@ -34,10 +34,7 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
             .iter()
             .map(|o| o.state.q[k])
             .max_by(|a, b| beyond(*a, limits).total_cmp(&beyond(*b, limits)))?;
-        let (per_si, unit) = match robot.joints[k].kind {
-            JointKind::Revolute => (1.0_f64.to_degrees(), "deg"),
-            JointKind::Prismatic => (1e3, "mm"),
-        };
+        let (per_si, unit) = robot.joints[k].kind.unit();
         (beyond(worst, limits) > BEYOND).then(|| {
             let [low, high] = limits.map(|l| l * per_si);
             format!("joint {} at {:.1} {unit} (limits {low:.0} to {high:.0})", k + 1, worst * per_si)

@@ -29,10 +29,9 @@ fn error(data: &Dataset, o: &Observation, problem: String) -> IdentError {
 pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
     for o in &data.observations {
         for (k, (q, joint)) in o.state.q.iter().zip(&robot.joints).enumerate() {
-            let (shown, limit, unit) = match joint.kind {
-                JointKind::Revolute => (q.to_degrees(), FAR_RAD.to_degrees().round(), "deg"),
-                JointKind::Prismatic => (q * 1e3, FAR_M * 1e3, "mm"),
-            };
+            let (per_si, unit) = joint.kind.unit();
+            let far = if joint.kind == JointKind::Prismatic { FAR_M } else { FAR_RAD };
+            let (shown, limit) = (q * per_si, (far * per_si).round());
             if !(q.is_finite() && shown.abs() <= limit) {
                 let problem = format!("joint {}: found {shown} {unit}, expected between -{limit} and {limit}", k + 1);
                 return Err(error(data, o, problem));

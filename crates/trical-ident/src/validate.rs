@@ -499,8 +499,7 @@ fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
 
 /// "q2 -32.0 to 10.5 deg", "q1 0.0 to 900.0 mm" where joint 1 slides.
 fn stretch(robot: &Robot, joint: usize, ends: [f64; 2]) -> String {
-    let slides = robot.joints.get(joint).is_some_and(|j| j.kind == JointKind::Prismatic);
-    let (scale, unit) = if slides { (1e3, "mm") } else { (1.0_f64.to_degrees(), "deg") };
+    let (scale, unit) = robot.joints.get(joint).map_or_else(JointKind::default, |j| j.kind).unit();
     // no "-0.0"
     let [low, high] = ends.map(|q| (q * scale * 10.0).round() / 10.0 + 0.0);
     format!("q{} {low:.1} to {high:.1} {unit}", joint + 1)

@@ -222,22 +222,22 @@ fn panels(misses: &[Miss]) -> Vec<Panel> {
 pub fn section(model: &Model) -> Result<Section> {
     let map = ErrorMap::of(model, POSES)?;
     let all = map.summary();
-    Ok(Section {
-        heading: "Position error of the nominal arm over its whole workspace, by this model".into(),
-        text: vec![format!(
-            "At {POSES} poses at random within the limits of the joints the nominal arm's tool is {:.3} mm from where this model \
-             says that it is, on average; {:.3} mm at most. Seen from the arm's own base, with the tool that was identified: where \
-             the arm stands and how its tool is mounted does not count, nor do time, temperature and sense of motion. These numbers are predictions of the model; beyond the measured joint angles they are extrapolated.",
+    Ok(Section::new("Position error of the nominal arm over its whole workspace, by this model")
+        .with_text([format!(
+            "At {POSES} poses at random within the limits of the joints the nominal arm's tool is \
+                 {:.3} mm from where this model says that it is, on average; {:.3} mm at most. Seen from \
+                 the arm's own base, with the tool that was identified: where the arm stands and how its \
+                 tool is mounted does not count, nor do time, temperature and sense of motion. These \
+                 numbers are predictions of the model; beyond the measured joint angles they are \
+                 extrapolated.",
             all.mean_mm, all.max_mm
-        )],
-        figures: vec![Figure {
-            caption: "Each square in the colour of the mean error of its poses; numbers show under the pointer. Places in the \
-                      frame of the arm's base. `trical export --error-map` writes the poses one by one."
-                .into(),
-            svg: draw(&panels(&map.misses)),
-        }],
-        ..Section::default()
-    })
+        )])
+        .with_figures([Figure::new(
+            "Each square in the colour of the mean error of its poses; numbers show under the \
+                 pointer. Places in the frame of the arm's base. `trical export --error-map` writes the \
+                 poses one by one.",
+            draw(&panels(&map.misses)),
+        )]))
 }
 
 #[cfg(test)]

@@ -127,7 +127,7 @@ fn parameters(t: &Calibration) -> Section {
         rows.extend(pairs.iter().map(|(a, b, r)| vec![a.clone(), b.clone(), format!("{r:.3}")]));
         tables.push(rows);
     }
-    Section { heading: "Parameters".into(), text, tables, ..Section::default() }
+    Section::new("Parameters").with_text(text).with_tables(tables)
 }
 
 /// The whole report.
@@ -149,14 +149,10 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
         one_by_one.text.push(format!("These are from a sample of {} of {} measurements.", after.len(), t.observations));
     }
     sections.extend([
-        Section {
-            heading: "Position error before and after".into(),
-            text: vec!["Before is the arm as its maker describes it, with only the measuring frame or base and the tool points \
-                        identified."
-                .into()],
-            tables: vec![error_table(&rows)],
-            ..Section::default()
-        },
+        Section::new("Position error before and after")
+            .with_text(["Before is the arm as its maker describes it, with only the measuring frame or base and \
+                 the tool points identified."])
+            .with_tables([error_table(&rows)]),
         one_by_one,
     ]);
     sections.extend(errors.pictures()?);

@@ -20,6 +20,13 @@ pub struct Figure {
     pub svg: String,
 }
 
+impl Figure {
+    /// A picture with its caption.
+    pub fn new(caption: impl Into<String>, svg: String) -> Self {
+        Self { caption: caption.into(), svg }
+    }
+}
+
 /// A section.
 #[derive(Default, Serialize)]
 pub struct Section {
@@ -37,6 +44,36 @@ pub struct Section {
     pub figures: Vec<Figure>,
     /// Whether it is closed until somebody opens it; on paper it is open.
     pub folded: bool,
+}
+
+impl Section {
+    /// A section with nothing below its heading yet.
+    pub fn new(heading: impl Into<String>) -> Self {
+        Self { heading: heading.into(), ..Self::default() }
+    }
+
+    /// With these paragraphs.
+    pub fn with_text(mut self, text: impl IntoIterator<Item: Into<String>>) -> Self {
+        self.text.extend(text.into_iter().map(Into::into));
+        self
+    }
+
+    /// With these tables.
+    pub fn with_tables(mut self, tables: impl IntoIterator<Item = Vec<Vec<String>>>) -> Self {
+        self.tables.extend(tables);
+        self
+    }
+
+    /// With these figures.
+    pub fn with_figures(mut self, figures: impl IntoIterator<Item = Figure>) -> Self {
+        self.figures.extend(figures);
+        self
+    }
+
+    /// Where so, closed until somebody opens it.
+    pub fn folded(self, folded: bool) -> Self {
+        Self { folded, ..self }
+    }
 }
 
 /// A file that a report was made from.
@@ -222,13 +259,10 @@ mod tests {
     #[test]
     fn text_is_escaped_pictures_are_not_and_scripts_are_carried_where_they_are_used() {
         let page = |svg: &str| {
-            let figure = Figure { caption: "a < b".into(), svg: svg.into() };
-            let section = Section {
-                heading: "x & y".into(),
-                tables: vec![vec![vec!["<i>".into()], vec!["<b>".into()]]],
-                figures: vec![figure],
-                ..Section::default()
-            };
+            let figure = Figure::new("a < b", svg.into());
+            let section = Section::new("x & y")
+                .with_tables([vec![vec!["<i>".into()], vec!["<b>".into()]]])
+                .with_figures([figure]);
             render("<title>", "<verdict>", &[section], &Made::by("trical <x>".into(), &[])).unwrap()
         };
         let plain = page("<svg></svg>");

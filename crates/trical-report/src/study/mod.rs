@@ -156,7 +156,7 @@ pub struct Study {
 fn drawn(x: &str, y: &str, panels: &[(String, Vec<Band>)], caption: &str) -> Result<(String, Vec<Figure>)> {
     let figure = |(k, one): (usize, &[(String, Vec<Band>)])| {
         let caption = if k == 0 { caption.to_owned() } else { String::new() };
-        Ok(Figure { caption, svg: plots::panels(x, y, one)? })
+        Ok(Figure::new(caption, plots::panels(x, y, one)?))
     };
     Ok((plots::panels(x, y, panels)?, panels.chunks(1).enumerate().map(figure).collect::<Result<_>>()?))
 }

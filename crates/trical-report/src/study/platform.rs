@@ -289,12 +289,12 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
         common.trials
     )];
     let mut sections = vec![
-        Section { heading: "Platforms".into(), text, figures, ..Section::default() },
-        Section { heading: "Numbers".into(), tables: vec![rows.clone()], ..Section::default() },
+        Section::new("Platforms").with_text(text).with_figures(figures),
+        Section::new("Numbers").with_tables([rows.clone()]),
     ];
     if !problems.is_empty() {
-        let heading = "Platforms that cannot be used".into();
-        sections.push(Section { heading, text: problems.clone(), ..Section::default() });
+        let heading = "Platforms that cannot be used";
+        sections.push(Section::new(heading).with_text(problems.clone()));
     }
     let json = json!({ "platforms": done.iter().map(Platform::json).collect::<Vec<_>>() });
     let title = "TriCal: study of platforms";

@@ -191,8 +191,8 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
     );
     let text = vec![how_simulated(common), without.clone()];
     let sections = vec![
-        Section { heading: "Error against touches".into(), text, figures, ..Section::default() },
-        Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
+        Section::new("Error against touches").with_text(text).with_figures(figures),
+        Section::new("Numbers, mm").with_tables([rows.clone()]),
     ];
     let factors = |[sphere, workspace]: &[Vec<(usize, f64)>; 2]| {
         let list = |list: &[(usize, f64)]| -> Vec<Value> {

@@ -495,12 +495,7 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
                 t.basis.session == Some(session) && matches!(t.site, Site::Fixture(_)) == of_balls
             })
             .collect();
-        let rows: usize = data
-            .observations
-            .iter()
-            .filter(|o| o.state.session == Some(session))
-            .map(|o| trical_model::residual_rows(&o.measured))
-            .sum();
+        let rows = data.filtered(|o| o.state.session == Some(session)).scalars();
         let price = own.len() as f64 * (rows.max(2) as f64).ln();
         !own.is_empty() && fitted.wald(&own) > price
     };
@@ -543,11 +538,7 @@ fn unseen(data: &Dataset, scored: &dyn Fn(usize) -> bool, fit: Fit<'_>) -> Resul
         unknown.into_iter().filter(|p| !known.contains(p) || told(&train, *p) < told(data, *p)).collect();
     let nowhere = |o: &crate::dataset::Observation| place_of(o).is_some_and(|p| poor.contains(&p));
     if let Some(o) = scored.observations.iter().find(|o| nowhere(o)) {
-        return Err(IdentError::Recording {
-            file: data.names[o.recording].clone(),
-            place: format!("line {}", o.line),
-            problem: "where the balls stood cannot be told from the poses that are fitted".into(),
-        });
+        return Err(data.error(o, "where the balls stood cannot be told from the poses that are fitted"));
     }
     let forward = trical_model::Forward::new(fitted.model, Vec::new())?;
     Ok(position_errors(&forward, &scored))

@@ -11,13 +11,15 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Mat, Par, Side};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term, residual_rows};
+use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term};
 
 use crate::dataset::{Dataset, JointSource};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
 use crate::model_file::{ModelFile, Uncertainty};
 use crate::noise::Noise;
+use crate::predicted::covariance;
+use crate::rigid::mean;
 use crate::triangle::dot;
 use crate::units::unit;
 use crate::validate::{Refit, adapted};
@@ -168,14 +170,12 @@ pub fn compare(
     let (model, explanations, free) = with_explanations(model, &data, uncertainty);
     let whitened = Whitened::of(&model, &free, &explanations, &data, uncertainty)?;
     let mut out = whitened.compare(&model, &explanations);
-    let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     out.recording.clone_from(&recording.name);
     out.hash = crate::repeated::fingerprint(recording);
     out.measurements = adapted.data.observations.len();
     out.mean_mm = mean(&errors) * 1e3;
     out.noise_mm = uncertainty.noise * 1e3;
-    out.temp_c = (!temperatures.is_empty()).then(|| mean(&temperatures));
+    out.temp_c = adapted.data.mean_temp_c();
     out.summary = in_words(&out);
     if let Some(doubt) = doubt(&out, usual_mm(&adapted.data)) {
         out.summary += &format!(" {doubt}");
@@ -232,15 +232,14 @@ fn with_explanations(mut model: Model, data: &Dataset, old: &Uncertainty) -> (Mo
         let name = format!("joint {joint}");
         add(&mut model, name.clone(), Scope::Arm, vec![(name, Site::Joint { joint })]);
     }
-    let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
     let mut tool: Vec<(String, Site)> = Vec::new();
-    if any(&|m| !matches!(m, Measured::Point { .. })) {
-        let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+    if data.has(|m| !matches!(m, Measured::Point { .. })) {
+        let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
         let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
         tool.extend(motions.iter().map(|m| (format!("tool {}", m.name()), Site::Tool(*m))));
     }
     for target in 1..=model.cell.tool.targets.len() {
-        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
             let site = |axis: Axis| (format!("target {target} {}", axis.name()), Site::Target { target, axis });
             tool.extend(Axis::ALL.map(site));
         }
@@ -318,7 +317,7 @@ impl Whitened {
         let p = all.len();
         let forward = Forward::new(model.clone(), all.clone())?;
         check_observations(&forward, data)?;
-        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let rows = data.scalars();
         let (mut jacobian, mut residual) = (Mat::<f64>::zeros(rows, p), vec![0.0; rows]);
         let (mut ws, mut buffer, mut at) = (forward.workspace(), vec![0.0; 6 * p], 0);
         let mut spans = Vec::new();
@@ -333,13 +332,9 @@ impl Whitened {
             spans.push((at, n));
             at += n;
         }
-        let count = old.names.len();
-        let sd = |k: usize| model.terms[free.old[k].0].sd.unwrap_or(0.0);
-        let c = |i: usize, j: usize| old.correlation[free.old[i].1 * count + free.old[j].1] * sd(i) * sd(j);
         let m = free.old.len();
-        let covariance = Mat::from_fn(m, m, c);
         let of_old = jacobian.submatrix(0, 0, rows, m);
-        let mut sigma = of_old * &covariance * of_old.transpose();
+        let mut sigma = of_old * &covariance(model, old, &free.old) * of_old.transpose();
         (0..rows).for_each(|i| sigma[(i, i)] += 1.0);
         // rounded correlations may be a hair from positive
         let llt = Llt::new(sigma.as_ref(), Side::Lower).map_err(|_| {

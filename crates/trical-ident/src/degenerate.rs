@@ -18,10 +18,6 @@ const FAR_M: f64 = 1000.0;
 const SAME_RAD: f64 = 1.745e-3;
 const SAME_M: f64 = 1e-4;
 
-fn error(data: &Dataset, o: &Observation, problem: String) -> IdentError {
-    IdentError::Recording { file: data.names[o.recording].clone(), place: format!("line {}", o.line), problem }
-}
-
 /// Checks that every number is one that an arm or an instrument can give.
 ///
 /// # Errors
@@ -34,19 +30,19 @@ pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
             let (shown, limit) = (q * per_si, (far * per_si).round());
             if !(q.is_finite() && shown.abs() <= limit) {
                 let problem = format!("joint {}: found {shown} {unit}, expected between -{limit} and {limit}", k + 1);
-                return Err(error(data, o, problem));
+                return Err(data.error(o, problem));
             }
         }
         let (what, numbers) = o.measured.lengths();
         if let Some(x) = numbers.iter().find(|x| !(x.is_finite() && x.abs() <= FAR_M)) {
             let problem = format!("{what}: found {} mm, expected less than a kilometre", x * 1e3);
-            return Err(error(data, o, problem));
+            return Err(data.error(o, problem));
         }
         if let Measured::Pose { quaternion, .. } = &o.measured {
             let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
             // NaN too
             if (length - 1.0).abs() > 1e-2 || length.is_nan() {
-                return Err(error(data, o, format!("quaternion: found length {length}, expected 1")));
+                return Err(data.error(o, format!("quaternion: found length {length}, expected 1")));
             }
         }
     }

@@ -187,11 +187,7 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
     };
     if n <= COMPARED {
         // sorted by the first joint that moves most, only neighbours within `near` along it are compared
-        let spread = |axis: usize| {
-            let of = joints.iter().map(|q| q[axis]);
-            of.clone().fold(f64::MIN, f64::max) - of.fold(f64::MAX, f64::min)
-        };
-        let axis = (0..MAX_JOINTS).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
+        let axis = longest(joints.iter());
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| joints[*a][axis].total_cmp(&joints[*b][axis]));
         for (i, a) in order.iter().enumerate() {
@@ -226,16 +222,21 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
     block
 }
 
+/// The joint along which poses are spread most.
+fn longest<'a>(poses: impl Iterator<Item = &'a Joints> + Clone) -> usize {
+    let spread = |axis: usize| {
+        let of = poses.clone().map(|q| q[axis]);
+        of.clone().fold(f64::MIN, f64::max) - of.fold(f64::MAX, f64::min)
+    };
+    (0..MAX_JOINTS).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0)
+}
+
 /// A block of at most `largest` poses as it is; a larger one cut in two halves across its longest direction, and so on.
 fn divided(joints: &[Joints], mut members: Vec<usize>, largest: usize) -> Vec<Vec<usize>> {
     if members.len() <= largest {
         return vec![members];
     }
-    let spread = |axis: usize| {
-        let of = members.iter().map(|k| joints[*k][axis]);
-        of.clone().fold(f64::MIN, f64::max) - of.fold(f64::MAX, f64::min)
-    };
-    let axis = (0..MAX_JOINTS).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
+    let axis = longest(members.iter().map(|k| &joints[*k]));
     members.sort_by(|a, b| joints[*a][axis].total_cmp(&joints[*b][axis]).then(a.cmp(b)));
     let rest = members.split_off(members.len() / 2);
     let mut out = divided(joints, members, largest);

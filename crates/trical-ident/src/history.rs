@@ -10,6 +10,7 @@ use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
 use crate::repeated::refuse_repeated;
+use crate::rigid::mean;
 use crate::validate::adapted;
 
 /// Errors over sessions as a straight line.
@@ -89,13 +90,11 @@ pub fn history(
 fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Option<JointSource>) -> Result<Beginning> {
     let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, None, true)?;
     let errors = position_errors(&Forward::new(adapted.identified()?, Vec::new())?, &adapted.data);
-    let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     Ok(Beginning {
         recording: recording.name.clone(),
         measurements: errors.len(),
         mean_mm: mean(&errors) * 1e3,
-        temp_c: (!temperatures.is_empty()).then(|| mean(&temperatures)),
+        temp_c: adapted.data.mean_temp_c(),
         day: day_in(&recording.name),
     })
 }

@@ -329,10 +329,9 @@ fn constant(name: String, effect: &str, site: Site) -> Term {
 fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term>> {
     let set = choice.set;
     let n = model.robot.dof();
-    let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
-    let touch = any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
-    let based = any(&|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
-    let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+    let touch = data.has(|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
+    let based = data.has(|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
+    let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
     let mut terms = Vec::new();
     let many = model.frames.len() > 1;
     for frame in 1..=model.frames.len() {
@@ -353,7 +352,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
     }
     let targets = model.cell.tool.targets.len();
     for target in 1..=targets {
-        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
             for axis in trical_model::Axis::ALL {
                 let name = if targets == 1 { "target".to_owned() } else { format!("target{target}") };
                 terms.push(constant(format!("{name}_{}", axis.name()), "target", Site::Target { target, axis }));

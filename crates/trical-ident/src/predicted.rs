@@ -139,8 +139,8 @@ fn known(model: &Model, uncertainty: &Uncertainty, pick: &dyn Fn(usize) -> bool)
     asked.filter_map(|k| Some((k, place(k)?))).collect()
 }
 
-/// Of such terms.
-fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat<f64> {
+/// Covariance of such terms.
+pub(crate) fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat<f64> {
     let (m, count) = (known.len(), uncertainty.names.len());
     let sd = |k: usize| model.terms[known[k].0].sd.unwrap_or(0.0);
     Mat::from_fn(m, m, |i, j| uncertainty.correlation[known[i].1 * count + known[j].1] * sd(i) * sd(j))

@@ -257,19 +257,12 @@ fn place(number: usize, visits: &[&Visit], touches: bool, joints: usize) -> Opti
     let mut senses: BTreeMap<String, Vec<Vector3<f64>>> = BTreeMap::new();
     for v in visits {
         let Some(dir) = v.dir else { continue };
-        let signs = dir
-            .iter()
-            .take(joints)
-            .map(|d| {
-                if *d > 0 {
-                    '+'
-                } else if *d < 0 {
-                    '-'
-                } else {
-                    '0'
-                }
-            })
-            .collect();
+        let sign = |d: &i8| match d.signum() {
+            1 => '+',
+            -1 => '-',
+            _ => '0',
+        };
+        let signs = dir.iter().take(joints).map(sign).collect();
         senses.entry(signs).or_default().push(v.at);
     }
     let middles: Vec<Vector3<f64>> = senses.values().map(|p| barycentre(p)).collect();

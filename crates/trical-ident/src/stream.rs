@@ -17,9 +17,10 @@ use trical_recording::stream::BlockRows;
 
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
+use crate::fit::length;
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
 use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
-use crate::identify::{CONDITION_LIMIT, ErrorSummary, Identified, identify, rank_deficient, tells_apart};
+use crate::identify::{ErrorSummary, Identified, identify, rank_deficient, tells_apart};
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
 use crate::solver::{Ended, Factored, LmReport};
@@ -242,8 +243,7 @@ pub fn identify_stream(
         };
         let Some((scale, singular)) = spectrum.filter(|(_, s)| tells_apart(s)) else {
             let names: Vec<String> = start.free.iter().map(|k| fit.model().terms[*k].name.clone()).collect();
-            let weak = crate::identifiability::weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
-            return Err(rank_deficient(robot, data, &weak));
+            return Err(rank_deficient(robot, data, &r, names));
         };
         let estimate = Estimate::of(r, whole, scale, singular, &sums.squares);
         let mut updated = noise.clone();
@@ -351,11 +351,6 @@ fn not_converged(what: &str) -> IdentError {
     IdentError::NotConverged(format!("{what}; are robot.toml and cell.toml those of this arm?"))
 }
 
-/// Length of the residual of a place or a length, m.
-fn length(residual: &[f64; 6], rows: usize) -> f64 {
-    residual[..rows.min(3)].iter().map(|v| v * v).sum::<f64>().sqrt()
-}
-
 impl Pass<'_> {
     /// Sums over all rows, and what the first pass finds out about them.
     fn over(&self, stream: &CsvStream) -> Result<(Sums, Verdict)> {
@@ -397,24 +392,16 @@ impl Pass<'_> {
                 line: row.line,
             };
             if self.known.is_none() {
-                fit.check(&o.state, &o.measured, o.frame).map_err(|e| IdentError::Recording {
-                    file: name.clone(),
-                    place: format!("line {}", row.line),
-                    problem: e.to_string(),
-                })?;
+                fit.check(&o.state, &o.measured, o.frame).map_err(|e| data.error(&o, e.to_string()))?;
                 if !self.judges.accept(&o, name, &mut judges, &mut found) {
                     return Ok(());
                 }
             }
             sums.rows.observe(fit, &mut ws, &o, noise, f64::INFINITY);
             let rows = trical_model::residual_rows(&o.measured);
-            sums.after.add(length(ws.residual(), rows));
-            let weighted: [f64; 6] =
-                std::array::from_fn(
-                    |k| {
-                        if k < rows { ws.residual()[k] / noise.sigma(index, &o.measured, k) } else { 0.0 }
-                    },
-                );
+            sums.after.add(length(&ws.residual()[..rows.min(3)]));
+            let in_sigma = |k: usize| ws.residual()[k] / noise.sigma(index, &o.measured, k);
+            let weighted: [f64; 6] = std::array::from_fn(|k| if k < rows { in_sigma(k) } else { 0.0 });
             sums.squares.add(index, &o.measured, &weighted[..rows]);
             sums.count += 1;
             Ok(())
@@ -447,14 +434,14 @@ impl Judges<'_> {
                         recording: name.to_owned(),
                         line: o.line,
                         row: o.row,
-                        reason: gross_error(length(r, rows), off, right_ball(robust, noise, o, ws)),
+                        reason: gross_error(length(&r[..rows.min(3)]), off, right_ball(robust, noise, o, ws)),
                     });
                 }
                 return false;
             }
         }
         let rows = self.nominal.residual(&o.state, &o.measured, o.frame, ws_nominal);
-        found.before.add(length(ws_nominal.residual(), rows));
+        found.before.add(length(&ws_nominal.residual()[..rows.min(3)]));
         true
     }
 }

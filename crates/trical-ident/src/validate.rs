@@ -482,7 +482,7 @@ fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model
 
 /// Indices of the terms that are identified for the sessions that are refitted.
 fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
-    let lengths = train.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
+    let lengths = train.has(|m| matches!(m, Measured::Distance { .. }));
     let base = lengths && places.iter().any(|p| p.refit.frame);
     let own = |t: &Term| {
         t.basis.session.is_some_and(|s| places.iter().any(|p| p.session == s && p.refit.any()))
@@ -521,8 +521,7 @@ fn from_the_middle(data: &Dataset) -> Vec<Option<f64>> {
             _ => None,
         })
         .collect();
-    let along = |k: usize| places.iter().flatten().map(|p| p[k]).collect::<Vec<_>>();
-    let middle = nalgebra::Vector3::from_fn(|k, _| crate::rigid::median(&along(k)));
+    let middle = crate::rigid::median_point(&places.iter().flatten().copied().collect::<Vec<_>>());
     places.iter().map(|p| p.map(|p| (p - middle).norm())).collect()
 }
 

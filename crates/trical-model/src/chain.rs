@@ -72,6 +72,19 @@ pub(crate) fn small_rotation(v: &[f64; 6]) -> (Axes, nalgebra::Matrix3<f64>) {
     (axes, crate::pose::rotation_zyx(v[5], v[4], v[3]))
 }
 
+/// The first three of x, y, z, rx, ry, rz.
+#[inline]
+pub(crate) fn shift(v: &[f64; 6]) -> V3 {
+    V3::new(v[0], v[1], v[2])
+}
+
+/// A frame that stands beside its reference by x, y, z, rx, ry, rz, and the axes about which these three turn it.
+#[inline]
+pub(crate) fn moved(reference: &Pose, by: &[f64; 6]) -> (Pose, Axes) {
+    let (turns, turn) = small_rotation(by);
+    (Pose { rotation: turn * reference.rotation, translation: reference.translation + shift(by) }, turns)
+}
+
 /// A motion of all that lies behind a site: a rotation about an axis through a point, or a translation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Twist {
@@ -203,6 +216,12 @@ pub(crate) struct Place {
     pub axes: Axes,
 }
 
+impl JointFrames {
+    pub fn pose(&self) -> Pose {
+        Pose { rotation: self.axes.matrix(), translation: self.origin }
+    }
+}
+
 impl Place {
     fn of(pose: &Pose) -> Self {
         Self { origin: pose.translation, axes: Axes::of(pose) }
@@ -306,15 +325,12 @@ impl Chain {
                 cog: j.cog,
             };
         }
-        let (base_turns, turn) = small_rotation(base);
+        let (base, base_turns) = moved(world_from_base, base);
         Self {
             n: robot.dof(),
             joints,
             reference: *world_from_base,
-            base: Pose {
-                rotation: turn * world_from_base.rotation,
-                translation: world_from_base.translation + V3::new(base[0], base[1], base[2]),
-            },
+            base,
             base_turns,
             root: (robot.root_from_zero != Pose::identity()).then_some(robot.root_from_zero),
             flange: (robot.last_from_flange != Pose::identity()).then_some(robot.last_from_flange),
@@ -334,11 +350,7 @@ impl Chain {
 
     /// As [`Chain::run`], with the base moved by `base` (x, y, z, rx, ry, rz in {w}) from nominal, its constant terms included.
     pub fn run_with_base(&self, base: &[f64; 6], q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
-        let (turns, turn) = small_rotation(base);
-        let moved = Pose {
-            rotation: turn * self.reference.rotation,
-            translation: self.reference.translation + V3::new(base[0], base[1], base[2]),
-        };
+        let (moved, turns) = moved(&self.reference, base);
         frames.base_turns = turns;
         self.run_from(&moved, q, increments, frames);
     }

@@ -346,7 +346,7 @@ impl Names {
     fn goes_to_undefined(&mut self, name: u64, setup: u32, at: u32, scan: &mut Scan, problem: &dyn Fn() -> String) {
         let listed = scan.problems.len();
         if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
-            scan.problems.push((at as usize, problem()));
+            scan.problem(at as usize, problem());
         } else if scan.problems.len() == listed && !self.listed.contains(&name) {
             scan.relative.push(at);
         }
@@ -438,7 +438,7 @@ impl Names {
                 scan.relative.push(at);
             } else {
                 let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
-                scan.problems.push((at as usize, what.into()));
+                scan.problem(at as usize, what);
             }
         }
         seen.truncate(before);
@@ -458,7 +458,7 @@ impl Names {
                 _ => continue,
             };
             if self.listed_at.insert(*at) {
-                scan.problems.push((*at as usize, what.into()));
+                scan.problem(*at as usize, what);
             }
         }
     }

@@ -262,16 +262,21 @@ impl Scan {
         }
     }
 
+    /// Lists a motion or a target at `at` that cannot be rewritten as it should be.
+    pub fn problem(&mut self, at: usize, what: impl Into<String>) {
+        self.problems.push((at, what.into()));
+    }
+
     /// Lists a target with a number (in the text here) of which nobody knows the value.
     pub fn unread(&mut self, number: Span, bytes: &[u8]) {
         let text = String::from_utf8_lossy(number.text(bytes));
         let what = format!("holds '{}', of which only the running program knows the value", text.trim());
-        self.problems.push((number.at as usize, what));
+        self.problem(number.at as usize, what);
     }
 
     /// Lists a motion at `at` to what the program calculates.
     pub fn goes_to_calculated(&mut self, at: usize) {
-        self.problems.push((at, "goes to a place that only the running program calculates".into()));
+        self.problem(at, "goes to a place that only the running program calculates");
     }
 
     /// The index of a setup.

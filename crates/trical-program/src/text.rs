@@ -111,11 +111,24 @@ impl<'a> Cursor<'a> {
         self.at >= self.bytes.len()
     }
 
-    /// To the line's end (which is not passed).
-    pub fn skip_line(&mut self) {
-        while !self.done() && !matches!(self.peek(), b'\n' | b'\r') {
+    /// To the next of `ends` (which is not passed), or the end of the file.
+    pub fn skip_to(&mut self, ends: &[u8]) {
+        while !self.done() && !ends.contains(&self.peek()) {
             self.at += 1;
         }
+    }
+
+    /// Past the next `bracket`, unless one of `ends` comes before it.
+    pub fn skip_past(&mut self, bracket: u8, ends: &[u8]) {
+        while !self.done() && self.peek() != bracket && !ends.contains(&self.peek()) {
+            self.at += 1;
+        }
+        self.at += usize::from(self.peek() == bracket);
+    }
+
+    /// To the line's end (which is not passed).
+    pub fn skip_line(&mut self) {
+        self.skip_to(b"\n\r");
     }
 
     /// Past a string that begins here, to its closing quote or the line's end.

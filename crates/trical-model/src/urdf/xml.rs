@@ -161,7 +161,7 @@ impl Lines<'_> {
 pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
     if text.len() > LARGEST {
         let problem = format!("has {} bytes, expected a URDF of at most {LARGEST}", text.len());
-        return Err(ModelError::Unreadable { file: file.to_owned(), problem });
+        return Err(ModelError::unreadable(file, problem));
     }
     let mut reader = Reader::from_str(text);
     let mut lines = Lines { text, at: 0, line: 1 };
@@ -173,19 +173,17 @@ pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
         let line = lines.of(reader.buffer_position());
         let event = event.map_err(|e| error(file, line, format!("is not well-formed XML: {e}")))?;
         match event {
-            Event::Start(start) => {
-                if path.len() >= DEEPEST {
+            Event::Start(ref start) | Event::Empty(ref start) => {
+                let opens = matches!(event, Event::Start(_));
+                if opens && path.len() >= DEEPEST {
                     return Err(error(file, line, format!("elements are nested more than {DEEPEST} deep")));
                 }
-                element(&mut urdf, &path, &start, file, line)?;
+                element(&mut urdf, &path, start, file, line)?;
                 place(&mut urdf, &path, start.name().as_ref(), text, reader.buffer_position());
                 seen_robot = true;
-                path.push(start.name().as_ref().to_owned());
-            }
-            Event::Empty(start) => {
-                element(&mut urdf, &path, &start, file, line)?;
-                place(&mut urdf, &path, start.name().as_ref(), text, reader.buffer_position());
-                seen_robot = true;
+                if opens {
+                    path.push(start.name().as_ref().to_owned());
+                }
             }
             Event::End(_) => {
                 path.pop();
@@ -201,7 +199,7 @@ pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
         return Err(error(file, lines.line, format!("ends within <{}>", path.join("> <"))));
     }
     if !seen_robot {
-        return Err(ModelError::Unreadable { file: file.to_owned(), problem: "holds no <robot>".into() });
+        return Err(ModelError::unreadable(file, "holds no <robot>"));
     }
     Ok(urdf)
 }

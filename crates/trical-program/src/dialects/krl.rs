@@ -268,7 +268,7 @@ impl<'a> Reader<'a> {
             } else if word.eq_ignore_ascii_case(b"BAS") {
                 self.bas();
             } else if let Some((_, what)) = BY_SENSOR.iter().find(|(name, _)| word.eq_ignore_ascii_case(name)) {
-                self.scan.problems.push((from, (*what).into()));
+                self.scan.problem(from, *what);
                 self.names.visit(Visit::Unknown);
             } else if is_one_of(word, &[b"EXT", b"EXTFCT"]) {
                 // what the declared routine is called with
@@ -378,7 +378,7 @@ impl<'a> Reader<'a> {
         }
         self.c.skip_blank();
         if is_one_of(word, &ELEMENTS) && self.changes_element() {
-            self.scan.problems.push((from, changed_here("a tool or base")));
+            self.scan.problem(from, changed_here("a tool or base"));
         }
         let mut index = None;
         let start = self.c.at;
@@ -510,7 +510,7 @@ impl<'a> Reader<'a> {
                         }
                         (None, None) => {
                             let what = "gives some of its coordinates only; the others are those of the target before";
-                            self.scan.problems.push((at, what.into()));
+                            self.scan.problem(at, what);
                             Visit::Unknown
                         }
                     };
@@ -541,10 +541,7 @@ impl<'a> Reader<'a> {
                     self.names.used(hashed(word), setup, way, at);
                 }
                 if self.c.peek() == b'[' {
-                    while !self.c.done() && !matches!(self.c.peek(), b']' | b'\n' | b'\r') {
-                        self.c.at += 1;
-                    }
-                    self.c.at += usize::from(self.c.peek() == b']');
+                    self.c.skip_past(b']', b"\n\r");
                 }
             }
             if !self.c.eat_in_line(b',') {

@@ -90,7 +90,7 @@ impl Reader<'_> {
         } else if is_one_of(word, &CURRENT) {
             *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some("(set by a routine)".to_owned());
         } else if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) {
-            self.scan.problems.push((at, changed_here("a tool or base")));
+            self.scan.problem(at, changed_here("a tool or base"));
         }
     }
 }

@@ -34,12 +34,12 @@ const LAST: usize = 25;
 /// Which sessions share a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToolSharing {
-    /// Those whose measurements do not say otherwise.
+    /// Sessions whose measurements do not say otherwise.
     #[default]
     FromData,
-    /// All.
+    /// All sessions.
     Same,
-    /// None: each has its own.
+    /// No sessions: each has its own.
     Own,
 }
 
@@ -161,9 +161,9 @@ pub struct Calibration {
     pub fitted: Identified,
     /// The nominal arm, its frame and tool identified.
     pub nominal: Model,
-    /// Its errors, m, one for each observation of `fitted.data`.
+    /// Errors of the nominal arm, m, one for each observation of `fitted.data`.
     pub each_before: Vec<f64>,
-    /// And summed up, of all rows.
+    /// Errors of the nominal arm at all rows, summed up.
     pub before: ErrorSummary,
     /// Errors of the fit at all rows.
     pub errors: ErrorSummary,
@@ -177,13 +177,13 @@ pub struct Calibration {
     pub forward_in_time: Option<(usize, ErrorSummary)>,
     /// Measurements used.
     pub observations: usize,
-    /// Poses, and blocks of neighbouring ones, of `fitted.data`.
+    /// Number of poses of `fitted.data`.
     pub poses: usize,
-    /// See [`Folds::blocks`].
+    /// Number of blocks of neighbouring poses of `fitted.data` ([`Folds::blocks`]).
     pub blocks: usize,
     /// Rows that were rejected.
     pub rejected: usize,
-    /// Those of them that are named.
+    /// The rejected rows that are named.
     pub named: Vec<Rejected>,
     /// Whether gross errors were looked for.
     pub cleaned: bool,
@@ -422,7 +422,7 @@ pub fn calibrate(
     })
 }
 
-/// The same from CSV files that are read in passes: what is scored at unseen poses is left out, and sessions share their tool.
+/// As [`calibrate`], from CSV files that are read in passes: what is scored at unseen poses is left out, and sessions share their tool.
 ///
 /// # Errors
 /// As [`calibrate`].

@@ -263,14 +263,14 @@ impl Dataset {
         self.rejected.push(Rejected { recording: name.to_owned(), line: o.line, row: o.row, reason });
     }
 
-    /// The same data with only those observations for which `keep` holds.
+    /// This data with only those observations for which `keep` holds.
     #[must_use]
     pub fn filtered(&self, keep: impl Fn(&Observation) -> bool) -> Self {
         let observations = self.observations.iter().filter(|o| keep(o)).copied().collect();
         Self { observations, rejected: self.rejected.clone(), ..self.shell() }
     }
 
-    /// The same without observations.
+    /// This data without its observations.
     pub(crate) fn shell(&self) -> Self {
         Self {
             names: self.names.clone(),
@@ -286,7 +286,7 @@ impl Dataset {
         }
     }
 
-    /// The same with the sessions of a model: session `sessions[k]` for recording k, `None` for one that the model does not know.
+    /// This data with the sessions of a model: session `sessions[k]` for recording k, `None` for one that the model does not know.
     #[must_use]
     pub fn in_sessions(mut self, sessions: &[Option<u32>]) -> Self {
         for o in &mut self.observations {

@@ -123,7 +123,7 @@ impl Folds {
         (0..folds).map(|f| -> Split<'_> { Box::new(move |pose| self.at(pose) % folds == f) }).collect()
     }
 
-    /// The same by a fit without its block.
+    /// `folds` splits in which every pose is scored once, by a fit without its block.
     #[must_use]
     pub fn by_block(&self, folds: usize) -> Vec<Split<'_>> {
         let fold = std::sync::Arc::new(self.fold_of_blocks(folds));

@@ -146,7 +146,7 @@ pub(crate) fn covariance(r: &Mat<f64>, scale: &[f64]) -> Vec<f64> {
 pub enum ParameterSet {
     /// Measuring frame or base, and tool points, only: the nominal arm.
     Nominal,
-    /// And the whole geometry of a rigid arm, the twist of near-parallel axes (Hayati's beta) included.
+    /// The nominal arm's, and the whole geometry of a rigid arm, the twist of near-parallel axes (Hayati's beta) included.
     Geometry,
     /// The paper's 31 parameters: the geometry without that twist, and the compliance of every joint that carries a torque.
     Compliance,
@@ -222,19 +222,19 @@ impl Choice {
         }
     }
 
-    /// The same parameters, with what is known of them beforehand.
+    /// These parameters, with what is known of them beforehand.
     #[must_use]
     pub fn knowing(self, known: KnownParameters) -> Self {
         Self { known, ..self }
     }
 
-    /// The same with tools, targets and places of balls of their own for some sessions.
+    /// These parameters, with tools, targets and places of balls of their own for some sessions.
     #[must_use]
     pub fn with_own(self, own: OwnSetup) -> Self {
         Self { own, ..self }
     }
 
-    /// The same with two harmonics of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
+    /// These parameters, with two harmonics of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
     #[must_use]
     pub fn with_waves(self) -> Self {
         Self { waves: true, ..self }
@@ -267,10 +267,10 @@ impl Choice {
         self.elasticity_of(robot, !rows.is_empty() && rows.iter().all(|o| o.state.torques.is_some()))
     }
 
-    /// The same where every row has torques, or not.
+    /// As [`Self::elasticity`], told whether every row has torques.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::elasticity`].
     pub(crate) fn elasticity_of(&self, robot: &Robot, has_torques: bool) -> Result<Elasticity> {
         if self.set < ParameterSet::Compliance {
             return Ok(Elasticity::NotAsked);
@@ -286,7 +286,7 @@ impl Choice {
         }
     }
 
-    /// The same with these of [`optional_groups`], by name.
+    /// These parameters, with those of [`optional_groups`] that are named.
     #[must_use]
     pub(crate) fn with_optional(self, optional: Vec<String>) -> Self {
         Self { optional, ..self }
@@ -315,7 +315,7 @@ impl From<ParameterSet> for Choice {
 pub struct Dependent {
     /// Its name.
     pub name: String,
-    /// Those that move together with it.
+    /// Parameters that move together with it.
     pub with: Vec<String>,
     /// Whether they do so only as long as some joints hardly move, as in this data: then it is held at its nominal value.
     pub held: bool,

@@ -40,7 +40,7 @@ pub fn initial_guess(model: &mut Model, data: &Dataset) -> Result<()> {
     guess(model, data, Vec::new())
 }
 
-/// The same for sessions that a fitted model does not know: by its own arm, and only what belongs to these sessions.
+/// A start for sessions that a fitted model does not know: by its own arm, and only of what belongs to these sessions.
 ///
 /// # Errors
 /// As [`initial_guess`].

@@ -62,7 +62,7 @@ impl Uncertainty {
     }
 }
 
-/// See [`Uncertainty::course`].
+/// How far what happened in the course of the sessions moved a coordinate, m ([`Uncertainty::course`]).
 fn of_course(fitted: &Identified) -> Result<f64> {
     let mut without = fitted.model.clone();
     without.terms.iter_mut().filter(|t| t.scope() == Scope::Course).for_each(|t| t.value = 0.0);

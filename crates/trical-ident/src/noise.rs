@@ -40,7 +40,7 @@ impl Noise {
         Self { sigma: vec![[1e-5, 1e-5, 1e-5, 5e-5, 1e-4]; recordings] }
     }
 
-    /// The same for touches of printed sockets, whose play is some tenths of a millimetre: 0.2 mm.
+    /// Usual noise, but that of touches of printed sockets, whose play is some tenths of a millimetre: 0.2 mm.
     #[must_use]
     pub fn of_sockets(recordings: usize) -> Self {
         let mut noise = Self::usual(recordings);

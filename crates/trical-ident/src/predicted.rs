@@ -27,13 +27,13 @@ pub struct Predicted {
     /// Standard deviation of a coordinate of the measured position, root mean square over the measurements, mm: that of the parameters, the
     /// scatter of measurements, and what may happen in the course of a session, together.
     pub sd_mm: f64,
-    /// That of the parameters alone.
+    /// Standard deviation by the uncertainty of the parameters alone, mm.
     pub parameters_sd_mm: f64,
     /// Share of the coordinates that were found within 1.96 of their own standard deviations: 0.95 where the standard deviations are true.
     pub covered: f64,
-    /// The same at joint angles that the model was learnt at, and at others; `null` where there are none.
+    /// `covered` at joint angles that the model was learnt at; `null` where there are none.
     pub covered_visited: Option<f64>,
-    /// See `covered_visited`.
+    /// `covered` at joint angles that the model was not learnt at; `null` where there are none.
     pub covered_beyond: Option<f64>,
 }
 

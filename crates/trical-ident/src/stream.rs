@@ -86,7 +86,7 @@ pub struct Streamed {
     pub named: Vec<Rejected>,
     /// Position errors at all rows; the median is that of the sample.
     pub errors: ErrorSummary,
-    /// Those of the nominal arm, its frame and tool identified on the sample.
+    /// Position errors of the nominal arm, its frame and tool identified on the sample.
     pub before: ErrorSummary,
     /// Passes over the files after the first.
     pub passes: usize,
@@ -140,7 +140,7 @@ impl Verdict {
     }
 }
 
-/// The same of one block, whose rows are counted from 1.
+/// What the first pass finds out about the rows of one block, which are counted from 1.
 #[derive(Default)]
 struct BlockVerdict {
     rows: usize,

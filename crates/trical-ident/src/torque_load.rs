@@ -21,7 +21,7 @@ pub struct TorqueLoad {
     pub beside: String,
     /// By how much more is on the flange, kg, and its standard deviation.
     pub mass_kg: f64,
-    /// See `mass_kg`.
+    /// Standard deviation of `mass_kg`.
     pub sd_kg: f64,
     /// Where the centre of gravity of what was added (or taken off) is, in the flange's frame, mm; `null` where that is less sure than 50 mm.
     pub cog_mm: Option<[f64; 3]>,

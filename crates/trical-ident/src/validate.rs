@@ -97,9 +97,9 @@ impl SessionErrors {
 /// A term that says nothing here, and why.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LeftOut {
-    /// Its name.
+    /// Name of the term.
     pub term: String,
-    /// Its effect.
+    /// Effect of the term.
     pub effect: String,
     /// In words.
     pub reason: String,
@@ -118,9 +118,9 @@ pub struct Validation {
     pub beyond: Option<usize>,
     /// How far off the model says that it may be, beside what was found; `null` where its file does not say how uncertain it is.
     pub predicted: Option<Predicted>,
-    /// The same by recording.
+    /// Errors of each recording.
     pub sessions: Vec<SessionErrors>,
-    /// The same by region.
+    /// Errors of each region.
     pub regions: Vec<Region>,
     /// Terms of the model that say nothing of these recordings.
     pub left_out: Vec<LeftOut>,

@@ -121,6 +121,32 @@ pub fn read_text(path: &std::path::Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| unreadable("is not UTF-8 text".into()))
 }
 
+/// The line (1-based) of each offset; offsets must not fall.
+pub struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> Lines<'a> {
+    /// Counts lines of `bytes`.
+    #[must_use]
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, line: 1 }
+    }
+
+    /// The line of the byte at `offset`.
+    pub fn of(&mut self, offset: usize) -> usize {
+        if offset < self.at {
+            (self.at, self.line) = (0, 1);
+        }
+        let end = offset.min(self.bytes.len());
+        self.line += self.bytes[self.at..end].iter().filter(|b| **b == b'\n').count();
+        self.at = end;
+        self.line
+    }
+}
+
 /// What was found in a file, as long as a message bears it: the first `most` characters, and that there are more.
 #[must_use]
 pub fn shortened(found: &str, most: usize) -> String {

@@ -101,7 +101,7 @@ impl Candidates {
         kept
     }
 
-    /// The same candidates with these columns only.
+    /// These candidates with some of their columns only.
     #[must_use]
     pub fn with_columns(&self, columns: &[usize]) -> Self {
         let jacobian = self

@@ -64,7 +64,7 @@ pub struct Expected {
     pub gain_over_random: f64,
     /// What noise leaves of the position error in the sphere; `None` where the arm does not get there.
     pub in_sphere: Option<PredictedError>,
-    /// The same in the whole workspace.
+    /// What noise leaves of the position error in the whole workspace.
     pub in_workspace: Option<PredictedError>,
     /// For each joint, in how many touches it arrives moving down and in how many moving up.
     pub senses: Vec<[usize; 2]>,
@@ -262,7 +262,7 @@ pub struct Chosen {
     pub dependent: Vec<String>,
     /// Of the independent parameters.
     pub observability: Observability,
-    /// See [`Expected::gain_over_random`].
+    /// How much better the choice is than a random one ([`Expected::gain_over_random`]).
     pub gain: f64,
 }
 

@@ -280,32 +280,6 @@ pub fn written(new: f64, old: &[u8], least: usize) -> String {
     }
 }
 
-/// The line (1-based) of each offset; offsets must not fall.
-pub struct Lines<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    line: usize,
-}
-
-impl<'a> Lines<'a> {
-    /// Counts lines of `bytes`.
-    #[must_use]
-    pub fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0, line: 1 }
-    }
-
-    /// The line of the byte at `offset`.
-    pub fn of(&mut self, offset: usize) -> usize {
-        if offset < self.at {
-            (self.at, self.line) = (0, 1);
-        }
-        let end = offset.min(self.bytes.len());
-        self.line += self.bytes[self.at..end].iter().filter(|b| **b == b'\n').count();
-        self.at = end;
-        self.line
-    }
-}
-
 /// Lower-case copy of an ASCII name.
 #[must_use]
 pub fn lower(name: &[u8]) -> String {

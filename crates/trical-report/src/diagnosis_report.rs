@@ -77,13 +77,13 @@ fn alone(how: &str, before: f64, after: f64) -> String {
 struct Seen {
     /// What is drawn, with its unit.
     label: &'static str,
-    /// That unit.
+    /// The unit of what is drawn.
     unit: &'static str,
-    /// Error without it, all else modelled.
+    /// Error without the finding, all else modelled.
     before: Vec<f64>,
-    /// And with it.
+    /// Error with the finding.
     after: Vec<f64>,
-    /// Its own part.
+    /// The finding's own part of the error.
     part: Vec<f64>,
 }
 
@@ -197,7 +197,7 @@ pub struct Against {
     pub error: &'static str,
     /// Error along the direction in which the finding acts, everything else modelled, without it.
     pub without: Vec<f64>,
-    /// And with it.
+    /// Error with the finding.
     pub with: Vec<f64>,
 }
 

@@ -9,9 +9,9 @@ use plotters::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// Before: grey-red. After: blue.
+/// The colour of what is measured before calibration: grey-red.
 pub const BEFORE: RGBColor = RGBColor(200, 92, 70);
-/// See [`BEFORE`].
+/// The colour of what is measured after calibration: blue.
 pub const AFTER: RGBColor = RGBColor(38, 102, 165);
 
 /// Points of one colour.
@@ -172,7 +172,7 @@ pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, seri
     scatter_named(x_label, y_label, from_zero, curves, series, &[])
 }
 
-/// The same, with a name for each point, shown beside its x.
+/// As [`scatter`], with a name for each point, shown beside its x.
 pub fn scatter_named(
     x_label: &str,
     y_label: &str,

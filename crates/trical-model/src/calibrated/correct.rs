@@ -58,7 +58,7 @@ fn origin(pose: &Pose) -> String {
 /// As [`corrected`], of a file whose arm may be named behind a `#`.
 ///
 /// # Errors
-/// As there.
+/// As [`corrected`].
 pub fn corrected_file(given: &UrdfPath, model: &Model) -> Result<String> {
     let text = read_text(&given.path)?;
     corrected(&text, &given.path.display().to_string(), given.root.as_deref(), given.tip.as_deref(), model)

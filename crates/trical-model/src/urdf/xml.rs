@@ -9,7 +9,7 @@
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-use crate::error::{ModelError, Result};
+use crate::error::{Lines, ModelError, Result};
 use crate::pose::{Pose, rotation_zyx};
 
 type V3 = nalgebra::Vector3<f64>;
@@ -139,24 +139,6 @@ impl Element<'_> {
     }
 }
 
-/// Counts lines up to a place that only moves on.
-struct Lines<'a> {
-    text: &'a str,
-    at: usize,
-    line: usize,
-}
-
-impl Lines<'_> {
-    fn of(&mut self, position: u64) -> usize {
-        let to = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
-        if to > self.at {
-            self.line += self.text.as_bytes()[self.at..to].iter().filter(|b| **b == b'\n').count();
-            self.at = to;
-        }
-        self.line
-    }
-}
-
 /// Reads the text of a URDF.
 pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
     if text.len() > LARGEST {
@@ -164,13 +146,13 @@ pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
         return Err(ModelError::unreadable(file, problem));
     }
     let mut reader = Reader::from_str(text);
-    let mut lines = Lines { text, at: 0, line: 1 };
+    let mut lines = Lines::new(text.as_bytes());
     let mut urdf = Urdf::default();
     let mut path: Vec<String> = Vec::new();
     let mut seen_robot = false;
     loop {
         let event = reader.read_event();
-        let line = lines.of(reader.buffer_position());
+        let line = lines.of(reader.buffer_position() as usize);
         let event = event.map_err(|e| error(file, line, format!("is not well-formed XML: {e}")))?;
         match event {
             Event::Start(ref start) | Event::Empty(ref start) => {
@@ -196,7 +178,7 @@ pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
         }
     }
     if !path.is_empty() {
-        return Err(error(file, lines.line, format!("ends within <{}>", path.join("> <"))));
+        return Err(error(file, lines.of(text.len()), format!("ends within <{}>", path.join("> <"))));
     }
     if !seen_robot {
         return Err(ModelError::unreadable(file, "holds no <robot>"));

@@ -150,7 +150,7 @@ pub(super) fn key(parameters: &[Parameter], name: &[u8]) -> u64 {
     parameters.iter().find(|p| p.name == name).map_or(name, |p| p.scoped)
 }
 
-/// Those that are targets, from behind the bracket on.
+/// The parameters of a routine that are targets, from behind its bracket on.
 fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
     let mut c = Cursor::new(bytes, b'!');
     c.at = at;

@@ -288,8 +288,8 @@ impl Forward {
     #[must_use]
     pub fn workspace(&self) -> Workspace {
         Workspace {
-            still: Frames::new(),
-            moved: Frames::new(),
+            still: Frames::default(),
+            moved: Frames::default(),
             loads: Loads::new(),
             moments: Vec::with_capacity(self.moments.len()),
             says: vec![0.0; self.bound.len()],

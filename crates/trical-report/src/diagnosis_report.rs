@@ -8,7 +8,7 @@ use trical_model::{Basis, Forward, JointKind, Measured, Model, Shape, Site, Stat
 
 use crate::arm_map;
 use crate::error::Result;
-use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row, six};
+use crate::evidence::{Errors, half_width, joints_used, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
@@ -500,7 +500,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
-    made.notes.push(format!("Joint angles that were used: {source:?}.").to_lowercase().replacen('j', "J", 1));
+    made.notes.push(joints_used(source));
     page::render("TriCal: diagnosis", &summary(d), &sections, &made)
 }
 

@@ -3,14 +3,14 @@
 
 use nalgebra::{Vector3, Vector6};
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use trical_ident::{Dataset, ErrorSummary, Noise, Rejected, shown};
+use trical_ident::{Dataset, ErrorSummary, JointSource, Noise, Rejected, shown};
 use trical_model::{Forward, Joint, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::error::Result;
 use crate::heat;
 use crate::page::{Figure, Section};
-use crate::picture::{self, Mark, Scene};
+use crate::picture::{self, Mark, Scene, View};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
 use crate::turn;
@@ -208,10 +208,17 @@ impl Errors<'_> {
                  beyond, it extrapolates."])
                 .with_tables([coverage(&self.model.robot, &poses)])
                 .with_figures([Figure::new(caption, turn::draw_turning(&scene, 900.0)?)]),
-            picture::other_views(&scene).folded(true),
+            other_views(&scene).folded(true),
             heat::section(self.model)?,
         ])
     }
+}
+
+/// The cell from above and from the side.
+pub fn other_views(scene: &Scene<'_>) -> Section {
+    let view = |caption, view| Figure::new(caption, picture::draw(scene, view, 620.0));
+    Section::new("From above and from the side")
+        .with_figures([view("From above.", View::Above), view("From the side.", View::Side)])
 }
 
 /// From blue over grey to red.
@@ -287,6 +294,20 @@ pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
         if concerns.is_empty() { " All is in order." } else { "" }
     )]);
     Section { list: concerns, ..checked }
+}
+
+/// What a verdict ends with, where so many points are to be checked.
+pub fn signing(points: usize) -> String {
+    match points {
+        0 => " All checks passed for the region that was measured.".to_owned(),
+        1 => " Check one point before signing.".to_owned(),
+        n => format!(" Check {n} points before signing."),
+    }
+}
+
+/// Which joint angles a model was fitted to.
+pub fn joints_used(source: JointSource) -> String {
+    format!("Joint angles that were used: {}.", format!("{source:?}").to_lowercase())
 }
 
 /// Recordings of which more is left than the usual noise of their kind.

@@ -138,27 +138,22 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
     // the library is carried by those who have something to draw with it
     let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
     let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turn::OPEN));
-    let mut env = environment();
-    // the name ends in .html, so that text is escaped
-    env.add_template("report.html", include_str!("../assets/report.html"))
-        .and_then(|()| env.get_template("report.html"))
-        .and_then(|t| {
-            let (sections, made) = (Serde(sections), Serde(made));
-            let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
-            let (uplot_js, report_js) =
-                (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
-            let turn_js = include_str!("../assets/turn.js");
-            let uplot_license = include_str!("../assets/uPlot.LICENSE");
-            t.render(context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js })
-        })
-        .map_err(|e| Error::Failed(format!("the report could not be written: {e}")))
+    let (sections, made) = (Serde(sections), Serde(made));
+    let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
+    let (uplot_js, report_js) = (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
+    let turn_js = include_str!("../assets/turn.js");
+    let uplot_license = include_str!("../assets/uPlot.LICENSE");
+    let values = context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js };
+    from_template("report", include_str!("../assets/report.html"), values)
 }
 
-/// Templates, with the filter `told` for what a person reads.
-pub fn environment() -> Environment<'static> {
+/// A page (a "report") from its template, in which the filter `told` is for what a person reads.
+pub fn from_template(what: &str, template: &str, values: Value) -> Result<String> {
     let mut env = Environment::new();
     env.add_filter("told", |text: String| Value::from_safe_string(told(&text)));
-    env
+    // the name ends in .html, so that text is escaped
+    env.render_named_str(&format!("{what}.html"), template, values)
+        .map_err(|e| Error::Failed(format!("the {what} could not be written: {e}")))
 }
 
 /// What stays in one line with the number before it.

@@ -16,8 +16,6 @@ use trical_plan::{CollisionModel, PlanEntry};
 pub use page::View;
 use page::{Camera, Drawn, Page, Paint, escaped};
 
-use crate::page::{Figure, Section};
-
 type V3 = Vector3<f64>;
 
 /// Colours of balls and of what touches them: told apart by those who see red and green alike, too.
@@ -87,13 +85,6 @@ fn camera(scene: &Scene<'_>, view: View, base: &V3) -> Camera {
 pub fn oblique_look(scene: &Scene<'_>) -> V3 {
     let base = scene.model.forward().model().cell.world_from_base.translation;
     camera(scene, View::Oblique, &base).rows.row(2).transpose()
-}
-
-/// The cell from above and from the side.
-pub fn other_views(scene: &Scene<'_>) -> Section {
-    let view = |caption, view| Figure::new(caption, draw(scene, view, 620.0));
-    Section::new("From above and from the side")
-        .with_figures([view("From above.", View::Above), view("From the side.", View::Side)])
 }
 
 /// An SVG of the cell, `width` pixels wide at most.

@@ -6,9 +6,9 @@ use trical_plan::{CollisionModel, PredictedError, Sphere};
 
 use crate::blindness;
 use crate::error::Result;
-use crate::evidence::{row, span, typical, used};
+use crate::evidence::{other_views, row, span, typical, used};
 use crate::page::{self, Figure, Made, Section};
-use crate::picture::{self, Scene};
+use crate::picture::Scene;
 use crate::plan_told::Told;
 use crate::table::{fixed, two_digits};
 use crate::turn;
@@ -36,7 +36,7 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
         ),
         turn::draw_turning(&scene, 900.0)?,
     )];
-    figures.extend(picture::other_views(&scene).figures);
+    figures.extend(other_views(&scene).figures);
     Ok(figures)
 }
 

@@ -4,7 +4,7 @@ use trical_diagnose::verdict;
 use trical_ident::{ErrorSummary, ModelFile, Validation};
 
 use crate::error::Result;
-use crate::evidence::{self, Errors, half_width, row};
+use crate::evidence::{self, Errors, half_width, row, signing};
 use crate::page::{self, Made, Section, error_table};
 
 /// A region with a mean error larger than that of all by this is worth a word.
@@ -60,11 +60,7 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         "The position error at {} measurements is {:.3} mm on average and {:.3} mm at most; with the nominal arm it is {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
     );
-    verdict += &match list.len() {
-        0 => " All checks passed for the region that was measured.".to_owned(),
-        1 => " Check one point before signing.".to_owned(),
-        n => format!(" Check {n} points before signing."),
-    };
+    verdict += &signing(list.len());
     let mut text = vec![
         "Before is the arm as its maker describes it, with only the measuring frame or base and the tool points identified on \
          these recordings. After is the model as it is in its file."

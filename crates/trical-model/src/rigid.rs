@@ -98,13 +98,12 @@ impl Model {
     /// The arm from its axes as they stand at zero, tilted ones too.
     fn without_tilts(&self) -> Result<Robot> {
         let mut still = Self { cell: Cell::bare(), frames: Vec::new(), ..self.clone() };
-        let of_arm = |site: &Site| match site {
-            Site::Base(_) | Site::Tool(_) | Site::Target { .. } | Site::Payload(_) => false,
-            Site::Fixture(_) | Site::Ball { .. } | Site::Frame { .. } => false,
-            Site::Anchor { .. } | Site::LengthZero { .. } => false,
-            _ => true,
+        let beside_arm = |site: &Site| {
+            matches!(site, Site::Base(_) | Site::Tool(_) | Site::Target { .. } | Site::Payload(_))
+                || matches!(site, Site::Fixture(_) | Site::Ball { .. } | Site::Frame { .. })
+                || matches!(site, Site::Anchor { .. } | Site::LengthZero { .. })
         };
-        still.terms.retain(|t| t.basis.is_constant() && of_arm(&t.site));
+        still.terms.retain(|t| t.basis.is_constant() && !beside_arm(&t.site));
         let forward = Forward::new(still, Vec::new())?;
         let mut ws = forward.workspace();
         let n = self.robot.dof();

@@ -29,7 +29,10 @@ import configurations
 import real
 import run
 import write
-from effects import CURVES, FAMILIES, OUTSIDE, log_uniform, pick, threshold_of, variable_of
+from curves import CURVES
+from draws import log_uniform, pick
+from effects import threshold_of, variable_of
+from families import FAMILIES, OUTSIDE
 from plant import (
     DEG,
     GRAVITY,

@@ -23,7 +23,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from effects import ARCSEC, log_uniform, pick, signed, vector
+from draws import log_uniform, pick, signed, vector
+from effects import ARCSEC
 from plant import DEG, GRAVITY, Arm, Machine, Poses, Session, rot, rot_vector, simulate, zyx
 from visible import Design, Invisible
 

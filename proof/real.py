@@ -24,7 +24,9 @@ import numpy as np
 
 import configurations
 import run
-from effects import CURVES, FAMILIES, REST_CURVE, log_uniform
+from curves import CURVES, REST_CURVE
+from draws import log_uniform
+from families import FAMILIES
 from plant import DEG, MM, Arm, Session, simulate, triangle
 from visible import Design, Invisible, context, jacobian, parameters, survey
 

@@ -15,7 +15,9 @@ import configurations
 import make
 import write
 from arms import OTHERS, SMALL
-from effects import CURVES, FAMILIES, pick
+from curves import CURVES
+from draws import pick
+from families import FAMILIES
 from plant import DEG, MM, Arm, Session, simulate, tracker_points, zyx
 from visible import Design, Invisible
 

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from effects import FAMILIES, Context
+from draws import Context
+from families import FAMILIES
 from plant import Arm, Machine, Session, readings, simulate
 
 

@@ -14,7 +14,7 @@ use trical_model::{
 
 use crate::dataset::{Dataset, Observation};
 use crate::known::Known;
-use crate::rigid::{median, robust_rigid_from_points};
+use crate::rigid::{median_point, robust_rigid_from_points};
 
 /// What is usual of an arm before it is measured: standard deviations of lengths (m), of twists and of joint zeros (rad), of compliance
 /// (rad/Nm), of each wave of a joint's error over its own angle (rad), and of the distance of printed sockets (m). They decide nothing that the touches can tell; they keep
@@ -233,7 +233,6 @@ pub(crate) fn tool_by_pivoting(model: &Model, data: &Dataset, plain: &Forward, n
     let mut normal = Matrix3::identity() * (ARM / TOOL).powi(2);
     let mut right = Vector3::zeros();
     for (_, group) in groups(&touches) {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = group.len() as f64;
         let point = |t: &Touched| t.base_from_flange.apply(&(nominal + t.offset));
         let rotation = group.iter().map(|t| t.base_from_flange.rotation).sum::<Matrix3<f64>>() / n;
@@ -276,7 +275,7 @@ pub(crate) fn poses(
                 .clone()
                 .filter_map(|((_, ball), group)| {
                     let points: Vec<Vector3<f64>> = group.iter().map(|t| at(t)).collect();
-                    let middle = Vector3::from_fn(|i, _| median(&points.iter().map(|p| p[i]).collect::<Vec<_>>()));
+                    let middle = median_point(&points);
                     Some((middle, *model.cell.balls.get(*ball)?))
                 })
                 .collect();

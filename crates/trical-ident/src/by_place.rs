@@ -14,7 +14,7 @@ use crate::fit::position_errors;
 use crate::identifiability::{Choice, ParameterSet};
 use crate::identify::{ErrorSummary, Fit, identify, refit};
 use crate::initial_guess::initial_guess_of_sessions;
-use crate::rigid::median;
+use crate::rigid::median_point;
 
 /// Fewer places than this cannot choose: an arm that is identified from one says little of the next. All that is usual is then added.
 const PLACES: usize = 3;
@@ -107,8 +107,7 @@ fn distances(model: &Model, data: &Dataset, place: BallPlace) -> Result<Vec<Meas
             points.push(tool.apply(&Vector3::from(reading)));
         }
     }
-    let middle =
-        |points: &Vec<Vector3<f64>>| Vector3::from_fn(|i, _| median(&points.iter().map(|p| p[i]).collect::<Vec<_>>()));
+    let middle = |ball: usize| median_point(&seen[ball]);
     let balls: Vec<usize> = (0..seen.len()).filter(|b| !seen[*b].is_empty()).collect();
     let pairs = balls.iter().flat_map(|a| balls.iter().filter(move |b| a < b).map(move |b| (*a, *b)));
     Ok(pairs
@@ -116,7 +115,7 @@ fn distances(model: &Model, data: &Dataset, place: BallPlace) -> Result<Vec<Meas
             place: ball_places::name(data, place),
             balls: [a + 1, b + 1],
             cell_mm: (model.cell.balls[a] - model.cell.balls[b]).norm() * 1e3,
-            measured_mm: (middle(&seen[a]) - middle(&seen[b])).norm() * 1e3,
+            measured_mm: (middle(a) - middle(b)).norm() * 1e3,
         })
         .collect())
 }

@@ -34,12 +34,12 @@ const LAST: usize = 25;
 /// Which sessions share a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToolSharing {
-    /// Those whose measurements do not say otherwise.
+    /// Sessions whose measurements do not say otherwise.
     #[default]
     FromData,
-    /// All.
+    /// All sessions.
     Same,
-    /// None: each has its own.
+    /// No sessions: each has its own.
     Own,
 }
 
@@ -161,9 +161,9 @@ pub struct Calibration {
     pub fitted: Identified,
     /// The nominal arm, its frame and tool identified.
     pub nominal: Model,
-    /// Its errors, m, one for each observation of `fitted.data`.
+    /// Errors of the nominal arm, m, one for each observation of `fitted.data`.
     pub each_before: Vec<f64>,
-    /// And summed up, of all rows.
+    /// Errors of the nominal arm at all rows, summed up.
     pub before: ErrorSummary,
     /// Errors of the fit at all rows.
     pub errors: ErrorSummary,
@@ -177,13 +177,13 @@ pub struct Calibration {
     pub forward_in_time: Option<(usize, ErrorSummary)>,
     /// Measurements used.
     pub observations: usize,
-    /// Poses, and blocks of neighbouring ones, of `fitted.data`.
+    /// Number of poses of `fitted.data`.
     pub poses: usize,
-    /// See [`Folds::blocks`].
+    /// Number of blocks of neighbouring poses of `fitted.data` ([`Folds::blocks`]).
     pub blocks: usize,
     /// Rows that were rejected.
     pub rejected: usize,
-    /// Those of them that are named.
+    /// The rejected rows that are named.
     pub named: Vec<Rejected>,
     /// Whether gross errors were looked for.
     pub cleaned: bool,
@@ -222,7 +222,6 @@ impl Calibration {
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
         if self.passes.is_none() {
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             out.extend(too_many(f.free.len() as f64, f.free.len(), &Folds::of(&f.data)));
         }
         out
@@ -423,7 +422,7 @@ pub fn calibrate(
     })
 }
 
-/// The same from CSV files that are read in passes: what is scored at unseen poses is left out, and sessions share their tool.
+/// As [`calibrate`], from CSV files that are read in passes: what is scored at unseen poses is left out, and sessions share their tool.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -496,13 +495,7 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
                 t.basis.session == Some(session) && matches!(t.site, Site::Fixture(_)) == of_balls
             })
             .collect();
-        let rows: usize = data
-            .observations
-            .iter()
-            .filter(|o| o.state.session == Some(session))
-            .map(|o| trical_model::residual_rows(&o.measured))
-            .sum();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
+        let rows = data.filtered(|o| o.state.session == Some(session)).scalars();
         let price = own.len() as f64 * (rows.max(2) as f64).ln();
         !own.is_empty() && fitted.wald(&own) > price
     };
@@ -545,11 +538,7 @@ fn unseen(data: &Dataset, scored: &dyn Fn(usize) -> bool, fit: Fit<'_>) -> Resul
         unknown.into_iter().filter(|p| !known.contains(p) || told(&train, *p) < told(data, *p)).collect();
     let nowhere = |o: &crate::dataset::Observation| place_of(o).is_some_and(|p| poor.contains(&p));
     if let Some(o) = scored.observations.iter().find(|o| nowhere(o)) {
-        return Err(IdentError::Recording {
-            file: data.names[o.recording].clone(),
-            place: format!("line {}", o.line),
-            problem: "where the balls stood cannot be told from the poses that are fitted".into(),
-        });
+        return Err(data.error(o, "where the balls stood cannot be told from the poses that are fitted"));
     }
     let forward = trical_model::Forward::new(fitted.model, Vec::new())?;
     Ok(position_errors(&forward, &scored))

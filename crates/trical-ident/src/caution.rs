@@ -34,10 +34,7 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
             .iter()
             .map(|o| o.state.q[k])
             .max_by(|a, b| beyond(*a, limits).total_cmp(&beyond(*b, limits)))?;
-        let (per_si, unit) = match robot.joints[k].kind {
-            JointKind::Revolute => (1.0_f64.to_degrees(), "deg"),
-            JointKind::Prismatic => (1e3, "mm"),
-        };
+        let (per_si, unit) = robot.joints[k].kind.unit();
         (beyond(worst, limits) > BEYOND).then(|| {
             let [low, high] = limits.map(|l| l * per_si);
             format!("joint {} at {:.1} {unit} (limits {low:.0} to {high:.0})", k + 1, worst * per_si)
@@ -107,7 +104,6 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
             turn.to_degrees()
         ));
     }
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     if (rows as f64) < FEW * parameters as f64 {
         out.push(format!(
             "{rows} numbers were measured for {parameters} parameters: the error at these very measurements says little about the \
@@ -217,7 +213,6 @@ fn numbers(joints: &[usize]) -> String {
 #[must_use]
 pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> Option<String> {
     let blocks = folds.blocks();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     (3.0 * parameters > blocks as f64).then(|| {
         let determined = format!("{parameters:.0}");
         let of = if determined == fitted.to_string() { String::new() } else { format!(" of {fitted}") };

@@ -11,13 +11,15 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Mat, Par, Side};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term, residual_rows};
+use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term};
 
 use crate::dataset::{Dataset, JointSource};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
 use crate::model_file::{ModelFile, Uncertainty};
 use crate::noise::Noise;
+use crate::predicted::covariance;
+use crate::rigid::mean;
 use crate::triangle::dot;
 use crate::units::unit;
 use crate::validate::{Refit, adapted};
@@ -168,15 +170,12 @@ pub fn compare(
     let (model, explanations, free) = with_explanations(model, &data, uncertainty);
     let whitened = Whitened::of(&model, &free, &explanations, &data, uncertainty)?;
     let mut out = whitened.compare(&model, &explanations);
-    let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     out.recording.clone_from(&recording.name);
     out.hash = crate::repeated::fingerprint(recording);
     out.measurements = adapted.data.observations.len();
     out.mean_mm = mean(&errors) * 1e3;
     out.noise_mm = uncertainty.noise * 1e3;
-    out.temp_c = (!temperatures.is_empty()).then(|| mean(&temperatures));
+    out.temp_c = adapted.data.mean_temp_c();
     out.summary = in_words(&out);
     if let Some(doubt) = doubt(&out, usual_mm(&adapted.data)) {
         out.summary += &format!(" {doubt}");
@@ -233,15 +232,14 @@ fn with_explanations(mut model: Model, data: &Dataset, old: &Uncertainty) -> (Mo
         let name = format!("joint {joint}");
         add(&mut model, name.clone(), Scope::Arm, vec![(name, Site::Joint { joint })]);
     }
-    let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
     let mut tool: Vec<(String, Site)> = Vec::new();
-    if any(&|m| !matches!(m, Measured::Point { .. })) {
-        let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+    if data.has(|m| !matches!(m, Measured::Point { .. })) {
+        let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
         let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
         tool.extend(motions.iter().map(|m| (format!("tool {}", m.name()), Site::Tool(*m))));
     }
     for target in 1..=model.cell.tool.targets.len() {
-        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
             let site = |axis: Axis| (format!("target {target} {}", axis.name()), Site::Target { target, axis });
             tool.extend(Axis::ALL.map(site));
         }
@@ -319,7 +317,7 @@ impl Whitened {
         let p = all.len();
         let forward = Forward::new(model.clone(), all.clone())?;
         check_observations(&forward, data)?;
-        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let rows = data.scalars();
         let (mut jacobian, mut residual) = (Mat::<f64>::zeros(rows, p), vec![0.0; rows]);
         let (mut ws, mut buffer, mut at) = (forward.workspace(), vec![0.0; 6 * p], 0);
         let mut spans = Vec::new();
@@ -334,13 +332,9 @@ impl Whitened {
             spans.push((at, n));
             at += n;
         }
-        let count = old.names.len();
-        let sd = |k: usize| model.terms[free.old[k].0].sd.unwrap_or(0.0);
-        let c = |i: usize, j: usize| old.correlation[free.old[i].1 * count + free.old[j].1] * sd(i) * sd(j);
         let m = free.old.len();
-        let covariance = Mat::from_fn(m, m, c);
         let of_old = jacobian.submatrix(0, 0, rows, m);
-        let mut sigma = of_old * &covariance * of_old.transpose();
+        let mut sigma = of_old * &covariance(model, old, &free.old) * of_old.transpose();
         (0..rows).for_each(|i| sigma[(i, i)] += 1.0);
         // rounded correlations may be a hair from positive
         let llt = Llt::new(sigma.as_ref(), Side::Lower).map_err(|_| {
@@ -385,7 +379,6 @@ impl Whitened {
         let more_noise = self.more_noise(explanations);
         let families = explanations.len();
         let limit = FALSE_ALARMS / families as f64;
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let rows = self.rows as f64;
         let mut taken: Vec<usize> = Vec::new();
         let mut found: Vec<(usize, f64, f64, Vec<String>)> = Vec::new();
@@ -470,7 +463,6 @@ impl Whitened {
         // by the median, which one wrong touch does not move
         let mut squares: Vec<f64> = left.iter().map(|x| x * x).collect();
         squares.sort_by(f64::total_cmp);
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let share = self.rows as f64 / freedom as f64;
         (squares[squares.len() / 2] / 0.4549 * share).max(1.0)
     }
@@ -517,7 +509,6 @@ impl Whitened {
     /// The smallest change of each explanation that would be seen.
     fn visible(&self, model: &Model, explanations: &[Explanation], more_noise: f64) -> Vec<Visible> {
         let limit = FALSE_ALARMS / explanations.len() as f64;
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let share = SHARE * (self.rows as f64).sqrt();
         let machine = explanations.iter().zip(&self.columns).filter(|(e, _)| e.touch.is_none());
         let size = |(e, columns): (&Explanation, &Vec<Vec<f64>>)| {
@@ -545,14 +536,12 @@ impl Whitened {
 /// Evidence in nats of `rank` numbers that take up `t`: their prior is as wide as what was found (George & Foster 2000), so that more
 /// numbers pay for being more.
 fn evidence(t: f64, rank: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let k = rank.max(1) as f64;
     if t > k { 0.5 * (t - k - k * (t / k).ln()) } else { 0.0 }
 }
 
 /// Upper tail of chi-squared.
 fn tail(t: f64, rank: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     ChiSquared::new(rank as f64).map_or(1.0, |d| d.sf(t))
 }
 
@@ -563,7 +552,6 @@ fn largest(unit: &str) -> f64 {
 
 /// Length (in standard deviations) of a change that passes `limit`, and is at least `share`, with the chance [`SEEN`].
 fn lambda(limit: f64, rank: usize, share: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let threshold = ChiSquared::new(rank as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - limit)).sqrt();
     // the length of a vector with mean lambda in one of its directions is about normal above it
     let above = statrs::distribution::Normal::standard().inverse_cdf(SEEN);

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use trical_model::{Joints, Measured, Pose, Recording, Row, State};
+use trical_model::{Joints, Measured, Pose, Recording, Row, State, residual_rows};
 
 use crate::error::{IdentError, Result};
 use crate::repeated::refuse_repeated;
-use crate::rigid::{median, rigid_from_points};
+use crate::rigid::{mean, median, median_point, rigid_from_points};
 
 /// Which joint angles the model is to believe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -27,10 +27,9 @@ impl JointSource {
         if self == Self::Read {
             return Ok(row.state);
         }
-        let q = row.state.q_commanded.ok_or_else(|| IdentError::Recording {
-            file: recording.to_owned(),
-            place: format!("line {}", row.line),
-            problem: "has no commanded joints (qc1_deg ...), but --joints commanded was asked for".into(),
+        let q = row.state.q_commanded.ok_or_else(|| {
+            let problem = "has no commanded joints (qc1_deg ...), but --joints commanded was asked for";
+            IdentError::at_line(recording, row.line, problem)
         })?;
         Ok(State { q, ..row.state })
     }
@@ -209,8 +208,8 @@ impl Dataset {
             return known.cloned().unwrap_or_default();
         }
         let place = |k: usize| -> Option<Vector3<f64>> {
-            let of: Vec<&Vector3<f64>> = seen.iter().filter(|s| s.1.0 == k).map(|s| &s.1.1).collect();
-            (!of.is_empty()).then(|| Vector3::from_fn(|i, _| median(&of.iter().map(|p| p[i]).collect::<Vec<_>>())))
+            let of: Vec<Vector3<f64>> = seen.iter().filter(|s| s.1.0 == k).map(|s| s.1.1).collect();
+            (!of.is_empty()).then(|| median_point(&of))
         };
         let mut places: Vec<Option<Vector3<f64>>> = match known {
             Some(k) => k.positions.iter().map(|p| p.map(Vector3::from)).collect(),
@@ -239,18 +238,39 @@ impl Dataset {
         References { positions: places.iter().map(|p| p.map(Into::into)).collect() }
     }
 
+    /// What is wrong with an observation, with its file and line.
+    pub(crate) fn error(&self, o: &Observation, problem: impl Into<String>) -> IdentError {
+        IdentError::at_line(&self.names[o.recording], o.line, problem)
+    }
+
+    /// Whether some measurement is such a one.
+    pub(crate) fn has(&self, such: impl Fn(&Measured) -> bool) -> bool {
+        self.observations.iter().any(|o| such(&o.measured))
+    }
+
+    /// Mean temperature, degC, where it was recorded.
+    pub(crate) fn mean_temp_c(&self) -> Option<f64> {
+        let all: Vec<f64> = self.observations.iter().filter_map(|o| o.state.temp_c).collect();
+        (!all.is_empty()).then(|| mean(&all))
+    }
+
+    /// Number of scalars measured.
+    pub(crate) fn scalars(&self) -> usize {
+        self.observations.iter().map(|o| residual_rows(&o.measured)).sum()
+    }
+
     fn reject(&mut self, o: &Observation, name: &str, reason: String) {
         self.rejected.push(Rejected { recording: name.to_owned(), line: o.line, row: o.row, reason });
     }
 
-    /// The same data with only those observations for which `keep` holds.
+    /// This data with only those observations for which `keep` holds.
     #[must_use]
     pub fn filtered(&self, keep: impl Fn(&Observation) -> bool) -> Self {
         let observations = self.observations.iter().filter(|o| keep(o)).copied().collect();
         Self { observations, rejected: self.rejected.clone(), ..self.shell() }
     }
 
-    /// The same without observations.
+    /// This data without its observations.
     pub(crate) fn shell(&self) -> Self {
         Self {
             names: self.names.clone(),
@@ -266,7 +286,7 @@ impl Dataset {
         }
     }
 
-    /// The same with the sessions of a model: session `sessions[k]` for recording k, `None` for one that the model does not know.
+    /// This data with the sessions of a model: session `sessions[k]` for recording k, `None` for one that the model does not know.
     #[must_use]
     pub fn in_sessions(mut self, sessions: &[Option<u32>]) -> Self {
         for o in &mut self.observations {

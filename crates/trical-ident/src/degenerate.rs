@@ -18,10 +18,6 @@ const FAR_M: f64 = 1000.0;
 const SAME_RAD: f64 = 1.745e-3;
 const SAME_M: f64 = 1e-4;
 
-fn error(data: &Dataset, o: &Observation, problem: String) -> IdentError {
-    IdentError::Recording { file: data.names[o.recording].clone(), place: format!("line {}", o.line), problem }
-}
-
 /// Checks that every number is one that an arm or an instrument can give.
 ///
 /// # Errors
@@ -29,25 +25,24 @@ fn error(data: &Dataset, o: &Observation, problem: String) -> IdentError {
 pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
     for o in &data.observations {
         for (k, (q, joint)) in o.state.q.iter().zip(&robot.joints).enumerate() {
-            let (shown, limit, unit) = match joint.kind {
-                JointKind::Revolute => (q.to_degrees(), FAR_RAD.to_degrees().round(), "deg"),
-                JointKind::Prismatic => (q * 1e3, FAR_M * 1e3, "mm"),
-            };
+            let (per_si, unit) = joint.kind.unit();
+            let far = if joint.kind == JointKind::Prismatic { FAR_M } else { FAR_RAD };
+            let (shown, limit) = (q * per_si, (far * per_si).round());
             if !(q.is_finite() && shown.abs() <= limit) {
                 let problem = format!("joint {}: found {shown} {unit}, expected between -{limit} and {limit}", k + 1);
-                return Err(error(data, o, problem));
+                return Err(data.error(o, problem));
             }
         }
         let (what, numbers) = o.measured.lengths();
         if let Some(x) = numbers.iter().find(|x| !(x.is_finite() && x.abs() <= FAR_M)) {
             let problem = format!("{what}: found {} mm, expected less than a kilometre", x * 1e3);
-            return Err(error(data, o, problem));
+            return Err(data.error(o, problem));
         }
         if let Measured::Pose { quaternion, .. } = &o.measured {
             let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
             // NaN too
             if (length - 1.0).abs() > 1e-2 || length.is_nan() {
-                return Err(error(data, o, format!("quaternion: found length {length}, expected 1")));
+                return Err(data.error(o, format!("quaternion: found length {length}, expected 1")));
             }
         }
     }
@@ -161,7 +156,6 @@ const TURN_AS_DEG: f64 = 2.0 * std::f64::consts::PI * std::f64::consts::PI / 180
 /// Root mean square distance from the mean.
 fn spread(points: impl Iterator<Item = Vector3<f64>>) -> f64 {
     let points: Vec<Vector3<f64>> = points.collect();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = points.len().max(1) as f64;
     let middle = points.iter().sum::<Vector3<f64>>() / n;
     (points.iter().map(|p| (p - middle).norm_squared()).sum::<f64>() / n).sqrt()
@@ -187,10 +181,7 @@ fn bin(robot: &Robot, o: &Observation) -> [i64; MAX_JOINTS] {
     let mut key = [0_i64; MAX_JOINTS];
     for ((k, q), joint) in key.iter_mut().zip(&o.state.q).zip(&robot.joints) {
         let step = if joint.kind == JointKind::Prismatic { SAME_M } else { SAME_RAD };
-        #[expect(clippy::cast_possible_truncation, reason = "values were checked: a few million bins")]
-        {
-            *k = (q / step).round() as i64;
-        }
+        *k = (q / step).round() as i64;
     }
     key
 }

@@ -42,5 +42,12 @@ pub enum IdentError {
     Model(#[from] ModelError),
 }
 
+impl IdentError {
+    /// What is wrong with a line of a recording.
+    pub(crate) fn at_line(file: &str, line: usize, problem: impl Into<String>) -> Self {
+        Self::Recording { file: file.to_owned(), place: format!("line {line}"), problem: problem.into() }
+    }
+}
+
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, IdentError>;

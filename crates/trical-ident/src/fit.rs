@@ -16,11 +16,7 @@ use crate::normal::{CHUNK, Keep, Rows};
 /// The first that cannot, with its file and line.
 pub fn check_observations(forward: &Forward, data: &Dataset) -> Result<()> {
     for o in &data.observations {
-        forward.check(&o.state, &o.measured, o.frame).map_err(|e| IdentError::Recording {
-            file: data.names[o.recording].clone(),
-            place: format!("line {}", o.line),
-            problem: e.to_string(),
-        })?;
+        forward.check(&o.state, &o.measured, o.frame).map_err(|e| data.error(o, e.to_string()))?;
     }
     Ok(())
 }
@@ -30,7 +26,7 @@ pub fn check_observations(forward: &Forward, data: &Dataset) -> Result<()> {
 /// # Errors
 /// Fewer than the `p` parameters that are to be identified, with what priors add.
 pub fn check_count(data: &Dataset, p: usize, known: &[Known]) -> Result<usize> {
-    let scalars: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
+    let scalars = data.scalars();
     if scalars + known.iter().filter(|k| k.prior.is_some()).count() < p {
         return Err(IdentError::NotEnough(format!(
             "{} measurements give {scalars} numbers, but {p} parameters are to be identified: more measurements, or a \
@@ -120,6 +116,10 @@ pub fn weighted_residuals(forward: &Forward, data: &Dataset, noise: &Noise) -> V
         .collect()
 }
 
+pub(crate) fn length(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
 /// Orientation error of every observation of a full pose, rad: the angle between predicted and measured orientation.
 #[must_use]
 pub fn orientation_errors(forward: &Forward, data: &Dataset) -> Vec<f64> {
@@ -128,7 +128,7 @@ pub fn orientation_errors(forward: &Forward, data: &Dataset) -> Vec<f64> {
     poses
         .map(|o| {
             forward.residual(&o.state, &o.measured, o.frame, &mut ws);
-            ws.residual()[3..].iter().map(|r| r * r).sum::<f64>().sqrt()
+            length(&ws.residual()[3..])
         })
         .collect()
 }
@@ -142,7 +142,7 @@ pub fn position_errors(forward: &Forward, data: &Dataset) -> Vec<f64> {
         .iter()
         .map(|o| {
             let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws).min(3);
-            ws.residual()[..rows].iter().map(|r| r * r).sum::<f64>().sqrt()
+            length(&ws.residual()[..rows])
         })
         .collect()
 }

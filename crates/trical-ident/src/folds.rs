@@ -123,7 +123,7 @@ impl Folds {
         (0..folds).map(|f| -> Split<'_> { Box::new(move |pose| self.at(pose) % folds == f) }).collect()
     }
 
-    /// The same by a fit without its block.
+    /// `folds` splits in which every pose is scored once, by a fit without its block.
     #[must_use]
     pub fn by_block(&self, folds: usize) -> Vec<Split<'_>> {
         let fold = std::sync::Arc::new(self.fold_of_blocks(folds));
@@ -187,11 +187,7 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
     };
     if n <= COMPARED {
         // sorted by the first joint that moves most, only neighbours within `near` along it are compared
-        let spread = |axis: usize| {
-            let of = joints.iter().map(|q| q[axis]);
-            of.clone().fold(f64::MIN, f64::max) - of.fold(f64::MAX, f64::min)
-        };
-        let axis = (0..MAX_JOINTS).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
+        let axis = longest(joints.iter());
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| joints[*a][axis].total_cmp(&joints[*b][axis]));
         for (i, a) in order.iter().enumerate() {
@@ -204,7 +200,6 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
     } else if near > 0.0 {
         let mut cells = std::collections::BTreeMap::new();
         for (k, q) in joints.iter().enumerate() {
-            #[expect(clippy::cast_possible_truncation, reason = "joint values are a few turns")]
             let cell: [i64; MAX_JOINTS] = std::array::from_fn(|i| (q[i] / near).floor() as i64);
             let first = *cells.entry(cell).or_insert(k);
             join(first, k);
@@ -215,7 +210,6 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
         let r = root(&mut parent, k);
         members.entry(r).or_default().push(k);
     }
-    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts")]
     let largest = ((n as f64 * LARGEST) as usize).max(1);
     let mut whole: Vec<Vec<usize>> = members.into_values().flat_map(|m| divided(joints, m, largest)).collect();
     whole.sort_by_key(|m| m.iter().min().copied());
@@ -228,16 +222,21 @@ fn blocks(joints: &[Joints]) -> Vec<usize> {
     block
 }
 
+/// The joint along which poses are spread most.
+fn longest<'a>(poses: impl Iterator<Item = &'a Joints> + Clone) -> usize {
+    let spread = |axis: usize| {
+        let of = poses.clone().map(|q| q[axis]);
+        of.clone().fold(f64::MIN, f64::max) - of.fold(f64::MAX, f64::min)
+    };
+    (0..MAX_JOINTS).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0)
+}
+
 /// A block of at most `largest` poses as it is; a larger one cut in two halves across its longest direction, and so on.
 fn divided(joints: &[Joints], mut members: Vec<usize>, largest: usize) -> Vec<Vec<usize>> {
     if members.len() <= largest {
         return vec![members];
     }
-    let spread = |axis: usize| {
-        let of = members.iter().map(|k| joints[*k][axis]);
-        of.clone().fold(f64::MIN, f64::max) - of.fold(f64::MAX, f64::min)
-    };
-    let axis = (0..MAX_JOINTS).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
+    let axis = longest(members.iter().map(|k| &joints[*k]));
     members.sort_by(|a, b| joints[*a][axis].total_cmp(&joints[*b][axis]).then(a.cmp(b)));
     let rest = members.split_off(members.len() / 2);
     let mut out = divided(joints, members, largest);

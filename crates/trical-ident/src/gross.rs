@@ -4,7 +4,7 @@ use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_observations, position_errors, weighted_residuals};
+use crate::fit::{check_observations, length, position_errors, weighted_residuals};
 use crate::identifiability::ParameterSet;
 use crate::identify::{manner, prepared};
 use crate::noise::Noise;
@@ -40,8 +40,8 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
         let (forward, noise) = richest(robot, cell, some.as_ref().unwrap_or(&kept), &mut sets)?;
         check_observations(&forward, &kept)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
-        let length = |r: &([f64; 6], usize)| r.0[..r.1].iter().map(|v| v * v).sum::<f64>().sqrt();
-        let bad: Vec<usize> = (0..residuals.len()).filter(|i| length(&residuals[*i]) > limit).collect();
+        let times: Vec<f64> = residuals.iter().map(|(r, rows)| length(&r[..*rows])).collect();
+        let bad: Vec<usize> = (0..times.len()).filter(|i| times[*i] > limit).collect();
         if bad.is_empty() {
             break;
         }
@@ -53,7 +53,7 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
                 recording: kept.names[o.recording].clone(),
                 line: o.line,
                 row: o.row,
-                reason: gross_error(errors[*i], length(&residuals[*i]), right_ball(&forward, &noise, o, &mut ws)),
+                reason: gross_error(errors[*i], times[*i], right_ball(&forward, &noise, o, &mut ws)),
             });
         }
         // they are in order

@@ -10,6 +10,7 @@ use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
 use crate::repeated::refuse_repeated;
+use crate::rigid::mean;
 use crate::validate::adapted;
 
 /// Errors over sessions as a straight line.
@@ -78,7 +79,6 @@ pub fn history(
     let first = of_learnt.chain(days.iter().flatten().copied()).fold(f64::INFINITY, f64::min);
     let days = days.map(|d| d.iter().map(|x| x - first).collect::<Vec<_>>());
     learnt.iter_mut().for_each(|b| b.day = b.day.filter(|_| days.is_some()).map(|day| day - first));
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let steps = days.clone().unwrap_or_else(|| (0..sessions.len()).map(|k| k as f64).collect());
     let errors: Vec<f64> = sessions.iter().map(|s| s.mean_mm).collect();
     let trend = trend(&steps, &errors);
@@ -90,14 +90,11 @@ pub fn history(
 fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Option<JointSource>) -> Result<Beginning> {
     let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, None, true)?;
     let errors = position_errors(&Forward::new(adapted.identified()?, Vec::new())?, &adapted.data);
-    let temperatures: Vec<f64> = adapted.data.observations.iter().filter_map(|o| o.state.temp_c).collect();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     Ok(Beginning {
         recording: recording.name.clone(),
         measurements: errors.len(),
         mean_mm: mean(&errors) * 1e3,
-        temp_c: (!temperatures.is_empty()).then(|| mean(&temperatures)),
+        temp_c: adapted.data.mean_temp_c(),
         day: day_in(&recording.name),
     })
 }
@@ -117,14 +114,12 @@ fn day_in(name: &str) -> Option<f64> {
         }
         // days of the civil calendar, years that begin in March
         let (y, m) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-        #[expect(clippy::cast_precision_loss, reason = "a date")]
         Some((365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day) as f64)
     })
 }
 
 /// Least squares line, with how surely it rises; `None` for fewer than four points or all at one time.
 fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = x.len() as f64;
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
     let sxx: f64 = x.iter().map(|x| (x - mx).powi(2)).sum();

@@ -93,7 +93,6 @@ pub fn observability(r: &Mat<f64>, rows: usize) -> (Observability, Vec<f64>) {
 
 /// The indices from the singular values of the scaled Jacobian of `rows` scalars, largest first.
 pub(crate) fn indices(s: &[f64], rows: usize) -> Observability {
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let (pf, m) = (s.len().max(1) as f64, rows.max(1) as f64);
     let largest = s.first().copied().unwrap_or(0.0);
     let smallest = s.last().copied().unwrap_or(0.0);
@@ -147,7 +146,7 @@ pub(crate) fn covariance(r: &Mat<f64>, scale: &[f64]) -> Vec<f64> {
 pub enum ParameterSet {
     /// Measuring frame or base, and tool points, only: the nominal arm.
     Nominal,
-    /// And the whole geometry of a rigid arm, the twist of near-parallel axes (Hayati's beta) included.
+    /// The nominal arm's, and the whole geometry of a rigid arm, the twist of near-parallel axes (Hayati's beta) included.
     Geometry,
     /// The paper's 31 parameters: the geometry without that twist, and the compliance of every joint that carries a torque.
     Compliance,
@@ -223,19 +222,19 @@ impl Choice {
         }
     }
 
-    /// The same parameters, with what is known of them beforehand.
+    /// These parameters, with what is known of them beforehand.
     #[must_use]
     pub fn knowing(self, known: KnownParameters) -> Self {
         Self { known, ..self }
     }
 
-    /// The same with tools, targets and places of balls of their own for some sessions.
+    /// These parameters, with tools, targets and places of balls of their own for some sessions.
     #[must_use]
     pub fn with_own(self, own: OwnSetup) -> Self {
         Self { own, ..self }
     }
 
-    /// The same with two harmonics of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
+    /// These parameters, with two harmonics of each joint's error over its own angle, once and twice a turn: an eccentric gear or encoder.
     #[must_use]
     pub fn with_waves(self) -> Self {
         Self { waves: true, ..self }
@@ -268,10 +267,10 @@ impl Choice {
         self.elasticity_of(robot, !rows.is_empty() && rows.iter().all(|o| o.state.torques.is_some()))
     }
 
-    /// The same where every row has torques, or not.
+    /// As [`Self::elasticity`], told whether every row has torques.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::elasticity`].
     pub(crate) fn elasticity_of(&self, robot: &Robot, has_torques: bool) -> Result<Elasticity> {
         if self.set < ParameterSet::Compliance {
             return Ok(Elasticity::NotAsked);
@@ -287,7 +286,7 @@ impl Choice {
         }
     }
 
-    /// The same with these of [`optional_groups`], by name.
+    /// These parameters, with those of [`optional_groups`] that are named.
     #[must_use]
     pub(crate) fn with_optional(self, optional: Vec<String>) -> Self {
         Self { optional, ..self }
@@ -316,7 +315,7 @@ impl From<ParameterSet> for Choice {
 pub struct Dependent {
     /// Its name.
     pub name: String,
-    /// Those that move together with it.
+    /// Parameters that move together with it.
     pub with: Vec<String>,
     /// Whether they do so only as long as some joints hardly move, as in this data: then it is held at its nominal value.
     pub held: bool,
@@ -330,10 +329,9 @@ fn constant(name: String, effect: &str, site: Site) -> Term {
 fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term>> {
     let set = choice.set;
     let n = model.robot.dof();
-    let any = |f: &dyn Fn(&Measured) -> bool| data.observations.iter().any(|o| f(&o.measured));
-    let touch = any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
-    let based = any(&|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
-    let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+    let touch = data.has(|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
+    let based = data.has(|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
+    let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
     let mut terms = Vec::new();
     let many = model.frames.len() > 1;
     for frame in 1..=model.frames.len() {
@@ -354,7 +352,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
     }
     let targets = model.cell.tool.targets.len();
     for target in 1..=targets {
-        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
             for axis in trical_model::Axis::ALL {
                 let name = if targets == 1 { "target".to_owned() } else { format!("target{target}") };
                 terms.push(constant(format!("{name}_{}", axis.name()), "target", Site::Target { target, axis }));

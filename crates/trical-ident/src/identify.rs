@@ -27,7 +27,7 @@ use crate::solver::{Ended, Factored, LmParams, LmReport, Solver};
 use crate::weak::{by_prior, plausible, wanders, with_priors};
 
 /// Columns with a condition above this cannot be told apart by the data.
-pub(crate) const CONDITION_LIMIT: f64 = 1e9;
+const CONDITION_LIMIT: f64 = 1e9;
 
 /// A fitted model and what the fit knows about itself.
 #[derive(Clone, Debug)]
@@ -75,7 +75,6 @@ impl ErrorSummary {
     /// Of errors in m.
     #[must_use]
     pub fn of(errors: &[f64]) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = errors.len().max(1) as f64;
         let mean = errors.iter().sum::<f64>() / n;
         let square = errors.iter().map(|e| e * e).sum::<f64>() / n;
@@ -302,15 +301,13 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     let p = moved.len();
     let Factored { r, spectrum } =
         if p == free.len() { factored } else { Factored::of(triangular(&factored.r, &moved)) };
+    let names = || moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect::<Vec<_>>();
     // first, since an iteration on data of deficient rank may also fail to converge
     if !spectrum.as_ref().is_some_and(|(_, s)| tells_apart(s)) {
-        let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();
-        let weak = weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
-        return Err(rank_deficient(&forward.model().robot, data, &weak));
+        return Err(rank_deficient(&forward.model().robot, data, &r, names()));
     }
     if matches!(report.ended, Ended::Iterations | Ended::Stuck) {
-        let names: Vec<String> = moved.iter().map(|k| forward.model().terms[free[*k]].name.clone()).collect();
-        let weak = weakest_direction(&r, &names, 1.0).unwrap_or_default();
+        let weak = weakest_direction(&r, &names(), 1.0).unwrap_or_default();
         return Err(IdentError::NotConverged(
             format!(
                 "it stopped after {} iterations{}, gradient {:.1e}; are robot.toml and cell.toml those of this arm{}? These measurements determine {}{} least: measure more varied poses, or identify fewer parameters",
@@ -325,7 +322,6 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     }
     let rows: usize = residuals.iter().map(|(_, n)| n).sum();
     let square: f64 = residuals.iter().map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>()).sum();
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let variance = square / (rows - p).max(1) as f64;
     let (scale, singular) = spectrum.unwrap_or_default();
     let of_moved = covariance(&r, &scale);
@@ -358,9 +354,10 @@ fn in_radians(data: &Dataset) -> bool {
     most.to_degrees() < 6.3
 }
 
-/// Parameters that the data cannot tell apart, and what about the data may be why.
-pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> IdentError {
-    let what = match weak {
+/// Which of the parameters `names` of the factor `r` the data cannot tell apart, and what about the data may be why.
+pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, r: &Mat<f64>, names: Vec<String>) -> IdentError {
+    let weak = weakest_direction(r, &names, CONDITION_LIMIT).unwrap_or(names);
+    let what = match &weak[..] {
         [one] => format!("cannot tell {one}"),
         _ => format!("cannot tell {} apart", weak.join(", ")),
     };
@@ -381,26 +378,18 @@ pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, weak: &[String]) -> 
 pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> Result<(Model, Vec<Dependent>)> {
     check_values(robot, data)?;
     for o in &data.observations {
-        if let Measured::Touch { ball, .. } = o.measured
-            && ball >= cell.balls.len()
-        {
+        let (what, found, of, count) = match o.measured {
+            Measured::Touch { ball, .. } => ("ball", ball, "the cell", cell.balls.len()),
+            Measured::Point { target, .. } => {
+                ("target", target, "the cell's [tool] targets_mm", cell.tool.targets.len())
+            }
+            _ => continue,
+        };
+        if found >= count {
             return Err(IdentError::Recording {
                 file: data.names[o.recording].clone(),
-                place: format!("line {}, column ball", o.line),
-                problem: format!("found ball {}, but the cell has {}", ball + 1, cell.balls.len()),
-            });
-        }
-        if let Measured::Point { target, .. } = o.measured
-            && target >= cell.tool.targets.len()
-        {
-            return Err(IdentError::Recording {
-                file: data.names[o.recording].clone(),
-                place: format!("line {}, column target", o.line),
-                problem: format!(
-                    "found target {}, but the cell's [tool] targets_mm has {}",
-                    target + 1,
-                    cell.tool.targets.len()
-                ),
+                place: format!("line {}, column {what}", o.line),
+                problem: format!("found {what} {}, but {of} has {count}", found + 1),
             });
         }
     }
@@ -419,7 +408,7 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
 /// The model on which structure is judged: the nominal one. Where there are only lengths, which need no idea of where the base
 /// stands or the tool is, these come from the data: a tool that the cell leaves on the last axis would hide parameters.
 fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
-    if data.observations.iter().any(|o| !matches!(o.measured, Measured::Distance { .. })) {
+    if data.has(|m| !matches!(m, Measured::Distance { .. })) {
         return Ok(Cow::Borrowed(nominal));
     }
     let constant = |site| trical_model::Term::new("start", "start", site, trical_model::Basis::CONSTANT);
@@ -456,7 +445,6 @@ pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Ch
     let needed = |group: &&Vec<String>| {
         let own: Vec<usize> =
             (0..all.free.len()).filter(|k| group.contains(&all.model.terms[all.free[*k]].name)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let price = own.len() as f64 * (numbers as f64).ln();
         !own.is_empty() && all.wald(&own) > price
     };

@@ -7,7 +7,7 @@ use trical_model::{Cell, Forward, Measured, Model, Motion, Pose, Scope, Site, Te
 use crate::ball_places::{self, BallPlace};
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
-use crate::rigid::{median, nearest_rotation, robust_rigid_from_points};
+use crate::rigid::{median, median_point, nearest_rotation, robust_rigid_from_points};
 use crate::trilateration::{Length, base_from_anchors, trilaterate};
 
 /// One observation as the closed forms see it: the flange by nominal kinematics, and the point that the tool was at.
@@ -40,7 +40,7 @@ pub fn initial_guess(model: &mut Model, data: &Dataset) -> Result<()> {
     guess(model, data, Vec::new())
 }
 
-/// The same for sessions that a fitted model does not know: by its own arm, and only what belongs to these sessions.
+/// A start for sessions that a fitted model does not know: by its own arm, and only of what belongs to these sessions.
 ///
 /// # Errors
 /// As [`initial_guess`].
@@ -188,7 +188,7 @@ fn frames_and_points(sights: &[Sight], data: &Dataset, points: &mut [Vec<Vector3
                 })
                 .collect();
             if in_flange.len() >= 3 {
-                let found = Vector3::from_fn(|i, _| median(&in_flange.iter().map(|p| p[i]).collect::<Vec<_>>()));
+                let found = median_point(&in_flange);
                 moved = moved.max((found - *point).norm());
                 *point = found;
             }

@@ -40,7 +40,6 @@ pub struct OverPoses {
 
 impl OverPoses {
     fn of(values_mm: &[f64]) -> Option<Self> {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let mean_mm = values_mm.iter().sum::<f64>() / values_mm.len() as f64;
         let max_mm = values_mm.iter().copied().fold(0.0, f64::max);
         (!values_mm.is_empty()).then_some(Self { n: values_mm.len(), mean_mm, max_mm })
@@ -79,7 +78,6 @@ pub fn repeatability(pose: &Visited) -> Option<f64> {
 /// AD of two poses, m: mean distance between their visits (the first with the first, ...) minus the commanded one.
 #[must_use]
 pub fn distance_accuracy(from: &Visited, to: &Visited) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let mean = |a: &[Vector3<f64>], b: &[Vector3<f64>]| {
         let n = a.len().min(b.len()).max(1) as f64;
         a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / n

@@ -78,7 +78,7 @@ impl KnownParameters {
     /// As [`Self::load`], of text; `file` is for messages.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::load`].
     pub fn parse(text: &str, file: &str) -> Result<Self> {
         let error = |problem: String| IdentError::File { file: file.to_owned(), problem };
         let mut known: Self = trical_model::error::parse_toml(text, file)?;

@@ -55,7 +55,6 @@ impl Uncertainty {
         let square: f64 = fitted.errors().unwrap_or_default().iter().map(|e| e * e).sum();
         let scalars: usize =
             fitted.data.observations.iter().map(|o| trical_model::residual_rows(&o.measured).min(3)).sum();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
@@ -63,7 +62,7 @@ impl Uncertainty {
     }
 }
 
-/// See [`Uncertainty::course`].
+/// How far what happened in the course of the sessions moved a coordinate, m ([`Uncertainty::course`]).
 fn of_course(fitted: &Identified) -> Result<f64> {
     let mut without = fitted.model.clone();
     without.terms.iter_mut().filter(|t| t.scope() == Scope::Course).for_each(|t| t.value = 0.0);

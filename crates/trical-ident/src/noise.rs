@@ -40,7 +40,7 @@ impl Noise {
         Self { sigma: vec![[1e-5, 1e-5, 1e-5, 5e-5, 1e-4]; recordings] }
     }
 
-    /// The same for touches of printed sockets, whose play is some tenths of a millimetre: 0.2 mm.
+    /// Usual noise, but that of touches of printed sockets, whose play is some tenths of a millimetre: 0.2 mm.
     #[must_use]
     pub fn of_sockets(recordings: usize) -> Self {
         let mut noise = Self::usual(recordings);
@@ -68,7 +68,6 @@ impl Noise {
 
     /// As [`Noise::update`], from sums of squares.
     pub(crate) fn update_from(&mut self, squares: &Squares, parameters: usize) -> Option<f64> {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let share = (1.0 - parameters as f64 / squares.count()).max(0.1);
         let (mut factor, mut groups) = (1.0, 0);
         for (sigma, sums) in self.sigma.iter_mut().zip(&squares.sums) {

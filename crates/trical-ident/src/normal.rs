@@ -242,7 +242,7 @@ fn triangularize(a: &mut Mat<f64>) {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used, clippy::cast_precision_loss)]
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     /// Sums of both kinds over the same 700 rows of four parameters and a residual.

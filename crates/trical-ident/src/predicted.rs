@@ -27,13 +27,13 @@ pub struct Predicted {
     /// Standard deviation of a coordinate of the measured position, root mean square over the measurements, mm: that of the parameters, the
     /// scatter of measurements, and what may happen in the course of a session, together.
     pub sd_mm: f64,
-    /// That of the parameters alone.
+    /// Standard deviation by the uncertainty of the parameters alone, mm.
     pub parameters_sd_mm: f64,
     /// Share of the coordinates that were found within 1.96 of their own standard deviations: 0.95 where the standard deviations are true.
     pub covered: f64,
-    /// The same at joint angles that the model was learnt at, and at others; `null` where there are none.
+    /// `covered` at joint angles that the model was learnt at; `null` where there are none.
     pub covered_visited: Option<f64>,
-    /// See `covered_visited`.
+    /// `covered` at joint angles that the model was not learnt at; `null` where there are none.
     pub covered_beyond: Option<f64>,
 }
 
@@ -79,14 +79,12 @@ pub(crate) fn predicted(
     let all = coordinates(model, uncertainty, (own, train), data, learnt)?;
     let root_mean = |of: &dyn Fn(&Coordinate) -> f64| {
         let square: f64 = all.iter().map(|c| of(c).powi(2)).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = all.len().max(1) as f64;
         (square / n).sqrt() * 1e3
     };
     let covered = |pick: &dyn Fn(&Coordinate) -> bool| {
         let some: Vec<&Coordinate> = all.iter().filter(|c| pick(c)).collect();
         let held = some.iter().filter(|c| c.error.abs() <= HOLDS_95 * c.all).count();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         (!some.is_empty()).then(|| held as f64 / some.len() as f64)
     };
     let is_beyond = |c: &Coordinate| beyond.get(c.observation).copied().unwrap_or(false);
@@ -141,8 +139,8 @@ fn known(model: &Model, uncertainty: &Uncertainty, pick: &dyn Fn(usize) -> bool)
     asked.filter_map(|k| Some((k, place(k)?))).collect()
 }
 
-/// Of such terms.
-fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat<f64> {
+/// Covariance of such terms.
+pub(crate) fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat<f64> {
     let (m, count) = (known.len(), uncertainty.names.len());
     let sd = |k: usize| model.terms[known[k].0].sd.unwrap_or(0.0);
     Mat::from_fn(m, m, |i, j| uncertainty.correlation[known[i].1 * count + known[j].1] * sd(i) * sd(j))

@@ -39,7 +39,6 @@ pub struct Scatter {
 }
 
 /// Pose repeatability of ISO 9283: RP = mean(l) + 3 S.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 pub(crate) fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
     if points.len() < 2 {
         return None;
@@ -59,7 +58,6 @@ pub(crate) fn scatter(points: &[Vector3<f64>]) -> Option<Scatter> {
     })
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a count")]
 pub(crate) fn barycentre(points: &[Vector3<f64>]) -> Vector3<f64> {
     points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64
 }
@@ -259,19 +257,12 @@ fn place(number: usize, visits: &[&Visit], touches: bool, joints: usize) -> Opti
     let mut senses: BTreeMap<String, Vec<Vector3<f64>>> = BTreeMap::new();
     for v in visits {
         let Some(dir) = v.dir else { continue };
-        let signs = dir
-            .iter()
-            .take(joints)
-            .map(|d| {
-                if *d > 0 {
-                    '+'
-                } else if *d < 0 {
-                    '-'
-                } else {
-                    '0'
-                }
-            })
-            .collect();
+        let sign = |d: &i8| match d.signum() {
+            1 => '+',
+            -1 => '-',
+            _ => '0',
+        };
+        let signs = dir.iter().take(joints).map(sign).collect();
         senses.entry(signs).or_default().push(v.at);
     }
     let middles: Vec<Vector3<f64>> = senses.values().map(|p| barycentre(p)).collect();
@@ -289,7 +280,6 @@ fn place(number: usize, visits: &[&Visit], touches: bool, joints: usize) -> Opti
     })
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn by_ball(places: &[Place], touches: bool) -> Vec<OfBall> {
     let mut balls: BTreeMap<usize, Vec<&Scatter>> = BTreeMap::new();
     for p in places {
@@ -308,7 +298,6 @@ fn by_ball(places: &[Place], touches: bool) -> Vec<OfBall> {
 }
 
 /// For each joint: places that were approached with both senses, and by how much the two differ on average.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn by_joint_sense(places: &[Vec<&Visit>], joints: usize) -> Vec<OfJoint> {
     let mut all = Vec::new();
     for joint in 0..joints {
@@ -346,7 +335,6 @@ fn by_joint_sense(places: &[Vec<&Visit>], joints: usize) -> Vec<OfJoint> {
 }
 
 /// A straight line in time through the deviations of all visits from their places.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn drift(places: &[Vec<&Visit>]) -> Option<Drift> {
     let mut pairs: Vec<(f64, Vector3<f64>)> = Vec::new();
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -25,7 +25,6 @@ pub fn rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Pose>
     if pairs.len() < 3 {
         return None;
     }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = pairs.len() as f64;
     let (mut ca, mut cb) = (Vector3::zeros(), Vector3::zeros());
     for (a, b) in pairs {
@@ -66,6 +65,17 @@ pub fn robust_rigid_from_points(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Optio
         }
     }
     Some(pose)
+}
+
+/// The mean; 0 of nothing.
+pub(crate) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// The point whose coordinates are the medians of those of `points`.
+#[must_use]
+pub fn median_point(points: &[Vector3<f64>]) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| median(&points.iter().map(|p| p[i]).collect::<Vec<_>>()))
 }
 
 /// The median; 0 of nothing.

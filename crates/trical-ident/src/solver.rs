@@ -113,6 +113,32 @@ pub struct LmReport {
     pub ended: Ended,
 }
 
+/// How much steps are held back (columns have unit length).
+struct Damping {
+    lambda: f64,
+    /// By how much the next refused step raises it.
+    rise: f64,
+    /// Where tries cost much, each of several steps refused in a row raises it by more (Nielsen 1999).
+    faster: f64,
+}
+
+impl Damping {
+    fn refused(&mut self) {
+        self.lambda = (self.lambda * self.rise).max(1e-9);
+        self.rise *= self.faster;
+    }
+
+    /// A step was taken, which lowered the cost by so much of what was predicted.
+    fn taken(&mut self, gain: f64) {
+        self.rise = 10.0;
+        if gain > 0.75 {
+            self.lambda = (self.lambda * 0.1).max(1e-15);
+        } else if gain < 0.25 {
+            self.lambda *= 4.0;
+        }
+    }
+}
+
 /// Minimizes the weighted sum of squares over the free coefficients of `forward`, from their present values.
 ///
 /// # Errors
@@ -258,9 +284,8 @@ impl Solver {
         }
         self.held.fill(false);
         evaluate(forward, data, noise, known, params.huber, &mut self.at);
-        // where tries cost much, each of several steps refused in a row raises the damping by more (Nielsen 1999)
         let many = p > MANY;
-        let (mut lambda, mut rise, faster) = (LAMBDA, 10.0, if many { 10.0 } else { 1.0 });
+        let mut damping = Damping { lambda: LAMBDA, rise: 10.0, faster: if many { 10.0 } else { 1.0 } };
         let mut report = LmReport { iterations: 0, cost: self.at.cost, gradient: 0.0, ended: Ended::Iterations };
         if !self.at.cost.is_finite() {
             return Err(IdentError::NotConverged("the residuals are not finite at the start".into()));
@@ -277,33 +302,24 @@ impl Solver {
                 self.hold(&x, known);
                 report.gradient = self.rescale(forward)?;
             }
-            if self.at.cost < 1e-22 * (1.0 + f64::from(u32::try_from(scalars).unwrap_or(u32::MAX))) {
+            if self.at.cost < 1e-22 * (1.0 + scalars as f64) {
                 report.ended = Ended::Zero;
                 break;
             }
-            if !self.step(lambda, &x, known) {
-                lambda = (lambda * rise).max(1e-9);
-                rise *= faster;
+            if !self.step(damping.lambda, &x, known) {
+                damping.refused();
                 fresh = false;
-                if lambda > 1e6 {
+                if damping.lambda > 1e6 {
                     report.ended = Ended::Stuck;
                     break;
                 }
                 continue;
             }
-            // predicted decrease of the cost, and the step in units of what the data can tell
-            let (mut predicted, mut size) = (0.0, 0.0_f64);
-            for (i, ((to, from), scale)) in self.proposal.iter_mut().zip(&x).zip(&self.scale).enumerate() {
-                let step = self.rhs[(i, 0)];
-                predicted += 0.5 * step * (lambda * step - self.at.g(i) / scale);
-                size = size.max(step.abs());
-                *to = from + step / scale;
-            }
+            let (mut predicted, size) = self.propose(damping.lambda, &x);
             if limited {
                 predicted = self.stop_at_targets(&x);
                 if predicted <= 0.0 && size >= params.step_tolerance {
-                    lambda = (lambda * rise).max(1e-9);
-                    rise *= faster;
+                    damping.refused();
                     fresh = false;
                     continue;
                 }
@@ -321,7 +337,6 @@ impl Solver {
                 let gain = fell / predicted.max(1e-300);
                 x.copy_from_slice(&self.proposal);
                 // twice the fall that is foreseen is the squared length of the step, where each direction is measured by its standard deviation
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let mean = (2.0 * predicted / p as f64).sqrt();
                 let small_step = size.min(mean) < params.step_tolerance;
                 let small_fall =
@@ -334,13 +349,9 @@ impl Solver {
                     }
                     std::mem::swap(&mut self.at, &mut self.tried);
                 }
-                (fresh, rise) = (true, 10.0);
+                fresh = true;
                 report.cost = new_cost;
-                if gain > 0.75 {
-                    lambda = (lambda * 0.1).max(1e-15);
-                } else if gain < 0.25 {
-                    lambda *= 4.0;
-                }
+                damping.taken(gain);
                 if small_step || small_fall {
                     report.ended = if small_step { Ended::Step } else { Ended::Cost };
                     self.hold(&x, known);
@@ -354,9 +365,8 @@ impl Solver {
                     report.ended = Ended::Cost;
                     break;
                 }
-                lambda = (lambda * rise).max(1e-9);
-                rise *= faster;
-                if lambda > 1e9 {
+                damping.refused();
+                if damping.lambda > 1e9 {
                     report.ended = Ended::Stuck;
                     break;
                 }
@@ -365,6 +375,19 @@ impl Solver {
         forward.set_coefficients(&x);
         report.cost = self.at.cost;
         Ok(report)
+    }
+
+    /// Where the step that was solved for leads from `x`; the decrease of the cost that is predicted, and the largest part of the step in units
+    /// of what the data can tell.
+    fn propose(&mut self, lambda: f64, x: &[f64]) -> (f64, f64) {
+        let (mut predicted, mut size) = (0.0, 0.0_f64);
+        for (i, ((to, from), scale)) in self.proposal.iter_mut().zip(x).zip(&self.scale).enumerate() {
+            let step = self.rhs[(i, 0)];
+            predicted += 0.5 * step * (lambda * step - self.at.g(i) / scale);
+            size = size.max(step.abs());
+            *to = from + step / scale;
+        }
+        (predicted, size)
     }
 
     /// Finds the coefficients at a limit beyond which the cost would fall.

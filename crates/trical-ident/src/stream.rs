@@ -17,9 +17,10 @@ use trical_recording::stream::BlockRows;
 
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
+use crate::fit::length;
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
 use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
-use crate::identify::{CONDITION_LIMIT, ErrorSummary, Identified, identify, rank_deficient, tells_apart};
+use crate::identify::{ErrorSummary, Identified, identify, rank_deficient, tells_apart};
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
 use crate::solver::{Ended, Factored, LmReport};
@@ -85,7 +86,7 @@ pub struct Streamed {
     pub named: Vec<Rejected>,
     /// Position errors at all rows; the median is that of the sample.
     pub errors: ErrorSummary,
-    /// Those of the nominal arm, its frame and tool identified on the sample.
+    /// Position errors of the nominal arm, its frame and tool identified on the sample.
     pub before: ErrorSummary,
     /// Passes over the files after the first.
     pub passes: usize,
@@ -139,7 +140,7 @@ impl Verdict {
     }
 }
 
-/// The same of one block, whose rows are counted from 1.
+/// What the first pass finds out about the rows of one block, which are counted from 1.
 #[derive(Default)]
 struct BlockVerdict {
     rows: usize,
@@ -242,8 +243,7 @@ pub fn identify_stream(
         };
         let Some((scale, singular)) = spectrum.filter(|(_, s)| tells_apart(s)) else {
             let names: Vec<String> = start.free.iter().map(|k| fit.model().terms[*k].name.clone()).collect();
-            let weak = crate::identifiability::weakest_direction(&r, &names, CONDITION_LIMIT).unwrap_or(names);
-            return Err(rank_deficient(robot, data, &weak));
+            return Err(rank_deficient(robot, data, &r, names));
         };
         let estimate = Estimate::of(r, whole, scale, singular, &sums.squares);
         let mut updated = noise.clone();
@@ -316,7 +316,7 @@ impl Estimate {
         let covariance = covariance(&r, &scale);
         let cost = 0.5 * squares.total();
         let scalars = squares.count();
-        let freedom = (scalars - f64::from(u32::try_from(p).unwrap_or(u32::MAX))).max(1.0);
+        let freedom = (scalars - p as f64).max(1.0);
         let variance = 2.0 * cost / freedom;
         let sd = (0..p).map(|k| (covariance[k * p + k] * variance).max(0.0).sqrt()).collect();
         Self { r, whole, scale, singular, scalars, cost, variance, covariance, sd, step }
@@ -341,7 +341,6 @@ impl Estimate {
             model.terms[*index].sd = Some(*sd);
         }
         let report = LmReport { iterations: passes, cost: self.cost, gradient: self.gradient(), ended: Ended::Step };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
         let observability = indices(&self.singular, self.scalars as usize);
         let covariance = self.covariance.iter().map(|c| c * self.variance).collect();
         Identified { model, at_limit: Vec::new(), noise, covariance, observability, report, ..start }
@@ -350,11 +349,6 @@ impl Estimate {
 
 fn not_converged(what: &str) -> IdentError {
     IdentError::NotConverged(format!("{what}; are robot.toml and cell.toml those of this arm?"))
-}
-
-/// Length of the residual of a place or a length, m.
-fn length(residual: &[f64; 6], rows: usize) -> f64 {
-    residual[..rows.min(3)].iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 impl Pass<'_> {
@@ -398,24 +392,16 @@ impl Pass<'_> {
                 line: row.line,
             };
             if self.known.is_none() {
-                fit.check(&o.state, &o.measured, o.frame).map_err(|e| IdentError::Recording {
-                    file: name.clone(),
-                    place: format!("line {}", row.line),
-                    problem: e.to_string(),
-                })?;
+                fit.check(&o.state, &o.measured, o.frame).map_err(|e| data.error(&o, e.to_string()))?;
                 if !self.judges.accept(&o, name, &mut judges, &mut found) {
                     return Ok(());
                 }
             }
             sums.rows.observe(fit, &mut ws, &o, noise, f64::INFINITY);
             let rows = trical_model::residual_rows(&o.measured);
-            sums.after.add(length(ws.residual(), rows));
-            let weighted: [f64; 6] =
-                std::array::from_fn(
-                    |k| {
-                        if k < rows { ws.residual()[k] / noise.sigma(index, &o.measured, k) } else { 0.0 }
-                    },
-                );
+            sums.after.add(length(&ws.residual()[..rows.min(3)]));
+            let in_sigma = |k: usize| ws.residual()[k] / noise.sigma(index, &o.measured, k);
+            let weighted: [f64; 6] = std::array::from_fn(|k| if k < rows { in_sigma(k) } else { 0.0 });
             sums.squares.add(index, &o.measured, &weighted[..rows]);
             sums.count += 1;
             Ok(())
@@ -448,14 +434,14 @@ impl Judges<'_> {
                         recording: name.to_owned(),
                         line: o.line,
                         row: o.row,
-                        reason: gross_error(length(r, rows), off, right_ball(robust, noise, o, ws)),
+                        reason: gross_error(length(&r[..rows.min(3)]), off, right_ball(robust, noise, o, ws)),
                     });
                 }
                 return false;
             }
         }
         let rows = self.nominal.residual(&o.state, &o.measured, o.frame, ws_nominal);
-        found.before.add(length(ws_nominal.residual(), rows));
+        found.before.add(length(&ws_nominal.residual()[..rows.min(3)]));
         true
     }
 }

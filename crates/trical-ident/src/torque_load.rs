@@ -21,7 +21,7 @@ pub struct TorqueLoad {
     pub beside: String,
     /// By how much more is on the flange, kg, and its standard deviation.
     pub mass_kg: f64,
-    /// See `mass_kg`.
+    /// Standard deviation of `mass_kg`.
     pub sd_kg: f64,
     /// Where the centre of gravity of what was added (or taken off) is, in the flange's frame, mm; `null` where that is less sure than 50 mm.
     pub cog_mm: Option<[f64; 3]>,
@@ -176,7 +176,6 @@ impl Fit {
         let llt = Llt::new(self.normal.as_ref(), Side::Lower).ok()?;
         let solution = llt.solve(&self.right);
         let explained: f64 = (0..p).map(|i| solution[(i, 0)] * self.right[(i, 0)]).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let variance = ((self.squares - explained) / self.rows.saturating_sub(p).max(1) as f64).max(0.0);
         let inverse = llt.solve(Mat::<f64>::identity(p, p));
         let sign = if self.sense < 0.0 { -1.0 } else { 1.0 };

@@ -129,7 +129,6 @@ fn refined(lengths: &[Length], index: &[usize], anchors: &mut [V3], tcp: &mut V3
             })
             .collect()
     };
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let rms = |rows: &[(DVector<f64>, f64)]| (rows.iter().map(|r| r.1 * r.1).sum::<f64>() / rows.len() as f64).sqrt();
     let mut rows = residual(anchors, tcp);
     let mut best = rms(&rows);

@@ -97,9 +97,9 @@ impl SessionErrors {
 /// A term that says nothing here, and why.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LeftOut {
-    /// Its name.
+    /// Name of the term.
     pub term: String,
-    /// Its effect.
+    /// Effect of the term.
     pub effect: String,
     /// In words.
     pub reason: String,
@@ -118,9 +118,9 @@ pub struct Validation {
     pub beyond: Option<usize>,
     /// How far off the model says that it may be, beside what was found; `null` where its file does not say how uncertain it is.
     pub predicted: Option<Predicted>,
-    /// The same by recording.
+    /// Errors of each recording.
     pub sessions: Vec<SessionErrors>,
-    /// The same by region.
+    /// Errors of each region.
     pub regions: Vec<Region>,
     /// Terms of the model that say nothing of these recordings.
     pub left_out: Vec<LeftOut>,
@@ -482,7 +482,7 @@ fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model
 
 /// Indices of the terms that are identified for the sessions that are refitted.
 fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
-    let lengths = train.observations.iter().any(|o| matches!(o.measured, Measured::Distance { .. }));
+    let lengths = train.has(|m| matches!(m, Measured::Distance { .. }));
     let base = lengths && places.iter().any(|p| p.refit.frame);
     let own = |t: &Term| {
         t.basis.session.is_some_and(|s| places.iter().any(|p| p.session == s && p.refit.any()))
@@ -499,8 +499,7 @@ fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
 
 /// "q2 -32.0 to 10.5 deg", "q1 0.0 to 900.0 mm" where joint 1 slides.
 fn stretch(robot: &Robot, joint: usize, ends: [f64; 2]) -> String {
-    let slides = robot.joints.get(joint).is_some_and(|j| j.kind == JointKind::Prismatic);
-    let (scale, unit) = if slides { (1e3, "mm") } else { (1.0_f64.to_degrees(), "deg") };
+    let (scale, unit) = robot.joints.get(joint).map_or_else(JointKind::default, |j| j.kind).unit();
     // no "-0.0"
     let [low, high] = ends.map(|q| (q * scale * 10.0).round() / 10.0 + 0.0);
     format!("q{} {low:.1} to {high:.1} {unit}", joint + 1)
@@ -522,8 +521,7 @@ fn from_the_middle(data: &Dataset) -> Vec<Option<f64>> {
             _ => None,
         })
         .collect();
-    let along = |k: usize| places.iter().flatten().map(|p| p[k]).collect::<Vec<_>>();
-    let middle = nalgebra::Vector3::from_fn(|k, _| crate::rigid::median(&along(k)));
+    let middle = crate::rigid::median_point(&places.iter().flatten().copied().collect::<Vec<_>>());
     places.iter().map(|p| p.map(|p| (p - middle).norm())).collect()
 }
 

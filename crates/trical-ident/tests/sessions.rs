@@ -30,7 +30,6 @@ fn seen(truth: &Model, session: u64, off: [f64; 3]) -> Recording {
     for t in &mut model.cell.tool.targets {
         *t += Vector3::from(off);
     }
-    #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let s = session as f64;
     let rotation = rotation_zyx(0.7 * s, 0.2 * s, -0.1 * s);
     model.frames = vec![Pose { rotation, translation: Vector3::new(2.0 - s, 0.5 * s, 0.3) }];

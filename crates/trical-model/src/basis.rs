@@ -346,7 +346,7 @@ impl Basis {
         self.beside.map_or(Ok(()), |b| b.shape.check())
     }
 
-    /// The same in one session only.
+    /// This basis in one session only.
     #[must_use]
     pub fn in_session(self, session: u32) -> Self {
         Self { session: Some(session), ..self }

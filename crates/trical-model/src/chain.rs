@@ -15,7 +15,7 @@ use crate::trig::{all_sin_cos, sin_cos};
 type V3 = Vector3<f64>;
 
 /// Columns of a rotation matrix.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Axes {
     pub x: V3,
     pub y: V3,
@@ -70,6 +70,19 @@ pub(crate) fn small_rotation(v: &[f64; 6]) -> (Axes, nalgebra::Matrix3<f64>) {
     let (sz, cz) = v[5].sin_cos();
     let axes = Axes { x: V3::new(cz * cy, sz * cy, -sy), y: V3::new(-sz, cz, 0.0), z: V3::z() };
     (axes, crate::pose::rotation_zyx(v[5], v[4], v[3]))
+}
+
+/// The first three of x, y, z, rx, ry, rz.
+#[inline]
+pub(crate) fn shift(v: &[f64; 6]) -> V3 {
+    V3::new(v[0], v[1], v[2])
+}
+
+/// A frame that stands beside its reference by x, y, z, rx, ry, rz, and the axes about which these three turn it.
+#[inline]
+pub(crate) fn moved(reference: &Pose, by: &[f64; 6]) -> (Pose, Axes) {
+    let (turns, turn) = small_rotation(by);
+    (Pose { rotation: turn * reference.rotation, translation: reference.translation + shift(by) }, turns)
 }
 
 /// A motion of all that lies behind a site: a rotation about an axis through a point, or a translation.
@@ -132,7 +145,7 @@ fn turned_by((s, c): (f64, f64), d: f64) -> (f64, f64) {
 }
 
 /// Constants of one joint with the constant terms included.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Constants {
     prismatic: bool,
     alpha: f64,
@@ -148,7 +161,7 @@ struct Constants {
 }
 
 /// Frames of one joint in {w}.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct JointFrames {
     x_before: V3,
     o_before: V3,
@@ -166,26 +179,8 @@ pub(crate) struct JointFrames {
     turn: (f64, f64),
 }
 
-const NO_AXES: Axes = Axes { x: V3::new(1.0, 0.0, 0.0), y: V3::new(0.0, 1.0, 0.0), z: V3::new(0.0, 0.0, 1.0) };
-
-const NO_FRAMES: JointFrames = {
-    let zero = V3::new(0.0, 0.0, 0.0);
-    JointFrames {
-        x_before: zero,
-        o_before: zero,
-        y_beta: zero,
-        o_beta: zero,
-        bearing: NO_AXES,
-        y_tilt: zero,
-        z_tilted: zero,
-        origin: zero,
-        axes: NO_AXES,
-        turn: (0.0, 1.0),
-    }
-};
-
 /// Frames of all joints at one pose.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Frames {
     pub base_axes: Axes,
     pub base_origin: V3,
@@ -197,10 +192,16 @@ pub(crate) struct Frames {
 }
 
 /// Origin and axes of a frame in {w}.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Place {
     pub origin: V3,
     pub axes: Axes,
+}
+
+impl JointFrames {
+    pub fn pose(&self) -> Pose {
+        Pose { rotation: self.axes.matrix(), translation: self.origin }
+    }
 }
 
 impl Place {
@@ -214,17 +215,6 @@ impl Place {
 }
 
 impl Frames {
-    pub fn new() -> Self {
-        let zero = V3::zeros();
-        Self {
-            base_axes: NO_AXES,
-            base_origin: zero,
-            base_turns: NO_AXES,
-            joints: [NO_FRAMES; MAX_JOINTS],
-            flange: Place { origin: zero, axes: NO_AXES },
-        }
-    }
-
     /// Twist of a motion within joint `i`.
     #[inline]
     pub fn twist(&self, i: usize, dof: ChainDof) -> Twist {
@@ -274,20 +264,7 @@ impl Chain {
         constant: &[JointIncrement; MAX_JOINTS],
         base: &[f64; 6],
     ) -> Self {
-        let empty = Constants {
-            prismatic: false,
-            alpha: 0.0,
-            a: 0.0,
-            beta: 0.0,
-            d: 0.0,
-            tilt: [0.0; 2],
-            theta: 0.0,
-            alpha_sc: (0.0, 1.0),
-            plain: true,
-            mass: 0.0,
-            cog: V3::zeros(),
-        };
-        let mut joints = [empty; MAX_JOINTS];
+        let mut joints = [Constants::default(); MAX_JOINTS];
         for ((to, j), inc) in joints.iter_mut().zip(&robot.joints).zip(constant) {
             let alpha = j.alpha + inc[ChainDof::Alpha as usize];
             let beta = j.beta + inc[ChainDof::Beta as usize];
@@ -306,15 +283,12 @@ impl Chain {
                 cog: j.cog,
             };
         }
-        let (base_turns, turn) = small_rotation(base);
+        let (base, base_turns) = moved(world_from_base, base);
         Self {
             n: robot.dof(),
             joints,
             reference: *world_from_base,
-            base: Pose {
-                rotation: turn * world_from_base.rotation,
-                translation: world_from_base.translation + V3::new(base[0], base[1], base[2]),
-            },
+            base,
             base_turns,
             root: (robot.root_from_zero != Pose::identity()).then_some(robot.root_from_zero),
             flange: (robot.last_from_flange != Pose::identity()).then_some(robot.last_from_flange),
@@ -334,11 +308,7 @@ impl Chain {
 
     /// As [`Chain::run`], with the base moved by `base` (x, y, z, rx, ry, rz in {w}) from nominal, its constant terms included.
     pub fn run_with_base(&self, base: &[f64; 6], q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
-        let (turns, turn) = small_rotation(base);
-        let moved = Pose {
-            rotation: turn * self.reference.rotation,
-            translation: self.reference.translation + V3::new(base[0], base[1], base[2]),
-        };
+        let (moved, turns) = moved(&self.reference, base);
         frames.base_turns = turns;
         self.run_from(&moved, q, increments, frames);
     }
@@ -404,7 +374,7 @@ impl Chain {
                     plain = false;
                 }
             }
-            let mut unasked = NO_FRAMES;
+            let mut unasked = JointFrames::default();
             let f = joints.as_deref_mut().map_or(&mut unasked, |all| &mut all[i]);
             f.turn = known.unwrap_or_else(|| sin_cos(theta));
             f.x_before = axes.x;

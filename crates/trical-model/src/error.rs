@@ -65,6 +65,13 @@ pub enum ModelError {
     Stopped,
 }
 
+impl ModelError {
+    /// What is wrong with a file as a whole.
+    pub(crate) fn unreadable(file: &str, problem: impl Into<String>) -> Self {
+        Self::Unreadable { file: file.to_owned(), problem: problem.into() }
+    }
+}
+
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, ModelError>;
 
@@ -87,10 +94,9 @@ pub(crate) fn parse_toml_of<T: serde::de::DeserializeOwned>(kind: &str, text: &s
         let has = |keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
         let kinds = [("model", &["term", "robot"][..]), ("robot", &["joint"]), ("cell", &["base", "tool", "balls"])];
         match kinds.iter().find(|(_, keys)| has(keys)) {
-            Some((found, _)) if *found != kind => ModelError::Unreadable {
-                file: file.to_owned(),
-                problem: format!("is a {found} file, expected a {kind} file ({kind}.toml)"),
-            },
+            Some((found, _)) if *found != kind => {
+                ModelError::unreadable(file, format!("is a {found} file, expected a {kind} file ({kind}.toml)"))
+            }
             _ => e,
         }
     })
@@ -104,7 +110,7 @@ pub const LARGEST_TEXT: usize = 20_000_000;
 pub fn read_text(path: &std::path::Path) -> Result<String> {
     use std::io::Read;
     let file = path.display().to_string();
-    let unreadable = |problem: String| ModelError::Unreadable { file: file.clone(), problem };
+    let unreadable = |problem: String| ModelError::unreadable(&file, problem);
     let mut bytes = Vec::new();
     std::fs::File::open(path)
         .and_then(|f| f.take(LARGEST_TEXT as u64 + 1).read_to_end(&mut bytes))
@@ -113,6 +119,32 @@ pub fn read_text(path: &std::path::Path) -> Result<String> {
         return Err(unreadable(format!("has more than {LARGEST_TEXT} bytes, expected a text of at most that")));
     }
     String::from_utf8(bytes).map_err(|_| unreadable("is not UTF-8 text".into()))
+}
+
+/// The line (1-based) of each offset; offsets must not fall.
+pub struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> Lines<'a> {
+    /// Counts lines of `bytes`.
+    #[must_use]
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, line: 1 }
+    }
+
+    /// The line of the byte at `offset`.
+    pub fn of(&mut self, offset: usize) -> usize {
+        if offset < self.at {
+            (self.at, self.line) = (0, 1);
+        }
+        let end = offset.min(self.bytes.len());
+        self.line += self.bytes[self.at..end].iter().filter(|b| **b == b'\n').count();
+        self.at = end;
+        self.line
+    }
 }
 
 /// What was found in a file, as long as a message bears it: the first `most` characters, and that there are more.

@@ -9,7 +9,10 @@ use nalgebra::{Matrix3, Vector3};
 use crate::axis::Axis;
 use crate::basis::{Basis, Variable, Wave};
 use crate::cell::Cell;
-use crate::chain::{Axes, Chain, Frames, Increments, JointIncrement, Loads, Moment, MomentAt, Place, small_rotation};
+use crate::chain::{
+    Axes, Chain, Frames, Increments, JointFrames, JointIncrement, Loads, Moment, MomentAt, Place, moved, shift,
+    small_rotation,
+};
 use crate::error::{ModelError, Result};
 use crate::ik::usual::Usual;
 use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
@@ -285,8 +288,8 @@ impl Forward {
     #[must_use]
     pub fn workspace(&self) -> Workspace {
         Workspace {
-            still: Frames::new(),
-            moved: Frames::new(),
+            still: Frames::default(),
+            moved: Frames::default(),
             loads: Loads::new(),
             moments: Vec::with_capacity(self.moments.len()),
             says: vec![0.0; self.bound.len()],
@@ -343,22 +346,7 @@ impl Forward {
         self.tool_turns = turns;
         self.tool_rotation = turn * cell.tool.rotation;
         self.fixture = fixture;
-        self.frames = self
-            .model
-            .frames
-            .iter()
-            .zip(&frames)
-            .map(|(reference, v)| {
-                let (turns, turn) = small_rotation(v);
-                (
-                    Pose {
-                        rotation: turn * reference.rotation,
-                        translation: reference.translation + V3::new(v[0], v[1], v[2]),
-                    },
-                    turns,
-                )
-            })
-            .collect();
+        self.frames = self.model.frames.iter().zip(&frames).map(|(reference, by)| moved(reference, by)).collect();
         self.frame_moves = frames;
     }
 
@@ -492,7 +480,7 @@ impl Forward {
     /// The TCP in the flange frame at this pose.
     #[inline]
     pub(crate) fn tcp_in_flange(&self, ws: &Workspace) -> V3 {
-        self.model.cell.tool.tcp + V3::new(ws.tool[0], ws.tool[1], ws.tool[2])
+        self.model.cell.tool.tcp + shift(&ws.tool)
     }
 
     /// How far the tool has moved on the flange at this pose, beyond its constant place.
@@ -509,10 +497,7 @@ impl Forward {
         if ws.frame == *still {
             return (*pose, *turns);
         }
-        let reference = &self.model.frames[frame];
-        let (turns, turn) = small_rotation(&ws.frame);
-        let t = V3::new(ws.frame[0], ws.frame[1], ws.frame[2]);
-        (Pose { rotation: turn * reference.rotation, translation: reference.translation + t }, turns)
+        moved(&self.model.frames[frame], &ws.frame)
     }
 
     pub(crate) fn ball_at(&self, ball: usize, ws: &Workspace) -> (V3, Axes) {
@@ -521,7 +506,7 @@ impl Forward {
             return (self.balls[ball] + V3::from(ws.point), Axes::of(&Pose::identity()));
         }
         let (turns, turn) = small_rotation(f);
-        (turn * (self.balls[ball] + V3::from(ws.point)) + V3::new(f[0], f[1], f[2]), turns)
+        (turn * (self.balls[ball] + V3::from(ws.point)) + shift(f), turns)
     }
 
     /// The pose of the tool's TCP in {w}: what the arm really does at `state`, by this model.
@@ -576,17 +561,14 @@ impl Forward {
     /// Frames {1} to {n} of the joints in {w}.
     pub fn world_from_joints(&self, state: &State, ws: &mut Workspace) -> Vec<Pose> {
         self.frames_unmeasured(state, ws);
-        let pose = |f: &crate::chain::JointFrames| Pose { rotation: f.axes.matrix(), translation: f.origin };
-        ws.moved.joints[..self.chain.dof()].iter().map(pose).collect()
+        ws.moved.joints[..self.chain.dof()].iter().map(JointFrames::pose).collect()
     }
 
     /// As [`Forward::world_from_links`], into a slice of n + 1 poses.
     pub fn world_from_links_into(&self, state: &State, ws: &mut Workspace, links: &mut [Pose]) {
         self.frames_unmeasured(state, ws);
         let base = Pose { rotation: ws.moved.base_axes.matrix(), translation: ws.moved.base_origin };
-        let joints = ws.moved.joints[..self.chain.dof() - 1]
-            .iter()
-            .map(|f| Pose { rotation: f.axes.matrix(), translation: f.origin });
+        let joints = ws.moved.joints[..self.chain.dof() - 1].iter().map(JointFrames::pose);
         let flange = std::iter::once(ws.moved.flange.pose());
         for (to, from) in links.iter_mut().zip(std::iter::once(base).chain(joints).chain(flange)) {
             *to = from;

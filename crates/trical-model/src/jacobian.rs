@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::basis::{Basis, Variable};
-use crate::chain::Moment;
+use crate::chain::{Moment, shift};
 use crate::forward::{Forward, NOTHING, Workspace, residual_rows};
 use crate::pose::Pose;
 use crate::recording::{Measured, State};
@@ -284,8 +284,7 @@ impl Forward {
                     let v = if k < 3 {
                         E[k]
                     } else {
-                        let f = V3::new(ws.fixture[0], ws.fixture[1], ws.fixture[2]);
-                        [turns.x, turns.y, turns.z][k - 3].cross(&(place - f))
+                        [turns.x, turns.y, turns.z][k - 3].cross(&(place - shift(&ws.fixture)))
                     };
                     [-v.x, -v.y, -v.z, 0.0, 0.0, 0.0]
                 }

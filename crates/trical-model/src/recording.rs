@@ -60,7 +60,6 @@ impl State {
 
     /// The same at the pose of this number.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "no recording has 2^53 poses")]
     pub fn numbered(self, seq: Option<u64>) -> Self {
         Self { seq: seq.map(|number| number as f64), ..self }
     }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::cell::Cell;
-use crate::chain::small_rotation;
+use crate::chain::{moved, shift, small_rotation};
 use crate::error::Result;
 use crate::forward::{Forward, Model};
 use crate::recording::State;
@@ -77,9 +77,7 @@ impl Model {
             }
         }
         let turn = |v: &[f64; 6]| small_rotation(v).1;
-        let shift = |v: &[f64; 6]| Vector3::new(v[0], v[1], v[2]);
-        cell.world_from_base.rotation = turn(&base) * cell.world_from_base.rotation;
-        cell.world_from_base.translation += shift(&base);
+        cell.world_from_base = moved(&cell.world_from_base, &base).0;
         cell.tool.rotation = turn(&tool) * cell.tool.rotation;
         cell.tool.tcp += shift(&tool);
         for ball in &mut cell.balls {
@@ -100,11 +98,12 @@ impl Model {
     /// The arm from its axes as they stand at zero, tilted ones too.
     fn without_tilts(&self) -> Result<Robot> {
         let mut still = Self { cell: Cell::bare(), frames: Vec::new(), ..self.clone() };
-        still.terms.retain(|t| t.basis.is_constant() && !matches!(t.site, Site::Target { .. } | Site::Ball { .. }));
-        still
-            .terms
-            .retain(|t| !matches!(t.site, Site::Base(_) | Site::Tool(_) | Site::Fixture(_) | Site::Frame { .. }));
-        still.terms.retain(|t| !matches!(t.site, Site::Anchor { .. } | Site::LengthZero { .. } | Site::Payload(_)));
+        let beside_arm = |site: &Site| {
+            matches!(site, Site::Base(_) | Site::Tool(_) | Site::Target { .. } | Site::Payload(_))
+                || matches!(site, Site::Fixture(_) | Site::Ball { .. } | Site::Frame { .. })
+                || matches!(site, Site::Anchor { .. } | Site::LengthZero { .. })
+        };
+        still.terms.retain(|t| t.basis.is_constant() && !beside_arm(&t.site));
         let forward = Forward::new(still, Vec::new())?;
         let mut ws = forward.workspace();
         let n = self.robot.dof();

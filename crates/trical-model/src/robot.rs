@@ -21,6 +21,17 @@ pub enum JointKind {
     Prismatic,
 }
 
+impl JointKind {
+    /// The unit in which its variable is told, and how many of them are one rad (m).
+    #[must_use]
+    pub const fn unit(self) -> (f64, &'static str) {
+        match self {
+            Self::Revolute => (1.0_f64.to_degrees(), "deg"),
+            Self::Prismatic => (1e3, "mm"),
+        }
+    }
+}
+
 /// One joint and the link behind it, Craig's convention:
 /// `T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d)`, where beta is zero unless two axes are nearly parallel.
 #[derive(Clone, Debug, PartialEq)]

@@ -101,7 +101,7 @@ impl Candidates {
         kept
     }
 
-    /// The same candidates with these columns only.
+    /// These candidates with some of their columns only.
     #[must_use]
     pub fn with_columns(&self, columns: &[usize]) -> Self {
         let jacobian = self
@@ -132,7 +132,6 @@ impl Candidates {
             }
         }
         let s = j.singular_values();
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let (pf, mf) = (p as f64, m as f64);
         let o1 = (s.iter().map(|x| x.max(1e-300).ln()).sum::<f64>() / pf).exp() / mf.sqrt();
         Observability { o1, condition: s.max() / s.min() }
@@ -154,7 +153,6 @@ pub(crate) struct White {
 impl White {
     pub(crate) fn of(candidates: &Candidates) -> Self {
         let mut j = candidates.matrix();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let root = (candidates.len() as f64).sqrt();
         let mut scale = Vec::with_capacity(candidates.columns);
         for mut column in j.column_iter_mut() {
@@ -179,7 +177,6 @@ impl White {
 
     /// log det of the information per candidate.
     pub(crate) fn log_det(&self, chosen: &[usize]) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let (n, p) = (chosen.len().max(1) as f64, self.p as f64);
         match self.information(chosen).cholesky() {
             Some(c) => 2.0 * c.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>() - p * n.ln(),

@@ -20,7 +20,7 @@ pub struct Choice {
     /// What the goal makes small, in proportion to the noise of a measurement: the geometric mean of the principal standard
     /// deviations in the pool's coordinates, the root of the sum of variances, or the inverse of the smallest singular value.
     pub figure: f64,
-    /// The same of the median random set.
+    /// Figure of the median random set.
     pub random_figure: f64,
 }
 

@@ -66,7 +66,6 @@ impl Aim {
                     column *= *scale;
                 }
                 // three rows a pose
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let each = (3.0 / count as f64).sqrt();
                 let k = k * white.r.clone().try_inverse()? * each;
                 let mut c = k.tr_mul(&k);
@@ -74,7 +73,6 @@ impl Aim {
                 if !(trace.is_finite() && trace > 0.0) {
                     return None;
                 }
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let little = 1e-12 * trace / p as f64;
                 for i in 0..p {
                     c[(i, i)] += little;
@@ -90,7 +88,6 @@ impl Aim {
         let m = white.information(chosen);
         let figure = match self {
             Self::Determinant => {
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let p = white.p as f64;
                 m.cholesky().map(|c| (-c.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>() / p).exp())
             }

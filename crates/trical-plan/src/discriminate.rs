@@ -118,7 +118,6 @@ impl Search {
         let mut j = jacobians.matrix();
         let mut prior =
             if information.is_empty() { DMatrix::zeros(p, p) } else { DMatrix::from_row_slice(p, p, information) };
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let root = (n as f64).sqrt();
         for c in 0..p {
             // a column that moves nothing here may still be known from before

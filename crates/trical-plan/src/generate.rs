@@ -160,7 +160,6 @@ pub fn generate(
     let stream = TOUCH | ((ball as u64) << 8);
     let none_in_reach = |r: &Rejected| r.unreachable == r.attempts && r.attempts >= most / NONE_IN_REACH;
     while pool.len() < wanted && rejected.attempts < most && !none_in_reach(&rejected) {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let done = (pool.len() as f64 / wanted.max(1) as f64).max(rejected.attempts as f64 / most as f64);
         task.step(done, "looking for touches")?;
         let first = rejected.attempts;
@@ -168,7 +167,10 @@ pub fn generate(
             .into_par_iter()
             .map_init(
                 || MotionWorkspace::new(model),
-                |scratch, k| attempt(model, ball, options, &mut generator(options.seed, stream, k as u64), scratch),
+                |scratch, k| {
+                    let rng = &mut generator(options.seed, stream, k as u64);
+                    Search { model, options, ball, scratch }.attempt(rng)
+                },
             )
             .collect();
         for result in results {
@@ -198,91 +200,6 @@ pub fn generate(
     Ok((pool, rejected))
 }
 
-fn attempt(
-    model: &CollisionModel,
-    ball: usize,
-    options: &PlanOptions,
-    rng: &mut Pcg64Mcg,
-    scratch: &mut MotionWorkspace,
-) -> std::result::Result<Candidate, Refusal> {
-    let forward = model.forward();
-    let cell = &forward.model().cell;
-    let world_from_tool = Pose {
-        rotation: downward(rng, options.max_tilt_rad, options.spin_rad),
-        translation: cell.balls.get(ball).copied().unwrap_or_else(V3::zeros),
-    };
-    let joints = random_branch(model, &world_from_tool, options, rng, scratch)?;
-    if let Some(hit) = model.check_joints(&joints, Some(ball), scratch) {
-        return Err(Refusal::Touch(hit));
-    }
-    let mut refusal = Refusal::NoApproach;
-    for _ in 0..4 {
-        match approach(model, ball, &joints, options, rng, scratch) {
-            Ok(approach) => return Ok(Candidate { ball, joints, approach }),
-            Err(r) => refusal = r,
-        }
-    }
-    Err(refusal)
-}
-
-/// One of the ways to take a pose that keep off limits and singularities, at random.
-fn random_branch(
-    model: &CollisionModel,
-    world_from_tool: &Pose,
-    options: &PlanOptions,
-    rng: &mut Pcg64Mcg,
-    scratch: &mut MotionWorkspace,
-) -> std::result::Result<Joints, Refusal> {
-    let forward = model.forward();
-    let robot = &forward.model().robot;
-    let all =
-        inverse_kinematics(forward, world_from_tool, &State::at(&[]), scratch.forward()).map_err(|e| match e {
-            IkError::OutOfLimits { .. } | IkError::OutOfTravel { .. } => Refusal::Limits,
-            IkError::Singular { .. } => Refusal::Singular,
-            _ => Refusal::Unreachable,
-        })?;
-    let inside: Vec<Joints> = all
-        .iter()
-        .map(|s| rounded(robot, &s.joints))
-        .filter(|q| robot.within_limits(q, -options.limit_margin_rad))
-        .filter(|q| options.whole_turns || within_a_turn(robot, q))
-        .collect();
-    if inside.is_empty() {
-        return Err(Refusal::Limits);
-    }
-    let joints = inside.get(rng.random_range(0..inside.len())).copied().ok_or(Refusal::Limits)?;
-    if can_be_corrected(model, world_from_tool, &joints, options, scratch) {
-        Ok(joints)
-    } else {
-        Err(Refusal::Singular)
-    }
-}
-
-/// Whether every joint is within half a turn of the middle of its range.
-fn within_a_turn(robot: &Robot, q: &Joints) -> bool {
-    robot.joints.iter().zip(q).all(|(j, q)| {
-        j.kind == JointKind::Prismatic || (q - 0.5 * (j.limits[0] + j.limits[1])).abs() <= std::f64::consts::PI
-    })
-}
-
-/// Whether the arm can follow wherever a correction may take the tool, on the same branch and without large motions.
-fn can_be_corrected(
-    model: &CollisionModel,
-    pose: &Pose,
-    joints: &Joints,
-    options: &PlanOptions,
-    scratch: &mut MotionWorkspace,
-) -> bool {
-    let far = options.correction_m;
-    (0..8).all(|corner| {
-        let side = |bit: u32| if corner & bit == 0 { -far } else { far };
-        let moved =
-            Pose { translation: pose.translation + V3::new(side(1), side(2), side(4)), rotation: pose.rotation };
-        continue_from(model.forward(), &moved, &State::at(joints), scratch.forward())
-            .is_ok_and(|q| travel(&q, joints) < options.correction_joint_rad)
-    })
-}
-
 /// Largest angle between the retreat and the direction in which the device leaves, rad.
 const CONE: f64 = 0.35;
 /// Largest turn of the device about each of its axes between stand-off and touch, rad.
@@ -290,61 +207,123 @@ const TURN: f64 = 0.07;
 /// How far a ball may come towards a stem's side on the way, m: less than a stem's travel.
 const INTO_STEM: f64 = 3e-4;
 
-/// A random stand-off pose for a touch, and its way checked. Random directions and turns make each joint arrive in either
-/// sense.
-fn approach(
-    model: &CollisionModel,
+/// Where candidates are looked for.
+struct Search<'a> {
+    model: &'a CollisionModel,
+    options: &'a PlanOptions,
     ball: usize,
-    joints: &Joints,
-    options: &PlanOptions,
-    rng: &mut Pcg64Mcg,
-    scratch: &mut MotionWorkspace,
-) -> std::result::Result<Joints, Refusal> {
-    let forward = model.forward();
-    let robot = &forward.model().robot;
-    let touch = forward.world_from_tool(&State::at(joints), scratch.forward());
-    let retreat = *model.retreat();
-    let sideways = retreat.cross(&if retreat.x.abs() < 0.6 { V3::x() } else { V3::y() }).normalize();
-    let around = uniform(rng, -std::f64::consts::PI, std::f64::consts::PI);
-    let lean = uniform(rng, CONE.cos(), 1.0).acos();
-    let side = sideways * around.cos() + retreat.cross(&sideways) * around.sin();
-    let direction = retreat * lean.cos() + side * lean.sin();
-    let distance = uniform(rng, options.standoff_m[0], options.standoff_m[1]);
-    let [z, y, x] = std::array::from_fn(|_| uniform(rng, -TURN, TURN));
-    let standoff = Pose {
-        rotation: touch.rotation * rotation_zyx(z, y, x),
-        translation: touch.translation + touch.rotation * direction * distance,
-    };
-    let from =
-        continue_from(forward, &standoff, &State::at(joints), scratch.forward()).map_err(|_| Refusal::NoApproach)?;
-    let from = rounded(robot, &from);
-    if !robot.within_limits(&from, -options.limit_margin_rad) || !enters_openly(model, ball, &from, joints, scratch) {
-        return Err(Refusal::NoApproach);
-    }
-    model.check_motion(&from, joints, Some(ball), scratch).map_or(Ok(from), |hit| Err(Refusal::Approach(hit)))
+    scratch: &'a mut MotionWorkspace,
 }
 
-/// Whether the ball comes in on the open side of every stem: the collision check lets stem and ball pass each other, so this
-/// is what keeps a stem from being hit from its side.
-fn enters_openly(
-    model: &CollisionModel,
-    ball: usize,
-    from: &Joints,
-    to: &Joints,
-    scratch: &mut MotionWorkspace,
-) -> bool {
-    let forward = model.forward();
-    let Some(centre) = forward.model().cell.balls.get(ball) else { return false };
-    const STEPS: u32 = 12;
-    (0..STEPS).all(|k| {
-        let t = f64::from(k) / f64::from(STEPS);
-        let mut q = *from;
-        for (x, y) in q.iter_mut().zip(to) {
-            *x += t * (y - *x);
+impl Search<'_> {
+    fn attempt(&mut self, rng: &mut Pcg64Mcg) -> std::result::Result<Candidate, Refusal> {
+        let Self { model, options, ball, .. } = *self;
+        let world_from_tool = Pose {
+            rotation: downward(rng, options.max_tilt_rad, options.spin_rad),
+            translation: model.forward().model().cell.balls.get(ball).copied().unwrap_or_else(V3::zeros),
+        };
+        let joints = self.random_branch(&world_from_tool, rng)?;
+        if let Some(hit) = model.check_joints(&joints, Some(ball), self.scratch) {
+            return Err(Refusal::Touch(hit));
         }
-        let tool = forward.world_from_tool(&State::at(&q), scratch.forward());
-        let ball_in_tool = tool.rotation.transpose() * (centre - tool.translation);
-        model.stems().all(|side| side.dot(&ball_in_tool) < INTO_STEM)
+        let mut refusal = Refusal::NoApproach;
+        for _ in 0..4 {
+            match self.approach(&joints, rng) {
+                Ok(approach) => return Ok(Candidate { ball, joints, approach }),
+                Err(r) => refusal = r,
+            }
+        }
+        Err(refusal)
+    }
+
+    /// One of the ways to take a pose that keep off limits and singularities, at random.
+    fn random_branch(&mut self, world_from_tool: &Pose, rng: &mut Pcg64Mcg) -> std::result::Result<Joints, Refusal> {
+        let Self { model, options, .. } = *self;
+        let forward = model.forward();
+        let robot = &forward.model().robot;
+        let all = inverse_kinematics(forward, world_from_tool, &State::at(&[]), self.scratch.forward()).map_err(
+            |e| match e {
+                IkError::OutOfLimits { .. } | IkError::OutOfTravel { .. } => Refusal::Limits,
+                IkError::Singular { .. } => Refusal::Singular,
+                _ => Refusal::Unreachable,
+            },
+        )?;
+        let inside: Vec<Joints> = all
+            .iter()
+            .map(|s| rounded(robot, &s.joints))
+            .filter(|q| robot.within_limits(q, -options.limit_margin_rad))
+            .filter(|q| options.whole_turns || within_a_turn(robot, q))
+            .collect();
+        if inside.is_empty() {
+            return Err(Refusal::Limits);
+        }
+        let joints = inside.get(rng.random_range(0..inside.len())).copied().ok_or(Refusal::Limits)?;
+        if self.can_be_corrected(world_from_tool, &joints) { Ok(joints) } else { Err(Refusal::Singular) }
+    }
+
+    /// Whether the arm can follow wherever a correction may take the tool, on the same branch and without large motions.
+    fn can_be_corrected(&mut self, pose: &Pose, joints: &Joints) -> bool {
+        let far = self.options.correction_m;
+        (0..8).all(|corner| {
+            let side = |bit: u32| if corner & bit == 0 { -far } else { far };
+            let moved =
+                Pose { translation: pose.translation + V3::new(side(1), side(2), side(4)), rotation: pose.rotation };
+            continue_from(self.model.forward(), &moved, &State::at(joints), self.scratch.forward())
+                .is_ok_and(|q| travel(&q, joints) < self.options.correction_joint_rad)
+        })
+    }
+
+    /// A random stand-off pose for a touch, and its way checked. Random directions and turns make each joint arrive in either
+    /// sense.
+    fn approach(&mut self, joints: &Joints, rng: &mut Pcg64Mcg) -> std::result::Result<Joints, Refusal> {
+        let Self { model, options, ball, .. } = *self;
+        let forward = model.forward();
+        let robot = &forward.model().robot;
+        let touch = forward.world_from_tool(&State::at(joints), self.scratch.forward());
+        let retreat = *model.retreat();
+        let sideways = retreat.cross(&if retreat.x.abs() < 0.6 { V3::x() } else { V3::y() }).normalize();
+        let around = uniform(rng, -std::f64::consts::PI, std::f64::consts::PI);
+        let lean = uniform(rng, CONE.cos(), 1.0).acos();
+        let side = sideways * around.cos() + retreat.cross(&sideways) * around.sin();
+        let direction = retreat * lean.cos() + side * lean.sin();
+        let distance = uniform(rng, options.standoff_m[0], options.standoff_m[1]);
+        let [z, y, x] = std::array::from_fn(|_| uniform(rng, -TURN, TURN));
+        let standoff = Pose {
+            rotation: touch.rotation * rotation_zyx(z, y, x),
+            translation: touch.translation + touch.rotation * direction * distance,
+        };
+        let from = continue_from(forward, &standoff, &State::at(joints), self.scratch.forward())
+            .map_err(|_| Refusal::NoApproach)?;
+        let from = rounded(robot, &from);
+        if !robot.within_limits(&from, -options.limit_margin_rad) || !self.enters_openly(&from, joints) {
+            return Err(Refusal::NoApproach);
+        }
+        model.check_motion(&from, joints, Some(ball), self.scratch).map_or(Ok(from), |hit| Err(Refusal::Approach(hit)))
+    }
+
+    /// Whether the ball comes in on the open side of every stem: the collision check lets stem and ball pass each other, so this
+    /// is what keeps a stem from being hit from its side.
+    fn enters_openly(&mut self, from: &Joints, to: &Joints) -> bool {
+        let forward = self.model.forward();
+        let Some(centre) = forward.model().cell.balls.get(self.ball) else { return false };
+        const STEPS: u32 = 12;
+        (0..STEPS).all(|k| {
+            let t = f64::from(k) / f64::from(STEPS);
+            let mut q = *from;
+            for (x, y) in q.iter_mut().zip(to) {
+                *x += t * (y - *x);
+            }
+            let tool = forward.world_from_tool(&State::at(&q), self.scratch.forward());
+            let ball_in_tool = tool.rotation.transpose() * (centre - tool.translation);
+            self.model.stems().all(|side| side.dot(&ball_in_tool) < INTO_STEM)
+        })
+    }
+}
+
+/// Whether every joint is within half a turn of the middle of its range.
+fn within_a_turn(robot: &Robot, q: &Joints) -> bool {
+    robot.joints.iter().zip(q).all(|(j, q)| {
+        j.kind == JointKind::Prismatic || (q - 0.5 * (j.limits[0] + j.limits[1])).abs() <= std::f64::consts::PI
     })
 }
 
@@ -357,14 +336,13 @@ pub(crate) fn more_approaches(
     rng: &mut Pcg64Mcg,
     scratch: &mut MotionWorkspace,
 ) -> Vec<Joints> {
+    let mut search = Search { model, options, ball: candidate.ball, scratch };
     let mut found = vec![candidate.approach];
     for _ in 0..3 * count {
         if found.len() >= count {
             break;
         }
-        if let Ok(q) = approach(model, candidate.ball, &candidate.joints, options, rng, scratch) {
-            found.push(q);
-        }
+        found.extend(search.approach(&candidate.joints, rng));
     }
     found
 }

@@ -64,7 +64,7 @@ pub struct Expected {
     pub gain_over_random: f64,
     /// What noise leaves of the position error in the sphere; `None` where the arm does not get there.
     pub in_sphere: Option<PredictedError>,
-    /// The same in the whole workspace.
+    /// What noise leaves of the position error in the whole workspace.
     pub in_workspace: Option<PredictedError>,
     /// For each joint, in how many touches it arrives moving down and in how many moving up.
     pub senses: Vec<[usize; 2]>,
@@ -92,7 +92,6 @@ pub struct Plan {
 /// [`PlanError`]: bad geometry or options, too few configurations at a ball, or no way between two of them.
 pub fn plan_touches(robot: &Robot, cell: &Cell, options: &PlanOptions, task: &Task<'_>) -> Result<Plan> {
     let (model, mut pool, rejected) = candidates_at_all_balls(robot, cell, options, &task.part(0.0, 0.7))?;
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let share = |done: usize| 0.75 + 0.2 * done as f64 / (2 * ROUNDS) as f64;
     let forward = nominal_forward(robot, cell, options)?;
     let regions = Regions::new(&model, &forward, options);
@@ -227,7 +226,6 @@ pub(crate) fn candidates_at_all_balls(
     let model = CollisionModel::new(robot, cell)?;
     check_start(&model, options)?;
     let (mut pool, mut rejected) = (Vec::new(), Vec::new());
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let share = |ball: usize| ball as f64 / cell.balls.len() as f64;
     for ball in 0..cell.balls.len() {
         let (candidates, refused) = generate(&model, ball, options, &task.part(share(ball), share(ball + 1)))?;
@@ -264,7 +262,7 @@ pub struct Chosen {
     pub dependent: Vec<String>,
     /// Of the independent parameters.
     pub observability: Observability,
-    /// See [`Expected::gain_over_random`].
+    /// How much better the choice is than a random one ([`Expected::gain_over_random`]).
     pub gain: f64,
 }
 

@@ -34,45 +34,13 @@ pub struct PlanFileError {
     pub expected: String,
 }
 
-/// The unit in which a joint stands in the file.
-#[derive(Clone, Copy)]
-enum Unit {
-    Degree,
-    Millimetre,
-}
-
-impl Unit {
-    fn of(robot: &Robot, joint: usize) -> Self {
-        match robot.joints.get(joint).map(|j| j.kind) {
-            Some(JointKind::Prismatic) => Self::Millimetre,
-            _ => Self::Degree,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Degree => "deg",
-            Self::Millimetre => "mm",
-        }
-    }
-
-    fn shown(self, si: f64) -> f64 {
-        match self {
-            Self::Degree => si.to_degrees(),
-            Self::Millimetre => si * 1e3,
-        }
-    }
-
-    fn si(self, shown: f64) -> f64 {
-        match self {
-            Self::Degree => shown.to_radians(),
-            Self::Millimetre => shown * 1e-3,
-        }
-    }
+/// Which unit a joint has in the file.
+fn kind(robot: &Robot, joint: usize) -> JointKind {
+    robot.joints.get(joint).map_or_else(JointKind::default, |j| j.kind)
 }
 
 fn joint_names(robot: &Robot, letter: char) -> impl Iterator<Item = String> + '_ {
-    (0..robot.dof()).map(move |k| format!("{letter}{}_{}", k + 1, Unit::of(robot, k).name()))
+    (0..robot.dof()).map(move |k| format!("{letter}{}_{}", k + 1, kind(robot, k).unit().1))
 }
 
 /// The names of the columns, in the order in which they are written.
@@ -85,7 +53,7 @@ fn columns(robot: &Robot) -> Vec<String> {
 #[must_use]
 pub fn write_plan(robot: &Robot, entries: &[PlanEntry]) -> String {
     let number = |q: &Joints, k: usize| {
-        let text = format!("{:.6}", Unit::of(robot, k).shown(q[k]));
+        let text = format!("{:.6}", q[k] * kind(robot, k).unit().0);
         // -0.000000 is 0
         if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
             text.trim_start_matches('-').to_owned()
@@ -162,13 +130,15 @@ impl Line<'_> {
     /// What `text` in a column says of joint `k`.
     fn joint(&self, column: usize, text: &str, k: usize) -> Result<f64, PlanFileError> {
         let limits = self.reader.robot.joints[k].limits;
-        let unit = Unit::of(self.reader.robot, k);
-        let [low, high] = limits.map(|l| unit.shown(l));
+        let kind = kind(self.reader.robot, k);
+        let (per_si, unit) = kind.unit();
+        let [low, high] = limits.map(|l| l * per_si);
+        let si = |x: f64| if kind == JointKind::Prismatic { x * 1e-3 } else { x.to_radians() };
         // the limits themselves may have been rounded on their way here
         match text.parse::<f64>() {
-            Ok(x) if x >= low - 1e-6 && x <= high + 1e-6 => Ok(unit.si(x).clamp(limits[0], limits[1])),
+            Ok(x) if x >= low - 1e-6 && x <= high + 1e-6 => Ok(si(x).clamp(limits[0], limits[1])),
             _ => {
-                let expected = format!("a number of {low:.3} to {high:.3} {}, the joint's limits", unit.name());
+                let expected = format!("a number of {low:.3} to {high:.3} {unit}, the joint's limits");
                 Err(self.wrong(column, text, &expected))
             }
         }

@@ -24,7 +24,6 @@ impl Sphere {
         if balls.is_empty() {
             return None;
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let middle = balls.iter().sum::<Vector3<f64>>() / balls.len() as f64;
         Some(Self { centre: middle + Vector3::new(0.0, 0.0, 0.1), radius: 0.2 })
     }
@@ -111,7 +110,6 @@ pub fn predicted_error(
         row *= *s;
     }
     let moves = k * l;
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let count = poses as f64;
     let squares: Vec<f64> = (0..poses).map(|i| moves.rows(3 * i, 3).norm_squared()).collect();
     let mut sum = 0.0;
@@ -125,7 +123,6 @@ pub fn predicted_error(
         let e = &moves * x;
         sum += (0..poses).map(|i| e.rows(3 * i, 3).norm()).sum::<f64>() / count;
     }
-    #[expect(clippy::cast_precision_loss, reason = "a small count")]
     let mean_m = sum / DRAWS as f64;
     Some(PredictedError {
         mean_m,

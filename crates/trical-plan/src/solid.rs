@@ -97,7 +97,6 @@ impl Solid {
         if list.iter().any(|p| hull.distance_to_local_point(*p, true) > 1e-7) {
             return None;
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let centre = points.iter().sum::<V3>() / points.len() as f64;
         let bound = points.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max);
         Some(Self { core: Core::Hull(Box::new(hull)), radius, centre, bound })

@@ -15,7 +15,7 @@ pub trait Elsewhere {
         None
     }
 
-    /// The same of a frame.
+    /// The frame of this name, as [`Self::tool`].
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
         let _ = name;
         None

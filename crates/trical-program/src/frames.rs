@@ -132,7 +132,7 @@ impl Frames {
     /// As [`Self::load`], of a text; `file` is for messages.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::load`].
     pub fn parse(text: &str, file: &str) -> Result<Self, ProgramError> {
         let raw: File = parse_toml(text, file).map_err(|e| ProgramError::Input(e.to_string()))?;
         let bad = |place: &str, problem: String| ProgramError::Input(format!("{file}, {place}: {problem}"));

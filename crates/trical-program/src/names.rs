@@ -117,7 +117,7 @@ impl Names {
         if end <= first {
             return;
         }
-        let index = u32::try_from(self.groups.len()).unwrap_or(u32::MAX);
+        let index = self.groups.len() as u32;
         let earlier = self.defined.insert(name, index);
         self.groups.push(Group { first: first as u32, count: (end - first) as u32, earlier, used: None });
     }
@@ -128,7 +128,7 @@ impl Names {
         if !matches!(way, Way::Said) {
             self.moves();
         }
-        self.uses.push(Use::Named { name, group, setup, way, at: u32::try_from(at).unwrap_or(u32::MAX) });
+        self.uses.push(Use::Named { name, group, setup, way, at: at as u32 });
     }
 
     /// The program sets the data of this name.
@@ -156,7 +156,7 @@ impl Names {
     pub fn changed(&mut self, name: u64, at: usize) {
         let all = self.changed.entry(name).or_default();
         if all.len() < MOST_ORIGINS {
-            all.push(u32::try_from(at).unwrap_or(u32::MAX));
+            all.push(at as u32);
         }
     }
 
@@ -346,7 +346,7 @@ impl Names {
     fn goes_to_undefined(&mut self, name: u64, setup: u32, at: u32, scan: &mut Scan, problem: &dyn Fn() -> String) {
         let listed = scan.problems.len();
         if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
-            scan.problems.push((at as usize, problem()));
+            scan.problem(at as usize, problem());
         } else if scan.problems.len() == listed && !self.listed.contains(&name) {
             scan.relative.push(at);
         }
@@ -438,7 +438,7 @@ impl Names {
                 scan.relative.push(at);
             } else {
                 let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
-                scan.problems.push((at as usize, what.into()));
+                scan.problem(at as usize, what);
             }
         }
         seen.truncate(before);
@@ -458,7 +458,7 @@ impl Names {
                 _ => continue,
             };
             if self.listed_at.insert(*at) {
-                scan.problems.push((*at as usize, what.into()));
+                scan.problem(*at as usize, what);
             }
         }
     }

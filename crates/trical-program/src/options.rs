@@ -15,7 +15,7 @@ pub struct Options {
     pub temp_c: Option<f64>,
     /// Time at which it runs, s since the recording began; not given, it is long after, but for models that drift without an end.
     pub time_s: Option<f64>,
-    /// The same in poses, for models of recordings without times.
+    /// When the program runs, in poses, for models of recordings without times.
     pub seq: Option<f64>,
     /// Mass on the flange beyond the tool, kg.
     pub payload_kg: Option<f64>,

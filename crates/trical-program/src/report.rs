@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::collections::HashMap;
 
 use serde_json::{Value, json};
+use trical_model::error::Lines;
 use trical_model::{Joints, Pose};
 
 use crate::compensation::Done;
@@ -11,7 +12,6 @@ use crate::dialects::Dialect;
 use crate::frames::AT;
 use crate::options::Options;
 use crate::scan::{Scan, Setup, Spot, Visit};
-use crate::text::Lines;
 
 /// A target that stays as it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +94,7 @@ pub struct TargetRow {
     pub moved: f64,
     /// By the model, how far the arm is off with the program as it was, m.
     pub before: f64,
-    /// The same with the numbers as written.
+    /// By the model, how far the arm is off with the numbers as written, m.
     pub after: f64,
     /// What the program wants: the tool in {w}.
     pub wanted: Pose,
@@ -130,9 +130,9 @@ pub struct Report {
     pub largest_move: f64,
     /// Mean and largest error that the model predicts with the program as it was, m.
     pub before: [f64; 2],
-    /// The same with the numbers as written.
+    /// Mean and largest error that the model predicts with the numbers as written, m.
     pub after: [f64; 2],
-    /// The same two as angles, rad.
+    /// Mean and largest error of orientation, before and after, rad.
     pub turned: [[f64; 2]; 2],
     /// Number of targets with each tool and frame, in words.
     pub setups: Vec<(String, usize)>,

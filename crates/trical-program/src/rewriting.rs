@@ -73,7 +73,7 @@ pub struct Part<'a> {
 /// As [`compensate`], of a program of several files.
 ///
 /// # Errors
-/// As there.
+/// As [`compensate`].
 pub fn compensate_together(
     program: Program<'_, '_>,
     nominal: &Model,
@@ -193,7 +193,7 @@ struct Writer<'a, 'b> {
     index: u32,
     /// Targets beside which the program goes to shifted places.
     shifted: HashSet<u32>,
-    /// Of these, what the program wants and where the new numbers send the nominal arm.
+    /// What the program wants at each target of `shifted`, and where the new numbers send the nominal arm.
     moved: HashMap<u32, (Pose, Pose)>,
 }
 

@@ -187,7 +187,7 @@ impl Scan {
 
     /// Adds a target; numbers of its configuration stand behind the others.
     pub fn push(&mut self, shape: Shape, spans: &[Span], configuration: Configuration, name: Span) -> u32 {
-        let first = u32::try_from(self.spans.len()).unwrap_or(u32::MAX);
+        let first = self.spans.len() as u32;
         self.spans.extend_from_slice(spans);
         let count = u8::try_from(spans.len()).unwrap_or(0);
         self.spots.push(Spot {
@@ -200,7 +200,7 @@ impl Scan {
             name,
             external: External::None,
         });
-        u32::try_from(self.spots.len() - 1).unwrap_or(u32::MAX)
+        (self.spots.len() - 1) as u32
     }
 
     /// Where the newest target asks external axes to be, the first of them first.
@@ -262,16 +262,21 @@ impl Scan {
         }
     }
 
+    /// Lists a motion or a target at `at` that cannot be rewritten as it should be.
+    pub fn problem(&mut self, at: usize, what: impl Into<String>) {
+        self.problems.push((at, what.into()));
+    }
+
     /// Lists a target with a number (in the text here) of which nobody knows the value.
     pub fn unread(&mut self, number: Span, bytes: &[u8]) {
         let text = String::from_utf8_lossy(number.text(bytes));
         let what = format!("holds '{}', of which only the running program knows the value", text.trim());
-        self.problems.push((number.at as usize, what));
+        self.problem(number.at as usize, what);
     }
 
     /// Lists a motion at `at` to what the program calculates.
     pub fn goes_to_calculated(&mut self, at: usize) {
-        self.problems.push((at, "goes to a place that only the running program calculates".into()));
+        self.problem(at, "goes to a place that only the running program calculates");
     }
 
     /// The index of a setup.
@@ -279,7 +284,7 @@ impl Scan {
         if let Some(known) = self.setup_indices.get(&setup) {
             return *known;
         }
-        let index = u32::try_from(self.setups.len()).unwrap_or(u32::MAX);
+        let index = self.setups.len() as u32;
         self.setup_indices.insert(setup.clone(), index);
         self.setups.push(setup);
         index

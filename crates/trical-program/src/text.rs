@@ -111,11 +111,24 @@ impl<'a> Cursor<'a> {
         self.at >= self.bytes.len()
     }
 
-    /// To the line's end (which is not passed).
-    pub fn skip_line(&mut self) {
-        while !self.done() && !matches!(self.peek(), b'\n' | b'\r') {
+    /// To the next of `ends` (which is not passed), or the end of the file.
+    pub fn skip_to(&mut self, ends: &[u8]) {
+        while !self.done() && !ends.contains(&self.peek()) {
             self.at += 1;
         }
+    }
+
+    /// Past the next `bracket`, unless one of `ends` comes before it.
+    pub fn skip_past(&mut self, bracket: u8, ends: &[u8]) {
+        while !self.done() && self.peek() != bracket && !ends.contains(&self.peek()) {
+            self.at += 1;
+        }
+        self.at += usize::from(self.peek() == bracket);
+    }
+
+    /// To the line's end (which is not passed).
+    pub fn skip_line(&mut self) {
+        self.skip_to(b"\n\r");
     }
 
     /// Past a string that begins here, to its closing quote or the line's end.
@@ -264,32 +277,6 @@ pub fn written(new: f64, old: &[u8], least: usize) -> String {
     match text.strip_prefix('-') {
         Some(positive) if positive.bytes().all(|b| matches!(b, b'0' | b'.')) => positive.to_owned(),
         _ => text,
-    }
-}
-
-/// The line (1-based) of each offset; offsets must not fall.
-pub struct Lines<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    line: usize,
-}
-
-impl<'a> Lines<'a> {
-    /// Counts lines of `bytes`.
-    #[must_use]
-    pub fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0, line: 1 }
-    }
-
-    /// The line of the byte at `offset`.
-    pub fn of(&mut self, offset: usize) -> usize {
-        if offset < self.at {
-            (self.at, self.line) = (0, 1);
-        }
-        let end = offset.min(self.bytes.len());
-        self.line += self.bytes[self.at..end].iter().filter(|b| **b == b'\n').count();
-        self.at = end;
-        self.line
     }
 }
 

@@ -124,10 +124,8 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     let more = d.findings.len().saturating_sub(headings.len());
     let told = told.chain((more > 0).then(|| format!("and {more} more, in the table")));
     let lines: Vec<String> = told.flat_map(|text| wrapped(&text, LETTERS, "")).collect();
-    #[expect(clippy::cast_precision_loss, reason = "a small count")]
     let step = (HIGH - 50.0) / (lines.len() as f64).max(14.0);
     for (k, line) in lines.iter().enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let y = 30.0 + step * k as f64;
         let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{line}</text>", WIDE - LIST);
     }

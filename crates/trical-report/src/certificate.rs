@@ -106,7 +106,6 @@ fn numbers(before: &Column<'_>, after: &Column<'_>) -> Result<(Vec<Vec<String>>,
         add(&format!("Measurements within {limit} mm"), &|k| {
             let errors = columns[k].errors;
             let within = errors.iter().filter(|e| **e * 1e3 <= limit).count();
-            #[expect(clippy::cast_precision_loss, reason = "counts")]
             let share = 100.0 * within as f64 / errors.len().max(1) as f64;
             Some(format!("{share:.1} %"))
         });
@@ -174,19 +173,13 @@ fn render(
         mean(after.errors),
         mean(before.errors)
     );
-    let mut env = page::environment();
-    // the name ends in .html, so that text is escaped
-    env.add_template("certificate.html", include_str!("../assets/certificate.html"))
-        .and_then(|()| env.get_template("certificate.html"))
-        .and_then(|t| {
-            t.render(context! {
-                title => format!("Calibration certificate: {}", robot.name),
-                summary, fields, numbers, notes, inputs,
-                version => env!("CARGO_PKG_VERSION"),
-                command => made.command(),
-            })
-        })
-        .map_err(|e| Error::Failed(format!("the certificate could not be written: {e}")))
+    let values = context! {
+        title => format!("Calibration certificate: {}", robot.name),
+        summary, fields, numbers, notes, inputs,
+        version => env!("CARGO_PKG_VERSION"),
+        command => made.command(),
+    };
+    page::from_template("certificate", include_str!("../assets/certificate.html"), values)
 }
 
 #[cfg(test)]

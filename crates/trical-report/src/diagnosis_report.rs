@@ -8,7 +8,7 @@ use trical_model::{Basis, Forward, JointKind, Measured, Model, Shape, Site, Stat
 
 use crate::arm_map;
 use crate::error::Result;
-use crate::evidence::{Errors, half_width, parameters, rejected, residuals, row, six};
+use crate::evidence::{Errors, half_width, joints_used, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
@@ -77,13 +77,13 @@ fn alone(how: &str, before: f64, after: f64) -> String {
 struct Seen {
     /// What is drawn, with its unit.
     label: &'static str,
-    /// That unit.
+    /// The unit of what is drawn.
     unit: &'static str,
-    /// Error without it, all else modelled.
+    /// Error without the finding, all else modelled.
     before: Vec<f64>,
-    /// And with it.
+    /// Error with the finding.
     after: Vec<f64>,
-    /// Its own part.
+    /// The finding's own part of the error.
     part: Vec<f64>,
 }
 
@@ -137,7 +137,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
     let of = |value: &dyn Fn(&State) -> f64| o.iter().map(|o| value(&o.state)).collect::<Vec<f64>>();
     if let Some(joint) = term.basis.sense {
         // scattered a little, so that points do not hide each other
-        let spread = |k: usize| f64::from(u32::try_from(k * 37 % 100).unwrap_or(0)) / 400.0 - 0.125;
+        let spread = |k: usize| (k * 37 % 100) as f64 / 400.0 - 0.125;
         let sense = |(k, o): (usize, &trical_ident::Observation)| {
             o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
         };
@@ -155,10 +155,9 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
             ))
         }
         (Variable::Joint { joint }, _) => {
-            let prismatic = d.model.robot.joints.get(joint - 1).is_some_and(|j| j.kind == JointKind::Prismatic);
-            let (what, unit, scale) =
-                if prismatic { ("position", "mm", 1e3) } else { ("angle", "deg", 1.0_f64.to_degrees()) };
-            Some((format!("{what} of joint {joint}, {unit}"), of(&|s| s.q[joint - 1] * scale)))
+            let kind = d.model.robot.joints.get(joint - 1).map_or(JointKind::Revolute, |j| j.kind);
+            let (what, (per_si, unit)) = (if kind == JointKind::Prismatic { "position" } else { "angle" }, kind.unit());
+            Some((format!("{what} of joint {joint}, {unit}"), of(&|s| s.q[joint - 1] * per_si)))
         }
         (Variable::Moment { joint, .. }, _) if !matches!(term.site, Site::Across { .. }) => {
             let forward = Forward::new(d.model.clone(), Vec::new()).ok()?;
@@ -198,7 +197,7 @@ pub struct Against {
     pub error: &'static str,
     /// Error along the direction in which the finding acts, everything else modelled, without it.
     pub without: Vec<f64>,
-    /// And with it.
+    /// Error with the finding.
     pub with: Vec<f64>,
 }
 
@@ -258,21 +257,17 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
     let mut figures = finding_figures::figures(f, d)?;
     let spread =
         if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
-    figures.push(Figure {
-        caption: format!(
-            "Each point is one measurement: its error along the direction in which this effect acts, everything else modelled, without this \
-             effect and with it.{spread}"
+    figures.push(Figure::new(
+        format!(
+            "Each point is one measurement: its error along the direction in which this effect acts, \
+                 everything else modelled, without this effect and with it.{spread}"
         ),
-        svg: plots::scatter(&label, error, false, false, &series)?,
-    });
-    let folded = number_of > OPEN;
-    Ok(Section {
-        heading: format!("{number_of}. {}", verdict::heading(f)),
-        text,
-        figures,
-        folded,
-        ..Section::default()
-    })
+        plots::scatter(&label, error, false, false, &series)?,
+    ));
+    Ok(Section::new(format!("{number_of}. {}", verdict::heading(f)))
+        .with_text(text)
+        .with_figures(figures)
+        .folded(number_of > OPEN))
 }
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
@@ -295,22 +290,24 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
 
 /// What a report begins with: the verdict as a table, cautions, notes.
 pub fn verdict_section(d: &Diagnosis) -> Section {
-    Section {
-        heading: "Verdict".into(),
-        text: verdict_told::no_arm(d)
+    let mut section = Section::new("Verdict")
+        .with_text(
+            verdict_told::no_arm(d).iter().map(|c| format!("Caution: {c}")).chain([
+                "Errors are at poses that the fit did not see, root mean square. Each row begins where \
+                 the one before it ends."
+                    .into(),
+            ]),
+        )
+        .with_tables([verdict_table(d)]);
+    section.after.extend(verdict_told::elsewhere(d).map(|e| format!("Whole model {e}.")));
+    section.after.extend(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")));
+    section.after.extend(
+        d.baseline
+            .reading_noise
             .iter()
-            .map(|c| format!("Caution: {c}"))
-            .chain(["Errors are at poses that the fit did not see, root mean square. Each row begins where the one before it ends.".into()])
-            .collect(),
-        tables: vec![verdict_table(d)],
-        after: verdict_told::elsewhere(d)
-            .map(|e| format!("Whole model {e}."))
-            .into_iter()
-            .chain(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")))
-            .chain(d.baseline.reading_noise.iter().map(|r| format!("Note: {r}; the fit takes a share of them as noise. This is no property of the arm.")))
-            .collect(),
-        ..Section::default()
-    }
+            .map(|r| format!("Note: {r}; the fit takes a share of them as noise. This is no property of the arm.")),
+    );
+    section
 }
 
 /// Steps (name, error before and after) in the order in which they were taken: each begins where the one before it ends.
@@ -328,7 +325,7 @@ fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)>
 
 /// Each finding in a row, with the evidence, and where they are on the arm.
 fn all_findings(d: &Diagnosis) -> Result<Section> {
-    let mut section = Section { heading: "All findings".into(), ..Section::default() };
+    let mut section = Section::new("All findings");
     let mut rows =
         vec![row(["finding", "effect", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
@@ -348,13 +345,11 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
          are at poses that the fit did not see, without and with this finding, in the order in which the findings were added."
             .into(),
     );
-    section.figures.push(Figure {
-        caption:
-            "The arm from the side at one of the measured poses. Places where something was found are red; numbers in \
-                  circles are joints."
-                .into(),
-        svg: arm_map::draw(d, &d.findings.iter().take(SHOWN).map(verdict::heading).collect::<Vec<_>>())?,
-    });
+    section.figures.push(Figure::new(
+        "The arm from the side at one of the measured poses. Places where something was found are red; numbers in \
+                  circles are joints.",
+        arm_map::draw(d, &d.findings.iter().take(SHOWN).map(verdict::heading).collect::<Vec<_>>())?,
+    ));
     // findings and nameless curves, in the order in which they were added
     let named = d
         .findings
@@ -367,13 +362,11 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         named.chain(nameless.map(|u| ("?".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
     let mut stairs = vec![("-".to_owned(), d.baseline.holdout_rms_mm)];
     stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
-    section.figures.push(Figure {
-        caption:
-            "Error at poses that the fit did not see: of the plain model (red), and as the findings are modelled one after the other \
-             (?: a curve of no known cause)."
-                .into(),
-        svg: plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
-    });
+    section.figures.push(Figure::new(
+        "Error at poses that the fit did not see: of the plain model (red), and as the findings \
+                 are modelled one after the other (?: a curve of no known cause).",
+        plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
+    ));
     Ok(section)
 }
 
@@ -395,9 +388,9 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 } else {
                     String::new()
                 };
-                vec![Figure {
-                    caption: format!("The curve that was fitted{beside}."),
-                    svg: plots::scatter(
+                vec![Figure::new(
+                    format!("The curve that was fitted{beside}."),
+                    plots::scatter(
                         &format!(
                             "{}, {}",
                             verdict::variable(&u.variable, &d.model.robot).trim_start_matches("the "),
@@ -408,20 +401,17 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                         true,
                         &[Series { name: "curve", color: AFTER, points: u.curve.clone() }],
                     )?,
-                }]
+                )]
             };
             let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
             let lowers = alone(how, u.holdout_rms_before_mm, u.holdout_rms_after_mm);
-            Ok(Section {
-                heading: format!("No known cause: {}", u.site),
-                text: vec![format!(
+            Ok(Section::new(format!("No known cause: {}", u.site))
+                .with_text([format!(
                     "{site} is off, {}, and no effect of the catalogue explains it. {lowers}",
                     verdict::region(&u.region, &d.model.robot)
-                )],
-                figures,
-                folded: d.findings.len() + k >= OPEN,
-                ..Section::default()
-            })
+                )])
+                .with_figures(figures)
+                .folded(d.findings.len() + k >= OPEN))
         })
         .collect()
 }
@@ -458,19 +448,15 @@ fn blind_to(d: &Diagnosis) -> Section {
             b.lacks.clone().unwrap_or_default(),
         ]
     }));
-    Section {
-        heading: "What this data could not show".into(),
-        text: vec![
-            "At these sites an effect of typical size would not be visible in this data (lambda below 3): it may be there although \
-             it was not found."
-                .into(),
-            "On one arm a scale error of the measuring frame (all lengths together) cannot be told from the arm's own size."
-                .into(),
-        ],
-        tables: vec![blind],
-        folded: true,
-        ..Section::default()
-    }
+    Section::new("What this data could not show")
+        .with_text([
+            "At these sites an effect of typical size would not be visible in this data (lambda \
+                 below 3): it may be there although it was not found.",
+            "On one arm a scale error of the measuring frame (all lengths together) cannot be told \
+                 from the arm's own size.",
+        ])
+        .with_tables([blind])
+        .folded(true)
 }
 
 /// The whole report.
@@ -487,12 +473,9 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     ]);
     let mut sections = vec![
         verdict_section(d),
-        Section {
-            heading: "Position error before and after".into(),
-            text: vec!["At the poses of the fit; the error at poses that it did not see is in the verdict.".into()],
-            tables: vec![table],
-            ..Section::default()
-        },
+        Section::new("Position error before and after")
+            .with_text(["At the poses of the fit; the error at poses that it did not see is in the verdict."])
+            .with_tables([table]),
     ];
     if !d.findings.is_empty() {
         sections.push(all_findings(d)?);
@@ -501,24 +484,23 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(nameless(d)?);
-    sections.push(Section { folded: true, ..errors.section()? });
-    sections.push(Section { folded: true, ..errors.by_joint()? });
+    sections.push(errors.section()?.folded(true));
+    sections.push(errors.by_joint()?.folded(true));
     sections.extend(errors.pictures()?);
     let known = d.model.terms.iter().filter(|t| t.sd.is_some());
-    sections.push(Section {
-        heading: "Parameters".into(),
-        text: vec![
-            "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete.".into(),
-        ],
-        tables: vec![parameters(&d.model, known, half_width(None), |_| String::new())],
-        folded: true,
-        ..Section::default()
-    });
+    sections.push(
+        Section::new("Parameters")
+            .with_text([
+                "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete.",
+            ])
+            .with_tables([parameters(&d.model, known, half_width(None), |_| String::new())])
+            .folded(true),
+    );
     sections.push(blind_to(d));
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
-    made.notes.push(format!("Joint angles that were used: {source:?}.").to_lowercase().replacen('j', "J", 1));
+    made.notes.push(joints_used(source));
     page::render("TriCal: diagnosis", &summary(d), &sections, &made)
 }
 

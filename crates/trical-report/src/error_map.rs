@@ -14,7 +14,7 @@ pub struct Miss {
     pub joints: Joints,
     /// Where the nominal arm's TCP is, in the frame of its base, m.
     pub at: Vector3<f64>,
-    /// From there to where the model's is, m.
+    /// From the nominal arm's TCP to the model's, m.
     pub off: Vector3<f64>,
 }
 

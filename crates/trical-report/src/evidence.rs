@@ -3,8 +3,8 @@
 
 use nalgebra::{Vector3, Vector6};
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use trical_ident::{Dataset, ErrorSummary, Noise, Rejected, shown};
-use trical_model::{Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
+use trical_ident::{Dataset, ErrorSummary, JointSource, Noise, Rejected, shown};
+use trical_model::{Forward, Joint, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::error::Result;
@@ -75,7 +75,7 @@ pub fn where_measured(data: &Dataset, k: usize) -> String {
 pub fn typical(poses: &[Joints]) -> Joints {
     let middle = poses.iter().fold([0.0; MAX_JOINTS], |mut sum, q| {
         for (s, q) in sum.iter_mut().zip(q) {
-            *s += q / f64::from(u32::try_from(poses.len()).unwrap_or(1));
+            *s += q / poses.len() as f64;
         }
         sum
     });
@@ -101,27 +101,25 @@ impl Errors<'_> {
 
     /// Error of every measurement, their distribution, and the residuals along each axis.
     pub fn section(&self) -> Result<Section> {
-        let number = |k: usize| f64::from(u32::try_from(k + 1).unwrap_or(u32::MAX));
+        let number = |k: usize| (k + 1) as f64;
         let names: Vec<String> = (0..self.after.len()).map(|k| self.name(k)).collect();
         let only: Vec<(f64, f64)> = self.after.iter().enumerate().map(|(k, e)| (number(k), e * 1e3)).collect();
         let mm: Vec<f64> = self.after.iter().map(|e| e * 1e3).collect();
         let label = "measurement, in the order of recording";
         let one = |name, points| [Series { name, color: AFTER, points }];
         let mut figures = vec![
-            Figure {
-                caption: format!("Each measurement before ({}) and after (the model).", self.was),
-                svg: self.against(label, number)?,
-            },
-            Figure {
-                caption:
-                    "After alone. A trend or a step within a recording says that something changed while measuring."
-                        .into(),
-                svg: plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
-            },
-            Figure {
-                caption: "How often which error occurs, after. A second peak or a long tail is not noise.".into(),
-                svg: plots::histogram("position error, mm", &mm)?,
-            },
+            Figure::new(
+                format!("Each measurement before ({}) and after (the model).", self.was),
+                self.against(label, number)?,
+            ),
+            Figure::new(
+                "After alone. A trend or a step within a recording says that something changed while measuring.",
+                plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
+            ),
+            Figure::new(
+                "How often which error occurs, after. A second peak or a long tail is not noise.",
+                plots::histogram("position error, mm", &mm)?,
+            ),
         ];
         let residuals = residuals(self.model, self.data)?;
         let lengths_only = self.data.observations.iter().all(|o| matches!(o.measured, Measured::Distance { .. }));
@@ -129,30 +127,27 @@ impl Errors<'_> {
             let points = residuals.iter().enumerate().map(|(k, r)| (number(k), r[axis])).collect();
             let along = if lengths_only { "residual, mm".to_owned() } else { format!("residual along {name}, mm") };
             let axes = if lengths_only { "" } else { " (axes of the cell for touches, of the instrument for points)" };
-            figures.push(Figure {
-                caption: format!("{}{axes}, after.", along.replacen('r', "R", 1)),
-                svg: plots::scatter_named(label, &along, false, false, &one("after", points), &names)?,
-            });
+            figures.push(Figure::new(
+                format!("{}{axes}, after.", along.replacen('r', "R", 1)),
+                plots::scatter_named(label, &along, false, false, &one("after", points), &names)?,
+            ));
         }
-        Ok(Section { heading: "Errors one by one".into(), figures, ..Section::default() })
+        Ok(Section::new("Errors one by one").with_figures(figures))
     }
 
     /// Errors against each joint.
     pub fn by_joint(&self) -> Result<Section> {
         let o = &self.data.observations;
-        let figure = |(joint, j): (usize, &trical_model::Joint)| -> Result<Figure> {
-            let (per_si, unit) = match j.kind {
-                JointKind::Revolute => (1.0_f64.to_degrees(), "deg"),
-                JointKind::Prismatic => (1e3, "mm"),
-            };
+        let figure = |(joint, j): (usize, &Joint)| -> Result<Figure> {
+            let (per_si, unit) = j.kind.unit();
             let label = format!("joint {}, {unit}", joint + 1);
-            Ok(Figure {
-                caption: format!("Against joint {}.", joint + 1),
-                svg: self.against(&label, |k| o[k].state.q[joint] * per_si)?,
-            })
+            Ok(Figure::new(
+                format!("Against joint {}.", joint + 1),
+                self.against(&label, |k| o[k].state.q[joint] * per_si)?,
+            ))
         };
-        let figures = self.model.robot.joints.iter().enumerate().map(figure).collect::<Result<_>>()?;
-        Ok(Section { heading: "Errors against the joints".into(), figures, ..Section::default() })
+        let figures = self.model.robot.joints.iter().enumerate().map(figure).collect::<Result<Vec<_>>>()?;
+        Ok(Section::new("Errors against the joints").with_figures(figures))
     }
 
     /// The arm, the balls, and where the tool was at each measurement.
@@ -166,7 +161,7 @@ impl Errors<'_> {
         let solids = match CollisionModel::new(&self.model.robot, &cell) {
             Ok(solids) => solids,
             Err(e) => {
-                return Ok(vec![Section { heading, text: vec![format!("No picture: {e}.")], ..Section::default() }]);
+                return Ok(vec![Section::new(heading).with_text([format!("No picture: {e}.")])]);
             }
         };
         let o = &self.data.observations;
@@ -207,25 +202,23 @@ impl Errors<'_> {
         if step > 1 {
             caption += &format!(" One in {step} of {} measurements is drawn.", o.len());
         }
-        let others = vec![
-            Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
-            Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
-        ];
         Ok(vec![
-            Section {
-                heading,
-                text: vec![
-                    "The model was tried between the lowest and the highest angle of each joint below; beyond, it extrapolates."
-                        .into(),
-                ],
-                tables: vec![coverage(&self.model.robot, &poses)],
-                figures: vec![Figure { caption, svg: turn::draw_turning(&scene, 900.0)? }],
-                ..Section::default()
-            },
-            Section { heading: "From above and from the side".into(), figures: others, folded: true, ..Section::default() },
+            Section::new(heading)
+                .with_text(["The model was tried between the lowest and the highest angle of each joint below; \
+                 beyond, it extrapolates."])
+                .with_tables([coverage(&self.model.robot, &poses)])
+                .with_figures([Figure::new(caption, turn::draw_turning(&scene, 900.0)?)]),
+            other_views(&scene).folded(true),
             heat::section(self.model)?,
         ])
     }
+}
+
+/// The cell from above and from the side.
+pub fn other_views(scene: &Scene<'_>) -> Section {
+    let view = |caption, view| Figure::new(caption, picture::draw(scene, view, 620.0));
+    Section::new("From above and from the side")
+        .with_figures([view("From above.", View::Above), view("From the side.", View::Side)])
 }
 
 /// From blue over grey to red.
@@ -239,29 +232,33 @@ fn shade(part: f64) -> String {
 fn coverage(robot: &Robot, poses: &[Joints]) -> Vec<Vec<String>> {
     let mut rows = vec![row(["joint", "lowest", "highest", "limits", "part of the range"])];
     for (k, joint) in robot.joints.iter().enumerate() {
-        let low = poses.iter().map(|q| q[k]).fold(f64::INFINITY, f64::min);
-        let high = poses.iter().map(|q| q[k]).fold(f64::NEG_INFINITY, f64::max);
-        let show = |x: f64| match joint.kind {
-            JointKind::Revolute => format!("{} deg", table::fixed(x.to_degrees(), 0)),
-            JointKind::Prismatic => format!("{} mm", table::fixed(x * 1e3, 0)),
-        };
+        let (low, high) = span(poses.iter().map(|q| q[k]));
         let part = (high - low) / (joint.limits[1] - joint.limits[0]) * 100.0;
-        rows.push(vec![
-            format!("{}", k + 1),
-            show(low),
-            show(high),
-            format!("{} to {}", show(joint.limits[0]), show(joint.limits[1])),
-            if part.is_finite() { format!("{part:.0} %") } else { "-".into() },
-        ]);
+        let mut cells = used(robot, k, (low, high));
+        cells.push(if part.is_finite() { format!("{part:.0} %") } else { "-".into() });
+        rows.push(cells);
     }
     rows
+}
+
+/// The smallest and the largest.
+pub fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+}
+
+/// Cells of a joint: its number, the lowest and highest position, its limits.
+pub fn used(robot: &Robot, joint: usize, (low, high): (f64, f64)) -> Vec<String> {
+    let Joint { kind, limits, .. } = &robot.joints[joint];
+    let (per_si, unit) = kind.unit();
+    let show = |x: f64| format!("{} {unit}", table::fixed(x * per_si, 0));
+    vec![(joint + 1).to_string(), show(low), show(high), format!("{} to {}", show(limits[0]), show(limits[1]))]
 }
 
 /// Rows that were rejected, and why; `named` may be the first of `all`.
 pub fn rejected(named: &[Rejected], all: usize) -> Section {
     let heading = "What was rejected, and why".to_owned();
     if all == 0 {
-        return Section { heading, text: vec!["No row was rejected.".into()], ..Section::default() };
+        return Section::new(heading).with_text(["No row was rejected."]);
     }
     let mut rows = vec![row(["recording", "where", "why"])];
     rows.extend(
@@ -269,7 +266,7 @@ pub fn rejected(named: &[Rejected], all: usize) -> Section {
     );
     let more = all - named.len().min(ROWS);
     let text = if more > 0 { vec![format!("{more} more are not listed.")] } else { Vec::new() };
-    Section { heading, text, tables: vec![rows], ..Section::default() }
+    Section::new(heading).with_text(text).with_tables([rows])
 }
 
 /// Noise alike along all axes passes 3 times the rms of positions once in 170 000 (Maxwell's distribution).
@@ -291,16 +288,26 @@ const UNUSUAL: f64 = 3.0;
 
 /// The section of concerns, and what else was looked at.
 pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
-    Section {
-        heading: "To check before signing".into(),
-        text: vec![format!(
-            "Checked: rejected rows, errors at poses that the fit did not use, the largest error compared with the rms, the \
-             residuals compared with the usual noise, {also}.{}",
-            if concerns.is_empty() { " All is in order." } else { "" }
-        )],
-        list: concerns,
-        ..Section::default()
+    let checked = Section::new("To check before signing").with_text([format!(
+        "Checked: rejected rows, errors at poses that the fit did not use, the largest error \
+                 compared with the rms, the residuals compared with the usual noise, {also}.{}",
+        if concerns.is_empty() { " All is in order." } else { "" }
+    )]);
+    Section { list: concerns, ..checked }
+}
+
+/// What a verdict ends with, where so many points are to be checked.
+pub fn signing(points: usize) -> String {
+    match points {
+        0 => " All checks passed for the region that was measured.".to_owned(),
+        1 => " Check one point before signing.".to_owned(),
+        n => format!(" Check {n} points before signing."),
     }
+}
+
+/// Which joint angles a model was fitted to.
+pub fn joints_used(source: JointSource) -> String {
+    format!("Joint angles that were used: {}.", format!("{source:?}").to_lowercase())
 }
 
 /// Recordings of which more is left than the usual noise of their kind.
@@ -328,9 +335,7 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
 
 /// How many standard deviations to each side hold 95 %, when so many numbers were measured beyond what the parameters need.
 pub fn half_width(spare: Option<usize>) -> f64 {
-    spare
-        .and_then(|n| StudentsT::new(0.0, 1.0, f64::from(u32::try_from(n).ok()?)).ok())
-        .map_or(1.959_964, |t| t.inverse_cdf(0.975))
+    spare.and_then(|n| StudentsT::new(0.0, 1.0, n as f64).ok()).map_or(1.959_964, |t| t.inverse_cdf(0.975))
 }
 
 /// Parameters beside nominal, with intervals.

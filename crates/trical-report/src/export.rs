@@ -7,7 +7,7 @@ use serde_json::json;
 use trical_ident::unit;
 use trical_model::pose::angles_zyx;
 use trical_model::robot::tidy;
-use trical_model::{Forward, JointKind, Model, Pose, Rigid, Robot, State, urdf};
+use trical_model::{Forward, Joint, JointKind, Model, Pose, Rigid, Robot, State, urdf};
 
 use crate::error::{Error, Result};
 use crate::table::csv;
@@ -40,7 +40,6 @@ impl LeftOut {
             sum += off.norm_squared();
             max = max.max(off.norm());
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let rms = (sum / POSES as f64).sqrt();
         Ok(Self { names, rms_mm: rms * 1e3, max_mm: max * 1e3 })
     }
@@ -98,7 +97,50 @@ impl Export {
     /// # Errors
     /// Another ending of the name.
     pub fn table(&self, out: &Path) -> Result<String> {
-        table(out, &self.model, &self.rigid, &self.left_out)
+        let Self { model, rigid, left_out } = self;
+        let lines = |robot: &Robot| robot.joints.iter().enumerate().map(line).collect::<Vec<_>>();
+        match out.extension().and_then(|e| e.to_str()) {
+            Some("toml") => {
+                let head: Vec<String> = left_out.sentences().iter().map(|s| format!("# {s}\n")).collect();
+                Ok(format!(
+                    "# Calibrated; T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d).\n{}\n{}",
+                    head.concat(),
+                    rigid.robot.to_toml()
+                ))
+            }
+            Some("json") => {
+                let pose = |p: &Pose| {
+                    let xyz_mm = [p.translation.x, p.translation.y, p.translation.z].map(|x| tidy(x * 1e3));
+                    let zyx_deg = angles_zyx(&p.rotation).map(|a| tidy(a.to_degrees()));
+                    json!({ "xyz_mm": xyz_mm, "zyx_deg": zyx_deg })
+                };
+                let nominal = if rigid.same_frames { lines(&model.robot) } else { Vec::new() };
+                let tool = Pose { rotation: rigid.cell.tool.rotation, translation: rigid.cell.tool.tcp };
+                Ok(serde_json::to_string_pretty(&json!({
+                    "robot": rigid.robot.name,
+                    "convention": "T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d); R = Rz(a) Ry(b) Rx(c) in zyx_deg",
+                    "world_from_base": pose(&rigid.cell.world_from_base),
+                    "base_from_frame_0": pose(&rigid.robot.root_from_zero),
+                    "joints": lines(&rigid.robot),
+                    "nominal_joints": nominal,
+                    "frame_n_from_flange": pose(&rigid.robot.last_from_flange),
+                    "flange_from_tcp": pose(&tool),
+                    "left_out": left_out.names,
+                    "left_out_rms_mm": left_out.rms_mm,
+                    "left_out_max_mm": left_out.max_mm,
+                }))?)
+            }
+            Some("csv") => {
+                let cell = |line: &serde_json::Value, name: &str| match &line[name] {
+                    serde_json::Value::Null => String::new(),
+                    v => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
+                };
+                let head = COLUMNS.map(str::to_owned);
+                let rows = lines(&rigid.robot);
+                Ok(csv([head].into_iter().chain(rows.iter().map(|line| COLUMNS.map(|name| cell(line, name))))))
+            }
+            _ => Err(Error::Input(format!("{}: the name must end in .toml, .json or .csv", out.display()))),
+        }
     }
 
     /// Whether the frames are those of the nominal arm, so that tables can be compared line by line.
@@ -143,76 +185,24 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// One line of the table: numbers by name, each with its unit.
-fn line(robot: &Robot, i: usize) -> Option<serde_json::Map<String, serde_json::Value>> {
-    let j = robot.joints.get(i)?;
+fn line((i, j): (usize, &Joint)) -> serde_json::Value {
     let deg = |x: f64| json!(tidy(x.to_degrees()));
     let mm = |x: f64| json!(tidy(x * 1e3));
-    let prismatic = j.kind == JointKind::Prismatic;
-    let mut m = serde_json::Map::new();
-    m.insert("joint".into(), json!(i + 1));
-    m.insert("kind".into(), json!(j.kind));
-    m.insert("alpha_deg".into(), deg(j.alpha));
-    m.insert("a_mm".into(), mm(j.a));
-    m.insert("beta_deg".into(), deg(j.beta));
-    m.insert("d_mm".into(), mm(j.d));
-    m.insert("theta_offset_deg".into(), deg(j.theta_offset));
-    for (k, name) in ["lower", "upper"].iter().enumerate() {
-        let (own, value) = if prismatic { ("mm", mm(j.limits[k])) } else { ("deg", deg(j.limits[k])) };
-        for unit in ["deg", "mm"] {
-            let value = if unit == own { value.clone() } else { serde_json::Value::Null };
-            m.insert(format!("{name}_{unit}"), value);
-        }
-    }
-    Some(m)
-}
-
-fn table(out: &Path, model: &Model, rigid: &Rigid, left_out: &LeftOut) -> Result<String> {
-    let lines = || (0..rigid.robot.dof()).filter_map(|i| line(&rigid.robot, i));
-    match out.extension().and_then(|e| e.to_str()) {
-        Some("toml") => {
-            let head: Vec<String> = left_out.sentences().iter().map(|s| format!("# {s}\n")).collect();
-            Ok(format!(
-                "# Calibrated; T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d).\n{}\n{}",
-                head.concat(),
-                rigid.robot.to_toml()
-            ))
-        }
-        Some("json") => {
-            let pose = |p: &Pose| {
-                let xyz_mm = [p.translation.x, p.translation.y, p.translation.z].map(|x| tidy(x * 1e3));
-                let zyx_deg = angles_zyx(&p.rotation).map(|a| tidy(a.to_degrees()));
-                json!({ "xyz_mm": xyz_mm, "zyx_deg": zyx_deg })
-            };
-            let nominal: Vec<_> = if rigid.same_frames {
-                (0..model.robot.dof()).filter_map(|i| line(&model.robot, i)).collect()
-            } else {
-                Vec::new()
-            };
-            let tool = Pose { rotation: rigid.cell.tool.rotation, translation: rigid.cell.tool.tcp };
-            Ok(serde_json::to_string_pretty(&json!({
-                "robot": rigid.robot.name,
-                "convention": "T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d); R = Rz(a) Ry(b) Rx(c) in zyx_deg",
-                "world_from_base": pose(&rigid.cell.world_from_base),
-                "base_from_frame_0": pose(&rigid.robot.root_from_zero),
-                "joints": lines().collect::<Vec<_>>(),
-                "nominal_joints": nominal,
-                "frame_n_from_flange": pose(&rigid.robot.last_from_flange),
-                "flange_from_tcp": pose(&tool),
-                "left_out": left_out.names,
-                "left_out_rms_mm": left_out.rms_mm,
-                "left_out_max_mm": left_out.max_mm,
-            }))?)
-        }
-        Some("csv") => {
-            let cell = |m: &serde_json::Map<_, _>, name: &str| match m.get(name) {
-                None | Some(serde_json::Value::Null) => String::new(),
-                Some(v) => v.as_str().map_or_else(|| v.to_string(), str::to_owned),
-            };
-            let head = COLUMNS.map(str::to_owned);
-            Ok(csv([head].into_iter().chain(lines().map(|m| COLUMNS.map(|name| cell(&m, name))))))
-        }
-        _ => Err(Error::Input(format!("{}: the name must end in .toml, .json or .csv", out.display()))),
-    }
+    let slides = j.kind == JointKind::Prismatic;
+    let [in_deg, in_mm] = [(!slides).then_some(j.limits), slides.then_some(j.limits)];
+    json!({
+        "joint": i + 1,
+        "kind": j.kind,
+        "alpha_deg": deg(j.alpha),
+        "a_mm": mm(j.a),
+        "beta_deg": deg(j.beta),
+        "d_mm": mm(j.d),
+        "theta_offset_deg": deg(j.theta_offset),
+        "lower_deg": in_deg.map(|l| deg(l[0])),
+        "upper_deg": in_deg.map(|l| deg(l[1])),
+        "lower_mm": in_mm.map(|l| mm(l[0])),
+        "upper_mm": in_mm.map(|l| mm(l[1])),
+    })
 }
 
 #[cfg(test)]
@@ -282,7 +272,7 @@ mod tests {
     fn a_joint_that_slides_has_its_limits_in_millimetres() {
         let mut robot = arm().robot;
         (robot.joints[0].kind, robot.joints[0].limits) = (JointKind::Prismatic, [-0.1, 0.25]);
-        let row = line(&robot, 0).unwrap();
+        let row = line((0, &robot.joints[0]));
         let of = |name: &str| row[name].as_f64();
         assert_eq!(["lower_mm", "upper_mm", "lower_deg", "upper_deg"].map(of), [Some(-100.0), Some(250.0), None, None]);
     }

@@ -104,7 +104,6 @@ impl Spread {
         };
         let n = terms.len();
         let covariance = (0..n * n).map(|k| correlation(k / n, k % n) * sd(k / n) * sd(k % n)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let count = a.points.len().max(1) as f64;
         let mean = |t: &Term| a.points.iter().map(|p| t.basis.shape.at(p.1.to_radians()).0).sum::<f64>() / count;
         Self { covariance, middle: terms.iter().map(mean).collect() }
@@ -147,13 +146,14 @@ fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
     });
     let band = Band { name: "fitted, 95 %".into(), color: BEFORE, points: curve.collect() };
     let joint = a.joint;
-    Ok(Figure {
-        caption: format!(
-            "By how much joint {joint} is off, in thousandths of a degree: what each measurement asks for, everything else modelled, and \
-             the fitted curve with its 95 % band (about the curve's mean, which the joint's zero takes up)."
+    Ok(Figure::new(
+        format!(
+            "By how much joint {joint} is off, in thousandths of a degree: what each measurement \
+                 asks for, everything else modelled, and the fitted curve with its 95 % band (about the \
+                 curve's mean, which the joint's zero takes up)."
         ),
-        svg: plots::curve_over_data(&format!("angle of joint {joint}, deg"), "joint off, mdeg", &series, &band)?,
-    })
+        plots::curve_over_data(&format!("angle of joint {joint}, deg"), "joint off, mdeg", &series, &band)?,
+    ))
 }
 
 /// Amplitude (mdeg) of the sine and cosine that fit best, for each whole number of cycles a turn.
@@ -202,13 +202,13 @@ pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
     cycles.dedup();
     let spectrum = amplitudes(&angles.points, CYCLES);
     let joint = angles.joint;
-    Ok(vec![Figure {
-        caption: format!(
-            "How strongly joint {joint} is off with each number of cycles a turn, everything else modelled. Red and numbered is what the \
-             finding names: a number of the gear."
+    Ok(vec![Figure::new(
+        format!(
+            "How strongly joint {joint} is off with each number of cycles a turn, everything else \
+                 modelled. Red and numbered is what the finding names: a number of the gear."
         ),
-        svg: plots::spectrum(&format!("cycles per turn of joint {joint}"), "amplitude, mdeg", &spectrum, &cycles)?,
-    }])
+        plots::spectrum(&format!("cycles per turn of joint {joint}"), "amplitude, mdeg", &spectrum, &cycles)?,
+    )])
 }
 
 #[cfg(test)]

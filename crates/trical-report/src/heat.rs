@@ -26,13 +26,11 @@ const COLORS: [[f64; 3]; 4] = [[252.0, 248.0, 214.0], [246.0, 190.0, 86.0], [205
 
 fn color(part: f64) -> String {
     let x = part.clamp(0.0, 1.0) * 2.999;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2")]
     let k = x.floor() as usize;
     let mix = |c: usize| COLORS[k][c] + (COLORS[k + 1][c] - COLORS[k][c]) * x.fract();
     format!("#{:02x}{:02x}{:02x}", byte(mix(0)), byte(mix(1)), byte(mix(2)))
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a color's 0 to 255")]
 fn byte(x: f64) -> u8 {
     x.round() as u8
 }
@@ -58,7 +56,6 @@ impl Grid {
     fn of(points: &[[f64; 3]], range: [[f64; 2]; 2]) -> Self {
         let wide = [range[0][1] - range[0][0], range[1][1] - range[1][0]];
         let side = (wide[0].max(wide[1]) / SQUARES).max(1e-3);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to SQUARES")]
         let index = |x: f64| (x / side).floor().max(0.0) as usize;
         let (columns, rows) = (index(wide[0]) + 1, index(wide[1]) + 1);
         let mut squares = vec![(0.0, 0.0_f64, 0); columns * rows];
@@ -77,7 +74,6 @@ impl Grid {
 
     /// Upper left corner of a square in the picture, of a panel that begins at `x0`, `y0`.
     fn corner(&self, (x0, y0): (f64, f64), i: usize, j: usize) -> (f64, f64) {
-        #[expect(clippy::cast_precision_loss, reason = "small counts")]
         let (i, j) = (i as f64, (self.rows - 1 - j) as f64);
         (x0 + i * self.drawn_side(), y0 + j * self.drawn_side())
     }
@@ -129,7 +125,6 @@ fn squares(panel: &Panel, grid: &Grid, begin: (f64, f64), most: f64) -> String {
     for (n, (sum, largest, count)) in grid.squares.iter().enumerate().filter(|s| s.1.2 > 0) {
         let (i, j) = (n % grid.columns, n / grid.columns);
         let ((x, y), mean) = (grid.corner(begin, i, j), sum / f64::from(*count));
-        #[expect(clippy::cast_precision_loss, reason = "small counts")]
         let middle = [i, j].map(|n| (n as f64 + 0.5) * grid.side);
         let _ = write!(
             svg,
@@ -151,7 +146,6 @@ fn axes(panel: &Panel, grid: &Grid, begin: (f64, f64)) -> String {
     let (x0, side) = (begin.0, grid.drawn_side());
     let (bottom, end) = (grid.corner(begin, 0, 0).1 + side, grid.corner(begin, grid.columns - 1, 0).0 + side);
     let top = grid.corner(begin, 0, grid.rows - 1).1;
-    #[expect(clippy::cast_precision_loss, reason = "small counts")]
     let high = |n: usize, k: usize| grid.low[k] + n as f64 * grid.side;
     let middle = 0.5 * (top + bottom);
     format!(
@@ -228,22 +222,22 @@ fn panels(misses: &[Miss]) -> Vec<Panel> {
 pub fn section(model: &Model) -> Result<Section> {
     let map = ErrorMap::of(model, POSES)?;
     let all = map.summary();
-    Ok(Section {
-        heading: "Position error of the nominal arm over its whole workspace, by this model".into(),
-        text: vec![format!(
-            "At {POSES} poses at random within the limits of the joints the nominal arm's tool is {:.3} mm from where this model \
-             says that it is, on average; {:.3} mm at most. Seen from the arm's own base, with the tool that was identified: where \
-             the arm stands and how its tool is mounted does not count, nor do time, temperature and sense of motion. These numbers are predictions of the model; beyond the measured joint angles they are extrapolated.",
+    Ok(Section::new("Position error of the nominal arm over its whole workspace, by this model")
+        .with_text([format!(
+            "At {POSES} poses at random within the limits of the joints the nominal arm's tool is \
+                 {:.3} mm from where this model says that it is, on average; {:.3} mm at most. Seen from \
+                 the arm's own base, with the tool that was identified: where the arm stands and how its \
+                 tool is mounted does not count, nor do time, temperature and sense of motion. These \
+                 numbers are predictions of the model; beyond the measured joint angles they are \
+                 extrapolated.",
             all.mean_mm, all.max_mm
-        )],
-        figures: vec![Figure {
-            caption: "Each square in the colour of the mean error of its poses; numbers show under the pointer. Places in the \
-                      frame of the arm's base. `trical export --error-map` writes the poses one by one."
-                .into(),
-            svg: draw(&panels(&map.misses)),
-        }],
-        ..Section::default()
-    })
+        )])
+        .with_figures([Figure::new(
+            "Each square in the colour of the mean error of its poses; numbers show under the \
+                 pointer. Places in the frame of the arm's base. `trical export --error-map` writes the \
+                 poses one by one.",
+            draw(&panels(&map.misses)),
+        )]))
 }
 
 #[cfg(test)]
@@ -261,7 +255,6 @@ mod tests {
         let side = panels(&map.misses).pop().unwrap();
         let grid = Grid::of(&side.points, [range(&side.points, 0), range(&side.points, 1)]);
         for (n, (sum, largest, count)) in grid.squares.iter().enumerate().filter(|s| s.1.2 > 0) {
-            #[expect(clippy::cast_precision_loss, reason = "a small count")]
             let distance = grid.low[0] + ((n % grid.columns) as f64 + 0.5) * grid.side;
             let half = 0.51e-3 * grid.side + 1e-3;
             assert!((sum / f64::from(*count) - 1e-3 * distance).abs() < half, "{distance}");

@@ -17,23 +17,19 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     let (at, over) = match &h.days {
         Some(days) => (days.clone(), "days since the first recording"),
         None => {
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             let numbers = (1..=h.sessions.len()).map(|k| k as f64).collect();
             (numbers, "session")
         }
     };
     let errors: Vec<(f64, f64)> = at.iter().zip(&h.sessions).map(|(x, s)| (*x, s.mean_mm)).collect();
-    let mut sections = vec![Section {
-        heading: "Sessions".into(),
-        text: vec![
-            "Mean position error by the calibration as it is; what is new in every session (a tracker's frame, places of sockets) was \
-             identified. The recordings that the calibration was fitted to stand first: theirs is what the fit left."
-                .into(),
-        ],
-        tables: vec![sessions(h)],
-        figures: over_sessions(over, errors)?,
-        ..Section::default()
-    }];
+    let mut sections = vec![
+        Section::new("Sessions")
+            .with_text(["Mean position error by the calibration as it is; what is new in every session (a \
+                 tracker's frame, places of sockets) was identified. The recordings that the calibration \
+                 was fitted to stand first: theirs is what the fit left."])
+            .with_tables([sessions(h)])
+            .with_figures(over_sessions(over, errors)?),
+    ];
     let names = h.sessions.first().map_or(&[][..], |s| s.alone.as_slice());
     let mut figures = Vec::new();
     for p in names {
@@ -50,22 +46,21 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
             band,
         )?);
     }
-    sections.push(Section {
-        heading: "Parameters over the sessions".into(),
-        text: vec![if figures.is_empty() {
-            "There is one session after the calibration: a second one makes a curve.".into()
-        } else {
-            "How far each joint's zero, the tool and the base are from the calibration, each fitted alone, with its 95 % interval (1.96 \
-             standard deviations to each side). What one of them does the others can do in part: the table above says which of them changed."
-                .into()
-        }],
-        figures,
-        ..Section::default()
-    });
+    sections.push(
+        Section::new("Parameters over the sessions")
+            .with_text([if figures.is_empty() {
+                "There is one session after the calibration: a second one makes a curve."
+            } else {
+                "How far each joint's zero, the tool and the base are from the calibration, each fitted \
+                 alone, with its 95 % interval (1.96 standard deviations to each side). What one of them \
+                 does the others can do in part: the table above says which of them changed."
+            }])
+            .with_figures(figures),
+    );
     let changed = h.sessions.iter().filter(|s| !s.changes.is_empty());
     let told: Vec<String> = changed.map(|s| format!("{}: {}", s.recording, s.summary)).collect();
     if !told.is_empty() {
-        sections.insert(1, Section { heading: "What changed".into(), list: told, ..Section::default() });
+        sections.insert(1, Section { list: told, ..Section::new("What changed") });
     }
     let title = format!("History of {}", file.model.robot.name);
     page::render(&title, &h.due, &sections, &made)
@@ -104,7 +99,7 @@ fn over_sessions(over: &str, points: Vec<(f64, f64)>) -> Result<Vec<Figure>> {
     }
     let what = "mean position error, mm";
     let series = [Series { name: "sessions", color: AFTER, points }];
-    Ok(vec![Figure { caption: capital(what), svg: plots::scatter(over, what, true, true, &series)? }])
+    Ok(vec![Figure::new(capital(what), plots::scatter(over, what, true, true, &series)?)])
 }
 
 /// Points over the sessions with a band; nothing for a single one.
@@ -119,7 +114,7 @@ fn drawn(
     }
     let series = [Series { name: "sessions", color: AFTER, points }];
     let band = Band { name: "95 %".into(), color: BEFORE, points: band.collect() };
-    Ok(Some(Figure { caption: capital(what), svg: plots::curve_over_data(over, what, &series, &band)? }))
+    Ok(Some(Figure::new(capital(what), plots::curve_over_data(over, what, &series, &band)?)))
 }
 
 fn capital(text: &str) -> String {

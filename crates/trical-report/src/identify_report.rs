@@ -4,7 +4,7 @@ use trical_diagnose::verdict::capital;
 use trical_ident::{Calibration, ErrorSummary};
 
 use crate::error::Result;
-use crate::evidence::{self, Errors, half_width, row};
+use crate::evidence::{self, Errors, half_width, joints_used, row, signing};
 use crate::page::{self, Made, Section, error_table};
 use crate::table;
 
@@ -92,12 +92,7 @@ fn verdict(t: &Calibration, concerns: usize) -> String {
     if let Some((_, e)) = unseen(t).first() {
         out += &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
-    out += &match concerns {
-        0 => " All checks passed for the region that was measured.".to_owned(),
-        1 => " Check one point before signing.".to_owned(),
-        n => format!(" Check {n} points before signing."),
-    };
-    out
+    out + &signing(concerns)
 }
 
 fn parameters(t: &Calibration) -> Section {
@@ -127,7 +122,7 @@ fn parameters(t: &Calibration) -> Section {
         rows.extend(pairs.iter().map(|(a, b, r)| vec![a.clone(), b.clone(), format!("{r:.3}")]));
         tables.push(rows);
     }
-    Section { heading: "Parameters".into(), text, tables, ..Section::default() }
+    Section::new("Parameters").with_text(text).with_tables(tables)
 }
 
 /// The whole report.
@@ -149,18 +144,14 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
         one_by_one.text.push(format!("These are from a sample of {} of {} measurements.", after.len(), t.observations));
     }
     sections.extend([
-        Section {
-            heading: "Position error before and after".into(),
-            text: vec!["Before is the arm as its maker describes it, with only the measuring frame or base and the tool points \
-                        identified."
-                .into()],
-            tables: vec![error_table(&rows)],
-            ..Section::default()
-        },
+        Section::new("Position error before and after")
+            .with_text(["Before is the arm as its maker describes it, with only the measuring frame or base and \
+                 the tool points identified."])
+            .with_tables([error_table(&rows)]),
         one_by_one,
     ]);
     sections.extend(errors.pictures()?);
     sections.extend([parameters(t), evidence::rejected(&t.named, t.rejected)]);
-    made.notes.push(format!("Joint angles that were used: {:?}.", f.data.joints).to_lowercase().replacen('j', "J", 1));
+    made.notes.push(joints_used(f.data.joints));
     page::render("TriCal: identification", &verdict, &sections, &made)
 }

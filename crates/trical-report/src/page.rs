@@ -20,6 +20,13 @@ pub struct Figure {
     pub svg: String,
 }
 
+impl Figure {
+    /// A picture with its caption.
+    pub fn new(caption: impl Into<String>, svg: String) -> Self {
+        Self { caption: caption.into(), svg }
+    }
+}
+
 /// A section.
 #[derive(Default, Serialize)]
 pub struct Section {
@@ -37,6 +44,36 @@ pub struct Section {
     pub figures: Vec<Figure>,
     /// Whether it is closed until somebody opens it; on paper it is open.
     pub folded: bool,
+}
+
+impl Section {
+    /// A section with nothing below its heading yet.
+    pub fn new(heading: impl Into<String>) -> Self {
+        Self { heading: heading.into(), ..Self::default() }
+    }
+
+    /// With these paragraphs.
+    pub fn with_text(mut self, text: impl IntoIterator<Item: Into<String>>) -> Self {
+        self.text.extend(text.into_iter().map(Into::into));
+        self
+    }
+
+    /// With these tables.
+    pub fn with_tables(mut self, tables: impl IntoIterator<Item = Vec<Vec<String>>>) -> Self {
+        self.tables.extend(tables);
+        self
+    }
+
+    /// With these figures.
+    pub fn with_figures(mut self, figures: impl IntoIterator<Item = Figure>) -> Self {
+        self.figures.extend(figures);
+        self
+    }
+
+    /// Where so, closed until somebody opens it.
+    pub fn folded(self, folded: bool) -> Self {
+        Self { folded, ..self }
+    }
 }
 
 /// A file that a report was made from.
@@ -101,27 +138,22 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
     // the library is carried by those who have something to draw with it
     let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
     let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turn::OPEN));
-    let mut env = environment();
-    // the name ends in .html, so that text is escaped
-    env.add_template("report.html", include_str!("../assets/report.html"))
-        .and_then(|()| env.get_template("report.html"))
-        .and_then(|t| {
-            let (sections, made) = (Serde(sections), Serde(made));
-            let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
-            let (uplot_js, report_js) =
-                (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
-            let turn_js = include_str!("../assets/turn.js");
-            let uplot_license = include_str!("../assets/uPlot.LICENSE");
-            t.render(context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js })
-        })
-        .map_err(|e| Error::Failed(format!("the report could not be written: {e}")))
+    let (sections, made) = (Serde(sections), Serde(made));
+    let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
+    let (uplot_js, report_js) = (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
+    let turn_js = include_str!("../assets/turn.js");
+    let uplot_license = include_str!("../assets/uPlot.LICENSE");
+    let values = context! { title, verdict, sections, made, live, turning, turn_js, uplot_css, uplot_license, uplot_js, report_js };
+    from_template("report", include_str!("../assets/report.html"), values)
 }
 
-/// Templates, with the filter `told` for what a person reads.
-pub fn environment() -> Environment<'static> {
+/// A page (a "report") from its template, in which the filter `told` is for what a person reads.
+pub fn from_template(what: &str, template: &str, values: Value) -> Result<String> {
     let mut env = Environment::new();
     env.add_filter("told", |text: String| Value::from_safe_string(told(&text)));
-    env
+    // the name ends in .html, so that text is escaped
+    env.render_named_str(&format!("{what}.html"), template, values)
+        .map_err(|e| Error::Failed(format!("the {what} could not be written: {e}")))
 }
 
 /// What stays in one line with the number before it.
@@ -222,13 +254,10 @@ mod tests {
     #[test]
     fn text_is_escaped_pictures_are_not_and_scripts_are_carried_where_they_are_used() {
         let page = |svg: &str| {
-            let figure = Figure { caption: "a < b".into(), svg: svg.into() };
-            let section = Section {
-                heading: "x & y".into(),
-                tables: vec![vec![vec!["<i>".into()], vec!["<b>".into()]]],
-                figures: vec![figure],
-                ..Section::default()
-            };
+            let figure = Figure::new("a < b", svg.into());
+            let section = Section::new("x & y")
+                .with_tables([vec![vec!["<i>".into()], vec!["<b>".into()]]])
+                .with_figures([figure]);
             render("<title>", "<verdict>", &[section], &Made::by("trical <x>".into(), &[])).unwrap()
         };
         let plain = page("<svg></svg>");

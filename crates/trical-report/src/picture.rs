@@ -67,7 +67,6 @@ pub(crate) fn skeletons(scene: &Scene<'_>) -> Vec<(usize, Vec<V3>, V3)> {
 /// Of the balls; of the marks where there are none.
 fn middle(scene: &Scene<'_>) -> V3 {
     let balls = &scene.model.forward().model().cell.balls;
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let mean = |sum: V3, n: usize| sum / n.max(1) as f64;
     if balls.is_empty() {
         mean(scene.marks.iter().map(|m| m.place).sum(), scene.marks.len())

@@ -83,7 +83,6 @@ pub fn worth(
         let poses: Vec<Joints> = (0..POSES).map(|_| drawn(robot, &mut rng)).collect();
         let before = apart(&truth, &Model::nominal(robot.clone(), cell.clone()), &poses)?;
         for (k, places) in PLACES.iter().enumerate() {
-            #[expect(clippy::cast_precision_loss, reason = "small counts")]
             task.step((arm as f64 + k as f64 / PLACES.len() as f64) / ARMS as f64, "what places are worth")?;
             let rows: Vec<Row> = all[..*places].iter().flatten().copied().collect();
             let names = (1..=*places).map(|p| format!("place {p}")).collect();

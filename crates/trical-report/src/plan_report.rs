@@ -1,14 +1,14 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
 use trical_diagnose::verdict::capital;
-use trical_model::{Cell, Forward, JointKind, Model, Robot, State};
+use trical_model::{Cell, Forward, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
 use crate::blindness;
 use crate::error::Result;
-use crate::evidence::{row, typical};
+use crate::evidence::{other_views, row, span, typical, used};
 use crate::page::{self, Figure, Made, Section};
-use crate::picture::{self, Scene, View};
+use crate::picture::Scene;
 use crate::plan_told::Told;
 use crate::table::{fixed, two_digits};
 use crate::turn;
@@ -26,19 +26,18 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
     // the arm itself stands at the touch that is nearest to the middle of them all
     let shown = typical(&touches.iter().map(|e| e.joints).collect::<Vec<_>>());
     let scene = Scene { model: &model, touches, marks: &[], shown, sphere };
-    Ok(vec![
-        Figure {
-            caption: format!(
-                "The cell with all {} poses, each in the colour of its ball: from base over the joints to the tool, the \
-                 last way into the ball drawn thick. Arm and device stand at one of them; the dashed circle is the sphere in \
-                 which the arm is to be accurate. Names show under the pointer.",
-                touches.len()
-            ),
-            svg: turn::draw_turning(&scene, 900.0)?,
-        },
-        Figure { caption: "From above.".into(), svg: picture::draw(&scene, View::Above, 620.0) },
-        Figure { caption: "From the side.".into(), svg: picture::draw(&scene, View::Side, 620.0) },
-    ])
+    let mut figures = vec![Figure::new(
+        format!(
+            "The cell with all {} poses, each in the colour of its ball: from base over the joints \
+                 to the tool, the last way into the ball drawn thick. Arm and device stand at one of \
+                 them; the dashed circle is the sphere in which the arm is to be accurate. Names show \
+                 under the pointer.",
+            touches.len()
+        ),
+        turn::draw_turning(&scene, 900.0)?,
+    )];
+    figures.extend(other_views(&scene).figures);
+    Ok(figures)
 }
 
 /// How far each joint's range and gravity torque are used, and the senses of approach.
@@ -55,32 +54,18 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
         .flatten();
     let mut rows =
         vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "reached moving down", "reached moving up"])];
-    for (k, joint) in robot.joints.iter().enumerate() {
-        let span = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
-        };
-        let (low, high) = span(&mut told.plan.entries.iter().map(|e| e.joints[k]));
-        let show = |x: f64| match joint.kind {
-            JointKind::Revolute => format!("{} deg", fixed(x.to_degrees(), 0)),
-            JointKind::Prismatic => format!("{} mm", fixed(x * 1e3, 0)),
-        };
+    for k in 0..robot.dof() {
+        let mut cells = used(robot, k, span(told.plan.entries.iter().map(|e| e.joints[k])));
         let torque = torques.as_ref().map_or_else(
             || "-".into(),
             |t| {
-                let (a, b) = span(&mut t.iter().map(|t| t[k]));
+                let (a, b) = span(t.iter().map(|t| t[k]));
                 format!("{} to {}", fixed(a, 1), fixed(b, 1))
             },
         );
         let [down, up] = told.plan.expected.senses.get(k).copied().unwrap_or_default();
-        rows.push(vec![
-            format!("{}", k + 1),
-            show(low),
-            show(high),
-            format!("{} to {}", show(joint.limits[0]), show(joint.limits[1])),
-            torque,
-            down.to_string(),
-            up.to_string(),
-        ]);
+        cells.extend([torque, down.to_string(), up.to_string()]);
+        rows.push(cells);
     }
     Ok(rows)
 }
@@ -152,7 +137,7 @@ fn not_seen(told: &Told) -> Section {
             .iter()
             .map(|(effect, lacks)| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title))),
     );
-    Section { heading: "What would not be seen".into(), text, tables: vec![advice], ..Section::default() }
+    Section::new("What would not be seen").with_text(text).with_tables([advice])
 }
 
 /// The whole report.
@@ -168,33 +153,21 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
     let dependent = (!e.dependent.is_empty())
         .then(|| format!("Cannot be told from others by these touches: {}.", e.dependent.join(", ")));
     let sections = [
-        Section { heading: "The poses".into(), figures: pictures, ..Section::default() },
-        Section { heading: "From above and from the side".into(), figures: others, ..Section::default() },
-        Section {
-            heading: "What to expect".into(),
-            text: vec![format!(
-                "From the noise of the gauge alone, {} mm in each of its three readings. Errors of the model come on top, and grow \
-                 where joints leave the ranges below. The choice is {} times better than a random one.",
+        Section::new("The poses").with_figures(pictures),
+        Section::new("From above and from the side").with_figures(others),
+        Section::new("What to expect")
+            .with_text([format!(
+                "From the noise of the gauge alone, {} mm in each of its three readings. Errors of the \
+                 model come on top, and grow where joints leave the ranges below. The choice is {} times \
+                 better than a random one.",
                 told.options.noise_m * 1e3,
                 two_digits(e.gain_over_random)
-            )],
-            tables: vec![expected, coverage(robot, cell, told)?],
-            ..Section::default()
-        },
+            )])
+            .with_tables([expected, coverage(robot, cell, told)?]),
         not_seen(told),
-        Section { heading: "Candidates".into(), tables: vec![refused(told)], ..Section::default() },
-        Section {
-            heading: "Parameters".into(),
-            text: dependent.into_iter().collect(),
-            tables: vec![parameters(told)],
-            ..Section::default()
-        },
-        Section {
-            heading: "All effects".into(),
-            tables: vec![detectability(told)],
-            folded: true,
-            ..Section::default()
-        },
+        Section::new("Candidates").with_tables([refused(told)]),
+        Section::new("Parameters").with_text(dependent).with_tables([parameters(told)]),
+        Section::new("All effects").with_tables([detectability(told)]).folded(true),
     ];
     page::render("TriCal: plan", &verdict(cell, told), &sections, made)
 }

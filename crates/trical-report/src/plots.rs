@@ -9,9 +9,9 @@ use plotters::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// Before: grey-red. After: blue.
+/// The colour of what is measured before calibration: grey-red.
 pub const BEFORE: RGBColor = RGBColor(200, 92, 70);
-/// See [`BEFORE`].
+/// The colour of what is measured after calibration: blue.
 pub const AFTER: RGBColor = RGBColor(38, 102, 165);
 
 /// Points of one colour.
@@ -24,8 +24,22 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-fn failed(e: impl std::fmt::Display) -> Error {
-    Error::Failed(format!("a figure could not be drawn: {e}"))
+impl Series {
+    /// Those of its points whose numbers are given.
+    fn only(&self, kept: &[usize]) -> Self {
+        Self { points: kept.iter().map(|k| self.points[*k]).collect(), ..*self }
+    }
+}
+
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for Error {
+    fn from(e: DrawingAreaErrorKind<E>) -> Self {
+        Self::Failed(format!("a figure could not be drawn: {e}"))
+    }
+}
+
+/// A colour as a page writes it.
+fn hex(RGBColor(r, g, b): RGBColor) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 fn range(values: impl Iterator<Item = f64> + Clone, from_zero: bool) -> std::ops::Range<f64> {
@@ -38,13 +52,13 @@ fn range(values: impl Iterator<Item = f64> + Clone, from_zero: bool) -> std::ops
     if from_zero { 0.0..(high + pad) } else { (low - pad)..(high + pad) }
 }
 
-fn draw(size: (u32, u32), with: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<()>) -> Result<String> {
+fn draw(size: (u32, u32), with: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        root.fill(&WHITE).map_err(failed)?;
+        root.fill(&WHITE)?;
         with(&root)?;
-        root.present().map_err(failed)?;
+        root.present()?;
     }
     let svg = svg.replace(" opacity=\"1\"", "").replace('\n', "");
     // scale with the page
@@ -61,7 +75,15 @@ fn tick(v: &f64) -> String {
 }
 
 type Chart<'a, 's> = ChartContext<'a, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Area<'s> = DrawingArea<SVGBackend<'s>, Shift>;
 type Mesh<'a, 'c, 's> = MeshStyle<'a, 'c, RangedCoordf64, RangedCoordf64, SVGBackend<'s>>;
+
+/// A chart with room for its axes.
+fn framed<'a, 's>(area: &'a Area<'s>) -> ChartBuilder<'a, 'a, SVGBackend<'s>> {
+    let mut chart = ChartBuilder::on(area);
+    chart.margin(10).x_label_area_size(44).y_label_area_size(64);
+    chart
+}
 
 /// Draws the axes with their labels and the lines behind a chart; `also` has what is special about them.
 fn axes<'a, 'c, 's>(
@@ -83,7 +105,7 @@ fn axes<'a, 'c, 's>(
         .label_style(("sans-serif", 13))
         .axis_desc_style(("sans-serif", 14));
     also(&mut mesh);
-    mesh.draw().map_err(failed)
+    Ok(mesh.draw()?)
 }
 
 /// What a plot that can be zoomed begins with.
@@ -99,7 +121,6 @@ fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
     let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), false));
     let shared = same_x(series);
     let chosen = |cells: f64| -> Vec<Vec<usize>> {
-        #[expect(clippy::cast_possible_truncation, reason = "cells of a grid")]
         let cell = |p: &(f64, f64)| {
             let at = |v: f64, r: &std::ops::Range<f64>| ((v - r.start) / (r.end - r.start) * cells) as i32;
             (at(p.0, &x), at(p.1, &y))
@@ -151,7 +172,7 @@ pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, seri
     scatter_named(x_label, y_label, from_zero, curves, series, &[])
 }
 
-/// The same, with a name for each point, shown beside its x.
+/// As [`scatter`], with a name for each point, shown beside its x.
 pub fn scatter_named(
     x_label: &str,
     y_label: &str,
@@ -161,23 +182,13 @@ pub fn scatter_named(
     names: &[String],
 ) -> Result<String> {
     let kept = if curves { Vec::new() } else { drawn(series) };
-    let fewer: Vec<Series> = kept
-        .iter()
-        .zip(series)
-        .map(|(k, s)| Series { name: s.name, color: s.color, points: k.iter().map(|k| s.points[*k]).collect() })
-        .collect();
+    let fewer: Vec<Series> = kept.iter().zip(series).map(|(k, s)| s.only(k)).collect();
     let fewer_told = if curves { String::new() } else { not_all(series, &kept) };
     let series = if curves { series } else { &fewer };
     let own: Vec<String> = kept.first().into_iter().flatten().filter_map(|k| names.get(*k).cloned()).collect();
     let picture = still(x_label, y_label, from_zero, curves, series)?;
     let values = live(series, &own);
-    let legend: Vec<_> = series
-        .iter()
-        .map(|s| {
-            let (r, g, b) = (s.color.0, s.color.1, s.color.2);
-            serde_json::json!({ "name": s.name, "color": format!("#{r:02x}{g:02x}{b:02x}") })
-        })
-        .collect();
+    let legend: Vec<_> = series.iter().map(|s| serde_json::json!({ "name": s.name, "color": hex(s.color) })).collect();
     let data = serde_json::json!({
         "x": x_label, "y": y_label, "zero": from_zero, "joined": curves,
         "series": legend, "data": values.0, "rows": values.1,
@@ -219,25 +230,19 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
     let width = high / 30.0;
     let mut counts = [0_u32; BARS];
     for v in values.iter().filter(|v| v.is_finite()) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to BARS")]
         let k = ((v / width).max(0.0) as usize).min(BARS - 1);
         counts[k] += 1;
     }
     let most = f64::from(counts.iter().copied().max().unwrap_or(1).max(1)) * 1.08;
     draw((480, 280), |root| {
-        let mut chart = ChartBuilder::on(root)
-            .margin(10)
-            .x_label_area_size(44)
-            .y_label_area_size(64)
-            .build_cartesian_2d(0.0..high, 0.0..most)
-            .map_err(failed)?;
+        let mut chart = framed(root).build_cartesian_2d(0.0..high, 0.0..most)?;
         axes(&mut chart, x_label, "measurements", |mesh| {
             mesh.disable_x_mesh();
         })?;
         let mut left = 0.0;
         for n in counts {
             let bar = Rectangle::new([(left + 0.06 * width, 0.0), (left + 0.94 * width, f64::from(n))], AFTER.filled());
-            chart.draw_series(std::iter::once(bar)).map_err(failed)?;
+            chart.draw_series(std::iter::once(bar))?;
             left += width;
         }
         Ok(())
@@ -250,19 +255,11 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
     let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero));
     let mut dots = String::new();
     let svg = draw((480, 300), |root| {
-        let mut chart = ChartBuilder::on(root)
-            .margin(10)
-            .margin_top(26)
-            .x_label_area_size(44)
-            .y_label_area_size(64)
-            .build_cartesian_2d(x, y)
-            .map_err(failed)?;
+        let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y)?;
         axes(&mut chart, x_label, y_label, |_| ())?;
         for s in series {
             if curves {
-                chart
-                    .draw_series(LineSeries::new(s.points.iter().copied(), s.color.stroke_width(2)))
-                    .map_err(failed)?;
+                chart.draw_series(LineSeries::new(s.points.iter().copied(), s.color.stroke_width(2)))?;
             } else {
                 dots += &points(&chart, s);
             }
@@ -280,10 +277,9 @@ fn points(chart: &Chart<'_, '_>, s: &Series) -> String {
         let (x, y) = chart.backend_coord(p);
         let _ = write!(path, "M{x} {y}h0");
     }
-    let (r, g, b) = (s.color.0, s.color.1, s.color.2);
     format!(
-        "<path d=\"{path}\" stroke=\"#{r:02x}{g:02x}{b:02x}\" stroke-opacity=\"0.65\" stroke-width=\"6\" stroke-linecap=\"round\" \
-         fill=\"none\"/>"
+        "<path d=\"{path}\" stroke=\"{}\" stroke-opacity=\"0.65\" stroke-width=\"6\" stroke-linecap=\"round\" fill=\"none\"/>",
+        hex(s.color)
     )
 }
 
@@ -295,11 +291,11 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
     let mut out = String::new();
     let mut x = 80;
     for (name, color) in keys {
-        let (r, g, b) = (color.0, color.1, color.2);
         let _ = write!(
             out,
-            "<circle cx=\"{x}\" cy=\"14\" r=\"4\" fill=\"#{r:02x}{g:02x}{b:02x}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
+            "<circle cx=\"{x}\" cy=\"14\" r=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
              font-size=\"13\" fill=\"#1d2733\">{name}</text>",
+            hex(*color),
             x + 9
         );
         x += 30 + 7 * name.len();
@@ -316,11 +312,7 @@ fn with_more(svg: &str, more: &str) -> String {
 pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Band) -> Result<String> {
     let kept = drawn(data);
     let fewer_told = not_all(data, &kept);
-    let data: Vec<Series> = kept
-        .iter()
-        .zip(data)
-        .map(|(k, s)| Series { name: s.name, color: s.color, points: k.iter().map(|k| s.points[*k]).collect() })
-        .collect();
+    let data: Vec<Series> = kept.iter().zip(data).map(|(k, s)| s.only(k)).collect();
     let x = data.iter().flat_map(|s| &s.points).map(|p| p.0).chain(curve.points.iter().map(|p| p.0));
     // single points far off must not make the curve flat
     let high = curve.points.iter().map(|p| p.3.abs().max(p.2.abs())).fold(0.0, f64::max);
@@ -330,24 +322,16 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
     let top = (1.15 * high).max(usual).max(1e-12);
     let mut dots = String::new();
     let svg = draw((480, 300), |root| {
-        let mut chart = ChartBuilder::on(root)
-            .margin(10)
+        let mut chart = framed(root)
             .margin_top(26)
-            .x_label_area_size(44)
-            .y_label_area_size(64)
-            .build_cartesian_2d(range(x.collect::<Vec<_>>().into_iter(), false), -top..top)
-            .map_err(failed)?;
+            .build_cartesian_2d(range(x.collect::<Vec<_>>().into_iter(), false), -top..top)?;
         axes(&mut chart, x_label, y_label, |_| ())?;
         for s in &data {
             let inside = s.points.iter().filter(|p| p.1.abs() <= top).copied().collect();
             dots += &points(&chart, &Series { points: inside, ..*s });
         }
-        let up = curve.points.iter().map(|p| (p.0, p.3));
-        let down = curve.points.iter().rev().map(|p| (p.0, p.2));
-        let band = Polygon::new(up.chain(down).collect::<Vec<_>>(), curve.color.mix(0.25));
-        chart.draw_series(std::iter::once(band)).map_err(failed)?;
-        let line = curve.points.iter().map(|p| (p.0, p.1));
-        chart.draw_series(LineSeries::new(line, curve.color.stroke_width(2))).map_err(failed)?;
+        chart.draw_series(std::iter::once(Polygon::new(curve.outline(), curve.color.mix(0.25))))?;
+        chart.draw_series(LineSeries::new(curve.line(), curve.color.stroke_width(2)))?;
         Ok(())
     })?;
     let mut keys: Vec<(&str, RGBColor)> = data.iter().map(|s| (s.name, s.color)).collect();
@@ -362,12 +346,7 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
     let high = amplitudes.iter().map(|p| p.1).fold(1e-12, f64::max) * 1.2;
     let (mut bars, mut named) = (String::new(), String::new());
     let svg = draw((480, 260), |root| {
-        let mut chart = ChartBuilder::on(root)
-            .margin(10)
-            .x_label_area_size(44)
-            .y_label_area_size(64)
-            .build_cartesian_2d(range(amplitudes.iter().map(|p| p.0), false), 0.0..high)
-            .map_err(failed)?;
+        let mut chart = framed(root).build_cartesian_2d(range(amplitudes.iter().map(|p| p.0), false), 0.0..high)?;
         axes(&mut chart, x_label, y_label, |_| ())?;
         for p in amplitudes {
             let ((x, top), (_, foot)) = (chart.backend_coord(p), chart.backend_coord(&(p.0, 0.0)));
@@ -416,31 +395,22 @@ pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Resu
     draw((480, 280), |root| {
         let high = values.iter().map(|v| v.1).fold(0.0, f64::max) * 1.15;
         let label = |x: &f64| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
             let k = x.round().max(0.0) as usize;
             let whole = (x - x.round()).abs() < 0.01;
             // of many bars every second is labelled
             let told = whole && k.is_multiple_of(values.len().div_ceil(CROWD).max(1));
             values.get(k).filter(|_| told).map_or_else(String::new, |v| v.0.clone())
         };
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
-        let n = values.len() as f64;
-        let mut chart = ChartBuilder::on(root)
-            .margin(10)
+        let mut chart = framed(root)
             .x_label_area_size(40)
-            .y_label_area_size(64)
-            .build_cartesian_2d(-0.6..(n - 0.4), 0.0..high.max(1e-9))
-            .map_err(failed)?;
+            .build_cartesian_2d(-0.6..(values.len() as f64 - 0.4), 0.0..high.max(1e-9))?;
         axes(&mut chart, x_label, y_label, |mesh| {
             mesh.disable_x_mesh().x_labels(2 * values.len() + 1).x_label_formatter(&label);
         })?;
-        chart
-            .draw_series(values.iter().enumerate().map(|(k, (_, v))| {
-                #[expect(clippy::cast_precision_loss, reason = "a small count")]
-                let x = k as f64;
-                Rectangle::new([(x - 0.38, 0.0), (x + 0.38, *v)], if k == 0 { BEFORE } else { AFTER }.filled())
-            }))
-            .map_err(failed)?;
+        chart.draw_series(values.iter().enumerate().map(|(k, (_, v))| {
+            let x = k as f64;
+            Rectangle::new([(x - 0.38, 0.0), (x + 0.38, *v)], if k == 0 { BEFORE } else { AFTER }.filled())
+        }))?;
         Ok(())
     })
 }
@@ -455,13 +425,25 @@ pub struct Band {
     pub points: Vec<(f64, f64, f64, f64)>,
 }
 
+impl Band {
+    fn line(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.points.iter().map(|p| (p.0, p.1))
+    }
+
+    /// Along the upper edge and back along the lower one.
+    fn outline(&self) -> Vec<(f64, f64)> {
+        let back = self.points.iter().rev().map(|p| (p.0, p.2));
+        self.points.iter().map(|p| (p.0, p.3)).chain(back).collect()
+    }
+}
+
 /// Panels side by side, each with a heading, curves over the same kinds of axes, y from zero; one legend below.
 pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> Result<String> {
     let legend = panels.first().map_or(&[][..], |p| p.1.as_slice());
     let columns = panels.len().clamp(1, 2);
-    let rows = u32::try_from(legend.len().div_ceil(columns)).unwrap_or(0);
+    let rows = legend.len().div_ceil(columns) as u32;
     let below = 24 * rows + 12;
-    let size = (460 * u32::try_from(panels.len()).unwrap_or(1).max(1), 340 + below);
+    let size = (460 * panels.len().max(1) as u32, 340 + below);
     draw(size, |root| {
         let (charts, keys) = root.split_vertically(340);
         for (area, (heading, curves)) in charts.split_evenly((1, panels.len().max(1))).iter().zip(panels) {
@@ -471,39 +453,23 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
             if !(high.is_finite() && high > 0.0) {
                 continue;
             }
-            let mut chart = ChartBuilder::on(area)
-                .margin(10)
+            let mut chart = framed(area)
                 .caption(heading, ("sans-serif", 16))
-                .x_label_area_size(44)
                 .y_label_area_size(70)
-                .build_cartesian_2d(x, 0.0..high)
-                .map_err(failed)?;
+                .build_cartesian_2d(x, 0.0..high)?;
             axes(&mut chart, x_label, y_label, |_| ())?;
             for c in curves {
-                let up = c.points.iter().map(|p| (p.0, p.3));
-                let down = c.points.iter().rev().map(|p| (p.0, p.2));
                 if c.points.iter().any(|p| p.3 > p.2) {
-                    chart
-                        .draw_series(std::iter::once(Polygon::new(
-                            up.chain(down).collect::<Vec<_>>(),
-                            c.color.mix(0.13),
-                        )))
-                        .map_err(failed)?;
+                    chart.draw_series(std::iter::once(Polygon::new(c.outline(), c.color.mix(0.13))))?;
                 }
-                chart
-                    .draw_series(LineSeries::new(c.points.iter().map(|p| (p.0, p.1)), c.color.stroke_width(2)))
-                    .map_err(failed)?;
-                chart
-                    .draw_series(c.points.iter().map(|p| Circle::new((p.0, p.1), 3, c.color.filled())))
-                    .map_err(failed)?;
+                chart.draw_series(LineSeries::new(c.line(), c.color.stroke_width(2)))?;
+                chart.draw_series(c.line().map(|p| Circle::new(p, 3, c.color.filled())))?;
             }
         }
         for (k, c) in legend.iter().enumerate() {
-            let (column, line) = (i32::try_from(k % columns).unwrap_or(0), i32::try_from(k / columns).unwrap_or(0));
-            let (x, y) = (70 + 400 * column, 12 + 24 * line);
-            keys.draw(&PathElement::new(vec![(x, y), (x + 26, y)], c.color.stroke_width(3))).map_err(failed)?;
-            keys.draw(&Text::new(c.name.clone(), (x + 34, y - 8), ("sans-serif", 14).into_font().color(&BLACK)))
-                .map_err(failed)?;
+            let (x, y) = (70 + 400 * (k % columns) as i32, 12 + 24 * (k / columns) as i32);
+            keys.draw(&PathElement::new(vec![(x, y), (x + 26, y)], c.color.stroke_width(3)))?;
+            keys.draw(&Text::new(c.name.clone(), (x + 34, y - 8), ("sans-serif", 14).into_font().color(&BLACK)))?;
         }
         Ok(())
     })

@@ -71,7 +71,6 @@ pub fn estimate(name: &str, value: f64, sd: Option<f64>, unit: &str) -> String {
         None => format!("{value:.3e}"),
         Some(sd) if is_plain => format!("{value:.0$}", decimals_for(sd)),
         Some(sd) => {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
             let d = (1.0 + size.log10().floor() - sd.log10().floor()).clamp(0.0, 12.0) as usize;
             format!("{value:.d$e}")
         }
@@ -102,9 +101,7 @@ pub fn decimals_for(sd: f64) -> usize {
     if !(sd.is_finite() && sd > 0.0) {
         return 4;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    let d = (1.0 - sd.log10().floor()).clamp(0.0, 12.0) as usize;
-    d
+    (1.0 - sd.log10().floor()).clamp(0.0, 12.0) as usize
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use trical_diagnose::verdict;
 use trical_ident::{ErrorSummary, ModelFile, Validation};
 
 use crate::error::Result;
-use crate::evidence::{self, Errors, half_width, row};
+use crate::evidence::{self, Errors, half_width, row, signing};
 use crate::page::{self, Made, Section, error_table};
 
 /// A region with a mean error larger than that of all by this is worth a word.
@@ -60,11 +60,7 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         "The position error at {} measurements is {:.3} mm on average and {:.3} mm at most; with the nominal arm it is {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
     );
-    verdict += &match list.len() {
-        0 => " All checks passed for the region that was measured.".to_owned(),
-        1 => " Check one point before signing.".to_owned(),
-        n => format!(" Check {n} points before signing."),
-    };
+    verdict += &signing(list.len());
     let mut text = vec![
         "Before is the arm as its maker describes it, with only the measuring frame or base and the tool points identified on \
          these recordings. After is the model as it is in its file."
@@ -99,34 +95,22 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     let table = error_table(&[("before: nominal arm", &v.before), ("after: the model", &v.after)]);
     let terms = v.model.terms.iter().filter(|t| t.sd.is_some());
     sections.extend([
-        Section {
-            heading: "Position error before and after".into(),
-            text,
-            tables: std::iter::once(table).chain(recordings).collect(),
-            ..Section::default()
-        },
+        Section::new("Position error before and after")
+            .with_text(text)
+            .with_tables(std::iter::once(table).chain(recordings)),
         errors.section()?,
         errors.by_joint()?,
-        Section {
-            heading: "By region".into(),
-            text: vec!["Each joint's positions (q1 is joint 1) in four parts with equally many measurements.".into()],
-            tables: vec![regions],
-            ..Section::default()
-        },
+        Section::new("By region")
+            .with_text(["Each joint's positions (q1 is joint 1) in four parts with equally many measurements."])
+            .with_tables([regions]),
     ]);
     sections.extend(errors.pictures()?);
     sections.extend([
-        Section {
-            heading: "Parameters of the model".into(),
-            text: vec![
-                "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete; it comes \
-                 from the model's file, not from these recordings."
-                    .into(),
-            ],
-            tables: vec![evidence::parameters(&v.model, terms, half_width(None), |_| String::new())],
-            folded: true,
-            ..Section::default()
-        },
+        Section::new("Parameters of the model")
+            .with_text(["The 95 % interval of each (1.96 standard deviations to each side) holds if the model is \
+                 complete; it comes from the model's file, not from these recordings."])
+            .with_tables([evidence::parameters(&v.model, terms, half_width(None), |_| String::new())])
+            .folded(true),
         evidence::rejected(&v.rejected, v.rejected.len()),
     ]);
     if !file.sessions.is_empty() {

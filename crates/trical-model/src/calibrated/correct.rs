@@ -41,7 +41,7 @@ pub fn corrected(text: &str, file: &str, root: Option<&str>, tip: Option<&str>, 
     if apart > SAME {
         let problem =
             format!("corrected, its flange would be {apart:.1e} m (rad) from the model's; nothing was written");
-        return Err(ModelError::Unreadable { file: file.to_owned(), problem });
+        return Err(ModelError::unreadable(file, problem));
     }
     Ok(out)
 }
@@ -58,7 +58,7 @@ fn origin(pose: &Pose) -> String {
 /// As [`corrected`], of a file whose arm may be named behind a `#`.
 ///
 /// # Errors
-/// As there.
+/// As [`corrected`].
 pub fn corrected_file(given: &UrdfPath, model: &Model) -> Result<String> {
     let text = read_text(&given.path)?;
     corrected(&text, &given.path.display().to_string(), given.root.as_deref(), given.tip.as_deref(), model)
@@ -90,7 +90,7 @@ fn origins(
             "is not the arm of the model ({}); expected the URDF that it was calibrated with",
             model.robot.name
         );
-        return Err(ModelError::Unreadable { file: file.to_owned(), problem });
+        return Err(ModelError::unreadable(file, problem));
     }
     let (before, after) = (links(&Model { terms: Vec::new(), ..model.clone() })?, links(&arm_alone(model))?);
     let mut out = Vec::with_capacity(before.len());

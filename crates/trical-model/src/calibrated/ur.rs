@@ -27,10 +27,6 @@ const BESIDE: f64 = 0.05;
 /// The lists of a `calibration.conf`: what is added to the maker's (standard) Denavit-Hartenberg parameters, m and rad.
 const LISTS: [&str; 4] = ["delta_theta", "delta_a", "delta_d", "delta_alpha"];
 
-fn bad(file: &str, problem: String) -> ModelError {
-    ModelError::Unreadable { file: file.to_owned(), problem }
-}
-
 /// Whether the arm is built like one of Universal Robots, its root being the maker's base frame.
 fn check(robot: &Robot, frames: &[Pose]) -> Result<()> {
     let along = |(pose, axis): (&Pose, &[f64; 3])| (pose.rotation.column(2) - V3::from(*axis)).norm() < BESIDE;
@@ -38,10 +34,9 @@ fn check(robot: &Robot, frames: &[Pose]) -> Result<()> {
     if frames.len() == 6 && turns && frames.iter().zip(&AXES).all(along) {
         return Ok(());
     }
-    Err(bad(
+    Err(ModelError::unreadable(
         &robot.name,
-        "is not an arm of Universal Robots in the maker's base frame: expected six joints that turn about axes as those of robots/ur5e.toml"
-            .into(),
+        "is not an arm of Universal Robots in the maker's base frame: expected six joints that turn about axes as those of robots/ur5e.toml",
     ))
 }
 
@@ -57,9 +52,9 @@ pub fn calibrated_by_maker(nominal: &Robot, text: &str, file: &str) -> Result<Ro
     if nominal.joints.iter().any(|j| j.theta_offset != 0.0 || j.beta != 0.0)
         || nominal.root_from_zero != Pose::identity()
     {
-        return Err(bad(
+        return Err(ModelError::unreadable(
             &nominal.name,
-            "is not in the maker's frames: expected theta_offset_deg 0 throughout and no [root], as in robots/ur5e.toml".into(),
+            "is not in the maker's frames: expected theta_offset_deg 0 throughout and no [root], as in robots/ur5e.toml",
         ));
     }
     let [theta, a, d, alpha] = lists(text, file)?;
@@ -110,7 +105,7 @@ fn lists(text: &str, file: &str) -> Result<[[f64; 6]; 4]> {
     let mut out = [[0.0; 6]; 4];
     for ((to, from), name) in out.iter_mut().zip(found).zip(LISTS) {
         *to = from.ok_or_else(|| {
-            bad(
+            ModelError::unreadable(
                 file,
                 format!(
                     "has no {name}; expected the calibration.conf of a controller of Universal Robots, with {}",

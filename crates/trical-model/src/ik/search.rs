@@ -7,7 +7,6 @@ use crate::robot::{JointKind, Robot};
 /// ratio), which fill a cube of any dimension evenly.
 pub(super) fn starts(robot: &Robot, seed: &Joints, count: usize) -> Vec<Joints> {
     let n = robot.dof();
-    #[expect(clippy::cast_precision_loss, reason = "1 to 9")]
     let power = 1.0 / (n as f64 + 1.0);
     // x^(n+1) = x + 1
     let golden = (0..60).fold(1.5_f64, |x, _| (1.0 + x).powf(power));
@@ -17,7 +16,6 @@ pub(super) fn starts(robot: &Robot, seed: &Joints, count: usize) -> Vec<Joints> 
         let mut step = 1.0;
         for (x, joint) in q.iter_mut().zip(&robot.joints) {
             step /= golden;
-            #[expect(clippy::cast_precision_loss, reason = "a small count")]
             let u = (0.5 + step * k as f64).fract();
             let [mut lower, mut upper] = joint.limits;
             if joint.kind == JointKind::Revolute && upper - lower > std::f64::consts::TAU {

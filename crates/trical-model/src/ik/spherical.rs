@@ -160,7 +160,6 @@ fn polynomial_roots(c: &[Complex<f64>]) -> Vec<Complex<f64>> {
     }
     let mut z: Vec<Complex<f64>> = (0..degree)
         .map(|k| {
-            #[expect(clippy::cast_precision_loss, reason = "0 to 3")]
             let angle = 0.4 + TAU * k as f64 / degree as f64;
             Complex::from_polar(1.1, angle)
         })

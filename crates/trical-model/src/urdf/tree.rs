@@ -65,8 +65,7 @@ impl<'a> Tree<'a> {
             }
         }
         if urdf.links.is_empty() {
-            let problem = "has no <link> within <robot>".into();
-            return Err(ModelError::Unreadable { file: file.to_owned(), problem });
+            return Err(ModelError::unreadable(file, "has no <link> within <robot>"));
         }
         let mut names = BTreeMap::new();
         let mut above: Vec<Option<usize>> = vec![None; urdf.links.len()];
@@ -189,20 +188,19 @@ impl<'a> Tree<'a> {
         let more = if leaves.len() > 10 { format!(" and {} more", leaves.len() - 10) } else { String::new() };
         match leaves.as_slice() {
             [one] => Ok(*one),
-            [] => Err(ModelError::Unreadable {
-                file: self.file.to_owned(),
-                problem: format!("no joint moves anything below link '{}'", self.name(root)),
-            }),
-            _ => Err(ModelError::Unreadable {
-                file: self.file.to_owned(),
-                problem: format!(
-                    "has several ends, {}{more}: name the flange as in {}#{}:{}",
+            [] => {
+                let problem = format!("no joint moves anything below link '{}'", self.name(root));
+                Err(ModelError::unreadable(self.file, problem))
+            }
+            _ => {
+                let (root, likeliest) = (self.name(root), self.name(self.likeliest(root, &leaves)));
+                let problem = format!(
+                    "has several ends, {}{more}: name the flange as in {}#{root}:{likeliest}",
                     names.join(", "),
-                    self.file,
-                    self.name(root),
-                    self.name(self.likeliest(root, &leaves))
-                ),
-            }),
+                    self.file
+                );
+                Err(ModelError::unreadable(self.file, problem))
+            }
         }
     }
 
@@ -327,10 +325,8 @@ pub(crate) fn serial(urdf: &Urdf, file: &str, root: Option<&str>, tip: Option<&s
         });
     }
     if joints.is_empty() {
-        return Err(ModelError::Unreadable {
-            file: file.to_owned(),
-            problem: format!("no joint moves between link '{}' and link '{}'", tree.name(root), tree.name(tip)),
-        });
+        let problem = format!("no joint moves between link '{}' and link '{}'", tree.name(root), tree.name(tip));
+        return Err(ModelError::unreadable(file, problem));
     }
     if !has_masses {
         joints.iter_mut().for_each(|j| j.mass = None);

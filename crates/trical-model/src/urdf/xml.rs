@@ -9,7 +9,7 @@
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-use crate::error::{ModelError, Result};
+use crate::error::{Lines, ModelError, Result};
 use crate::pose::{Pose, rotation_zyx};
 
 type V3 = nalgebra::Vector3<f64>;
@@ -139,53 +139,33 @@ impl Element<'_> {
     }
 }
 
-/// Counts lines up to a place that only moves on.
-struct Lines<'a> {
-    text: &'a str,
-    at: usize,
-    line: usize,
-}
-
-impl Lines<'_> {
-    fn of(&mut self, position: u64) -> usize {
-        let to = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
-        if to > self.at {
-            self.line += self.text.as_bytes()[self.at..to].iter().filter(|b| **b == b'\n').count();
-            self.at = to;
-        }
-        self.line
-    }
-}
-
 /// Reads the text of a URDF.
 pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
     if text.len() > LARGEST {
         let problem = format!("has {} bytes, expected a URDF of at most {LARGEST}", text.len());
-        return Err(ModelError::Unreadable { file: file.to_owned(), problem });
+        return Err(ModelError::unreadable(file, problem));
     }
     let mut reader = Reader::from_str(text);
-    let mut lines = Lines { text, at: 0, line: 1 };
+    let mut lines = Lines::new(text.as_bytes());
     let mut urdf = Urdf::default();
     let mut path: Vec<String> = Vec::new();
     let mut seen_robot = false;
     loop {
         let event = reader.read_event();
-        let line = lines.of(reader.buffer_position());
+        let line = lines.of(reader.buffer_position() as usize);
         let event = event.map_err(|e| error(file, line, format!("is not well-formed XML: {e}")))?;
         match event {
-            Event::Start(start) => {
-                if path.len() >= DEEPEST {
+            Event::Start(ref start) | Event::Empty(ref start) => {
+                let opens = matches!(event, Event::Start(_));
+                if opens && path.len() >= DEEPEST {
                     return Err(error(file, line, format!("elements are nested more than {DEEPEST} deep")));
                 }
-                element(&mut urdf, &path, &start, file, line)?;
+                element(&mut urdf, &path, start, file, line)?;
                 place(&mut urdf, &path, start.name().as_ref(), text, reader.buffer_position());
                 seen_robot = true;
-                path.push(start.name().as_ref().to_owned());
-            }
-            Event::Empty(start) => {
-                element(&mut urdf, &path, &start, file, line)?;
-                place(&mut urdf, &path, start.name().as_ref(), text, reader.buffer_position());
-                seen_robot = true;
+                if opens {
+                    path.push(start.name().as_ref().to_owned());
+                }
             }
             Event::End(_) => {
                 path.pop();
@@ -198,10 +178,10 @@ pub(crate) fn read(text: &str, file: &str) -> Result<Urdf> {
         }
     }
     if !path.is_empty() {
-        return Err(error(file, lines.line, format!("ends within <{}>", path.join("> <"))));
+        return Err(error(file, lines.of(text.len()), format!("ends within <{}>", path.join("> <"))));
     }
     if !seen_robot {
-        return Err(ModelError::Unreadable { file: file.to_owned(), problem: "holds no <robot>".into() });
+        return Err(ModelError::unreadable(file, "holds no <robot>"));
     }
     Ok(urdf)
 }

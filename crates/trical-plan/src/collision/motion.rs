@@ -63,7 +63,6 @@ impl CollisionModel {
         let floor = 0.5 * self.margin;
         stack.clear();
         active.clear();
-        #[expect(clippy::cast_possible_truncation, reason = "thousands of pairs at most")]
         active.extend((0..self.pairs.len()).filter(|k| !self.pairs[*k].allowed(touched)).map(|k| k as u32));
         stack.push((0.5, 0.5, 0, active.len()));
         while let Some((middle, half, start, end)) = stack.pop() {

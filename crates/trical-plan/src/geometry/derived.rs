@@ -27,7 +27,6 @@ pub(super) fn links(robot: &Robot) -> Vec<Body> {
     let n = joints.len();
     (0..=n)
         .map(|k| {
-            #[expect(clippy::cast_precision_loss, reason = "at most 9 joints")]
             let radius = stout * (1.0 - 0.3 * k as f64 / n as f64);
             let solids = match joints.get(k) {
                 None => vec![Solid::sphere(V3::new(0.0, 0.0, -0.5 * radius), 0.7 * radius)],

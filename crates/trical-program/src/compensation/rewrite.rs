@@ -29,7 +29,7 @@ pub struct Done {
     pub moved: f64,
     /// How far the arm is off before, by the model: m and rad.
     pub before: (f64, f64),
-    /// The same with the numbers as written.
+    /// How far off the arm is with the numbers as written, as `before`.
     pub after: (f64, f64),
     /// What the program wants, in {w}.
     pub wanted: Pose,

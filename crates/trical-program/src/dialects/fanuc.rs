@@ -47,7 +47,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
     let Some(positions) = section(bytes, b"/POS") else { return scan };
     if let Some(at) = tracks_line(bytes, positions) {
         let what = "the positions of this program move along with a conveyor (LINE_TRACK), which is not supported";
-        scan.problems.push((at, what.into()));
+        scan.problem(at, what);
         return scan;
     }
     let mut names = Names::default();
@@ -223,7 +223,7 @@ fn position(
         found.problem = Some(what.into());
     }
     if let Some(what) = found.problem {
-        scan.problems.push((from, what));
+        scan.problem(from, what);
         names.listed(hash);
         return;
     }
@@ -344,7 +344,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         fork(&upper).into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
         if upper.contains(&b'=') && (upper.starts_with(b"UTOOL[") || upper.starts_with(b"UFRAME[")) {
-            scan.problems.push((offset, changed_here("a tool or user frame")));
+            scan.problem(offset, changed_here("a tool or user frame"));
         } else if let Some(equals) = assigned(&upper)
             && let Some((0, is_register, digits)) = all.first().copied()
         {
@@ -353,14 +353,14 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
                 set_register(&upper[equals + 1..], (digits, is_element), offset, names, &all[1..]);
             } else {
                 let what = "a position is set here while the program runs; it is corrected for what /POS has";
-                scan.problems.push((offset, what.into()));
+                scan.problem(offset, what);
             }
         } else if upper.starts_with(b"PAYLOAD[") {
             scan.loads.push(offset);
         } else if DISPLACES.iter().any(|word| upper.starts_with(word)) && !has(&upper, b"END") {
             let what =
                 "displaces the motions that follow as a sensor says; they are corrected for where the text has them";
-            scan.problems.push((offset, what.into()));
+            scan.problem(offset, what);
         } else if moves(&upper) {
             motion(&upper, &all, offset, scan, names);
         }
@@ -395,7 +395,7 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
     let increment = has(upper, b"INC");
     let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
     if relative && !increment {
-        scan.relative.push(u32::try_from(offset).unwrap_or(u32::MAX));
+        scan.relative.push(offset as u32);
     }
     let other = [
         (&b"COORD"[..], "goes to a place in the frame of another motion group (COORD)"),
@@ -414,7 +414,7 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
         } else if *is_register && digits.is_empty() {
             names.visit(Visit::Unknown);
             let what = "goes to a position register whose number only the running program knows (PR[R[...]])";
-            scan.problems.push((offset, what.into()));
+            scan.problem(offset, what);
         } else if *is_register {
             names.used(register(digits), OWN_SETUP, Way::To, offset + place);
         } else if !digits.is_empty() {
@@ -424,7 +424,7 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
             // `P[R[1]]`: whichever it is, it is in /POS
             names.visit(Visit::Unknown);
             if upper[*place..].starts_with(b"P[.") {
-                scan.problems.push((offset, "goes to a position that is not taught (P[...])".into()));
+                scan.problem(offset, "goes to a position that is not taught (P[...])");
             }
         }
     }
@@ -439,7 +439,7 @@ fn set_register(
     from: &[(usize, bool, &[u8])],
 ) {
     let name = register(digits);
-    let at = u32::try_from(at).unwrap_or(u32::MAX);
+    let at = at as u32;
     let origin = match from.first() {
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => return,

@@ -34,7 +34,7 @@ const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
 const OTHERS: [&[u8]; 4] = [b"S", b"T", b"TOOL_NO", b"BASE_NO"];
 /// The tool and the base that are active.
 const CURRENT: [&[u8]; 2] = [b"$TOOL", b"$BASE"];
-/// Those that the controller keeps by number.
+/// Tools and bases that the controller keeps by number.
 const ELEMENTS: [&[u8]; 2] = [b"TOOL_DATA", b"BASE_DATA"];
 const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
@@ -60,7 +60,7 @@ const BUILT_IN: [&[u8]; 14] = [
 /// What moves the arm as a sensor says.
 const MOVES_BY_SENSOR: &str =
     "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected";
-/// Of them, those that displace what follows, or move the arm themselves.
+/// Statements by which a sensor displaces the motions that follow, or moves the arm.
 const BY_SENSOR: [(&[u8], &str); 3] = [
     (b"RSI_ON", "lets a sensor displace the motions that follow (RSI); they are corrected for where the text has them"),
     (b"RSI_MOVECORR", MOVES_BY_SENSOR),
@@ -268,7 +268,7 @@ impl<'a> Reader<'a> {
             } else if word.eq_ignore_ascii_case(b"BAS") {
                 self.bas();
             } else if let Some((_, what)) = BY_SENSOR.iter().find(|(name, _)| word.eq_ignore_ascii_case(name)) {
-                self.scan.problems.push((from, (*what).into()));
+                self.scan.problem(from, *what);
                 self.names.visit(Visit::Unknown);
             } else if is_one_of(word, &[b"EXT", b"EXTFCT"]) {
                 // what the declared routine is called with
@@ -378,7 +378,7 @@ impl<'a> Reader<'a> {
         }
         self.c.skip_blank();
         if is_one_of(word, &ELEMENTS) && self.changes_element() {
-            self.scan.problems.push((from, changed_here("a tool or base")));
+            self.scan.problem(from, changed_here("a tool or base"));
         }
         let mut index = None;
         let start = self.c.at;
@@ -408,21 +408,7 @@ impl<'a> Reader<'a> {
                 self.now.tool = Some(self.fixed_tool());
             }
         } else if self.c.peek() == b'{' {
-            let found = self.aggregate();
-            if is_one_of(word, &ELEMENTS) {
-                let frame = self.frame(&found);
-                match index {
-                    Some(n) if is("TOOL_DATA") => {
-                        declare(&mut self.scan.frames.tools, n, frame.map(ToolFrame::massless));
-                    }
-                    Some(n) => declare(&mut self.scan.frames.frames, n, frame),
-                    None => {}
-                }
-            } else if is("FDAT_ACT") {
-                self.now = self.said(&found);
-            } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
-                self.define(&found, Span::new(from, from + word.len()));
-            }
+            self.assigned(from, word, index);
         } else if self.moved_to.contains(&hashed(word)) {
             let source = self.c.word();
             self.c.skip_blank();
@@ -440,6 +426,25 @@ impl<'a> Reader<'a> {
             if let Some(setup) = known.and_then(|s| self.scan.setups.get(s as usize)) {
                 self.now = setup.clone();
             }
+        }
+    }
+
+    /// `{...}` that is assigned to this word, or to an element of it.
+    fn assigned(&mut self, from: usize, word: &[u8], index: Option<String>) {
+        let found = self.aggregate();
+        if is_one_of(word, &ELEMENTS) {
+            let frame = self.frame(&found);
+            match index {
+                Some(n) if word.eq_ignore_ascii_case(b"TOOL_DATA") => {
+                    declare(&mut self.scan.frames.tools, n, frame.map(ToolFrame::massless));
+                }
+                Some(n) => declare(&mut self.scan.frames.frames, n, frame),
+                None => {}
+            }
+        } else if word.eq_ignore_ascii_case(b"FDAT_ACT") {
+            self.now = self.said(&found);
+        } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
+            self.define(&found, Span::new(from, from + word.len()));
         }
     }
 
@@ -494,30 +499,14 @@ impl<'a> Reader<'a> {
     fn motion(&mut self) {
         loop {
             self.c.skip_blank();
+            let at = self.c.at;
             if self.c.peek() == b'{' {
-                let at = self.c.at;
                 let found = self.aggregate();
                 if !self.relative() {
-                    let visit = match (self.target(&found, Span::default()), found.unread()) {
-                        (Some(spot), _) => {
-                            let setup = self.scan.setup(self.now.clone());
-                            self.scan.assign(spot, setup);
-                            Visit::To(spot)
-                        }
-                        (None, Some(span)) => {
-                            self.scan.unread(span, self.c.bytes);
-                            Visit::Unknown
-                        }
-                        (None, None) => {
-                            let what = "gives some of its coordinates only; the others are those of the target before";
-                            self.scan.problems.push((at, what.into()));
-                            Visit::Unknown
-                        }
-                    };
+                    let visit = self.goes_to(at, &found);
                     self.names.visit(visit);
                 }
             } else {
-                let at = self.c.at;
                 let word = self.c.word();
                 if word.is_empty() || word.eq_ignore_ascii_case(b"CA") {
                     return;
@@ -541,16 +530,30 @@ impl<'a> Reader<'a> {
                     self.names.used(hashed(word), setup, way, at);
                 }
                 if self.c.peek() == b'[' {
-                    while !self.c.done() && !matches!(self.c.peek(), b']' | b'\n' | b'\r') {
-                        self.c.at += 1;
-                    }
-                    self.c.at += usize::from(self.c.peek() == b']');
+                    self.c.skip_past(b']', b"\n\r");
                 }
             }
             if !self.c.eat_in_line(b',') {
                 return;
             }
         }
+    }
+
+    /// The motion to a target that is written out at `at`.
+    fn goes_to(&mut self, at: usize, found: &Aggregate<'_>) -> Visit {
+        match (self.target(found, Span::default()), found.unread()) {
+            (Some(spot), _) => {
+                let setup = self.scan.setup(self.now.clone());
+                self.scan.assign(spot, setup);
+                return Visit::To(spot);
+            }
+            (None, Some(span)) => self.scan.unread(span, self.c.bytes),
+            (None, None) => {
+                let what = "gives some of its coordinates only; the others are those of the target before";
+                self.scan.problem(at, what);
+            }
+        }
+        Visit::Unknown
     }
 
     /// Whether the geometric operator follows: the place is relative to a frame.

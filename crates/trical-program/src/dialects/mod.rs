@@ -164,10 +164,10 @@ impl Dialect {
         self.scan_with(bytes, &Nowhere)
     }
 
-    /// The same of a program that calls routines of other files.
+    /// As [`Self::scan`], of a program that calls routines of other files.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::scan`].
     pub fn scan_with(self, bytes: &[u8], elsewhere: &dyn Elsewhere) -> Result<Scan, String> {
         (self.row().scan)(bytes, elsewhere)
     }

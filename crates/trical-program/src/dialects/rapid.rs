@@ -17,7 +17,7 @@ use crate::frames::{Frames, ToolFrame};
 use crate::literal::Shape;
 use crate::names::Origin;
 use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
-use crate::text::{Span, begins_line, lower, mentions, number};
+use crate::text::{Span, begins_line, is_one_of, lower, mentions, number};
 
 /// Instructions that move the arm otherwise than the text says, or displace what it says.
 const OTHERWISE: [(&[&[u8]], &str); 4] = [
@@ -125,10 +125,8 @@ impl Reader<'_> {
                 self.c.skip_space();
                 let name = self.c.word();
                 self.constants.forget(hashed(name));
-            } else if let Some((words, what)) =
-                OTHERWISE.iter().find(|(words, _)| words.iter().any(|w| word.eq_ignore_ascii_case(w)))
-            {
-                self.scan.problems.push((from, (*what).into()));
+            } else if let Some((words, what)) = OTHERWISE.iter().find(|(words, _)| is_one_of(word, words)) {
+                self.scan.problem(from, *what);
                 self.note(|routine| routine.displaces = true);
                 if words.len() > 2 {
                     self.names.visit(Visit::Unknown);
@@ -141,7 +139,7 @@ impl Reader<'_> {
             } else if is("confl") || is("confj") {
                 self.configuration_switch();
             } else if MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
-                && ![&b"proc"[..], b"func", b"trap", b"module"].iter().any(|k| before.eq_ignore_ascii_case(k))
+                && !is_one_of(before, &[b"proc", b"func", b"trap", b"module"])
             {
                 self.motion(word);
             } else if !self.block(from, word) {
@@ -204,7 +202,7 @@ impl Reader<'_> {
 
     /// Words that begin or end routines, branches and loops.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
-        let is = |words: &[&[u8]]| words.iter().any(|k| word.eq_ignore_ascii_case(k));
+        let is = |words: &[&[u8]]| is_one_of(word, words);
         if is(&[b"proc", b"func", b"trap"]) {
             if is(&[b"func"]) {
                 self.c.skip_space();
@@ -264,7 +262,7 @@ impl Reader<'_> {
                     self.c.at += 1;
                     is_part |= !self.c.word().is_empty();
                 }
-                b'{' => self.index(),
+                b'{' => self.c.skip_past(b'}', b";\n"),
                 _ => break,
             }
         }
@@ -318,14 +316,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Past `{i,j}`.
-    pub(super) fn index(&mut self) {
-        while !self.c.done() && !matches!(self.c.peek(), b'}' | b';' | b'\n') {
-            self.c.at += 1;
-        }
-        self.c.at += usize::from(self.c.peek() == b'}');
-    }
-
     /// `robtarget name{3}:=[...]`
     fn data(&mut self) {
         self.c.skip_space();
@@ -340,7 +330,7 @@ impl Reader<'_> {
         }
         self.c.skip_space();
         if self.c.peek() == b'{' {
-            self.index();
+            self.c.skip_past(b'}', b";\n");
         }
         let start = self.c;
         if self.c.eat(b':') && self.c.eat(b'=') {

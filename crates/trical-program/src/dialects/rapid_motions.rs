@@ -5,12 +5,12 @@ use nalgebra::Vector3;
 use super::rapid_reader::{Place, Reader};
 use crate::names::Way;
 use crate::scan::{Setup, Visit};
-use crate::text::{Span, lower};
+use crate::text::{Span, is_one_of, lower};
 
 /// Beginnings of instructions that move the arm, in lower case.
 pub(super) const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
 /// Functions that say where the arm is.
-const HERE: [&str; 2] = ["crobt", "cjointt"];
+const HERE: [&[u8]; 2] = [b"crobt", b"cjointt"];
 /// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
 fn targets_of(instruction: &[u8]) -> Option<usize> {
     let word = lower(instruction);
@@ -208,10 +208,7 @@ impl Reader<'_> {
         let index = self.constants.expression(&mut self.c).map(|(_, k)| k);
         let whole = index.filter(|_| self.c.eat(b'}'));
         if whole.is_none() {
-            while !self.c.done() && !matches!(self.c.peek(), b'}' | b';') {
-                self.c.at += 1;
-            }
-            self.c.eat(b'}');
+            self.c.skip_past(b'}', b";");
         }
         whole.filter(|k| *k >= 1.0).map(|k| k as usize - 1)
     }
@@ -221,20 +218,19 @@ impl Reader<'_> {
         let begin = self.c.at;
         let in_tool = function.eq_ignore_ascii_case(b"reltool");
         let offs = function.eq_ignore_ascii_case(b"offs");
-        let here = |f: &[u8]| HERE.iter().any(|h| f.eq_ignore_ascii_case(h.as_bytes()));
         self.c.at += 1;
         self.c.skip_space();
         let mut at = self.c.at;
         let mut name = self.c.word();
         let (mut shift, mut plain, mut depth, mut k) = ([0.0; 3], true, 1, 0);
-        while [&b"offs"[..], b"reltool"].iter().any(|f| name.eq_ignore_ascii_case(f)) && self.c.eat(b'(') {
+        while is_one_of(name, &[b"offs", b"reltool"]) && self.c.eat(b'(') {
             (plain, depth) = (false, depth + 1);
             self.c.skip_space();
             at = self.c.at;
             name = self.c.word();
         }
         self.c.skip_space();
-        let of_here = self.c.peek() == b'(' && here(name);
+        let of_here = self.c.peek() == b'(' && is_one_of(name, &HERE);
         let of_function = self.c.peek() == b'(' && !of_here;
         while depth > 0 && !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
@@ -256,7 +252,7 @@ impl Reader<'_> {
             }
             self.c.at += usize::from(self.c.peek() != b';');
         }
-        if here(function) || of_here && (offs || in_tool) {
+        if is_one_of(function, &HERE) || of_here && (offs || in_tool) {
             return Place::Here;
         }
         if !(offs || in_tool) || name.is_empty() || of_function {

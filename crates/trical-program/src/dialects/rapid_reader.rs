@@ -6,7 +6,7 @@ use crate::elsewhere::{Elsewhere, Outside};
 use crate::expression::Constants;
 use crate::names::{Names, Way};
 use crate::scan::{Scan, hashed};
-use crate::text::{Cursor, Span, lower};
+use crate::text::{Cursor, Span, is_one_of, lower};
 
 /// A module, as far as it is read.
 pub(super) struct Reader<'a> {
@@ -134,7 +134,7 @@ fn routines(bytes: &[u8]) -> HashMap<u64, Vec<Parameter>> {
         let near = at.saturating_sub(FARTHEST);
         let line = bytes[near..at].iter().rposition(|b| *b == b'\n').map_or(near, |k| near + k + 1);
         let mut words = bytes[line..at - 1].split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
-        let is_routine = words.any(|w| [&b"proc"[..], b"func"].iter().any(|kind| w.eq_ignore_ascii_case(kind)));
+        let is_routine = words.any(|w| is_one_of(w, &[b"proc", b"func"]));
         if let (true, Some(name)) = (is_routine, words.next_back()) {
             let routine = hashed(name);
             found.insert(routine, parameters(bytes, at, routine));
@@ -150,7 +150,7 @@ pub(super) fn key(parameters: &[Parameter], name: &[u8]) -> u64 {
     parameters.iter().find(|p| p.name == name).map_or(name, |p| p.scoped)
 }
 
-/// Those that are targets, from behind the bracket on.
+/// The parameters of a routine that are targets, from behind its bracket on.
 fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
     let mut c = Cursor::new(bytes, b'!');
     c.at = at;
@@ -160,8 +160,7 @@ fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
         let place = if c.eat(b'\\') { None } else { places.next() };
         c.skip_space();
         let mut kind = c.word();
-        let is = |kind: &[u8], names: &[&[u8]]| names.iter().any(|n| kind.eq_ignore_ascii_case(n));
-        let by_reference = is(kind, &[b"inout", b"var", b"pers", b"ref"]);
+        let by_reference = is_one_of(kind, &[b"inout", b"var", b"pers", b"ref"]);
         if by_reference {
             c.skip_space();
             kind = c.word();
@@ -173,13 +172,11 @@ fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
             // of an array: `{*,*}`
             c.at += c.until(b"}\n").len();
         }
-        if is(kind, &[b"robtarget", b"jointtarget"]) {
+        if is_one_of(kind, &[b"robtarget", b"jointtarget"]) {
             let scoped = hashed(&[routine.to_le_bytes(), name.to_le_bytes()].concat());
             found.push(Parameter { name, scoped, place, by_reference });
         }
-        while !c.done() && !matches!(c.peek(), b',' | b'|' | b'\\' | b')' | b'\n') {
-            c.at += 1;
-        }
+        c.skip_to(b",|\\)\n");
         // what may be given instead of the one before counts as it does
         if !matches!(c.peek(), b',' | b'|' | b'\\' | b'\n') {
             return found;

@@ -123,7 +123,7 @@ impl Reader<'_> {
                         "calls '{}', which displaces the motions that follow; they are corrected for where the text has them",
                         String::from_utf8_lossy(word)
                     );
-                    self.scan.problems.push((from, what));
+                    self.scan.problem(from, what);
                 }
                 found.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Computed(from as u32)));
             }

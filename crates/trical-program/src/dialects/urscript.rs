@@ -214,12 +214,12 @@ impl Reader<'_> {
                 self.scan.loads.push(from);
             } else if DISPLACES.contains(&word) {
                 let what = "displaces the motions that follow; they are corrected for where the text has them";
-                self.scan.problems.push((from, what.into()));
+                self.scan.problem(from, what);
             } else if ELSEWHERE.contains(&word) {
                 self.names.visit(Visit::Unknown);
             } else if word.starts_with(b"mc_add_") && self.c.eat(b'(') {
                 let what = "moves with the tool that mc_initialize names, which is not read";
-                self.scan.problems.push((from, what.into()));
+                self.scan.problem(from, what);
                 self.close();
             } else if !self.block(from, word) {
                 self.assignment(from, word);
@@ -453,7 +453,7 @@ impl Reader<'_> {
         let inside = self.c;
         if word == b"get_inverse_kin" && mentions(self.c.until(b"\n"), b"tcp") {
             self.names.visit(Visit::Unknown);
-            self.scan.problems.push((at, "names a tool of its own (tcp=), which is not read".into()));
+            self.scan.problem(at, "names a tool of its own (tcp=), which is not read");
             self.names.no_target(hashed(self.c.word()));
         } else if word == b"get_inverse_kin" && depth < DEEPEST {
             self.nearest();

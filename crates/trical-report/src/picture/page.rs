@@ -179,7 +179,6 @@ impl Page {
     fn outline(&self, points: &[V3], radius: f64, paint: Paint<'_>) -> Drawn {
         let Paint { fill, edge, .. } = paint;
         let seen: Vec<(f64, f64, f64)> = points.iter().map(|p| self.at(p)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let depth = seen.iter().map(|s| s.2).sum::<f64>() / seen.len().max(1) as f64;
         let list = list(hull(&seen.iter().map(|s| (s.0, s.1)).collect::<Vec<_>>()));
         let wide = 2.0 * radius * self.scale;

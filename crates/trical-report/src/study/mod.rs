@@ -156,7 +156,7 @@ pub struct Study {
 fn drawn(x: &str, y: &str, panels: &[(String, Vec<Band>)], caption: &str) -> Result<(String, Vec<Figure>)> {
     let figure = |(k, one): (usize, &[(String, Vec<Band>)])| {
         let caption = if k == 0 { caption.to_owned() } else { String::new() };
-        Ok(Figure { caption, svg: plots::panels(x, y, one)? })
+        Ok(Figure::new(caption, plots::panels(x, y, one)?))
     };
     Ok((plots::panels(x, y, panels)?, panels.chunks(1).enumerate().map(figure).collect::<Result<_>>()?))
 }
@@ -170,9 +170,7 @@ impl Study {
 
 /// The part of the work that is done when `done` of `of` are.
 fn share(done: usize, of: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
-    let share = done as f64 / of.max(1) as f64;
-    share
+    done as f64 / of.max(1) as f64
 }
 
 /// Trials on all processors, in order; each is asked whether it is still wanted.
@@ -229,15 +227,8 @@ impl Spread {
     fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut v: Vec<f64> = values.collect();
         v.sort_by(f64::total_cmp);
-        #[expect(
-            clippy::cast_precision_loss,
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a small count"
-        )]
         let at =
             |share: f64| v.get(((v.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(f64::NAN);
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let mean = v.iter().sum::<f64>() / v.len() as f64;
         Self { mean, low: at(0.1), high: at(0.9) }
     }

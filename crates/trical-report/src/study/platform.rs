@@ -54,7 +54,6 @@ struct Layout {
 impl Layout {
     /// Evenly on a circle about the middle of the cell's own balls, every second one raised.
     fn cell(&self, cell: &Cell) -> Cell {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let (n, own) = (self.balls as f64, cell.balls.len() as f64);
         let middle = cell.balls.iter().sum::<Vector3<f64>>() / own;
         // the first ball lies as the cell's own first ball does
@@ -62,7 +61,6 @@ impl Layout {
         let radius = self.side / 3.0_f64.sqrt();
         let balls = (0..self.balls)
             .map(|k| {
-                #[expect(clippy::cast_precision_loss, reason = "a count")]
                 let angle = first + std::f64::consts::TAU * k as f64 / n;
                 let up = self.height + if k % 2 == 1 { self.raise } else { 0.0 };
                 middle + Vector3::new(radius * angle.cos(), radius * angle.sin(), up)
@@ -291,12 +289,12 @@ fn tell_platforms(common: &Common, touches: usize, done: &[Platform]) -> Result<
         common.trials
     )];
     let mut sections = vec![
-        Section { heading: "Platforms".into(), text, figures, ..Section::default() },
-        Section { heading: "Numbers".into(), tables: vec![rows.clone()], ..Section::default() },
+        Section::new("Platforms").with_text(text).with_figures(figures),
+        Section::new("Numbers").with_tables([rows.clone()]),
     ];
     if !problems.is_empty() {
-        let heading = "Platforms that cannot be used".into();
-        sections.push(Section { heading, text: problems.clone(), ..Section::default() });
+        let heading = "Platforms that cannot be used";
+        sections.push(Section::new(heading).with_text(problems.clone()));
     }
     let json = json!({ "platforms": done.iter().map(Platform::json).collect::<Vec<_>>() });
     let title = "TriCal: study of platforms";

@@ -36,7 +36,7 @@ pub struct Nature {
 }
 
 impl Nature {
-    /// The same arms, touched without any noise.
+    /// These arms, touched without any noise.
     pub fn silent(self) -> Self {
         Self { indicator: 0.0, procedure: 0.0, ballbar: 0.0, ..self }
     }

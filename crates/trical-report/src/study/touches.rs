@@ -191,8 +191,8 @@ fn tell_touches(common: &Common, settings: &[Setting], known: &Model) -> Result<
     );
     let text = vec![how_simulated(common), without.clone()];
     let sections = vec![
-        Section { heading: "Error against touches".into(), text, figures, ..Section::default() },
-        Section { heading: "Numbers, mm".into(), tables: vec![rows.clone()], ..Section::default() },
+        Section::new("Error against touches").with_text(text).with_figures(figures),
+        Section::new("Numbers, mm").with_tables([rows.clone()]),
     ];
     let factors = |[sphere, workspace]: &[Vec<(usize, f64)>; 2]| {
         let list = |list: &[(usize, f64)]| -> Vec<Value> {
@@ -237,7 +237,7 @@ fn curves(settings: &[Setting], of: fn(&Outcome) -> f64) -> Vec<Band> {
             .map(|s| (s, s.spread(of)))
             .filter(|(_, x)| x.mean.is_finite())
             .map(|(s, x)| {
-                let n = f64::from(u32::try_from(s.per_ball).unwrap_or(0));
+                let n = s.per_ball as f64;
                 // bands of the arms that are described; those of any arm would cover them
                 if arm == DESCRIBED { (n, x.mean, x.low, x.high) } else { (n, x.mean, x.mean, x.mean) }
             })

@@ -86,11 +86,11 @@ impl Reader<'_> {
 
     fn may_change(&mut self, word: &[u8], at: usize) {
         if self.moved_to.contains(&hashed(word)) {
-            self.names.set_from(hashed(word), Origin::Computed(u32::try_from(at).unwrap_or(u32::MAX)));
+            self.names.set_from(hashed(word), Origin::Computed(at as u32));
         } else if is_one_of(word, &CURRENT) {
             *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some("(set by a routine)".to_owned());
         } else if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) {
-            self.scan.problems.push((at, changed_here("a tool or base")));
+            self.scan.problem(at, changed_here("a tool or base"));
         }
     }
 }

@@ -1,0 +1,108 @@
+//! Small programs in FANUC listings.
+
+use super::{Case, case};
+
+pub(super) const FANUC: &[Case] = &[
+    case(
+        "along a conveyor",
+        "/PROG A\n/APPL\n\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 1;\n  LINE_TRACK_BOUNDARY_NUMBER      : 0;\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[],
+        &[(5, "conveyor")],
+    ),
+    case(
+        "no conveyor, a seam that a sensor follows, an offset by touching",
+        "/PROG A\n/APPL\nLINE_TRACK;\n  LINE_TRACK_SCHEDULE_NUMBER      : 0;\n/MN\n   1:  Track TAST[R[21]] ;\n   2:L P[1] 100mm/sec FINE ;\n   3:  Track End ;\n   4:  Touch Offset PR[5] ;\n   5:  Touch Offset End ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "sensor"), (9, "sensor")],
+    ),
+    case(
+        "lines without numbers",
+        "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[14],
+        &[(6, "register"), (8, "calculated")],
+    ),
+    case(
+        "a register whose number a register gives, a position that is set, an output that a motion sets",
+        "/PROG A\n/MN\n   1:  PR[R[1]]=P[1] ;\n   2:L PR[R[1]] 100mm/sec FINE ;\n   3:L P[1] 100mm/sec FINE DB 10mm,DO[1]=ON ;\n   4:  P[2]=PR[1] ;\n   5:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[12, 17],
+        &[(4, "R[...]"), (6, "is set here")],
+    ),
+    case(
+        "a position that is not taught",
+        "/PROG A\n/MN\n   1:J P[...] 100% FINE ;\n   2:J P[1] 100% FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[9],
+        &[(3, "not taught")],
+    ),
+    case(
+        "German",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sek FEIN    ;\n/POS\nP[1]{\n   GP1:\n\tUF : F, UT : F,\t\tKONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[8],
+        &[],
+    ),
+    case(
+        "a configuration that is not understood",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'Q W E, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[14],
+        &[(6, "'Q W E, 0, 0, 0'")],
+    ),
+    case(
+        "registers",
+        "/PROG A\n/MN\n   1:L PR[5] 200mm/sec FINE ;\n   2:PR[6]=P[1] ;\n   3:PR[6,3]=PR[6,3]+50 ;\n   4:L PR[6] 200mm/sec FINE ;\n   5:PR[7]=LPOS ;\n   6:L PR[7] 200mm/sec FINE ;\n   7:PR[8]=R[3] ;\n   8:L PR[8] 200mm/sec FINE ;\n   9:L P[1] 200mm/sec FINE Offset,PR[5] ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[16],
+        &[(3, "register"), (9, "calculated")],
+    ),
+    case(
+        "a position that is missing",
+        "/PROG A\n/MN\n   1:J P[2] 100% FINE ;\n   2:J P[1] 100% FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[9],
+        &[(3, "/POS")],
+    ),
+    case(
+        "untaught",
+        "/PROG A\n/MN\n   1:J P[1] 100% FINE ;\n   2:J P[2] 100% FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = ********  mm, Y = ********  mm, Z = ********  mm,\n\tW = ******** deg, P = ******** deg, R = ******** deg\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "taught")],
+    ),
+    case(
+        "an extended axis",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0,\n\tE1 = 1500.000 mm\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0,\n\tE1 = 0.000 mm\n};\n/END\n",
+        &[15],
+        &[(9, "external axis")],
+    ),
+    case(
+        "another group",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[1] 200mm/sec FINE COORD ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n GP2:\n\tUF : 0, UT : 1,\n\tJ1 = 100.000 deg\n};\n/END\n",
+        &[9],
+        &[(4, "COORD")],
+    ),
+    case(
+        "relative to another group",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tRX = 1 mm, RY = 2 mm, RZ = 3 mm,\n\tRW = 0 deg, RP = 0 deg, RR = 0 deg\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[15],
+        &[(6, "relative")],
+    ),
+    case(
+        "an increment is no target",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE INC ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n/END\n",
+        &[9],
+        &[],
+    ),
+    case(
+        "several active frames",
+        "/PROG A\n/MN\n   1:UFRAME_NUM=1 ;\n   2:L P[1] 200mm/sec FINE ;\n   3:UFRAME_NUM=2 ;\n   4:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[16],
+        &[(8, "UFRAME_NUM")],
+    ),
+    case(
+        "lines that go on in the next",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE\n    :  Offset,PR[1] ;\n   2:L P[2] 200mm/sec FINE\n    :  INC ;\n   3:C PR[2]\n    :  PR[3] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n/END\n",
+        &[13],
+        &[(7, "register"), (8, "register")],
+    ),
+    case(
+        "frames that are set, and a tool that stands still",
+        "/PROG A\n/MN\n   1:UFRAME[1]=PR[4] ;\n   2:L P[1] 200mm/sec FINE RTCP ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[],
+        &[(3, "user frame"), (4, "RTCP")],
+    ),
+];

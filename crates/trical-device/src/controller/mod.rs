@@ -49,6 +49,9 @@ impl Stops {
 /// A stop is looked for this often while the arm moves.
 pub(crate) const LOOK_FOR_STOP: Duration = Duration::from_millis(50);
 
+/// How long a controller may take to say that the arm stands after a stop.
+pub(crate) const STOP_TIMEOUT: Duration = Duration::from_secs(5);
+
 /// A robot controller.
 ///
 /// Motions return when the arm stands still at the target, or with an error; none is queued.
@@ -253,6 +256,18 @@ impl ControllerError {
     pub(crate) fn garbage(controller: &str, request: &str, found: &[u8], expected: impl Into<String>) -> Self {
         let (found, expected) = (shorten(found), expected.into());
         Self::Garbage { controller: controller.into(), request: request.into(), found, expected }
+    }
+}
+
+/// After a controller was told to stop the motion under way: it has when the joints stand.
+pub(crate) fn confirmed_stop(controller: &mut dyn Controller) -> ControllerError {
+    let settle = JointSettle { tolerance: 1e-4, interval: Duration::from_millis(200), timeout: STOP_TIMEOUT };
+    match wait_settled(controller, &settle, &AtomicBool::new(false)) {
+        Ok(_) => ControllerError::Stopped,
+        Err(error @ ControllerError::Lost { .. }) => error,
+        Err(_) => {
+            ControllerError::StopNotConfirmed { controller: controller.name(), seconds: STOP_TIMEOUT.as_secs_f64() }
+        }
     }
 }
 

@@ -395,6 +395,7 @@ fn wrong_input_is_noticed() {
         place.write(&format!("runs/{name}"), format!("{first}\n{}\n", part.join("\n")));
     }
     let told = place.good(&words("history runs --model m.toml"));
+    assert!(told.contains("not every name has a date such as 2026-11-22"), "{told}");
     let at = |name: &str| told.find(name).unwrap_or_else(|| panic!("{name} in {told}"));
     assert!(at("run_1.csv") < at("run_2.CSV") && at("run_2.CSV") < at("run_10.csv"), "{told}");
     // files that are no recordings

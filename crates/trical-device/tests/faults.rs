@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use crate::common::{Bench, Gantry, bench, options, plan};
+use trical_device::controller::trial::Jog;
 use trical_device::gauge::Settle;
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{RetreatOutcome, Violation};
@@ -350,4 +351,16 @@ fn a_controller_that_rounds_its_joints_is_warned_about_once() {
     let report = run(&plan(3), gauge.as_mut(), &mut rounded, &mut rows, &options(), &cancel, &mut |_| ()).unwrap();
     assert_eq!(report.measured, 3);
     assert!(report.warnings.len() == 1 && report.warnings[0].contains("whole steps of 0.01 deg"), "{report:?}");
+}
+
+#[test]
+fn a_jog_that_does_not_arrive_is_told() {
+    let mut bench = bench();
+    let from = bench.controller.joints().unwrap();
+    let jog = Jog::Joint(5, 0.03);
+    let to = jog.target(&from, 6, 0.1, None).unwrap();
+    jog.go(bench.controller.as_mut(), &to, 0.01).unwrap();
+    bench.cell.inject(Fault::StuckArm);
+    let error = jog.go(bench.controller.as_mut(), &from, 0.01).unwrap_err();
+    assert!(matches!(error, ControllerError::NotArrived { joint: 6, .. }), "{error}");
 }

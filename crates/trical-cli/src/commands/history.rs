@@ -69,6 +69,11 @@ fn print(h: &History) -> Result<()> {
         row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, changed);
     }
     say_lines(table::lines(&rows))?;
+    if h.days.is_none() {
+        say(
+            "Days are not known: not every name has a date such as 2026-11-22. Sessions are in the order of their names.",
+        )?;
+    }
     for s in h.sessions.iter().filter(|s| !s.changes.is_empty()) {
         say_lines(table::wrapped(&format!("{}: {}", s.recording, s.summary), 108, "  "))?;
     }

@@ -5,7 +5,7 @@ use std::fmt;
 
 use trical_model::recording::Joints;
 
-use crate::controller::JointSettle;
+use crate::controller::{ARRIVAL, JointSettle};
 use crate::gauge::Settle;
 use trical_recording::motion::MotionSense;
 
@@ -54,7 +54,7 @@ impl Default for ProcedureLimits {
             iterations: 10,
             stroke: [-5.9e-3, 5.9e-3],
             joints: Vec::new(),
-            arrival: 0.02_f64.to_radians(),
+            arrival: ARRIVAL,
             joint_change: 5.0_f64.to_radians(),
             growth: 1.2,
             stale: 20e-6,

@@ -360,6 +360,9 @@ fn touches(place: &Place) -> String {
 fn wrong_input_is_noticed() {
     let place = Place::new();
     let text = touches(&place);
+    // a conversion replaces another one, and nothing that was measured
+    (0..2).for_each(|_| drop(place.good(&words("convert run.csv again.mcap"))));
+    place.refuses(&words("convert run.csv demo/run.mcap"), &["demo/run.mcap: holds what was measured"]);
     // the same recording twice, whatever it is called
     place.write("again.csv", &text);
     place.refuses(&in_cell("identify run.csv again.csv"), &["again.csv", "same measurements", "run.csv"]);

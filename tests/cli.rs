@@ -360,6 +360,9 @@ fn touches(place: &Place) -> String {
 fn wrong_input_is_noticed() {
     let place = Place::new();
     let text = touches(&place);
+    // a conversion replaces another one, and nothing that was measured
+    (0..2).for_each(|_| drop(place.good(&words("convert run.csv again.mcap"))));
+    place.refuses(&words("convert run.csv demo/run.mcap"), &["demo/run.mcap: holds what was measured"]);
     // the same recording twice, whatever it is called
     place.write("again.csv", &text);
     place.refuses(&in_cell("identify run.csv again.csv"), &["again.csv", "same measurements", "run.csv"]);
@@ -386,12 +389,27 @@ fn wrong_input_is_noticed() {
         std::fs::copy(place.path(name), place.path("days").join(name)).unwrap();
     }
     place.refuses(&words("history days --model m.toml"), &["c.csv", "same measurements as"]);
+    // in the order in which people count, whatever the case of the ending; hidden files are left alone
+    std::fs::create_dir(place.path("runs")).unwrap();
+    place.write("runs/.run_0.csv", "x");
+    let (first, rows) = text.split_once('\n').unwrap();
+    let rows: Vec<&str> = rows.lines().collect();
+    for (name, part) in ["run_1.csv", "run_2.CSV", "run_10.csv"].iter().zip(rows.chunks(15)) {
+        place.write(&format!("runs/{name}"), format!("{first}\n{}\n", part.join("\n")));
+    }
+    let told = place.good(&words("history runs --model m.toml"));
+    assert!(told.contains("not every name has a date such as 2026-11-22"), "{told}");
+    let at = |name: &str| told.find(name).unwrap_or_else(|| panic!("{name} in {told}"));
+    assert!(at("run_1.csv") < at("run_2.CSV") && at("run_2.CSV") < at("run_10.csv"), "{told}");
     // files that are no recordings
     place.write("sheet.xlsx", "PK\u{3}\u{4}xl/workbook.xml");
     place.refuses(&identify("sheet.xlsx"), &["sheet.xlsx: is a spreadsheet", "save the sheet as CSV"]);
     place.refuses(&identify("m.toml"), &["m.toml: is a TOML file", "expected a recording"]);
     place.write("short.csv", text.replacen("q1_deg", "q1", 1));
-    place.refuses(&identify("short.csv"), &["unknown column 'q1' (q1_deg?)"]);
+    place.refuses(
+        &identify("short.csv"),
+        &["no unit is said by column 'q1' (q1_deg?)", "line of units below the header"],
+    );
     // measurements are written one by one, in a format for that
     let measure = "measure --guided --out z.csv --gauge line:///dev/null --controller rapid://127.0.0.1:1";
     place.refuses(&in_cell(measure), &["--out: found z.csv", "ends in .mcap", "trical convert"]);

@@ -82,8 +82,39 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
         }
         assert_eq!(cells[7..].join(","), format!("{at},0,0,0"));
     }
+    // one writer at a time: two would give two visits one number
+    let other = std::fs::File::open(place.path("visits.csv")).unwrap();
+    other.lock().unwrap();
+    let busy = place.record("joints.txt", "visits.csv", &[""]);
+    assert_eq!(busy.status.code(), Some(2));
+    assert!(errors(&busy).contains("another program is writing it"), "{}", errors(&busy));
+    drop(other);
     // what was taken reads as a recording
     place.good(&words("convert visits.csv visits.mcap --joints 6"));
+}
+
+/// A gripper and a second driver of the arm on the same topic: neither is taken for joints in another place.
+#[test]
+fn messages_of_other_publishers_and_another_order_of_joints_change_no_row() {
+    let place = Place::new();
+    let gripper = "name: [finger_left, finger_right]\nposition: [0.5, 0.6]\n---\n";
+    let forward = "name: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]\nposition: [0.1, 0.2, -0.3, 0.4, 0.5, -0.6]\n---\n";
+    let writer = Writer::to(&place.path("joints.txt"), "", move |k| match k % 3 {
+        0 => echoed([0.1, 0.2, -0.3, 0.4, 0.5, -0.6]),
+        1 => gripper.to_owned(),
+        _ => forward.to_owned(),
+    });
+    let done = place.record("joints.txt", "visits.csv", &["", "", "q"]);
+    drop(writer);
+    let told = errors(&done);
+    let text = place.text("visits.csv");
+    let joints = [0.1_f64, 0.2, -0.3, 0.4, 0.5, -0.6].map(|q| format!("{:.6}", q.to_degrees()));
+    assert_eq!(text.lines().count(), 3, "{told} {text}");
+    for line in text.lines().skip(1) {
+        let found: Vec<String> =
+            line.split(',').skip(1).take(6).map(|c| format!("{:.6}", c.parse::<f64>().unwrap())).collect();
+        assert_eq!(found, joints, "{told}");
+    }
 }
 
 #[test]

@@ -24,19 +24,26 @@ Recordings = PathLike | Recording | Frame | Sequence[PathLike | Recording | Fram
 
 
 def _sources(recordings: Recordings) -> list[str | Rows]:
-    if isinstance(recordings, str | os.PathLike | Recording) or hasattr(recordings, "columns"):
-        recordings = [recordings]
+    def is_one(r: Any) -> bool:
+        return isinstance(r, str | bytes | os.PathLike | Recording) or hasattr(r, "columns")
 
     def one(r: Any) -> str | Rows:
+        if not is_one(r):
+            raise TypeError(f"recordings: found {type(r).__name__}, expected paths, Recordings or DataFrames")
         if hasattr(r, "columns"):
             r = Recording.from_frame(r)
-        return r._rows if isinstance(r, Recording) else os.fspath(r)
+        return r._rows if isinstance(r, Recording) else os.fsdecode(r)
 
-    return [one(r) for r in recordings]
+    given: Any = recordings
+    return [one(r) for r in ([given] if is_one(given) or not hasattr(given, "__iter__") else given)]
 
 
 def _file(part: PathLike | Robot | Cell) -> Any:
-    return part if isinstance(part, Robot | Cell) else os.fspath(part)
+    if isinstance(part, Robot | Cell):
+        return part
+    if not isinstance(part, str | bytes | os.PathLike):
+        raise TypeError(f"found {type(part).__name__}, expected the path of a file, or a Robot or Cell")
+    return os.fsdecode(part)
 
 
 def identify(

@@ -22,6 +22,7 @@ PathLike = str | os.PathLike[str]
 
 _KINDS = ("touch", "point", "reference", "distance", "pose")
 _KNOWN = ("commanded", "directions", "torques", "time", "temperature", "payload", "pose", "place")
+_INDEXED = ("t_s", "seq", "place", "ball", "target")
 _MEASURED = ("ball", "indicators", "target", "reference", "position", "orientation", "anchor", "distance")
 
 
@@ -135,11 +136,18 @@ class Recording:
 
         import numpy as np
 
+        if hasattr(frame, "collect_schema") and hasattr(frame, "collect"):
+            raise TypeError(f"{name}: found a LazyFrame, expected a DataFrame: call collect() first")
+        index: Any = getattr(frame, "index", None)
+        # set_index("t_s") takes a column away
+        if getattr(index, "name", None) in _INDEXED and index.name not in frame.columns:
+            frame = frame.reset_index()  # type: ignore[attr-defined]
         columns = {str(c): np.asarray(frame[c], dtype=object).tolist() for c in frame.columns}
 
         def cell(x: Any) -> Any:
-            # NaN is not equal to itself
-            return "" if x is None or x != x else float(x) if isinstance(x, np.floating) else x
+            # neither NaN nor pandas.NA is equal to itself
+            missing = x is None or type(x).__name__ == "NAType" or x != x
+            return "" if missing else float(x) if isinstance(x, np.floating) else x
 
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")

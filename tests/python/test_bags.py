@@ -31,7 +31,9 @@ def test_a_bag_says_what_was_seen_where_the_arm_stood(tmp_path: Path, kind: str,
     turns /= np.linalg.norm(turns, axis=1)[:, None]
     # as the drivers publish them: by the alphabet
     write_bag(tmp_path / "run.mcap", q[:, OF_UR], positions, turns, UR, kind, compression)
-    r = trical.Recording.load(tmp_path / "run.mcap", joints=6)
+    with pytest.warns(UserWarning) as said:
+        r = trical.Recording.load(tmp_path / "run.mcap", joints=6)
+    assert any("joints 1 to 6 are" in str(warning.message) for warning in said)
     assert len(r) == 12
     assert np.allclose(r.q, q, atol=1e-9)
     assert r.position is not None and np.allclose(r.position, positions, atol=1e-9)
@@ -44,7 +46,8 @@ def test_one_frame_of_a_tree_of_transforms_is_a_measurement(tmp_path: Path) -> N
     q, positions = rng.uniform(-1.5, 1.5, (8, 6)), rng.uniform(-1, 1, (8, 3))
     turns = np.tile([1.0, 0, 0, 0], (8, 1))
     write_bag(tmp_path / "run.mcap", q[:, OF_UR], positions, turns, UR, "TFMessage")
-    r = trical.Recording.load(f"{tmp_path / 'run.mcap'}#/tf:probe", joints=6)
+    with pytest.warns(UserWarning):
+        r = trical.Recording.load(f"{tmp_path / 'run.mcap'}#/tf:probe", joints=6)
     assert len(r) == 8 and r.position is not None and np.allclose(r.position, positions, atol=1e-9)
     for asked in ("", "#/tf:nothing"):
         with pytest.raises(

@@ -218,3 +218,57 @@ def test_a_frame_is_taken_as_it_is(recording: trical.Recording) -> None:
     assert again.name == "DataFrame"
     with pytest.raises(trical.RecordingError, match=r"^DataFrame, header: unknown column 'colour'"):
         trical.Recording.from_frame(frame.assign(colour="red"))
+
+
+def test_what_is_no_recording_is_said_in_one_sentence(tmp_path: Path) -> None:
+    made = trical.sample(tmp_path)
+    where = {"robot": made.robot, "cell": made.cell}
+    for wrong in (3, None, [3], {1: 2}):
+        with pytest.raises(TypeError, match=r"found \w+, expected paths, Recordings or DataFrames"):
+            trical.identify(wrong, **where)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"found NoneType, expected the path of a file, or a Robot or Cell"):
+        trical.identify(made.recording, robot=None, cell=made.cell)  # type: ignore[arg-type]
+    path = str(made.recording).encode()
+    robot = str(made.robot).encode()
+    assert trical.identify(path, robot=robot, cell=made.cell).observations > 0  # type: ignore[arg-type]
+
+
+def test_frames_keep_an_index_that_is_a_column_and_lack_what_is_missing(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_csv(trical.sample(tmp_path).recording)
+    whole = trical.Recording.from_frame(frame)
+    assert trical.Recording.from_frame(frame.set_index("t_s")) == whole
+    assert trical.Recording.from_frame(frame.set_index(frame.index + 100)) == whole
+    lost = frame.astype({"ix_mm": "Float64"})
+    lost.loc[4, "ix_mm"] = pandas.NA
+    with pytest.warns(UserWarning, match="line 6 lacks a measured value and is left out"):
+        assert len(trical.Recording.from_frame(lost)) == len(whole) - 1
+    with pytest.raises(trical.RecordingError, match="line 6, column q1_deg"):
+        trical.Recording.from_frame(frame.assign(q1_deg=frame.q1_deg.where(frame.index != 4)))
+
+
+def test_rows_without_a_measured_value_are_left_out_with_a_warning(tmp_path: Path) -> None:
+    made = trical.sample(tmp_path)
+    head, *rows = made.recording.read_text().splitlines()
+    at = head.split(",").index("ix_mm")
+    cells = rows[3].split(",")
+    rows[3] = ",".join([*cells[:at], "NaN", *cells[at + 1 :]])
+    made.recording.write_text("\n".join([head, *rows, ""]))
+    with pytest.warns(UserWarning, match="line 5 lacks a measured value and is left out"):
+        assert len(trical.Recording.load(made.recording)) == len(rows) - 1
+    with pytest.warns(UserWarning, match="line 5 lacks"):
+        trical.identify(made.recording, robot=made.robot, cell=made.cell, model="geometry")
+    passes = trical.identify(made.recording, robot=made.robot, cell=made.cell, model="geometry", stream=True)
+    assert any("line 5 lacks a measured value" in caution for caution in passes.cautions)
+
+
+def test_a_lazy_frame_is_to_be_collected_first() -> None:
+    class Lazy:
+        columns = ("q1_deg",)
+
+        def collect_schema(self) -> None: ...
+
+        def collect(self) -> None: ...
+
+    with pytest.raises(TypeError, match=r"LazyFrame.*collect\(\) first"):
+        trical.Recording.from_frame(Lazy())  # type: ignore[arg-type]

@@ -66,8 +66,8 @@ pub struct JointFeed {
     kinds: Vec<JointKind>,
     /// Columns of a CSV: where each joint stands and its factor to SI; nothing where it is a topic.
     columns: Option<Vec<(usize, f64)>>,
-    /// Where each joint stands in a message, once one was seen.
-    order: Option<Vec<usize>>,
+    /// The names of a message's joints, once one was seen, and where each joint of the arm stands among them.
+    order: Option<(Vec<String>, Vec<usize>)>,
     notes: Vec<String>,
 }
 
@@ -180,12 +180,18 @@ impl JointFeed {
                         .to_owned();
                 return Err(wrong(&self.path, problem));
             };
-            if self.order.is_none() {
-                let order = joint_order(&names, Some(self.kinds.len())).map_err(|e| wrong(&self.path, e))?;
-                self.order = Some(order.0);
-                self.notes = order.1;
+            // another order, or another publisher (a gripper) between
+            if self.order.as_ref().is_none_or(|(of, _)| *of != names) {
+                let found = joint_order(&names, Some(self.kinds.len()));
+                // joints of the arm were seen before: this message has none of it, or not all
+                if found.is_err() && self.order.is_some() {
+                    continue;
+                }
+                let (order, notes) = found.map_err(|e| wrong(&self.path, e))?;
+                self.notes.extend(notes);
+                self.order = Some((names, order));
             }
-            let order = self.order.as_deref().unwrap_or(&[]);
+            let order = self.order.as_ref().map_or(&[][..], |(_, order)| order);
             out.push(order.iter().filter_map(|k| values.get(*k).copied()).collect());
         }
         Ok(out)

@@ -3,10 +3,15 @@
 use std::sync::atomic::AtomicBool;
 
 use crate::common::{Bench, Gantry, bench, options, plan};
+use trical_device::controller::trial::Jog;
+use trical_device::gauge::Settle;
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{RetreatOutcome, Violation};
-use trical_device::{CellError, CellOptions, Fault, ProcedureError, ProcedureOptions, Progress, VirtualCell, run};
-use trical_model::recording::Row;
+use trical_device::{
+    CellError, CellOptions, Controller, ControllerError, Fault, Gauge, GaugeError, ProcedureError, ProcedureOptions,
+    Progress, VirtualCell, run,
+};
+use trical_model::recording::{Joints, Row};
 use trical_recording::RecordError;
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::JointSample;
@@ -251,4 +256,111 @@ fn a_value_that_the_receiver_was_told_to_forget_comes_again_once_it_has_changed(
     let mut controller = bench.controller;
     controller.move_joints(&plan(1)[0].joints).unwrap();
     assert!(forgets.read().is_ok());
+}
+
+/// A gauge whose readings are altered on the way.
+struct AlteredGauge<'a> {
+    gauge: &'a mut dyn Gauge,
+    read: usize,
+    alter: fn(usize, &mut [f64; 3]),
+}
+
+impl Gauge for AlteredGauge<'_> {
+    fn name(&self) -> String {
+        self.gauge.name()
+    }
+    fn read(&mut self) -> Result<[f64; 3], GaugeError> {
+        let mut reading = self.gauge.read()?;
+        self.read += 1;
+        (self.alter)(self.read, &mut reading);
+        Ok(reading)
+    }
+    fn settle(&self) -> Settle {
+        self.gauge.settle()
+    }
+}
+
+/// A controller whose joints are altered on the way.
+struct AlteredJoints<'a>(&'a mut dyn Controller, fn(&mut Joints));
+
+impl Controller for AlteredJoints<'_> {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+    fn joint_count(&self) -> usize {
+        self.0.joint_count()
+    }
+    fn ping(&mut self) -> Result<(), ControllerError> {
+        self.0.ping()
+    }
+    fn joints(&mut self) -> Result<Joints, ControllerError> {
+        let mut q = self.0.joints()?;
+        (self.1)(&mut q);
+        Ok(q)
+    }
+    fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
+        self.0.move_joints(target)
+    }
+    fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
+        self.0.correct(displacement)
+    }
+    fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
+        self.0.set_speed(linear, angular)
+    }
+    fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError> {
+        self.0.set_tool(tcp_in_flange)
+    }
+    fn clock(&mut self) -> Result<f64, ControllerError> {
+        self.0.clock()
+    }
+}
+
+#[test]
+fn an_indicator_that_is_set_to_zero_in_the_midst_of_a_run_ends_it() {
+    let Bench { cell: _cell, mut gauge, mut controller, mut rows, .. } = bench();
+    // some key is pressed after the first touch: the scale of x is another from there on
+    let alter = |read: usize, reading: &mut [f64; 3]| reading[0] += if read > 40 { 0.5e-3 } else { 0.0 };
+    let mut gauge = AlteredGauge { gauge: gauge.as_mut(), read: 0, alter };
+    let cancel = AtomicBool::new(false);
+    let error =
+        run(&plan(9), &mut gauge, controller.as_mut(), &mut rows, &options(), &cancel, &mut |_| ()).unwrap_err();
+    assert!(matches!(error.violation(), Some(Violation::ZeroMoved { axis: 'x', .. })), "{error}");
+    assert!(error.to_string().contains("went back the way it came") && !rows.is_empty(), "{error}");
+}
+
+#[test]
+fn joints_at_which_no_arm_can_stand_are_refused_before_anything_moves() {
+    let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
+    let mut limited = options();
+    limited.limits.joints = vec![(-3.0, 3.0); 6];
+    let mut turned = AlteredJoints(controller.as_mut(), |q| q[5] += std::f64::consts::TAU);
+    let cancel = AtomicBool::new(false);
+    let error = run(&plan(1), gauge.as_mut(), &mut turned, &mut rows, &limited, &cancel, &mut |_| ()).unwrap_err();
+    let said = error.to_string();
+    assert!(matches!(error, ProcedureError::Start { .. }) && cell.motions() == 0, "{said}");
+    assert!(said.contains("reports joint 6 at") && said.contains("same joints, units and turns"), "{said}");
+}
+
+#[test]
+fn a_controller_that_rounds_its_joints_is_warned_about_once() {
+    let Bench { cell: _cell, mut gauge, mut controller, mut rows, .. } = bench();
+    let mut rounded = AlteredJoints(controller.as_mut(), |q| {
+        q.iter_mut().for_each(|q| *q = ((q.to_degrees() * 100.0).round() / 100.0).to_radians());
+    });
+    let cancel = AtomicBool::new(false);
+    let report = run(&plan(3), gauge.as_mut(), &mut rounded, &mut rows, &options(), &cancel, &mut |_| ()).unwrap();
+    assert_eq!(report.measured, 3);
+    assert!(report.warnings.len() == 1 && report.warnings[0].contains("whole steps of 0.01 deg"), "{report:?}");
+}
+
+#[test]
+fn a_jog_that_does_not_arrive_is_told() {
+    let mut bench = bench();
+    let from = bench.controller.joints().unwrap();
+    let jog = Jog::Joint(5, 0.03);
+    let to = jog.target(&from, 6, 0.1, None).unwrap();
+    jog.go(bench.controller.as_mut(), &to, 0.01).unwrap();
+    bench.cell.inject(Fault::StuckArm);
+    let error = jog.go(bench.controller.as_mut(), &from, 0.01).unwrap_err();
+    assert!(matches!(error, ControllerError::NotArrived { joint: 6, .. }), "{error}");
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
-use trical_device::controller::{RwsClient, RwsSettings};
+use trical_device::controller::{RwsClient, RwsSettings, StopCount};
 use trical_device::url::Secret;
 use trical_device::{Controller, ControllerError, open_controller};
 
@@ -125,8 +125,29 @@ fn a_motion_without_an_answer_blocks_the_next_one() {
     robot.lock().unwrap().never_answers = true;
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    assert_eq!(robot.lock().unwrap().stopped, 1, "the arm is not left to go on unheard");
     let error = client.correct([1e-3, 0.0, 0.0]).unwrap_err().to_string();
     assert!(error.contains("still busy"), "{error}");
+}
+
+#[test]
+fn a_stop_by_the_user_is_told_as_done_when_the_joints_stand() {
+    for creeps in [false, true] {
+        let (mut client, robot) = connect();
+        client.set_speed(0.01, 0.1).unwrap();
+        robot.lock().unwrap().never_answers = true;
+        robot.lock().unwrap().creeps = creeps;
+        let stops = StopCount::default();
+        client.stop_when(Arc::clone(&stops));
+        std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(30));
+            stops.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        });
+        let error = client.move_joints(&[0.0; 9]).unwrap_err();
+        let stands = matches!(error, ControllerError::Stopped);
+        assert_eq!((stands, robot.lock().unwrap().stopped), (!creeps, 1), "{error}");
+        assert!(stands || error.to_string().contains("has not confirmed it"), "{error}");
+    }
 }
 
 #[test]

@@ -76,6 +76,55 @@ fn a_motion_that_does_not_end_is_stopped() {
     is_stopped(&robot);
 }
 
+/// A client that waits long for a motion and short for an answer, of a controller that does not do what programs say.
+fn impatient() -> (UrClient, Arc<Mutex<Robot>>) {
+    let (settings, robot) = server();
+    robot.lock().unwrap().ignores = true;
+    let times = (Duration::from_millis(400), Duration::from_secs(60));
+    let settings = UrSettings { timeout: times.0, move_timeout: times.1, ..settings };
+    (UrClient::connect("127.0.0.1", settings).unwrap(), robot)
+}
+
+#[test]
+fn an_arm_that_does_not_begin_to_move_is_asked_for_remote_control_and_its_program_is_ended() {
+    let (mut client, robot) = impatient();
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("does not begin to move; is it in remote control"), "{error}");
+    drop(client);
+    is_stopped(&robot);
+}
+
+#[test]
+fn a_motion_of_which_nothing_is_heard_is_ended_long_before_its_own_time() {
+    let (mut client, robot) = impatient();
+    robot.lock().unwrap().creeps = true;
+    let later = Arc::clone(&robot);
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(100));
+        later.lock().unwrap().silent = true;
+    });
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("no answer to \"RTDE data\" within 0.4 s"), "{error}");
+    drop(client);
+    is_stopped(&robot);
+}
+
+#[test]
+fn an_arm_that_goes_on_after_a_stop_is_not_said_to_stand() {
+    let (mut client, robot) = impatient();
+    robot.lock().unwrap().creeps = true;
+    let stops = StopCount::default();
+    client.stop_when(Arc::clone(&stops));
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(80));
+        stops.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    });
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("has not confirmed it") && error.contains("emergency stop"), "{error}");
+    drop(client);
+    is_stopped(&robot);
+}
+
 #[test]
 fn corrections_beyond_the_limit_are_refused() {
     let (mut client, robot) = connect();

@@ -199,6 +199,8 @@ pub struct Calibration {
     pub tried: Vec<TriedByPlace>,
     /// What each session carries beside the first, by measured joint torques.
     pub loads: Vec<TorqueLoad>,
+    /// How files that were read in passes were read: rows that were left out.
+    pub notes: Vec<String>,
 }
 
 impl Calibration {
@@ -221,6 +223,7 @@ impl Calibration {
         out.extend(coincident(&f.model.robot));
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
+        out.extend(self.notes.iter().cloned());
         if self.passes.is_none() {
             out.extend(too_many(f.free.len() as f64, f.free.len(), &Folds::of(&f.data)));
         }
@@ -414,6 +417,7 @@ pub fn calibrate(
         cleaned: !options.keep_outliers,
         elasticity,
         passes: None,
+        notes: Vec::new(),
         sessions: session_setups(&fitted),
         distances,
         tried,
@@ -462,6 +466,7 @@ pub fn calibrate_stream(
         cleaned: !options.keep_outliers,
         elasticity,
         passes: Some(streamed.passes + 1),
+        notes: sample.recordings.into_iter().flat_map(|r| r.notes).collect(),
         sessions: Vec::new(),
         distances: Vec::new(),
         tried: Vec::new(),

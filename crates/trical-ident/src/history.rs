@@ -1,5 +1,7 @@
 //! An arm over the months: every session against one calibration, the trend of the errors, and when to calibrate again.
 
+use std::path::Path;
+
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use trical_model::{Cell, Forward, Recording};
@@ -99,8 +101,9 @@ fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Optio
     })
 }
 
-/// A date such as 2026-11-22 in a name, in days.
-fn day_in(name: &str) -> Option<f64> {
+/// A date such as 2026-11-22 in the name of a file, whatever its folder is called, in days.
+fn day_in(path: &str) -> Option<f64> {
+    let name = Path::new(path).file_name()?.to_str()?;
     name.as_bytes().windows(10).find_map(|w| {
         let text = std::str::from_utf8(w).ok()?;
         let mut parts = text.split('-');
@@ -188,6 +191,8 @@ mod tests {
         assert_eq!(days("cell 2026-03-01.csv") - days("runs/2026-02-27-morning.csv"), 2.0);
         assert_eq!(days("2024-03-01") - days("2024-02-27"), 3.0);
         assert_eq!(day_in("session3.csv"), None);
+        assert_eq!(day_in("2025-01-01/2026-02-03.csv"), day_in("2026-02-03.csv"));
+        assert_eq!(day_in("2025-01-01/session3.csv"), None);
         assert_eq!(day_in("2026-13-01.csv"), None);
     }
 

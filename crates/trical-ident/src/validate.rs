@@ -316,6 +316,8 @@ pub(crate) fn adapted(
         add_own(&mut model, cell, &data, place);
     }
     data.references.resize(model.frames.len(), References::default());
+    // before a frame is looked for by what the cell may not have
+    crate::fit::check_observations(&Forward::new(model.clone(), Vec::new())?, &data)?;
     Ok(Adapted { model, data, places, left_out, known, joints })
 }
 

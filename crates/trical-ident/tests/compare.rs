@@ -184,3 +184,16 @@ fn another_arm_is_not_told_as_unchanged() {
     assert!(e.starts_with("other.csv: the model misses these measurements by"), "{e}");
     assert!(e.contains("expected a recording of the arm that the model is of"), "{e}");
 }
+
+#[test]
+fn a_point_that_the_cell_does_not_have_is_told_with_its_file_and_line() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let mut recording = later(&truth, None, "other.csv", 7);
+    for (k, row) in recording.rows.iter_mut().enumerate() {
+        let target = truth.cell.tool.targets.len() + k % 2;
+        row.measured = trical_model::Measured::Point { target, position: [0.1 * k as f64, 0.2, 0.3] };
+    }
+    let e = compare(&truth.cell, &file, &recording, None).unwrap_err().to_string();
+    assert!(e.starts_with("other.csv, line") && e.contains("target"), "{e}");
+}

@@ -279,19 +279,22 @@ fn weightless(scan: &Scan, known: &Frames, nominal: &Model) -> Option<String> {
         let tool = known.tools.get(name.as_str()).and_then(|t| t.as_ref().ok());
         tool.is_some_and(|t| t.mass < LIGHTEST && !t.is_of(&nominal.cell) && t.flange_from_tool != Pose::identity())
     };
-    let names: BTreeSet<&str> = scan
-        .setups
-        .iter()
-        .filter_map(|s| s.tool.as_ref())
-        .filter(is_weightless)
-        .map(|n| n.split(AT).next().unwrap_or(n))
-        .collect();
-    (!names.is_empty()).then(|| {
-        format!(
-            "the arm sags under load, and nothing says what tool {} weighs: it is taken as 0 kg (mass_kg in a --frames file, or --payload-kg, says it)",
-            names.into_iter().map(|n| format!("'{n}'")).collect::<Vec<_>>().join(", ")
-        )
-    })
+    let names: BTreeSet<&String> = scan.setups.iter().filter_map(|s| s.tool.as_ref()).filter(is_weightless).collect();
+    // what the program gives without a name, a --frames file cannot name either: "set_tcp(0, 0, 100 mm) first at byte 7"
+    let says = if names.iter().all(|n| n.contains(AT)) { "" } else { "mass_kg in a --frames file, or " };
+    let told = |n: &String| {
+        let name = n.split(AT).next().unwrap_or(n);
+        format!("'{}'", name.strip_suffix(" first").unwrap_or(name))
+    };
+    let tools = match names.len() {
+        0 => return None,
+        1 => "tool",
+        _ => "each of the tools",
+    };
+    let names = names.into_iter().map(told).collect::<Vec<_>>().join(", ");
+    Some(format!(
+        "the arm sags under load, and nothing says what {tools} {names} weighs: it is taken as 0 kg ({says}--payload-kg says it)"
+    ))
 }
 
 /// Lighter tools are placeholders (RAPID has 0.001 kg for what nobody weighed), kg.

@@ -1,10 +1,12 @@
 //! The rows of a recording: from files, from arrays, as arrays.
 
+use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use numpy::ndarray::{Array1, Array2};
 use numpy::{Element, IntoPyArray};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use trical_ident::write_whole;
@@ -29,7 +31,17 @@ fn wrong(text: String) -> PyErr {
 
 /// Reads a recording, CSV or MCAP. A damaged MCAP is refused unless a part of it will do.
 pub fn load(path: &Path, joints: Option<usize>, part: bool) -> Result<Recording> {
-    Ok(if part { open_damaged(path, joints)?.0 } else { open(path, joints)? })
+    warned(if part { open_damaged(path, joints)?.0 } else { open(path, joints)? })
+}
+
+/// Says how a file was read, as a warning of Python: rows that were left out, decimal commas.
+fn warned(recording: Recording) -> Result<Recording> {
+    let warn = |note: &String| {
+        let text = CString::new(note.replace('\0', " ")).unwrap_or_default();
+        Python::attach(|py| PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2))
+    };
+    recording.notes.iter().try_for_each(warn)?;
+    Ok(recording)
 }
 
 /// Writes a .csv or an .mcap.
@@ -285,7 +297,7 @@ impl PyRows {
     /// Reads the text of a CSV.
     #[staticmethod]
     fn parse(py: Python<'_>, name: &str, text: &str) -> Result<Self> {
-        py.detach(|| Ok(Self(Arc::new(parse(name, text.as_bytes())?))))
+        py.detach(|| Ok(Self(Arc::new(warned(parse(name, text.as_bytes())?)?))))
     }
 
     /// From arrays by name.

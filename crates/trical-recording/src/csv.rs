@@ -97,6 +97,12 @@ impl Reader<'_> {
             if self.header.iter().any(|n| n == "a1_deg") && self.header.iter().any(|n| n == "via") {
                 return Err(self.wrong_header("is that of a plan of touches, expected a recording of them"));
             }
+            if unknown.iter().all(|told| told.ends_with("?)")) {
+                return Err(self.wrong_header(format!(
+                    "no unit is said by column{s} {}; expected it in each name (deg or rad, mm or m), or in a line of units below the header",
+                    unknown.join(", ")
+                )));
+            }
             return Err(self.wrong_header(format!("unknown column{s} {}; known are {known}", unknown.join(", "))));
         }
         let mut found: [[[Option<Slot>; 2]; MAX_JOINTS]; FIELDS] = [[[None; 2]; MAX_JOINTS]; FIELDS];
@@ -169,12 +175,29 @@ impl Cells<'_, '_> {
         self.error(slot, format!("found '{}', expected {expected}", shortened(self.text(slot), 60)))
     }
 
+    /// Whether nothing stands there, or a mark that people and programs set for it.
     fn empty(&self, slot: Slot) -> bool {
-        self.text(slot).is_empty()
+        NOTHING.contains(&self.text(slot).to_lowercase().as_str())
+    }
+
+    /// Whether one of these is empty.
+    fn gap(&self, slots: &[Slot]) -> bool {
+        slots.iter().any(|s| self.empty(*s))
     }
 
     fn all_empty(&self, slots: &[Slot]) -> bool {
         slots.iter().all(|s| self.empty(*s))
+    }
+
+    /// The joints of a row: it says nothing without them.
+    fn joints(&self, slots: &[Slot]) -> Result<[f64; MAX_JOINTS]> {
+        match slots.iter().find(|s| self.empty(**s)) {
+            None => self.numbers(slots),
+            Some(slot) => Err(self.unexpected(
+                *slot,
+                "a finite number: the joints of a measurement; remove the line where they are not known",
+            )),
+        }
     }
 
     /// A number whose size is that of an arm or an instrument, SI; the unit stands in the column's name.
@@ -230,11 +253,15 @@ impl Cells<'_, '_> {
         }
     }
 
-    fn measured(&self, slots: &Slots) -> Result<Measured> {
+    /// `None` = nothing was measured at this pose, or not all of it: a lost beam, a gauge that did not answer.
+    fn measured(&self, slots: &Slots) -> Result<Option<Measured>> {
         let filled = |field: Field| slots.one(field).filter(|s| !self.empty(*s));
         if let Some(ball) = filled(Field::Ball) {
-            let ball = self.count(ball)?;
-            return Ok(Measured::Touch { ball, reading: self.numbers(slots.all(Field::Indicators))? });
+            let (ball, reading) = (self.count(ball)?, slots.all(Field::Indicators));
+            if self.gap(reading) {
+                return Ok(None);
+            }
+            return Ok(Some(Measured::Touch { ball, reading: self.numbers(reading)? }));
         }
         if let Some(d) = filled(Field::Length) {
             let anchor = filled(Field::Anchor).map_or(Ok(0), |a| self.count(a))?;
@@ -242,46 +269,48 @@ impl Cells<'_, '_> {
             if length <= 0.0 {
                 return Err(self.unexpected(d, "a positive length"));
             }
-            return Ok(Measured::Distance { anchor, length });
+            return Ok(Some(Measured::Distance { anchor, length }));
         }
-        if !slots.has(Field::Position) {
-            return Err(self.reader.error(
-                format!("line {}", self.line),
-                "the row has no measurement: its columns ball or d_mm are empty",
-            ));
+        if let Some(ball) = slots.one(Field::Ball).filter(|_| !self.all_empty(slots.all(Field::Indicators))) {
+            return Err(self.unexpected(ball, "the ball that was touched, counted from 1"));
         }
-        let position = self.numbers(slots.all(Field::Position))?;
+        let position = slots.all(Field::Position);
+        let orientations = [Field::Quaternion, Field::RollPitchYaw, Field::Matrix].map(|f| slots.all(f));
+        if position.is_empty() || self.gap(position) || orientations.iter().any(|o| self.gap(o) && !self.all_empty(o)) {
+            return Ok(None);
+        }
+        let position = self.numbers(position)?;
         if let Some(first) = filled(Field::Quaternion) {
             let quaternion: [f64; 4] = self.numbers(slots.all(Field::Quaternion))?;
             let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
             if (norm - 1.0).abs() > 1e-2 {
                 return Err(self.error(first, format!("the quaternion has length {norm:.4}, expected 1")));
             }
-            return Ok(Measured::Pose { position, quaternion });
+            return Ok(Some(Measured::Pose { position, quaternion }));
         }
         if filled(Field::RollPitchYaw).is_some() {
             let [roll, pitch, yaw] = self.numbers(slots.all(Field::RollPitchYaw))?;
             let quaternion = quaternion_from_rotation(&rotation_zyx(yaw, pitch, roll));
-            return Ok(Measured::Pose { position, quaternion });
+            return Ok(Some(Measured::Pose { position, quaternion }));
         }
         if let Some(first) = filled(Field::Matrix) {
             let numbers: [f64; 9] = self.numbers(slots.all(Field::Matrix))?;
             let quaternion = rotation_of(&numbers).map_err(|problem| self.error(first, problem))?;
-            return Ok(Measured::Pose { position, quaternion });
+            return Ok(Some(Measured::Pose { position, quaternion }));
         }
-        match (filled(Field::Target), filled(Field::Reference)) {
+        Ok(Some(match (filled(Field::Target), filled(Field::Reference)) {
             (Some(t), Some(_)) => {
-                Err(self.error(t, "the row names a target and a reference, expected one of them".into()))
+                return Err(self.error(t, "the row names a target and a reference, expected one of them".into()));
             }
-            (None, Some(r)) => Ok(Measured::Reference { reference: self.count(r)?, position }),
-            (Some(t), None) => Ok(Measured::Point { target: self.count(t)?, position }),
-            (None, None) => Ok(Measured::Point { target: 0, position }),
-        }
+            (None, Some(r)) => Measured::Reference { reference: self.count(r)?, position },
+            (Some(t), None) => Measured::Point { target: self.count(t)?, position },
+            (None, None) => Measured::Point { target: 0, position },
+        }))
     }
 
-    fn row(&self, slots: &Slots, places: &mut Places) -> Result<Row> {
+    fn row(&self, slots: &Slots, places: &mut Places) -> Result<Option<Row>> {
         let mut state = State::at(&[]);
-        state.q = self.numbers(slots.all(Field::Joints))?;
+        state.q = self.joints(slots.all(Field::Joints))?;
         state.q_commanded = self.optional_numbers(slots.all(Field::Commanded))?;
         let dir = slots.all(Field::Directions);
         if !self.all_empty(dir) {
@@ -301,12 +330,12 @@ impl Cells<'_, '_> {
         }
         state.payload_kg = self.optional(slots.one(Field::Payload))?;
         state.torques = self.optional_numbers(slots.all(Field::Torques))?;
-        if let Some(slot) = slots.one(Field::Place).filter(|s| !self.empty(*s)) {
+        if let Some(slot) = slots.one(Field::Place).filter(|s| !self.text(*s).is_empty()) {
             state.place = Some(places.index_of(self.text(slot)).map_err(|problem| self.error(slot, problem))?);
         }
         let seq = slots.one(Field::Seq).filter(|s| !self.empty(*s));
         let seq = seq.map(|s| self.whole(s, 0.0, "a whole number")).transpose()?;
-        Ok(Row { state, measured: self.measured(slots)?, seq, line: self.line })
+        Ok(self.measured(slots)?.map(|measured| Row { state, measured, seq, line: self.line }))
     }
 }
 
@@ -330,6 +359,21 @@ fn rotation_of(rows: &[f64; 9]) -> Result<[f64; 4], String> {
 pub(crate) struct Parser<'a> {
     reader: Reader<'a>,
     slots: Slots,
+}
+
+/// What stands where nothing was measured, in lower case.
+const NOTHING: [&str; 10] = ["", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--"];
+
+/// Rows without a measured value, in one sentence.
+pub(crate) fn left_out(lines: &[usize]) -> Option<String> {
+    const MOST: usize = 8;
+    let told = lines.iter().take(MOST).map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let more = if lines.len() > MOST { format!(" and {} more", lines.len() - MOST) } else { String::new() };
+    match lines.len() {
+        0 => None,
+        1 => Some(format!("line {told} lacks a measured value and is left out")),
+        _ => Some(format!("lines {told}{more} lack a measured value and are left out")),
+    }
 }
 
 /// So many problems of a file are told at most.
@@ -379,14 +423,15 @@ impl<'a> Parser<'a> {
         out
     }
 
-    /// Hands on every row; lines are counted from `lines_before`.
+    /// Hands on every row, and returns the lines of those without a measured value; lines are counted from `lines_before`.
     pub fn each_row<R: std::io::Read, E: From<RecordError>>(
         &self,
         csv: &mut csv::Reader<R>,
         lines_before: usize,
         places: &mut Places,
         take: &mut dyn FnMut(Row) -> Result<(), E>,
-    ) -> Result<(), E> {
+    ) -> Result<Vec<usize>, E> {
+        let mut left_out = Vec::new();
         let mut record = csv::StringRecord::new();
         let mut problems: Vec<RecordError> = Vec::new();
         loop {
@@ -417,12 +462,13 @@ impl<'a> Parser<'a> {
                 continue;
             }
             match (Cells { reader: &self.reader, record: &record, line }.row(&self.slots, places)) {
-                Ok(row) if problems.is_empty() => take(row)?,
-                Ok(_) => {}
+                Ok(Some(row)) if problems.is_empty() => take(row)?,
+                Ok(Some(_)) => {}
+                Ok(None) => left_out.push(line),
                 Err(e) => problems.push(e),
             }
         }
-        all_in_one(problems).map_or(Ok(()), |e| Err(e.into()))
+        all_in_one(problems).map_or(Ok(left_out), |e| Err(e.into()))
     }
 
     /// Refuses a row that goes back in time.
@@ -488,8 +534,14 @@ pub(crate) fn header_names(begin: &[u8]) -> Vec<String> {
     tidy::decoded(begin).map(|(text, _)| tidy::names(&text)).unwrap_or_default()
 }
 
+/// What a file without rows is told.
+pub(crate) fn no_rows(left_out: &[usize]) -> &'static str {
+    if left_out.is_empty() { "has a header but no rows" } else { "has no row with a measured value" }
+}
+
 /// Reads the bytes of a CSV recording; `file` is its name for messages. UTF-16, separators, decimal commas, upper case, units in
-/// brackets, an index column, remarks and blank lines are understood where their meaning is certain; [`Recording::notes`] says so.
+/// brackets or in a line of their own, an index column, remarks and blank lines are understood where their meaning is certain, and rows without a
+/// measured value are left out; [`Recording::notes`] says so.
 ///
 /// # Errors
 /// As [`load_csv`].
@@ -508,16 +560,17 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     let mut rows = Vec::new();
     let mut last_t = f64::NEG_INFINITY;
     let mut places = Places::default();
-    parser.each_row(&mut csv, before, &mut places, &mut |row| {
+    let left_out = parser.each_row(&mut csv, before, &mut places, &mut |row| {
         parser.in_order(&row, &mut last_t)?;
         rows.push(row);
         Ok::<_, RecordError>(())
     })?;
     if rows.is_empty() {
-        return Err(problem("has a header but no rows"));
+        return Err(problem(no_rows(&left_out)));
     }
     let prismatic = parser.prismatic();
-    let said: Vec<String> = encoded.map(str::to_owned).into_iter().chain(note).collect();
+    let said: Vec<String> =
+        encoded.map(str::to_owned).into_iter().chain(note).chain(self::left_out(&left_out)).collect();
     let notes = if said.is_empty() { Vec::new() } else { vec![format!("{file}: {}", said.join("; "))] };
     Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows, notes })
 }

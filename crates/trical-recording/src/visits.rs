@@ -1,6 +1,6 @@
 //! Visits of sockets, taken down one by one: a CSV that grows by a row at a time, each on the disk before the next.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -33,6 +33,10 @@ impl Visits {
             .create(true)
             .open(path)
             .map_err(io("be opened for more rows"))?;
+        // two writers would give two visits one number
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            return Err(RecordError::Busy { path: path.to_owned() });
+        }
         let mut text = Vec::new();
         file.read_to_end(&mut text).map_err(io("be read"))?;
         let header = header(&kinds);

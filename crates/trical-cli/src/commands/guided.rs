@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use trical_device::controller::wait_settled;
+use trical_device::controller::{moved, wait_settled};
 use trical_device::gauge::trial::{bare_url, check_on_calibrator, master};
 use trical_device::gauge::with_zero;
 use trical_device::procedure::{MoveGuard, stride};
@@ -356,7 +356,7 @@ impl Led<'_> {
         controller.set_speed(about.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
         controller.stop_when(Arc::clone(&about.interrupt.stops));
         tell("The arm moves there.").map_err(|e| e.to_string())?;
-        controller.move_joints(q).map_err(|e| e.to_string())
+        moved(controller.as_mut(), q).map_err(|e| e.to_string())
     }
 
     fn master(&mut self) -> Result<Next> {

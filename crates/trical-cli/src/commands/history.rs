@@ -13,7 +13,7 @@ use crate::{say, say_lines};
 /// Arguments of `trical history`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A folder of recordings (CSV or MCAP); they are taken in the order of their names, days from dates such as 2026-11-22 in them
+    /// A folder of recordings (CSV or MCAP); they are taken in the order of their names (run_2 before run_10), days from dates such as 2026-11-22 in them
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// The calibration that they are compared with: calibrated.toml
@@ -69,24 +69,46 @@ fn print(h: &History) -> Result<()> {
         row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, changed);
     }
     say_lines(table::lines(&rows))?;
+    if h.days.is_none() {
+        say(
+            "Days are not known: not every name has a date such as 2026-11-22. Sessions are in the order of their names.",
+        )?;
+    }
     for s in h.sessions.iter().filter(|s| !s.changes.is_empty()) {
         say_lines(table::wrapped(&format!("{}: {}", s.recording, s.summary), 108, "  "))?;
     }
     say(&h.due)
 }
 
-/// Recordings of a folder, by name.
+/// A name in parts that compare as people count: run_2 before run_10.
+fn counted(path: &Path) -> Vec<(u64, String)> {
+    let name = path.to_string_lossy();
+    let mut parts: Vec<(u64, String)> = vec![(0, String::new())];
+    for c in name.chars() {
+        let Some((number, word)) = parts.last_mut() else { break };
+        match c.to_digit(10) {
+            Some(digit) if word.is_empty() => *number = number.saturating_mul(10).saturating_add(digit.into()),
+            Some(digit) => parts.push((digit.into(), String::new())),
+            None => word.push(c),
+        }
+    }
+    parts
+}
+
+/// Recordings of a folder, by name; hidden files are none.
 fn recordings_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let problem =
         |e: std::io::Error| CliError::Input(format!("{}: {e}; expected a folder of recordings", folder.display()));
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(problem)? {
         let path = entry.map_err(problem)?.path();
-        if path.extension().is_some_and(|e| e == "csv" || e == "mcap") {
+        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        if !hidden && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv") || e.eq_ignore_ascii_case("mcap"))
+        {
             paths.push(path);
         }
     }
-    paths.sort();
+    paths.sort_by_cached_key(|path| (counted(path), path.clone()));
     if paths.is_empty() {
         return Err(CliError::Input(format!(
             "{}: no .csv or .mcap in this folder, expected recordings",

@@ -49,6 +49,9 @@ impl Stops {
 /// A stop is looked for this often while the arm moves.
 pub(crate) const LOOK_FOR_STOP: Duration = Duration::from_millis(50);
 
+/// How long a controller may take to say that the arm stands after a stop.
+pub(crate) const STOP_TIMEOUT: Duration = Duration::from_secs(5);
+
 /// A robot controller.
 ///
 /// Motions return when the arm stands still at the target, or with an error; none is queued.
@@ -209,6 +212,21 @@ pub enum ControllerError {
         /// What would be right.
         expected: String,
     },
+    /// The arm stands elsewhere than where it was sent.
+    #[error(
+        "robot controller {controller}: joint {joint} was sent to {sent_deg:.4} deg and reports {found_deg:.4} deg; expected them to agree \
+         within 0.02 deg: was the motion stopped?"
+    )]
+    NotArrived {
+        /// Name of the controller.
+        controller: String,
+        /// The joint that is farthest off, 1-based.
+        joint: usize,
+        /// Where it was sent, deg.
+        sent_deg: f64,
+        /// Where it is, deg.
+        found_deg: f64,
+    },
     /// The joints do not come to rest.
     #[error(
         "robot controller {controller}: joint {joint} still moves by {moves_deg:.5} deg between two readings after {seconds:.1} s"
@@ -253,6 +271,37 @@ impl ControllerError {
     pub(crate) fn garbage(controller: &str, request: &str, found: &[u8], expected: impl Into<String>) -> Self {
         let (found, expected) = (shorten(found), expected.into());
         Self::Garbage { controller: controller.into(), request: request.into(), found, expected }
+    }
+}
+
+/// How far a joint may stand from where it was sent, rad.
+pub(crate) const ARRIVAL: f64 = 0.02 * std::f64::consts::PI / 180.0;
+
+/// Moves all joints, and looks whether they have arrived.
+///
+/// # Errors
+/// What [`Controller::move_joints`] and [`wait_settled`] say, or [`ControllerError::NotArrived`].
+pub fn moved(controller: &mut dyn Controller, target: &Joints) -> Result<(), ControllerError> {
+    controller.move_joints(target)?;
+    let settle = controller.joint_settle();
+    let at = wait_settled(controller, &settle, &AtomicBool::new(false))?;
+    let (joint, off) = largest_difference(target, &at);
+    if off <= ARRIVAL {
+        return Ok(());
+    }
+    let [sent_deg, found_deg] = [target, &at].map(|q| q.get(joint).map_or(f64::NAN, |q| q.to_degrees()));
+    Err(ControllerError::NotArrived { controller: controller.name(), joint: joint + 1, sent_deg, found_deg })
+}
+
+/// After a controller was told to stop the motion under way: it has when the joints stand.
+pub(crate) fn confirmed_stop(controller: &mut dyn Controller) -> ControllerError {
+    let settle = JointSettle { tolerance: 1e-4, interval: Duration::from_millis(200), timeout: STOP_TIMEOUT };
+    match wait_settled(controller, &settle, &AtomicBool::new(false)) {
+        Ok(_) => ControllerError::Stopped,
+        Err(error @ ControllerError::Lost { .. }) => error,
+        Err(_) => {
+            ControllerError::StopNotConfirmed { controller: controller.name(), seconds: STOP_TIMEOUT.as_secs_f64() }
+        }
     }
 }
 

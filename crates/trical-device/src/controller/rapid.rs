@@ -7,13 +7,10 @@ use std::time::{Duration, Instant};
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
-use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, connected};
+use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, STOP_TIMEOUT, StopCount, Stops, connected};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
-
-/// How long a controller may take to say that the arm stands after a stop.
-const STOP_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How often each end of the line hears of the other while the arm moves.
 const ALIVE_EVERY: Duration = Duration::from_secs(1);

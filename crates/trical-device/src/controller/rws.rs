@@ -12,7 +12,7 @@ use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
-use super::{Controller, ControllerError, JointSettle, StopCount, Stops};
+use super::{Controller, ControllerError, JointSettle, StopCount, Stops, confirmed_stop};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -259,14 +259,18 @@ impl RwsClient {
         let (begin, before) = (Instant::now(), self.stops.so_far());
         while self.number("nAck")? != next {
             if self.stops.so_far() > before {
-                // the whole program stops, and has to be started again by hand [I]
-                self.request(HttpMethod::POST, STOP_PATH, "stopmode=stop")?;
-                return Err(ControllerError::Stopped);
+                self.stop_program()?;
+                return Err(confirmed_stop(self));
             }
+            let moves = matches!(wanted, code::MOVE_JOINTS | code::CORRECT);
             if begin.elapsed() > timeout {
+                if moves {
+                    // whatever the arm does now, it is not waited for
+                    let _ = self.stop_program();
+                }
                 return Err(ControllerError::silent(&self.name, &request, timeout));
             }
-            if matches!(wanted, code::MOVE_JOINTS | code::CORRECT) {
+            if moves {
                 let q = self.joints()?;
                 self.history.push(JointSample { t: self.begin.elapsed().as_secs_f64(), q });
             }
@@ -275,6 +279,13 @@ impl RwsClient {
         let ok = self.number("nOk")?;
         let reply = protocol::unquoted(&self.get("sReply")?).to_owned();
         if ok == 1 { Ok(reply) } else { Err(ControllerError::refused(&self.name, &request, reply)) }
+    }
+}
+
+impl RwsClient {
+    /// The whole program stops, and has to be started again by hand \[I\].
+    fn stop_program(&mut self) -> Result<(), ControllerError> {
+        self.request(HttpMethod::POST, STOP_PATH, "stopmode=stop").map(|_| ())
     }
 }
 

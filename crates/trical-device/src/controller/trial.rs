@@ -6,7 +6,7 @@ use thiserror::Error;
 use trical_model::recording::Joints;
 use trical_model::{JointKind, Robot};
 
-use super::{Controller, ControllerError};
+use super::{Controller, ControllerError, moved};
 
 /// How a controller answers.
 #[derive(Clone, Debug, PartialEq)]
@@ -157,12 +157,12 @@ impl Jog {
     /// Moves, at a speed of the tool in m/s; `to` as [`Jog::target`] gave it.
     ///
     /// # Errors
-    /// The controller refuses or does not answer in time.
+    /// The controller refuses or does not answer in time, or joints that were sent somewhere are not there.
     pub fn go(&self, controller: &mut dyn Controller, to: &Joints, speed: f64) -> Result<(), ControllerError> {
         controller.set_speed(speed, 10_f64.to_radians())?;
         match self {
             Self::Tool(by) => controller.correct(*by),
-            _ => controller.move_joints(to),
+            _ => moved(controller, to),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use trical_model::recording::Joints;
 
 use super::rtde::{self, State, kind};
-use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, connected};
+use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, confirmed_stop, connected};
 use trical_recording::motion::JointSample;
 
 /// Settings of the connection.
@@ -213,7 +213,8 @@ impl UrClient {
         sent.map_err(|e| self.lost(&e.to_string()))
     }
 
-    /// Runs a motion and waits for its number; an arm that does not arrive in time is told to stop.
+    /// Runs a motion and waits for its number. Of an arm that does not arrive in time, of which nothing is heard any more, or that stands
+    /// for its safety, the program is ended: it is not to go on later.
     fn run(&mut self, motion: &str) -> Result<(), ControllerError> {
         let state = self.fresh()?;
         self.standing(&state, motion)?;
@@ -223,23 +224,48 @@ impl UrClient {
             "def trical():\n  set_tcp(p[{x:.7},{y:.7},{z:.7},0,0,0])\n  {motion}\n  \
              write_output_integer_register(24, {number})\nend\n"
         );
-        let before = self.stops.so_far();
+        let (before, begin, timeout) = (self.stops.so_far(), Instant::now(), self.settings.timeout);
+        let (mut packages, mut heard) = (0, begin);
+        let mut begun = false;
         self.send(&program)?;
         let result = self.wait(motion, self.settings.move_timeout, |seen| {
             if self.stops.so_far() > before {
                 return Some(Err(ControllerError::Stopped));
             }
-            let state = seen.latest?;
-            if let Err(error) = self.standing(&state, motion) {
+            if packages != seen.packages {
+                (packages, heard) = (seen.packages, Instant::now());
+            } else if heard.elapsed() >= timeout {
+                return Some(Err(ControllerError::silent(&self.name, "RTDE data", timeout)));
+            }
+            let now = seen.latest?;
+            if let Err(error) = self.standing(&now, motion) {
                 return Some(Err(error));
             }
-            (state.done == number).then_some(Ok(state))
+            begun |= is_apart(&state, &now);
+            if now.done != number && !begun && begin.elapsed() >= timeout {
+                let reason =
+                    "the arm does not begin to move; is it in remote control, powered on, and are its brakes released?";
+                return Some(Err(ControllerError::refused(&self.name, motion, reason)));
+            }
+            (now.done == number).then_some(Ok(now))
         });
-        if let Err(ControllerError::Silent { .. } | ControllerError::Stopped) = &result {
-            self.send("def trical_stop():\n  stopj(2.0)\nend\n")?;
+        match result {
+            Ok(_) => Ok(()),
+            Err(error @ ControllerError::Lost { .. }) => Err(error),
+            Err(error) => {
+                self.send(STOP)?;
+                Err(if matches!(error, ControllerError::Stopped) { confirmed_stop(self) } else { error })
+            }
         }
-        result.map(|_| ())
     }
+}
+
+/// Ends whatever program runs.
+const STOP: &str = "def trical_stop():\n  stopj(2.0)\nend\n";
+
+/// Whether an arm has moved from one to the other, beyond the noise of its encoders.
+fn is_apart(a: &State, b: &State) -> bool {
+    a.q.iter().zip(&b.q).any(|(a, b)| (a - b).abs() > 1e-4)
 }
 
 impl Drop for UrClient {

@@ -168,7 +168,7 @@ pub enum Violation {
     },
     /// A channel reads at the approach point as if its stem touched something.
     #[error(
-        "indicator {axis} reads {reading_mm:.4} mm at the approach point, where its stem is free; expected a reading outside {low_mm:.3} to {high_mm:.3} mm: the stem is stuck, its transmitter repeats an old value, or the indicator has another stroke"
+        "indicator {axis} reads {reading_mm:.4} mm at the approach point, where its stem is free; expected a reading outside {low_mm:.3} to {high_mm:.3} mm: the stem is stuck, its transmitter repeats an old value, or the indicator has another stroke or unit"
     )]
     NotFree {
         /// Which axis.
@@ -179,6 +179,37 @@ pub enum Violation {
         low_mm: f64,
         /// Upper end in mm.
         high_mm: f64,
+    },
+    /// A free stem comes to rest at another reading than before.
+    #[error(
+        "indicator {axis} reads {reading_mm:.4} mm with its stem free, and read {first_mm:.4} mm there at the first touch; expected a \
+         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; the touch before may be \
+         wrong by as much; master the device before going on"
+    )]
+    ZeroMoved {
+        /// Which axis.
+        axis: char,
+        /// What it read free at the first touch of the run, mm.
+        first_mm: f64,
+        /// What it reads free now, mm.
+        reading_mm: f64,
+        /// The difference that is allowed, mm.
+        limit_mm: f64,
+    },
+    /// The controller reports joint values at which the arm cannot stand.
+    #[error(
+        "the controller reports joint {joint} at {value_deg:.3} deg, outside its limits {low_deg:.3} to {high_deg:.3} deg: jog the arm back \
+         within them, or look whether robot file and controller mean the same joints, units and turns"
+    )]
+    StandsOutside {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// What it reports, deg.
+        value_deg: f64,
+        /// Lower limit in deg.
+        low_deg: f64,
+        /// Upper limit in deg.
+        high_deg: f64,
     },
     /// A joint is or would be outside its limits.
     #[error("joint {joint} at {value_deg:.3} deg is outside its limits {low_deg:.3} to {high_deg:.3} deg")]
@@ -296,7 +327,10 @@ impl fmt::Display for RetreatOutcome {
             Self::LeftAlone => write!(f, "the arm is left where it stands: jog it to a free place by hand"),
             Self::Stopped => write!(f, "the arm stands where it was stopped"),
             Self::Interrupted => {
-                write!(f, "the touch is recorded, but the arm stopped on its way back: look where it stands")
+                write!(
+                    f,
+                    "the touch is recorded, but the arm is not back from it: look where it is, and whether it still moves"
+                )
             }
             Self::Failed(why) => write!(
                 f,

@@ -5,7 +5,7 @@ use std::fmt;
 
 use trical_model::recording::Joints;
 
-use crate::controller::JointSettle;
+use crate::controller::{ARRIVAL, JointSettle};
 use crate::gauge::Settle;
 use trical_recording::motion::MotionSense;
 
@@ -40,6 +40,8 @@ pub struct ProcedureLimits {
     /// How far the TCP goes aside along each axis, and back, where a channel showed the same after a smaller correction:
     /// it has to follow before the touch is accepted. Long enough for a gap in a joint of 0.01 deg at 0.5 m.
     pub confirm: f64,
+    /// How far the reading of a free stem may be from that at the first touch: a stem comes to rest at its own stop.
+    pub free_change: f64,
     /// Largest speed of the TCP that is asked for, m/s: that of manual mode.
     pub speed: f64,
 }
@@ -52,11 +54,12 @@ impl Default for ProcedureLimits {
             iterations: 10,
             stroke: [-5.9e-3, 5.9e-3],
             joints: Vec::new(),
-            arrival: 0.02_f64.to_radians(),
+            arrival: ARRIVAL,
             joint_change: 5.0_f64.to_radians(),
             growth: 1.2,
             stale: 20e-6,
             confirm: 0.2e-3,
+            free_change: 0.2e-3,
             speed: 0.25,
         }
     }

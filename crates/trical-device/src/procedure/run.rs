@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::steps::{check_finite, check_joints, check_plan};
+use super::steps::{check_finite, check_joints, check_plan, check_standing};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
-use crate::controller::{Controller, largest_difference, wait_settled};
+use crate::controller::{Controller, ControllerError, largest_difference, wait_settled};
 use crate::gauge::{AXES, Gauge, settled_reading};
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::{JointSample, MotionSense};
@@ -61,6 +61,8 @@ pub fn run(
         corrected: 0.0,
         touching: None,
         retreating: false,
+        free: None,
+        coarse: false,
     };
     let not_begun = |violation| ProcedureError::Start { violation: Box::new(violation) };
     runner.start().map_err(not_begun)?;
@@ -81,7 +83,10 @@ pub fn run(
             Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
             // whoever moves the arm by hand has it
             Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
-            Err(violation @ Violation::Elsewhere { .. }) => Err((violation, RetreatOutcome::LeftAlone)),
+            Err(
+                violation @ (Violation::Elsewhere { .. }
+                | Violation::Controller(ControllerError::StopNotConfirmed { .. })),
+            ) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),
         };
         if let Err((violation, retreat)) = result {
@@ -122,6 +127,10 @@ struct Runner<'a, 'o> {
     touching: Option<usize>,
     /// After a failure nothing but the arm matters.
     retreating: bool,
+    /// What the free stems read at the first touch, m.
+    free: Option<[f64; 3]>,
+    /// Whether it was told that joints come with few decimals.
+    coarse: bool,
 }
 
 impl Runner<'_, '_> {
@@ -141,6 +150,8 @@ impl Runner<'_, '_> {
         }
         let at = self.controller.joints()?;
         check_finite(&at)?;
+        // another unit, a turn more, another order: nothing that follows would be checked from where the arm is
+        check_standing(&at, options)?;
         self.at = at;
         self.gauge.read()?;
         self.take_warnings();
@@ -241,17 +252,27 @@ impl Runner<'_, '_> {
         self.accept(row, total)
     }
 
-    /// At the approach point each stem has to read as one that touches nothing.
+    /// At the approach point each stem has to read as one that touches nothing, and the same as at the first touch: its own stop.
     fn check_free(&mut self) -> Result<(), Violation> {
         let free = self.settled_reading()?;
-        let [low, high] = self.options.limits.stroke;
-        match (0..3).find(|k| (low..=high).contains(&free[*k])) {
-            None => Ok(()),
-            Some(k) => Err(Violation::NotFree {
+        let limits = &self.options.limits;
+        let [low, high] = limits.stroke;
+        if let Some(k) = (0..3).find(|k| (low..=high).contains(&free[*k])) {
+            return Err(Violation::NotFree {
                 axis: AXES[k],
                 reading_mm: free[k] * 1e3,
                 low_mm: low * 1e3,
                 high_mm: high * 1e3,
+            });
+        }
+        let first = *self.free.get_or_insert(free);
+        match (0..3).find(|k| (free[*k] - first[*k]).abs() > limits.free_change) {
+            None => Ok(()),
+            Some(k) => Err(Violation::ZeroMoved {
+                axis: AXES[k],
+                first_mm: first[k] * 1e3,
+                reading_mm: free[k] * 1e3,
+                limit_mm: limits.free_change * 1e3,
             }),
         }
     }
@@ -333,6 +354,7 @@ impl Runner<'_, '_> {
     fn measured(&mut self, entry: &PlanEntry, reading: [f64; 3]) -> Result<Row, Violation> {
         self.at = self.settled_joints()?;
         self.note_joints()?;
+        self.look_at_decimals();
         let t = self.time()?;
         let temp_c = self.controller.temperature()?.or(self.options.temp_c);
         if let Some(temp_c) = temp_c {
@@ -343,6 +365,26 @@ impl Runner<'_, '_> {
         let state = State { dir, t: Some(t), temp_c, payload_kg, ..State::at(&self.at) };
         let measured = Measured::Touch { ball: entry.ball, reading };
         Ok(Row { state, measured, seq: Some(entry.index), line: 0 })
+    }
+
+    /// Warns once of a controller that rounds its joints: no calibration is better than that.
+    fn look_at_decimals(&mut self) {
+        let joints = self.controller.joint_count();
+        let rounded = |q: &f64| {
+            let hundredths = q.to_degrees() * 100.0;
+            (hundredths - hundredths.round()).abs() < 1e-6
+        };
+        let moved = |q: &f64| *q != 0.0;
+        // by chance once in a thousand for a joint with five decimals, never for three
+        if !self.coarse && self.at.iter().filter(|q| moved(q)).count() >= 3 && self.at.iter().take(joints).all(rounded)
+        {
+            self.coarse = true;
+            let controller = self.controller.name();
+            self.warn(format!(
+                "robot controller {controller}: reports its joints in whole steps of 0.01 deg; expected more decimals: a step is 0.17 mm \
+                 at a reach of 1 m, and no calibration from these touches is better than that"
+            ));
+        }
     }
 
     /// Stores a measurement; it is safe when this returns.

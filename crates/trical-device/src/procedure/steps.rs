@@ -68,6 +68,21 @@ pub(super) fn check_finite(q: &Joints) -> Result<(), Violation> {
     }
 }
 
+/// Whether an arm can stand at the joint values that a controller reports, before anything moves.
+pub(super) fn check_standing(q: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
+    check_joints(q, options).or_else(|outside| match outside {
+        Violation::JointLimit { joint, value_deg, low_deg, high_deg }
+            if value_deg < low_deg - SLACK_DEG || value_deg > high_deg + SLACK_DEG =>
+        {
+            Err(Violation::StandsOutside { joint, value_deg, low_deg, high_deg })
+        }
+        _ => Ok(()),
+    })
+}
+
+/// An arm that stands at its stop may be read a little beyond, deg.
+const SLACK_DEG: f64 = 0.5;
+
 /// Whether joint values are finite and within the limits.
 pub(super) fn check_joints(q: &Joints, options: &ProcedureOptions<'_>) -> Result<(), Violation> {
     let limits = options.limits.joints.iter().copied().chain(std::iter::repeat((f64::MIN, f64::MAX)));

@@ -21,6 +21,10 @@ pub struct Robot {
     /// What the module refuses with.
     pub refuses: Option<String>,
     pub never_answers: bool,
+    /// Moves on, whatever it is told.
+    pub creeps: bool,
+    /// How often the program was stopped.
+    pub stopped: u32,
     /// Sessions that were begun, by their cookie.
     pub sessions: u32,
     pub unauthorized: u32,
@@ -57,7 +61,13 @@ impl Robot {
     }
 
     fn handle(&mut self, method: &str, path: &str, body: &str) -> (u16, String) {
+        if path == "/rw/rapid/execution?action=stop" {
+            assert_eq!((method, body), ("POST", "stopmode=stop"));
+            self.stopped += 1;
+            return (204, String::new());
+        }
         if path.starts_with("/rw/motionsystem/mechunits/ROB_1/jointtarget") {
+            self.joints[0] += if self.creeps { 0.1 } else { 0.0 };
             let joints: Vec<String> =
                 self.joints.iter().enumerate().map(|(k, q)| format!("\"rax_{}\":\"{q:.5}\"", k + 1)).collect();
             return (200, format!("{{\"_embedded\":{{\"_state\":[{{{},\"eax_a\":\"8.9E+09\"}}]}}}}", joints.join(",")));

@@ -15,6 +15,10 @@ pub struct Robot {
     pub safety: i32,
     pub programs: Vec<String>,
     pub ignores: bool,
+    /// Moves whatever it is told.
+    pub creeps: bool,
+    /// Sends no data.
+    pub silent: bool,
     pub types: &'static str,
 }
 
@@ -51,7 +55,13 @@ fn data(mut stream: TcpStream, robot: &Mutex<Robot>) -> Option<()> {
     for tick in 0.. {
         let mut content = vec![7];
         {
-            let robot = robot.lock().unwrap();
+            let mut robot = robot.lock().unwrap();
+            if robot.silent {
+                drop(robot);
+                std::thread::sleep(Duration::from_millis(2));
+                continue;
+            }
+            robot.q[0] += if robot.creeps { 1e-4 } else { 0.0 };
             content.extend((0.002 * f64::from(tick)).to_be_bytes());
             robot.q.iter().for_each(|q| content.extend(q.to_be_bytes()));
             content.extend(robot.done.to_be_bytes());
@@ -102,6 +112,8 @@ pub fn server() -> (UrSettings, Arc<Mutex<Robot>>) {
         safety: 1,
         programs: Vec::new(),
         ignores: false,
+        creeps: false,
+        silent: false,
         types: rtde::TYPES,
     }));
     let ports = [true, false].map(|is_data| {

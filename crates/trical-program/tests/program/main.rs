@@ -469,7 +469,8 @@ fn loads_that_nobody_has_read_are_named_where_the_arm_sags() {
     assert!(
         said.len() == 2
             && said[0].contains("(line 2)")
-            && said[1].contains("'set_tcp(0.000, 0.000, 100.000 mm) first'"),
+            && said[1].contains("what tool 'set_tcp(0.000, 0.000, 100.000 mm)' weighs")
+            && said[1].contains("(--payload-kg says it)"),
         "{said:?}"
     );
     let krl = "$TOOL={X 0,Y 0,Z 80,A 0,B 0,C 0}\n$LOAD.M=3\nPTP {A1 10,A2 12,A3 -8,A4 20,A5 40,A6 -30}\n";

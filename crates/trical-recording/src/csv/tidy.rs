@@ -37,6 +37,8 @@ struct Form {
     index: bool,
     /// Whether every line ends with a separator, behind which there is nothing.
     trailing: bool,
+    /// Whether the line below the header says the units of the columns.
+    units: bool,
 }
 
 impl Form {
@@ -51,7 +53,10 @@ impl Form {
                 .lines()
                 .all(|l| is_remark(l) || l.trim().is_empty() || l.trim_end_matches(['\r', ' ']).ends_with(by));
         names.truncate(names.len() - usize::from(trailing));
-        Self { by, separated: separator.map(|(_, says)| says), index: has_index(text, by, &names), trailing, names }
+        let said = lines_of_table(text).nth(1).and_then(|line| with_units(&names, line.split(by)));
+        let (units, names) = (said.is_some(), said.unwrap_or(names));
+        let index = has_index(text, by, &names, 1 + usize::from(units));
+        Self { by, separated: separator.map(|(_, says)| says), index, trailing, units, names }
     }
 
     fn is_blank(&self, line: &str) -> bool {
@@ -63,6 +68,7 @@ impl Form {
         self.separated.is_none()
             && !self.index
             && !self.trailing
+            && !self.units
             && header(text).split(self.by).map(|n| n.trim().trim_matches('"').trim()).eq(self.names.iter())
             && text.lines().all(|l| !self.is_blank(l) && !is_remark(l))
     }
@@ -104,8 +110,44 @@ impl Form {
 
 const LOWER: &str = "names of columns are read in lower case";
 
+/// Header, rows.
+fn lines_of_table(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().filter(|l| !l.trim().is_empty() && !is_remark(l))
+}
+
 fn header(text: &str) -> &str {
-    text.lines().find(|l| !l.trim().is_empty() && !is_remark(l)).unwrap_or("")
+    lines_of_table(text).next().unwrap_or("")
+}
+
+/// The names with the units of the line below them, where it holds nothing but units and none that a name contradicts.
+fn with_units<'a>(names: &[String], line: impl Iterator<Item = &'a str>) -> Option<Vec<String>> {
+    let bare = |cell: &str| cell.trim().trim_matches(['"', '[', ']', '(', ')']).trim().to_lowercase();
+    let units: Vec<String> = line.map(bare).collect();
+    let known = |unit: &String| {
+        UNITS.iter().any(|(written, known)| written.contains(&unit.as_str()) || known == unit) || unit == "kg"
+    };
+    let mm_or_deg = ["mm", "m", "deg", "rad", "°", "degree", "degrees", "radian"];
+    if units.len() < names.len()
+        || !units.iter().all(|unit| unit.is_empty() || known(unit))
+        || !units.iter().any(|unit| mm_or_deg.contains(&unit.as_str()))
+    {
+        return None;
+    }
+    let one = |(name, unit): (&String, &String)| {
+        let said = with_unit(&format!("{} [{unit}]", name.to_lowercase()));
+        let (of_unit, has_own) = (unit.is_empty() || unit == "-" || unit == "1", columns::find(name).is_some());
+        match said {
+            // "q1" and "deg"
+            Some(whole) if !has_own => Some(whole),
+            _ if of_unit || !has_own => Some(name.clone()),
+            // "q1_deg" and "deg"
+            _ => {
+                let stem = name.rsplit_once('_').map_or(name.as_str(), |(stem, _)| stem);
+                with_unit(&format!("{stem} [{unit}]")).filter(|whole| whole == name)
+            }
+        }
+    };
+    names.iter().zip(&units).map(one).collect()
 }
 
 /// A line that is none of the table: "# measured on Monday", "sep=;". Behind the same sign a header stands, too ("# q1_deg,q2_deg").
@@ -174,6 +216,7 @@ pub(super) fn tidied(text: &str) -> Tidied<'_> {
     let mut done: Vec<&str> = Vec::new();
     let mut out = String::with_capacity(text.len());
     let (mut headed, mut before) = (false, 0);
+    let mut units = form.units;
     for line in text.split('\n') {
         let line = line.strip_suffix('\r').unwrap_or(line);
         let remark = is_remark(line);
@@ -188,6 +231,11 @@ pub(super) fn tidied(text: &str) -> Tidied<'_> {
                 // a reader counts lines with a blank, not those without
                 out.push_str(" \n");
             }
+            continue;
+        }
+        if headed && std::mem::take(&mut units) {
+            out.push_str(" \n");
+            note(&mut done, "the line below the header says the units");
             continue;
         }
         form.copy(line, headed, &mut out, &mut done);
@@ -229,11 +277,11 @@ fn decimal_comma(cell: &str) -> bool {
 }
 
 /// Whether the first column counts the rows: 0, 1, 2 or 1, 2, 3, under a name that says no more.
-fn has_index(text: &str, by: char, names: &[String]) -> bool {
+fn has_index(text: &str, by: char, names: &[String], above: usize) -> bool {
     if !names.first().is_some_and(|n| INDEX.contains(&n.to_lowercase().as_str())) {
         return false;
     }
-    let rows = text.lines().filter(|l| !is_remark(l) && !l.chars().all(|c| c == by || c.is_whitespace())).skip(1);
+    let rows = text.lines().filter(|l| !is_remark(l) && !l.chars().all(|c| c == by || c.is_whitespace())).skip(above);
     let mut first = None;
     for (k, line) in rows.enumerate() {
         let Some(n) = line.split(by).next().and_then(|c| c.trim().parse::<usize>().ok()) else { return false };
@@ -331,5 +379,64 @@ mod tests {
         // no header at all
         let bare = PLAIN.split_once('\n').expect("two lines").1;
         assert!(says(bare).contains("header: found numbers, expected names of columns"), "{}", says(bare));
+    }
+
+    #[test]
+    fn a_line_of_units_below_the_header_says_what_names_do_not() {
+        let plain = parse_csv(PLAIN.as_bytes(), "r.csv", 2).expect("plain").rows;
+        let (_, rows) = PLAIN.split_once('\n').expect("two lines");
+        for head in [
+            "t,q1,q2,x,y,z\ns,deg,deg,mm,mm,mm",
+            "t_s,q1_deg,q2_deg,x_mm,y_mm,z_mm\ns,deg,deg,mm,mm,mm",
+            "t_s,q1_deg,q2_deg,x_mm,y_mm,z_mm\n,[deg],[deg],[mm],[mm],[mm]",
+            "t,Joint 1,Joint 2,X,Y,Z\n[s],[\u{b0}],[\u{b0}],[mm],[mm],[mm]",
+        ] {
+            let text = format!("{head}\n{rows}");
+            let read = crate::open::parse("r.csv", text.as_bytes()).expect(head);
+            assert!(read.notes.len() == 1 && read.notes[0].contains("says the units"), "{:?}", read.notes);
+            let same = |a: &trical_model::Row, b: &trical_model::Row| a.state == b.state && a.measured == b.measured;
+            assert!(read.rows.iter().zip(&plain).all(|(a, b)| same(a, b)) && read.rows.len() == 2, "{head}");
+            let wrong = parse_csv(text.replace(",3.5,", ",x,").as_bytes(), "r.csv", 2).expect_err("x").to_string();
+            assert!(wrong.contains("line 4, column q2_deg: found 'x'"), "{wrong}");
+        }
+        let metres = "t,q1,q2,x,y,z\ns,rad,rad,m,m,m\n0,0.1,0.2,0.3,0.4,0.5\n";
+        let read = crate::open::parse("r.csv", metres.as_bytes()).expect("SI");
+        let at = trical_model::Measured::Point { target: 0, position: [0.3, 0.4, 0.5] };
+        assert!(read.rows[0].state.q[..2] == [0.1, 0.2] && read.rows[0].measured == at, "{:?}", read.rows);
+        // names that say another unit, no unit at all
+        let says = |text: &str| crate::open::parse("r.csv", text.as_bytes()).expect_err("refused").to_string();
+        let other = format!("t_s,q1_deg,q2_deg,x_mm,y_mm,z_mm\ns,rad,rad,mm,mm,mm\n{rows}");
+        assert!(says(&other).contains("line 2, column q1_deg: found 'rad'"), "{}", says(&other));
+        let none = format!("t,q1,q2,x,y,z\n{rows}");
+        assert!(says(&none).contains("no unit is said by columns 't' (t_s?), 'q1' (q1_deg?)"), "{}", says(&none));
+    }
+
+    #[test]
+    fn rows_without_a_measured_value_are_left_out_and_said_and_joints_are_not_guessed() {
+        for mark in ["", "NaN", "NA", "-", "n/a", "null"] {
+            let text = PLAIN.replace(",101,0,", &format!(",101,{mark},"));
+            let read = parse_csv(text.as_bytes(), "r.csv", 2).expect(mark);
+            assert_eq!(read.rows.len(), 1, "{mark}");
+            assert_eq!(read.notes, ["r.csv: line 3 lacks a measured value and is left out"], "{mark}");
+            let joint = PLAIN.replace(",3.5,", &format!(",{mark},"));
+            let error = parse_csv(joint.as_bytes(), "r.csv", 2).expect_err(mark).to_string();
+            assert!(
+                error.contains(&format!("line 3, column q2_deg: found '{mark}', expected a finite number")),
+                "{error}"
+            );
+            // a time that is not known is not needed
+            let time = PLAIN.replace("\n1,", &format!("\n{mark},"));
+            assert_eq!(parse_csv(time.as_bytes(), "r.csv", 2).expect(mark).rows.len(), 2);
+        }
+        // half a quaternion is no point
+        let poses = "q1_deg,q2_deg,x_mm,y_mm,z_mm,qw,qx,qy,qz\n1,2,3,4,5,1,0,0,0\n1,3,3,4,5,,0,0,1\n1,4,3,4,5,,,,\n";
+        let read = parse_csv(poses.as_bytes(), "r.csv", 2).expect("two rows");
+        assert_eq!((read.rows.len(), read.notes.len()), (2, 1), "{:?}", read.notes);
+        // a reading whose ball nobody wrote down
+        let touch = "ball,q1_deg,q2_deg,ix_mm,iy_mm,iz_mm\n1,2,3,0,0,0\n,2,4,0,0,0.01\n";
+        let error = parse_csv(touch.as_bytes(), "r.csv", 2).expect_err("no ball").to_string();
+        assert!(error.contains("line 3, column ball: found '', expected the ball that was touched"), "{error}");
+        let none = parse_csv(PLAIN.replace(",0,", ",,").as_bytes(), "r.csv", 2).expect_err("none").to_string();
+        assert!(none.contains("has no row with a measured value"), "{none}");
     }
 }

@@ -317,15 +317,19 @@ impl RunLog for RecordingWriter {
 /// The file cannot be written.
 pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> Result<(), RecordError> {
     let mut writer = RecordingWriter::begin_beside(path, header, Shared::of(recording), None)?;
-    for row in &recording.rows {
-        let text = json::row_to_json(row, &writer.shared);
-        let t = row.state.t.unwrap_or(writer.last_t);
-        writer.message(writer.channels.measurement, t, text.as_bytes())?;
-    }
-    // a recording that another program writes is not replaced
-    let _old = lock_existing(path)?;
-    writer.finish()?;
-    publish(path)
+    let write = move || {
+        for row in &recording.rows {
+            let text = json::row_to_json(row, &writer.shared);
+            let t = row.state.t.unwrap_or(writer.last_t);
+            writer.message(writer.channels.measurement, t, text.as_bytes())?;
+        }
+        // a recording that another program writes is not replaced
+        let _old = lock_existing(path)?;
+        writer.finish()?;
+        publish(path)
+    };
+    // nothing was measured in the file beside
+    write().inspect_err(|_| drop(std::fs::remove_file(temporary_beside(path))))
 }
 
 /// Gives the file beside its name.

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use trical_model::{Recording, Row};
 
 use crate::columns::Field;
-use crate::csv::{Parser, csv_reader};
+use crate::csv::{Parser, csv_reader, no_rows};
 use crate::error::{RecordError, Result};
 use crate::shared::Places;
 use blocks::{Block, Source};
@@ -46,11 +46,11 @@ impl BlockRows<'_> {
         self.block.number
     }
 
-    /// Hands on every row.
+    /// Hands on every row, and returns the lines of those without a measured value.
     ///
     /// # Errors
     /// A row that is no measurement, with file, line and column; what `take` returns.
-    pub fn each_row<E: From<RecordError>>(&self, take: &mut dyn FnMut(Row) -> Result<(), E>) -> Result<(), E> {
+    pub fn each_row<E: From<RecordError>>(&self, take: &mut dyn FnMut(Row) -> Result<(), E>) -> Result<Vec<usize>, E> {
         let mut csv = csv_reader(false).from_reader(self.block.bytes.as_slice());
         // files with places are not opened
         self.parser.each_row(&mut csv, self.block.lines_before, &mut Places::default(), take)
@@ -60,6 +60,7 @@ impl BlockRows<'_> {
 /// Rows that one block offers to the sample.
 struct Offered {
     rows: Vec<(Row, bool)>,
+    left_out: Vec<usize>,
     count: usize,
     first_t: Option<Row>,
     last_t: f64,
@@ -175,13 +176,20 @@ impl CsvStream {
             .collect::<Result<_>>()?;
         let mut rows = 0;
         let mut rows_of_file = vec![0; self.files.len()];
+        let mut left_out = vec![Vec::new(); self.files.len()];
         let mut seen: BTreeMap<_, usize> = BTreeMap::new();
         let mut last_t = vec![f64::NEG_INFINITY; self.files.len()];
         self.pass(
             |index, rows| {
-                let mut offered = Offered { rows: Vec::new(), count: 0, first_t: None, last_t: f64::NEG_INFINITY };
+                let mut offered = Offered {
+                    rows: Vec::new(),
+                    left_out: Vec::new(),
+                    count: 0,
+                    first_t: None,
+                    last_t: f64::NEG_INFINITY,
+                };
                 let mut seen: BTreeMap<_, usize> = BTreeMap::new();
-                rows.each_row(&mut |row| {
+                let left_out = rows.each_row(&mut |row| {
                     rows.parser.in_order(&row, &mut offered.last_t)?;
                     if offered.first_t.is_none() && row.state.t.is_some() {
                         offered.first_t = Some(row);
@@ -195,7 +203,7 @@ impl CsvStream {
                     }
                     Ok::<_, RecordError>(())
                 })?;
-                Ok(offered)
+                Ok(Offered { left_out, ..offered })
             },
             &mut |index, offered: Offered| {
                 let source = &self.files[index];
@@ -203,6 +211,7 @@ impl CsvStream {
                     Parser::new(&source.name, &source.header, self.joints)?.in_order(row, &mut last_t[index])?;
                     last_t[index] = offered.last_t;
                 }
+                left_out[index].extend(offered.left_out);
                 rows += offered.count;
                 rows_of_file[index] += offered.count;
                 for (row, picked) in offered.rows {
@@ -216,7 +225,10 @@ impl CsvStream {
             },
         )?;
         if let Some(k) = rows_of_file.iter().position(|n| *n == 0) {
-            return Err(self.files[k].error("has a header but no rows"));
+            return Err(self.files[k].error(no_rows(&left_out[k])));
+        }
+        for (recording, lines) in recordings.iter_mut().zip(&left_out) {
+            recording.notes.extend(crate::csv::left_out(lines).map(|said| format!("{}: {said}", recording.name)));
         }
         Ok(Sample { recordings, rows })
     }

@@ -11,7 +11,6 @@ pub fn with_bar<T>(title: &str, work: impl FnOnce(&Task<'_>) -> T) -> T {
     }
     bar.set_prefix(title.to_owned());
     let done = work(&Task::new(&|fraction, what| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         bar.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
         bar.set_message(what.to_owned());
     }));

@@ -207,7 +207,6 @@ impl Session<'_> {
             }
         }
         // warm-up and creep go on while nobody measures
-        #[expect(clippy::cast_precision_loss, reason = "s since the recording began")]
         let since = (self.start_ns as f64 - before.start_ns as f64) * 1e-9;
         options.begin_t = log.last_t();
         if before.start_ns != 0 && (0.0..LONGEST_BREAK_S).contains(&since) {

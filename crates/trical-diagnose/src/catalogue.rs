@@ -50,7 +50,6 @@ pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) 
         }
         for c in &mut list {
             let scan = sites.iter().find(|s| s.0 == c.site).map_or(1, |s| s.1);
-            #[expect(clippy::cast_precision_loss, reason = "counts")]
             let ways = (EFFECTS.len() * sites.len() * scan) as f64;
             c.log_prior -= ways.ln();
         }
@@ -120,7 +119,6 @@ mod tests {
         let all = catalogue(&Covariates::new(&model, &data, 1e-5), &[]).0;
         let likely =
             |of: &dyn Fn(&Candidate) -> bool| all.iter().filter(|c| of(c)).map(|c| c.log_prior.exp()).sum::<f64>();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let one = 1.0 / EFFECTS.len() as f64;
         for id in [EffectId::GearRatio, EffectId::AxisWobble, EffectId::JointHarmonic] {
             let together = likely(&|c| c.cause == id.into());

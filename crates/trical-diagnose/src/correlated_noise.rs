@@ -50,7 +50,6 @@ impl CorrelatedNoise {
     /// # Errors
     /// Those of `nats`.
     pub fn likeliest<E>(length: usize, mut nats: impl FnMut(Self) -> Result<f64, E>) -> Result<(Self, f64), E> {
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let longest = length as f64 / CORRELATION_LENGTHS;
         let count = AUTOCORRELATIONS.iter().filter(|kept| -kept.ln().recip() <= longest).count();
         let at = |(k, w): (usize, usize)| Self { kept: AUTOCORRELATIONS[k], white: WHITE_SHARES[w] };
@@ -292,7 +291,6 @@ mod tests {
         let mut white = sequence.concat();
         filter.apply(&mut white);
         let square: f64 = white.iter().map(|v| v * v).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = white.len() as f64;
         -0.5 * (n * square.ln() + filter.log_determinant())
     }

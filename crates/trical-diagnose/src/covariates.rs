@@ -267,7 +267,6 @@ fn usual_loads(model: &Model, data: &Dataset) -> Vec<f64> {
             }
         }
     }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let count = data.observations.len().max(1) as f64;
     squares.into_iter().map(|s| (s / count).sqrt().max(NO_LOAD_NM)).collect()
 }
@@ -300,7 +299,6 @@ fn reading_spread(data: &Dataset, axis: usize) -> f64 {
             _ => None,
         })
         .collect();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let n = v.len().max(1) as f64;
     let mean = v.iter().sum::<f64>() / n;
     (v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()

@@ -183,7 +183,6 @@ pub(crate) fn unexplained_from(
 ) -> Unexplained {
     let first = &search.candidates[group.members[0]];
     let with = search.with(state, &group.members);
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let rms_mm = {
         // removed sum of squares, as a position error of the observations
         let share = ((state.ss - with.ss) / state.ss).clamp(0.0, 1.0);
@@ -309,7 +308,6 @@ pub(crate) fn blind(search: &Search<'_>, state: &RegressionState, set: &[usize])
 /// Smallest p-value among all candidates, times how many independent questions were asked (Bonferroni).
 pub(crate) fn lack_of_fit(search: &Search<'_>, state: &RegressionState, set: &[usize]) -> f64 {
     let ranked = search.rank(state);
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let questions = ranked.len() as f64;
     ranked
         .iter()
@@ -320,7 +318,6 @@ pub(crate) fn lack_of_fit(search: &Search<'_>, state: &RegressionState, set: &[u
 }
 
 /// Noise of a position error: root mean square of the residuals, with the parameters paid for.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 pub(crate) fn noise_of(fitted: &Identified, errors: &[f64]) -> f64 {
     let rows = fitted.observability.rows as f64;
     let p = fitted.free.len() as f64;

@@ -38,7 +38,6 @@ impl Halves {
         let one = |half: &Vec<bool>| {
             let part = data.filtered(|o| half[folds.block_of(o.pose)]);
             let design = Design::weighted(fitted, candidates, &[], &part, noise, CorrelatedNoise::WHITE)?;
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             if (design.rows as f64) < HALF_ROWS * design.parameters {
                 return Ok(None);
             }

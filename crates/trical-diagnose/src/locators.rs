@@ -181,7 +181,6 @@ pub fn locators(model: &Model, data: &Dataset, named: &[Candidate]) -> Vec<Candi
     let small = |c: &Candidate| Candidate { scales: c.scales.iter().map(|s| s * UNNAMED_REST).collect(), ..c.clone() };
     let rests: Vec<Candidate> = out.iter().filter(|c| c.terms.len() > 1).map(small).collect();
     out.extend(rests);
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let price = (out.len() as f64).ln() + UNNAMED_PRICE_NATS;
     for c in &mut out {
         // what has an effect in it pays for the effect too

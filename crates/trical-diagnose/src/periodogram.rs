@@ -55,7 +55,6 @@ fn slides(fitted: &Identified, joint: usize) -> bool {
 pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
     let joints = apparent(fitted, data)?;
     let peaks: Vec<Vec<f64>> = joints.par_iter().map(|a| a.peaks(GEAR_CYCLES.1 + 1, FINEST_CYCLES, 1)).collect();
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let asked = (joints.len() as f64) * f64::from(FINEST_CYCLES);
     Ok(peaks
         .iter()
@@ -215,7 +214,6 @@ impl Apparent {
                 break;
             }
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         peaks.into_iter().map(|k| f64::from(from) + k as f64).collect()
     }
 }

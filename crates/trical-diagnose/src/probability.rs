@@ -64,7 +64,6 @@ pub fn shares(alternatives: &[Alternative]) -> Shares {
         // Dirichlet(1, ..., 1) by exponentials
         let mut weights: Vec<f64> = (0..blocks).map(|_| -rng.random_range(f64::MIN_POSITIVE..1.0).ln()).collect();
         let sum: f64 = weights.iter().sum();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let factor = blocks as f64 / sum.max(f64::MIN_POSITIVE);
         weights.iter_mut().for_each(|w| *w *= factor);
         let score = |a: &Alternative| a.log_prior + weights.iter().zip(&a.scores).map(|(w, s)| w * s).sum::<f64>();
@@ -76,7 +75,6 @@ pub fn shares(alternatives: &[Alternative]) -> Shares {
             *m += s / total;
         }
     }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let draws = BOOTSTRAP_DRAWS as f64;
     let of = |says: &[Says]| -> f64 {
         alternatives.iter().zip(&mean).filter(|(a, _)| says.contains(&a.says)).map(|(_, m)| m / draws).sum()
@@ -115,7 +113,6 @@ fn logit(p: f64) -> f64 {
 #[must_use]
 pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), findings: usize, curve: &[f64; 5]) -> f64 {
     let [constant, by_evidence, by_found, by_findings, by_evidence_alone] = curve;
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let (found, halves, findings) = (found as f64, halves as f64, findings.max(1) as f64);
     let x = if halves > 0.0 {
         let of_found = ((found + 0.5) / (halves - found + 0.5)).ln();

@@ -233,7 +233,6 @@ impl<'a> Proving<'a> {
         let explained = (start.ss - full.ss).max(1e-300);
         let named = groups.iter().filter(|g| candidates[g.members[0]].cause.effect().is_some()).count();
         for (k, group) in groups.iter().enumerate() {
-            #[expect(clippy::cast_precision_loss, reason = "counts")]
             task.step(0.75 + 0.2 * k as f64 / groups.len() as f64, "proving")?;
             so_far.extend(&group.members);
             let after = self.prove(&so_far);

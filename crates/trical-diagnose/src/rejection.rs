@@ -51,7 +51,6 @@ pub fn without_stale(data: &Dataset) -> Dataset {
 
 /// How many touches would repeat all three readings of the one before by chance: for each indicator the probability that two
 /// readings agree, as often as any two of this data set do.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn expected_repeats(data: &Dataset) -> f64 {
     let readings: Vec<[f64; 3]> = data
         .observations
@@ -88,7 +87,6 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
         .filter(|(_, length)| *length > OUTLIER_SIGMAS)
         .collect();
     far.sort_by(|a, b| b.1.total_cmp(&a.1));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a count")]
     let most = ((all.observations.len() as f64 * OUTLIER_SHARE).ceil() as usize).max(4);
     far.truncate(most);
     let errors = position_errors(&forward, all);

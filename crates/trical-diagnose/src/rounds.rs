@@ -182,7 +182,6 @@ impl Rounds {
         let mut rounds: Vec<Round> = if anew { Vec::new() } else { vec![self.round()] };
         for round in 0..MOST_ROUNDS {
             checkpoint()?;
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             task.step(round as f64 / MOST_ROUNDS as f64, "searching")?;
             self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
             checkpoint()?;
@@ -337,7 +336,6 @@ impl Rounds {
         for place in places {
             let here = |c: &Candidate| c.cause == Cause::Unexplained && c.site == place && c.scanned();
             let count = self.candidates.iter().filter(|c| here(c)).count();
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             let log_prior = -(count.max(1) as f64).ln();
             for c in self.candidates.iter_mut().filter(|c| here(c)) {
                 c.log_prior = log_prior;
@@ -675,7 +673,6 @@ fn longest_recording(data: &Dataset) -> usize {
 }
 
 /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm, six numbers.
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 fn temper(data: &Dataset) -> f64 {
     let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
     (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)

@@ -52,7 +52,6 @@ pub struct Ranked {
     pub rank: f64,
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts")]
 impl<'a> Search<'a> {
     /// Among all candidates.
     #[must_use]

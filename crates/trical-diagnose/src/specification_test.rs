@@ -71,7 +71,6 @@ impl SpecificationTest<'_> {
     }
 
     /// Independent scalars left at a state.
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     #[must_use]
     pub fn freedom(&self, state: &RegressionState) -> f64 {
         self.design.rows as f64 * self.temper - state.parameters
@@ -116,7 +115,6 @@ impl SpecificationTest<'_> {
     /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
     #[must_use]
     pub fn best_probe(&self, state: &RegressionState, site: Place) -> Option<(LackOfFit, f64)> {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let says = |(dss, rank): (f64, usize)| bic_nats(self.freedom(state), state.ss, state.ss - dss, rank as f64);
         let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == site);
         let gains = here.map(|k| (k, self.gain(state, k)));
@@ -150,7 +148,6 @@ impl SpecificationTest<'_> {
     ) -> f64 {
         let here: Vec<usize> =
             (0..self.probes.candidates.len()).filter(|k| is_here(self.probes.candidates[*k].site)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let asked = here.len() as f64;
         let mut most = 0.0_f64;
         for k in here {

@@ -28,7 +28,6 @@ pub fn f_test_of_effect(ss: f64, dss: f64, rank: f64, freedom: f64, temper: f64)
 /// [`f_test_of_effect`] it does not multiply the statistic by the share of independent rows: which of the two is right is open.
 #[must_use]
 pub fn f_test_of_probe(ss: f64, dss: f64, rank: usize, freedom: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let k = rank as f64;
     if rank == 0 || freedom <= 2.0 * k {
         return 1.0;

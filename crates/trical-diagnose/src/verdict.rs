@@ -5,8 +5,9 @@ use trical_model::{Place, Robot, Scope};
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
-pub use crate::words::{capital, region, variable};
 use crate::words::{numbered, percent, period, small, variables};
+pub use crate::words::{region, variable};
+pub use trical_ident::compare::capital;
 
 /// From here on a claim is said as a fact.
 const LIKELY: f64 = 0.5;

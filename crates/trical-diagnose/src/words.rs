@@ -22,13 +22,6 @@ pub(crate) fn numbered(what: &str, mut numbers: Vec<usize>) -> Option<String> {
     Some(format!("{what}s {} and {last}", but_last.join(", ")))
 }
 
-/// A text that begins with a capital letter.
-#[must_use]
-pub fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + chars.as_str())
-}
-
 /// A text that begins with a small letter.
 pub(crate) fn small(text: &str) -> String {
     let mut chars = text.chars();

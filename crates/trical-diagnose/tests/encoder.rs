@@ -34,7 +34,6 @@ fn truth() -> Model {
 /// What a tracker saw of that arm on one day.
 fn seen(truth: &Model, day: u64) -> Recording {
     let mut model = truth.clone();
-    #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let d = day as f64;
     model.frames =
         vec![Pose { rotation: rotation_zyx(0.7 * d, 0.2, -0.1 * d), translation: Vector3::new(2.0 - d, 0.5 * d, 0.3) }];

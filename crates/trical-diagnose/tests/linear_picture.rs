@@ -410,7 +410,6 @@ fn what_is_known_of_a_parameter_weighs_as_the_prior_of_a_candidate_does() {
     let (a, mut b) = (inside.start(), beside.start());
     beside.add(&mut b, 0);
     assert!(near(a.ss, b.ss, b.ss), "{} {}", a.ss, b.ss);
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let p = p as f64;
     assert!((a.parameters - b.parameters).abs() < 1e-8 && a.parameters < p - 0.05, "{}", a.parameters);
     for (k, c) in others.iter().enumerate() {

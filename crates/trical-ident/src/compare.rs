@@ -604,7 +604,9 @@ fn in_words(c: &Comparison) -> String {
     c.changes.iter().map(sentence).collect::<Vec<_>>().join(" ")
 }
 
-fn capital(text: &str) -> String {
+/// A text that begins with a capital letter.
+#[must_use]
+pub fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

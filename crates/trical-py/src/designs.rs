@@ -166,7 +166,6 @@ fn counted(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<usize
             if x.fract() != 0.0 || !(1.0..1e6).contains(&x) {
                 return Err(bad(format!("{name}, row {k}: found {x}, expected a number counted from 1")));
             }
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
             let x = x as usize;
             Ok(x - 1)
         })

@@ -112,7 +112,6 @@ fn retell<'a>(told: &'a mut Told, tell: Tell<'a>) -> impl FnMut(Progress) + 'a {
     move |p| {
         told.take(&p, Instant::now());
         let (done, total) = told.counts();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let fraction = done as f64 / total.max(1) as f64;
         tell(fraction, if let Progress::Warning(w) = &p { format!("note: {w}") } else { told.touch() });
     }

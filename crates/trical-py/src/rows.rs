@@ -124,7 +124,6 @@ impl Column {
         match self.number(k) {
             None => Ok(None),
             Some(x) if x.fract() == 0.0 && (0.0..limit).contains(&x) => {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
                 let x = x as u64;
                 Ok(Some(x))
             }
@@ -392,7 +391,6 @@ impl PyRows {
             "time" => number(&|r| r.state.t),
             "temperature" => number(&|r| r.state.temp_c),
             "payload" => number(&|r| r.state.payload_kg),
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             "pose" => number(&|r| r.seq.map(|s| s as f64)),
             "line" => Some(column(py, rows, &|r| i64::try_from(r.line).unwrap_or(0))),
             "kind" => Some(column(py, rows, &|r| match r.measured {

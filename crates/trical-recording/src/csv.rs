@@ -231,7 +231,6 @@ impl Cells<'_, '_> {
     fn whole(&self, slot: Slot, from: f64, expected: &str) -> Result<u64> {
         match self.text(slot).parse::<f64>() {
             Ok(v) if v.fract() == 0.0 && (from..=slot.unit.limit()).contains(&v) => {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked just above")]
                 let n = v as u64;
                 Ok(n)
             }

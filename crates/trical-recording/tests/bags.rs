@@ -16,7 +16,6 @@ const STOPS: [f64; 3] = [0.1, 0.4, -0.2];
 fn stamped(t: f64, frames: &[&str], numbers: &[f64]) -> Vec<u8> {
     let mut out = vec![0, 1, 0, 0];
     let align = |out: &mut Vec<u8>, to: usize| out.resize(4 + (out.len() - 4).next_multiple_of(to), 0);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a test")]
     for word in [t as u32, (t.fract() * 1e9).round() as u32] {
         out.extend(word.to_le_bytes());
     }
@@ -39,7 +38,6 @@ fn bag(path: &Path, schema: &str, message: &dyn Fn(f64, f64) -> Vec<u8>) {
     };
     let (states, sights) = (channel("/joint_states", "sensor_msgs/msg/JointState"), channel("/tracker/pose", schema));
     let mut write = |channel_id, sequence, t: f64, data: &[u8]| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a test")]
         let log_time = (t * 1e9) as u64;
         let header = mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
         bag.write_to_known_channel(&header, data).unwrap();

@@ -162,7 +162,6 @@ fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> 
 
 /// Touches that hardly decide: how many would, each telling as much as these.
 fn little(next: &Next) -> String {
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let enough = (next.entries.len() as f64 * (3.0 / next.lambda).powi(2)).ceil();
     format!("; for three, about {enough} would be needed")
 }

@@ -26,7 +26,6 @@ pub struct AxisTrial {
 impl AxisTrial {
     /// Of the readings of an axis.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     pub fn of(values: &[f64]) -> Self {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -104,7 +103,6 @@ pub fn trial(gauge: &mut dyn Gauge, count: usize, cancel: &AtomicBool) -> Result
         }
         readings.push(gauge.read()?);
     }
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let seconds_each = begin.elapsed().as_secs_f64() / count.max(1) as f64;
     let axes = std::array::from_fn(|k| AxisTrial::of(&readings.iter().map(|r: &[f64; 3]| r[k]).collect::<Vec<_>>()));
     Ok(Trial { says, readings, seconds_each, axes })

@@ -98,7 +98,6 @@ fn scheduled(e: &Entry) -> std::result::Result<Scheduled, String> {
         "jogged" => {
             let joint = e.joint.filter(|j| *j >= 1).ok_or("expected joint, counted from 1")? - 1;
             let by_deg = e.by_deg.filter(|v| v.abs() <= 360.0).ok_or("expected by_deg, 360 at most")?;
-            #[expect(clippy::cast_possible_truncation, reason = "within 360 deg")]
             let by_mdeg = (by_deg * 1e3).round() as i32;
             Fault::Jogged { joint, by_mdeg }
         }
@@ -117,7 +116,6 @@ fn scheduled(e: &Entry) -> std::result::Result<Scheduled, String> {
             if !by.iter().all(|v| v.abs() <= 1000.0) {
                 return Err("by_mm is over 1000 mm".to_owned());
             }
-            #[expect(clippy::cast_possible_truncation, reason = "within 1000 mm")]
             let by_um = by.map(|v| (v * 1e3).round() as i32);
             Fault::SlippedPlate { by_um }
         }

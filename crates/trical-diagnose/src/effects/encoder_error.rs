@@ -45,7 +45,6 @@ fn ask(r: &Covariates<'_>) -> Asked {
         let mut parts: Vec<Part> = Vec::with_capacity(2 * waves);
         let mut scales = Vec::with_capacity(2 * waves);
         for n in 1..=waves {
-            #[expect(clippy::cast_precision_loss, reason = "a count")]
             let cycles = n as f64;
             for (name, shape) in [("sine", Shape::Sine { cycles }), ("cosine", Shape::Cosine { cycles })] {
                 parts.push((wave_name(name, cycles, joint), at, Basis::new(q, shape), 0));

@@ -43,7 +43,6 @@ pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
         Size { typical: arcsec(15.0), large: arcsec(30.0) },
         vec![part("sine", Shape::Sine { cycles }), part("cosine", Shape::Cosine { cycles })],
     );
-    #[expect(clippy::cast_precision_loss, reason = "counts")]
     let ways = (EffectId::ALL.len() * joints) as f64 * f64::from(to - from + 1);
     Candidate { log_prior: -ways.ln(), ..candidate }
 }

@@ -39,7 +39,6 @@ fn ask(r: &Covariates<'_>) -> Asked {
     }
     let along = |shape| Basis::new(Variable::Joint { joint: 1 }, shape);
     let link = |link, parameter| Site::Link { link, parameter };
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let at = |k: usize| low + length * k as f64 / PIECES as f64;
     let mut bends: Vec<Part> = Vec::new();
     for k in 1..PIECES {

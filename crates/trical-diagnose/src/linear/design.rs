@@ -150,7 +150,6 @@ impl Design {
                 }
             }
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let parameters = p as f64 - by_priors;
         let design = Self {
             rows,
@@ -229,7 +228,6 @@ impl Design {
     /// between correlations of the noise. `temper` is the share of the rows that is independent.
     #[must_use]
     pub fn nats(&self, temper: f64) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "counts")]
         let freedom = (self.rows as f64 * temper - self.parameters).max(1.0);
         let of_noise = self.linear.as_ref().map_or(0.0, |l| l.filter.log_determinant());
         -0.5 * (freedom * self.ss.ln() + temper * of_noise) - self.of_parameters

@@ -440,7 +440,6 @@ impl Block {
         }
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     fn foreseen(&self, predicted: &Predicted) -> Option<Foreseen> {
         let n = self.rows.len();
         let [r, out, added] = [&predicted.left, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));

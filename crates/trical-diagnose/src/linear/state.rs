@@ -368,7 +368,6 @@ impl Design {
         let (kept, g) = self.gram_of(state, candidate);
         let k = kept.len();
         let trace: f64 = (0..k).map(|i| g[i * k + i]).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = (to - from).max(1) as f64;
         size * (trace / n).max(0.0).sqrt()
     }

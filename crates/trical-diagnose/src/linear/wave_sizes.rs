@@ -15,7 +15,6 @@ use crate::candidate::{Candidate, cycles_of};
 use crate::settings::{OWN_SIZE_WEIGHT, SIZE_ROUNDS, SIZE_SETTLED};
 
 /// Octave of a wave: 1, 2 and 3, 4 to 7, ... cycles a turn.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of cycles")]
 fn octave(cycles: f64) -> usize {
     (cycles.max(1.0) as u32).ilog2() as usize
 }

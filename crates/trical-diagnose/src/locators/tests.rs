@@ -94,7 +94,6 @@ fn a_step_is_between_two_values_and_the_price_is_that_of_all_that_was_asked() {
         }
     }
     assert_eq!(steps, STEP_THRESHOLDS - 1);
-    #[expect(clippy::cast_precision_loss, reason = "a count")]
     let price = (all.len() as f64).ln() + UNNAMED_PRICE_NATS;
     assert!(all.iter().all(|c| c.log_prior == -price && c.terms.len() == c.scales.len()));
     // each curve is asked for twice: as large as what has no name may be, and as the small rest beside a name

@@ -80,21 +80,19 @@ fn locals(sorted: &[f64]) -> Vec<Shape> {
         .collect()
 }
 
-/// What two joints' angles tell together: products of a wave of the first with a wave of the second, by themselves and with the waves of the
-/// first. A cable that pulls a joint does so by the angles of two. Where an eccentric gear stands beside them, it must not hide in them.
-fn together(site: Site, joint: usize, other: usize) -> [Vec<Term>; 2] {
+/// What two joints' angles tell together: products of a wave of the first with a wave of the second. A cable that pulls a joint does so by the
+/// angles of two. The waves of one joint by themselves are effects (an eccentric gear), which must not hide in what has no name.
+fn together(site: Site, joint: usize, other: usize) -> Vec<Term> {
     let waves = [("sine", Shape::Sine { cycles: 1.0 }), ("cosine", Shape::Cosine { cycles: 1.0 })];
-    let own = |shape| Basis::new(Variable::Joint { joint }, shape);
-    let term = |name: String, basis| Term::new(name, UNEXPLAINED, site, basis);
-    let (mut products, mut alone) = (Vec::new(), Vec::new());
+    let mut terms = Vec::new();
     for (name, shape) in waves {
-        alone.push(term(format!("{name}_{joint}"), own(shape)));
         for (beside, other_shape) in waves {
-            let basis = Basis { beside: Some(Beside { joint: other, shape: other_shape }), ..own(shape) };
-            products.push(term(format!("{name}_{joint}_{beside}_{other}"), basis));
+            let beside_shape = Beside { joint: other, shape: other_shape };
+            let basis = Basis { beside: Some(beside_shape), ..Basis::new(Variable::Joint { joint }, shape) };
+            terms.push(Term::new(format!("{name}_{joint}_{beside}_{other}"), UNEXPLAINED, site, basis));
         }
     }
-    [products.clone(), [products, alone].concat()]
+    terms
 }
 
 /// Something at a joint that `what` tells.
@@ -112,9 +110,9 @@ fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
     }
 }
 
-/// All locators for this data, beside candidates that are `named`.
+/// All locators for this data.
 #[must_use]
-pub fn locators(model: &Model, data: &Dataset, named: &[Candidate]) -> Vec<Candidate> {
+pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     let n = model.robot.dof();
     let mut variables: Vec<(Variable, Option<u32>)> = (1..=n).map(|joint| (Variable::Joint { joint }, None)).collect();
     if let Some(order) = order_of(data) {
@@ -173,8 +171,8 @@ pub fn locators(model: &Model, data: &Dataset, named: &[Candidate]) -> Vec<Candi
     for joint in 1..=n {
         let at = Site::Joint { joint };
         for other in (1..=n).filter(|k| *k != joint) {
-            let of = |terms| candidate(joint, terms, &format!("q{other}, with its own angle,"));
-            out.extend(together(at, joint, other).map(of));
+            let terms = together(at, joint, other);
+            out.push(candidate(joint, terms, &format!("q{other}, with its own angle,")));
         }
     }
     // a curve may also be the small rest beside a name: a large one would do what the name does, at no further price
@@ -183,9 +181,7 @@ pub fn locators(model: &Model, data: &Dataset, named: &[Candidate]) -> Vec<Candi
     out.extend(rests);
     let price = (out.len() as f64).ln() + UNNAMED_PRICE_NATS;
     for c in &mut out {
-        // what has an effect in it pays for the effect too
-        let within = named.iter().filter(|n| n.is_part_of(c)).map(|n| n.log_prior);
-        c.log_prior = within.fold(0.0, f64::min) - price;
+        c.log_prior = -price;
     }
     out
 }

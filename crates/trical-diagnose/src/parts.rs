@@ -183,7 +183,7 @@ mod tests {
     fn of_a_name_and_a_curve_that_say_the_same_the_name_stays() {
         let ratio_and_curve = |r: &Covariates<'_>, data: &Dataset| {
             let mut both = of_joint_2(EffectId::GearRatio, r);
-            let curves = locators(r.model, data, &[]);
+            let curves = locators(r.model, data);
             let own = |c: &&Candidate| c.site == Place::Joint(2) && c.curve() == Some(Variable::Joint { joint: 2 });
             both.extend(curves.iter().find(own).cloned());
             both

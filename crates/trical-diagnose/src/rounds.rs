@@ -150,8 +150,7 @@ impl Rounds {
             catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma), &of_sessions);
         (rounds.curves, rounds.candidates) = rounds.candidates.into_iter().partition(Candidate::is_long_curve);
         if !options.names_only {
-            let nameless = locators(&rounds.fitted.model, &rounds.all, &rounds.candidates);
-            rounds.candidates.extend(nameless);
+            rounds.candidates.extend(locators(&rounds.fitted.model, &rounds.all));
         }
         rounds.resize();
         Ok(rounds)

@@ -58,7 +58,7 @@ fn made() -> (Model, Dataset, Vec<Candidate>) {
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     let recorded = Covariates::new(&model, &data, 1e-5);
     let mut candidates = catalogue(&recorded, &[]).0;
-    candidates.extend(locators(&model, &data, &[]));
+    candidates.extend(locators(&model, &data));
     (model, data, candidates)
 }
 

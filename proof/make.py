@@ -401,7 +401,7 @@ def _case(kind: str, seed: int, index: int, touches: list[int], attempt: int) ->
 
 
 def directions(effect: dict) -> list[dict]:
-    """An effect along each axis by itself: what it says with other numbers (a drifting tool: all drifting indicators)."""
+    """An effect along each axis by itself, which it says with other numbers (a drifting tool: drifting indicators)."""
     by = effect["p"].get("by")
     if by is None:
         return [effect]

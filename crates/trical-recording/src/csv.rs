@@ -177,7 +177,7 @@ impl Cells<'_, '_> {
 
     /// Whether nothing stands there, or a mark that people and programs set for it.
     fn empty(&self, slot: Slot) -> bool {
-        NOTHING.contains(&self.text(slot).to_lowercase().as_str())
+        NOTHING.iter().any(|nothing| nothing.eq_ignore_ascii_case(self.text(slot)))
     }
 
     /// Whether one of these is empty.
@@ -360,7 +360,7 @@ pub(crate) struct Parser<'a> {
     slots: Slots,
 }
 
-/// What stands where nothing was measured, in lower case.
+/// What stands where nothing was measured, in either case.
 const NOTHING: [&str; 10] = ["", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--"];
 
 /// Rows without a measured value, in one sentence.

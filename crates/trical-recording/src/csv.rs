@@ -177,7 +177,9 @@ impl Cells<'_, '_> {
 
     /// Whether nothing stands there, or a mark that people and programs set for it.
     fn empty(&self, slot: Slot) -> bool {
-        NOTHING.iter().any(|nothing| nothing.eq_ignore_ascii_case(self.text(slot)))
+        let text = self.text(slot);
+        // most numbers are longer than any of these
+        text.is_empty() || (text.len() <= 4 && NOTHING.iter().any(|nothing| nothing.eq_ignore_ascii_case(text)))
     }
 
     /// Whether one of these is empty.

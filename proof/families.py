@@ -32,6 +32,16 @@ from draws import (
 from effects import ARCSEC, _j
 from plant import DEG, MM
 
+# what is drawn, and what spans it, where a part is off from a moment on, or more and more
+SHIFT = (
+    lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM), "at": float(rng.uniform(0.25, 0.75))},
+    lambda c, s: steps(lambda at: units(0.25 * MM, at=at)),
+)
+DRIFT = (
+    lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM)},
+    lambda c, s: [units(0.25 * MM)],
+)
+
 FAMILIES: dict[str, Family] = {
     "lost_motion_direction": Family(
         EVERY_JOINT,
@@ -141,28 +151,10 @@ FAMILIES: dict[str, Family] = {
         lambda rng, c, s: {"size": signed(rng, 0.01 * DEG, 0.06 * DEG), "at": float(rng.uniform(0.25, 0.75))},
         lambda c, s: steps(lambda at: [{"size": 0.06 * DEG, "at": at}]),
     ),
-    "fixture_shift": Family(
-        here("fixture"),
-        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM), "at": float(rng.uniform(0.25, 0.75))},
-        lambda c, s: steps(lambda at: units(0.25 * MM, at=at)),
-        tracker=False,
-    ),
-    "fixture_drift": Family(
-        here("fixture"),
-        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM)},
-        lambda c, s: [units(0.25 * MM)],
-        tracker=False,
-    ),
-    "tool_shift": Family(
-        here("tool"),
-        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM), "at": float(rng.uniform(0.25, 0.75))},
-        lambda c, s: steps(lambda at: units(0.25 * MM, at=at)),
-    ),
-    "tool_drift": Family(
-        here("tool"),
-        lambda rng, c, s: {"by": vector(rng, 0.03 * MM, 0.25 * MM)},
-        lambda c, s: [units(0.25 * MM)],
-    ),
+    "fixture_shift": Family(here("fixture"), *SHIFT, tracker=False),
+    "fixture_drift": Family(here("fixture"), *DRIFT, tracker=False),
+    "tool_shift": Family(here("tool"), *SHIFT),
+    "tool_drift": Family(here("tool"), *DRIFT),
     "frame_drift": Family(
         here("frame"),
         lambda rng, c, s: {"by": vector(rng, 0.01 * MM, 0.2 * MM)},

@@ -30,7 +30,7 @@ import real
 import run
 import write
 from curves import CURVES
-from draws import log_uniform, pick
+from draws import log_uniform, pick, units
 from effects import threshold_of, variable_of
 from families import FAMILIES, OUTSIDE
 from plant import (
@@ -405,8 +405,8 @@ def directions(effect: dict) -> list[dict]:
     by = effect["p"].get("by")
     if by is None:
         return [effect]
-    axes = np.eye(len(by)) * np.linalg.norm(by)
-    return [{**effect, "p": {**effect["p"], "by": list(axis)}} for axis in axes]
+    axes = units(float(np.linalg.norm(by)))[: len(by)]
+    return [{**effect, "p": {**effect["p"], **axis}} for axis in axes]
 
 
 def describe(kind, arm, s, effects, noise_kind, rows, machine) -> dict:

@@ -113,11 +113,8 @@ pub fn compensate_together(
     Ok(report)
 }
 
-/// Refuses what is too large, no text, or compensated already.
+/// Refuses what is no text, or compensated already.
 fn check_text(bytes: &[u8]) -> Result<(), String> {
-    if u32::try_from(bytes.len()).is_err() {
-        return Err("is larger than 4 GB; divide the program".into());
-    }
     if bytes.contains(&0) {
         return Err(
             "holds zero bytes: a binary program, or text in UTF-16; expected plain text (ASCII, UTF-8, Latin-1)".into(),

@@ -169,6 +169,10 @@ impl Dialect {
     /// # Errors
     /// As [`Self::scan`].
     pub fn scan_with(self, bytes: &[u8], elsewhere: &dyn Elsewhere) -> Result<Scan, String> {
+        // offsets are kept in 32 bits
+        if u32::try_from(bytes.len()).is_err() {
+            return Err("is larger than 4 GB; divide the program".into());
+        }
         (self.row().scan)(bytes, elsewhere)
     }
 

@@ -64,9 +64,14 @@ pub(crate) fn touched(truth: &Model, count: u32) -> Dataset {
 
 /// An arm whose joint 2 is off by what the bases say, and 200 touches of it in order, with noise.
 pub(crate) fn with_joint_2(hidden: &[(Basis, f64)]) -> (Model, Dataset) {
+    with_joints(&hidden.iter().map(|(basis, value)| (2, *basis, *value)).collect::<Vec<_>>())
+}
+
+/// The same of any joints.
+pub(crate) fn with_joints(hidden: &[(usize, Basis, f64)]) -> (Model, Dataset) {
     let mut truth = arm::truth(ParameterSet::Compliance, 5);
-    for (k, (basis, value)) in hidden.iter().enumerate() {
-        let term = Term::new(format!("hidden_{k}"), "hidden", Site::Joint { joint: 2 }, *basis);
+    for (k, (joint, basis, value)) in hidden.iter().enumerate() {
+        let term = Term::new(format!("hidden_{k}"), "hidden", Site::Joint { joint: *joint }, *basis);
         truth.terms.push(Term { value: *value, ..term });
     }
     let mut rng = Pcg64Mcg::seed_from_u64(8);

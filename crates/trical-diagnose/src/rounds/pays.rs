@@ -25,9 +25,13 @@ impl Rounds {
         self.add(periodogram::ripples(&self.fitted, &self.kept)?);
         let first = self.candidates.len();
         let all = [self.searched(), self.curves.clone()].concat();
+        // a curve that is held, and a shorter one of the same joint, would be fitted twice
+        let held = self.held_curves();
+        let is_held = |c: &usize| self.held.contains(c) || *c >= first && held.iter().any(|h| all[*c].is_part_of(h));
+        let out: Vec<usize> = (0..all.len()).filter(is_held).collect();
         let chosen = {
             let design = self.design(&all, &[], CorrelatedNoise::WHITE)?;
-            let search = Search::new(&design, &all, self.temper()).without_candidates(&self.held);
+            let search = Search::new(&design, &all, self.temper()).without_candidates(&out);
             search.first(&design.start(), &self.chosen, TRIED_WITH_CURVES)
         };
         let mut new: Vec<usize> = chosen.into_iter().filter(|c| *c >= first).map(|c| c - first).collect();
@@ -45,7 +49,8 @@ impl Rounds {
             std::mem::take(&mut self.curves).into_iter().partition(|_| at.next().is_some_and(|k| new.contains(&k)));
         self.curves = left;
         let before = self.held.clone();
-        self.held.retain(|h| !is_said(&all[*h]));
+        let candidates = &self.candidates;
+        self.held.retain(|h| !is_said(&candidates[*h]));
         self.held.extend(first..first + held.len());
         self.candidates.extend(held);
         if self.refit_with(true).is_err() {
@@ -59,8 +64,12 @@ impl Rounds {
 
     /// Held curves, and what says the same in other words.
     pub(super) fn said_by_curves(&self) -> Vec<usize> {
-        let held: Vec<&Candidate> = self.held.iter().map(|h| &self.candidates[*h]).collect();
-        said_by(&held, &self.candidates)
+        said_by(&self.held_curves(), &self.candidates)
+    }
+
+    /// Held curves with their columns, which [`Self::searched`] has not.
+    fn held_curves(&self) -> Vec<&Candidate> {
+        self.held.iter().map(|h| &self.candidates[*h]).collect()
     }
 
     /// Lets go of held curves that do not pay at unseen blocks beside what was chosen since, or no more than one of their own waves does: what
@@ -216,7 +225,7 @@ mod tests {
     use super::*;
     use crate::effect_id::{Cause, EffectId};
     use crate::options::Options;
-    use crate::test_data::with_joint_2;
+    use crate::test_data::{with_joint_2, with_joints};
 
     /// What stands after release for joint 2, whose error is `hidden`, where an encoder's curve of it was held.
     fn released(hidden: &[(Shape, f64)]) -> Vec<Cause> {
@@ -255,6 +264,27 @@ mod tests {
         assert_eq!(held(&[2.0, 3.0, 5.0, 7.0]), [12]);
         assert_eq!(held(&[3.0, 7.0, 11.0, 13.0, 15.0, 16.0]), [16]);
         assert!(held(&[12.0]).is_empty());
+    }
+
+    #[test]
+    fn a_curve_that_is_held_stays_when_another_joints_curve_is_held_later() {
+        let waves = |joint: usize, cycles: &[f64]| -> Vec<(usize, Basis, f64)> {
+            let wave =
+                |cycles: &f64| (joint, Basis::new(Variable::Joint { joint }, Shape::Sine { cycles: *cycles }), 2e-4);
+            cycles.iter().map(wave).collect()
+        };
+        let hidden = [waves(2, &[3.0, 7.0, 11.0, 13.0, 15.0, 16.0]), waves(3, &[2.0, 3.0, 5.0, 7.0])].concat();
+        let (truth, data) = with_joints(&hidden);
+        let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+        let is_of_3 = |c: &Candidate| c.site == Place::Joint(3);
+        let (of_3, others) = std::mem::take(&mut rounds.curves).into_iter().partition(is_of_3);
+        rounds.curves = others;
+        assert!(rounds.hold_curves().unwrap());
+        rounds.curves.extend::<Vec<Candidate>>(of_3);
+        assert!(rounds.hold_curves().unwrap());
+        // and no shorter one beside the one of its joint
+        let held: Vec<Place> = rounds.held_curves().into_iter().map(|c| c.site).collect();
+        assert_eq!(held, [Place::Joint(2), Place::Joint(3)]);
     }
 
     #[test]

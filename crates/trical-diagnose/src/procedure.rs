@@ -41,6 +41,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     select(&mut rounds, options.names_only, task)?;
 
     task.step(0.75, "proving")?;
+    let unsearched = rounds.fit_whole(&baseline)?;
     let Rounds { kept, fitted, chosen, .. } = &rounds;
     let (design, probes) = rounds.design_with_probes(&rounds.fast_waves()?)?;
     let start = design.start();
@@ -66,7 +67,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
 
     task.step(0.95, "what the data cannot show")?;
     let errors = fitted.errors()?;
-    let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, kept);
+    let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, &fitted.data);
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
     let effective = rounds.effective_parameters();
     let elasticity = Choice::from(BASELINE).elasticity(robot, kept)?;
@@ -92,7 +93,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         after: Final {
             parameters: arm_parameters(&fitted.model),
             effective_parameters: effective,
-            poses: folds.poses().len(),
+            poses: unsearched.as_ref().map_or(folds.poses().len(), |u| u.poses[1]),
             blocks: folds.blocks(),
             rms_mm: ErrorSummary::of(&errors).rms_mm,
             holdout_rms_mm: usual.rms_mm,
@@ -110,6 +111,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             } else {
                 Some(EVEN_MASSES.into())
             })
+            .chain(unsearched.as_ref().map(ToString::to_string))
             .chain(too_many(effective, arm_parameters(&fitted.model), folds))
             .chain(rounds.correlation.caution())
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
@@ -117,10 +119,10 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .chain(of_sessions.err().map(|e| format!("what one session is worth for the others is not known: {e}")))
             .chain(of_places.err().map(|e| format!("what one place is worth for the others is not known: {e}")))
             .collect(),
-        rejected: kept.rejected.clone(),
+        rejected: fitted.data.rejected.clone(),
         model: fitted.model.clone(),
         uncertainty: Uncertainty::of(fitted),
-        data: kept.clone(),
+        data: fitted.data.clone(),
         before: baseline,
         grounds: Grounds {
             noise: fitted.noise.clone(),

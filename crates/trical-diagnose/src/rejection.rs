@@ -1,6 +1,6 @@
 //! Rows to reject: repeated readings, and measurements far from what any model of the arm says.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use trical_ident::dataset::{Dataset, Rejected};
 use trical_ident::error::Result;
@@ -15,7 +15,7 @@ use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, REPEATS_BY_CHANCE};
 #[must_use]
 pub fn without_stale(data: &Dataset) -> Dataset {
     let mut out = data.clone();
-    let mut stale: Vec<usize> = Vec::new();
+    let mut stale: BTreeSet<usize> = BTreeSet::new();
     let rare = expected_repeats(data) < REPEATS_BY_CHANCE;
     for pair in data.observations.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
@@ -35,7 +35,7 @@ pub fn without_stale(data: &Dataset) -> Dataset {
             _ => false,
         };
         if same {
-            stale.push(b.row);
+            stale.insert(b.row);
             out.rejected.push(Rejected {
                 recording: data.names[b.recording].clone(),
                 line: b.line,
@@ -104,7 +104,7 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
             ),
         });
     }
-    let rows: Vec<usize> = far.iter().map(|(k, _)| all.observations[*k].row).collect();
+    let rows: BTreeSet<usize> = far.iter().map(|(k, _)| all.observations[*k].row).collect();
     out.observations.retain(|o| !rows.contains(&o.row));
     out.rejected.sort_by_key(|r| r.row);
     Ok(out)

@@ -39,6 +39,14 @@ pub const OUTLIER_SHARE: f64 = 0.03;
 /// Repeats that would happen by chance less often than this in the whole data set are stale.
 pub const REPEATS_BY_CHANCE: f64 = 0.02;
 
+// Recordings of many poses
+
+/// Poses that are searched. What this many do not show at three standard deviations takes less than a thousandth off the errors.
+pub const SEARCHED_POSES: usize = 4096;
+
+/// Neighbouring poses that a sample takes together.
+pub const RUN_POSES: usize = 16;
+
 // Correlated noise
 
 /// Correlated noise must better the likelihood of white noise by so many nats, as what has no name must that of names.

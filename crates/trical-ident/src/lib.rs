@@ -48,7 +48,7 @@ pub mod predicted;
 pub mod repeatability;
 pub mod repeated;
 pub mod rigid;
-mod sample;
+pub mod sample;
 pub mod simulate;
 pub mod solver;
 pub mod stream;

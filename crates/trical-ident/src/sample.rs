@@ -1,9 +1,9 @@
 //! Some rows that stand for all, where closed forms, robust fits and the first steps of a fit need no more.
 //!
-//! A row is chosen by a hash of its number, so that picks follow no pattern of the recording; the first rows of each sort (ball,
+//! A row, or a run of poses, is chosen by a hash of its number, so that picks follow no pattern of the recording; the first rows of each sort (ball,
 //! target, anchor) are always among them, so that nothing is left out that a parameter needs.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use trical_recording::stream::{FIRST, SAMPLE, scatter};
 
@@ -29,6 +29,35 @@ pub(crate) fn sample(data: &Dataset) -> Option<Dataset> {
         }
     }
     Some(Dataset { observations: chosen, ..data.shell() })
+}
+
+/// Some `most` of the poses, in their order; `None` where there are no more.
+///
+/// They are taken in runs of so many neighbours, so that most stand beside the one before, from which they were reached.
+#[must_use]
+pub fn sample_poses(data: &Dataset, most: usize, run: usize) -> Option<Dataset> {
+    let mut runs: BTreeMap<(usize, usize), BTreeSet<usize>> = BTreeMap::new();
+    let mut first: BTreeMap<_, BTreeSet<usize>> = BTreeMap::new();
+    for o in &data.observations {
+        runs.entry((o.recording, o.pose / run)).or_default().insert(o.pose);
+        let first = first.entry((o.recording, o.measured.of_which())).or_default();
+        if first.len() < FIRST {
+            first.insert(o.pose);
+        }
+    }
+    if runs.values().map(BTreeSet::len).sum::<usize>() <= most {
+        return None;
+    }
+    let mut poses: BTreeSet<usize> = first.into_values().flatten().collect();
+    let mut order: Vec<_> = runs.into_iter().collect();
+    order.sort_by_key(|((recording, run), _)| scatter(*run, *recording));
+    for (_, run) in order {
+        if poses.len() >= most {
+            break;
+        }
+        poses.extend(run);
+    }
+    Some(data.filtered(|o| poses.contains(&o.pose)))
 }
 
 #[cfg(test)]
@@ -84,6 +113,22 @@ mod tests {
         for tenth in 0..10 {
             let n = some.iter().filter(|o| (o.row - 1) / 10_000 == tenth).count();
             assert!((650..1000).contains(&n), "{n} from tenth {tenth}");
+        }
+    }
+
+    #[test]
+    fn a_sample_of_poses_is_of_whole_runs_from_everywhere_and_has_some_of_what_is_rare() {
+        let all = touches(10_000);
+        assert!(sample_poses(&all, 10_000, 16).is_none());
+        let some = sample_poses(&all, 2000, 16).map(|s| s.observations).unwrap_or_default();
+        assert!((2000..2016).contains(&some.len()), "{}", some.len());
+        let of_ball_2 = some.iter().filter(|o| matches!(o.measured, Measured::Touch { ball: 1, .. })).count();
+        assert_eq!(of_ball_2, 30);
+        let beside = some.windows(2).filter(|w| w[1].pose == w[0].pose + 1).count();
+        assert!(beside > 2000 * 14 / 16, "{beside}");
+        for tenth in 0..10 {
+            let n = some.iter().filter(|o| o.pose / 1000 == tenth).count();
+            assert!((120..300).contains(&n), "{n} from tenth {tenth}");
         }
     }
 }

@@ -558,7 +558,7 @@ fn independent_of(
     resting: &[(usize, f64)],
 ) -> Result<(Vec<Term>, Vec<Dependent>)> {
     let (mut columns, height) = columns_at_random_states(nominal, data, &terms, resting)?;
-    let mut triangle = Triangle::new(height);
+    let mut triangle = Triangle::default();
     let mut dependent = Vec::new();
     let named = |c: usize, with: Vec<String>| Dependent { name: terms[c].name.clone(), with, held: false };
     for (c, column) in columns.chunks_exact_mut(height.max(1)).enumerate() {
@@ -613,9 +613,11 @@ fn columns_at_random_states(
     let height = states * rows_of_a_state;
     let mut columns = vec![0.0; p * height];
     let mut row = 0;
-    for state in random_states(nominal, states, resting) {
-        for (measured, frame, session, place) in &sorts {
-            let state = State { session: *session, place: *place, ..state };
+    let states = random_states(nominal, states, resting);
+    // rows of one session together: columns of the others are zero there
+    for (measured, frame, session, place) in &sorts {
+        for state in &states {
+            let state = State { session: *session, place: *place, ..*state };
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
             let measured = match measured {
                 Measured::Pose { position, .. } => {

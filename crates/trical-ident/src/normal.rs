@@ -14,6 +14,9 @@ use crate::noise::Noise;
 /// Rows of a block: a calibration by touches fits into one.
 const BLOCK: usize = 192;
 
+/// More columns than this are looked at for those that are zero in a whole block.
+const MANY: usize = 128;
+
 /// Observations a chunk.
 pub(crate) const CHUNK: usize = 1024;
 
@@ -115,17 +118,19 @@ impl Rows {
         }
         let rows = MatRef::from_row_major_slice(&self.block[..n * width], n, width);
         match self.keep {
-            Keep::Products => matmul(
-                MatMut::from_column_major_slice_mut(&mut self.sum, width, width),
-                BlockStructure::TriangularLower,
-                Accum::Add,
-                rows.transpose(),
-                BlockStructure::Rectangular,
-                rows,
-                BlockStructure::Rectangular,
-                1.0,
-                Par::Seq,
-            ),
+            Keep::Products if width > MANY => {
+                // what belongs to other sessions than these rows' is zero in all of them
+                let used: Vec<usize> = (0..width).filter(|j| rows.col(*j).iter().any(|v| *v != 0.0)).collect();
+                let few = Mat::from_fn(n, used.len(), |i, j| rows[(i, used[j])]);
+                let mut products = Mat::<f64>::zeros(used.len(), used.len());
+                add_products(products.as_mut(), few.as_ref());
+                for (k, j) in used.iter().enumerate() {
+                    for (l, i) in used.iter().enumerate().skip(k) {
+                        self.sum[j * width + i] += products[(l, k)];
+                    }
+                }
+            }
+            Keep::Products => add_products(MatMut::from_column_major_slice_mut(&mut self.sum, width, width), rows),
             Keep::Gradient => {
                 for row in self.block.chunks_exact(width) {
                     self.sum.iter_mut().zip(row).for_each(|(sum, v)| *sum += v * row[self.p]);
@@ -223,6 +228,12 @@ impl Rows {
     }
 }
 
+/// Adds `rows' rows` to a lower triangle.
+fn add_products(sum: MatMut<'_, f64>, rows: MatRef<'_, f64>) {
+    let (lower, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    matmul(sum, lower, Accum::Add, rows.transpose(), whole, rows, whole, 1.0, Par::Seq);
+}
+
 /// The triangular factor of some columns of what has the factor `r`.
 pub(crate) fn triangular(r: &Mat<f64>, columns: &[usize]) -> Mat<f64> {
     let p = columns.len();
@@ -311,5 +322,33 @@ mod tests {
         assert!(zero.factor_of_products().is_none());
         let (_, factor) = both(|k| [k as f64, 1.0, 2.0, 3.0, 0.5]);
         assert!(factor.factor_of_products().is_none());
+    }
+
+    #[test]
+    fn of_many_columns_those_that_are_zero_in_a_block_add_nothing() {
+        // sessions one after the other, each with a column of its own beside one that all share
+        let p = MANY + 40;
+        let row = |k: usize, j: usize| match j {
+            0 => 1.0 + (k as f64).sin(),
+            _ if j == p => 0.5 - 0.01 * k as f64,
+            _ if j == 1 + k / 20 => (0.7 * k as f64).cos(),
+            _ => 0.0,
+        };
+        let mut sums = Rows::new(p, Keep::Products);
+        for k in 0..2000 {
+            sums.block.extend((0..=p).map(|j| row(k, j)));
+            if sums.block.len() >= BLOCK * (p + 1) {
+                sums.flush();
+            }
+        }
+        sums.flush();
+        for i in 0..p {
+            for j in 0..=i {
+                let expected: f64 = (0..2000).map(|k| row(k, i) * row(k, j)).sum();
+                assert!((sums.h(i, j) - expected).abs() < 1e-9, "{i} {j}");
+            }
+            let expected: f64 = (0..2000).map(|k| row(k, i) * row(k, p)).sum();
+            assert!((sums.g(i) - expected).abs() < 1e-7, "{i}");
+        }
     }
 }

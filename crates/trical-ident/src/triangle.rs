@@ -1,58 +1,72 @@
 //! Which columns of a matrix are sums of those before them.
 
-/// Householder's reflections of the columns that are kept, one after the other; a column of which they leave nothing below their triangle
-/// is a sum of them.
+/// Orthonormal directions of the columns that are kept, one after the other (modified Gram-Schmidt, with a second pass where the first leaves little:
+/// Daniel, Gragg, Kaufman & Stewart 1976); a column of which they leave nothing is a sum of them.
 #[derive(Default)]
 pub struct Triangle {
-    height: usize,
     /// Columns that are kept.
     pub kept: Vec<usize>,
-    reflectors: Vec<f64>,
-    /// Kept columns in the triangle, to put dependence into words.
+    directions: Vec<Direction>,
+    /// What each kept column has of the directions up to its own, to put dependence into words.
     columns: Vec<Vec<f64>>,
 }
 
-impl Triangle {
-    /// Of columns of this height.
-    pub fn new(height: usize) -> Self {
-        Self { height, ..Self::default() }
+/// A direction where it is not zero: columns of one session have nothing in the rows of others.
+struct Direction {
+    from: usize,
+    along: Vec<f64>,
+}
+
+impl Direction {
+    fn of(v: &[f64], length: f64) -> Self {
+        let from = v.iter().position(|x| *x != 0.0).unwrap_or(0);
+        let to = v.iter().rposition(|x| *x != 0.0).map_or(from, |last| last + 1);
+        Self { from, along: v[from..to].iter().map(|x| x / length).collect() }
     }
 
+    /// Takes its part out of a vector; how much that was.
+    fn out_of(&self, v: &mut [f64]) -> f64 {
+        let v = &mut v[self.from..self.from + self.along.len()];
+        let part = dot(&self.along, v);
+        for (x, u) in v.iter_mut().zip(&self.along) {
+            *x -= part * u;
+        }
+        part
+    }
+}
+
+impl Triangle {
     /// Keeps column `c`, of length one, if it is no sum of those kept so far.
     ///
     /// # Errors
     /// Of a sum: how much of each kept column is in it.
     pub fn keep(&mut self, c: usize, v: &mut [f64]) -> Result<(), Vec<(usize, f64)>> {
-        for (k, u) in self.reflectors.chunks_exact(self.height).enumerate() {
-            let d = 2.0 * dot(&u[k..], &v[k..]);
-            for (x, y) in v[k..].iter_mut().zip(&u[k..]) {
-                *x -= d * y;
-            }
+        let mut parts: Vec<f64> = self.directions.iter().map(|u| u.out_of(v)).collect();
+        let mut left = dot(v, v).sqrt();
+        if left < LITTLE {
+            self.directions.iter().zip(&mut parts).for_each(|(u, part)| *part += u.out_of(v));
+            left = dot(v, v).sqrt();
         }
-        let k = self.kept.len();
-        let left = if k < self.height { dot(&v[k..], &v[k..]).sqrt() } else { 0.0 };
         if left <= 1e-6 {
             // back substitution: the column as a sum of kept columns
+            let k = self.kept.len();
             let mut share = vec![0.0; k];
             for i in (0..k).rev() {
                 let above: f64 = (i + 1..k).map(|j| self.columns[j][i] * share[j]).sum();
-                share[i] = (v[i] - above) / self.columns[i][i];
+                share[i] = (parts[i] - above) / self.columns[i][i];
             }
             return Err(self.kept.iter().copied().zip(share).collect());
         }
-        let mut u = vec![0.0; self.height];
-        u[k..].copy_from_slice(&v[k..]);
-        let pivot = if v[k] > 0.0 { -left } else { left };
-        u[k] -= pivot;
-        let length = dot(&u[k..], &u[k..]).sqrt();
-        self.reflectors.extend(u.iter().map(|x| x / length));
-        let mut above = v[..k].to_vec();
-        above.push(pivot);
-        self.columns.push(above);
+        self.directions.push(Direction::of(v, left));
+        parts.push(left);
+        self.columns.push(parts);
         self.kept.push(c);
         Ok(())
     }
 }
+
+/// Of a column of length one: where less is left, rounding shows in what is left.
+const LITTLE: f64 = 0.1;
 
 /// Inner product by eight partial sums, which processors take at once.
 #[must_use]
@@ -76,7 +90,7 @@ mod tests {
 
     #[test]
     fn a_column_that_is_a_sum_of_those_before_it_is_told_as_that_sum() {
-        let mut triangle = Triangle::new(3);
+        let mut triangle = Triangle::default();
         let (a, b) = ([0.6, 0.8, 0.0], [0.0, 0.6, 0.8]);
         let mut sum: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * a - 0.25 * b).collect();
         assert_eq!(triangle.keep(0, &mut a.clone()), Ok(()));

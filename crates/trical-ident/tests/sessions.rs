@@ -1,12 +1,15 @@
 //! Sessions: what belongs to the arm is learnt from all of them and holds in others; frame, tool and what happened on the day are each one's own.
 
+use std::cell::RefCell;
+
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use trical_ident::calibration::score_sessions;
 use trical_ident::model_file::Uncertainty;
 use trical_ident::{
     Aim, Calibration, Dataset, JointSource, ModelFile, Noise, Options, ParameterSet, Refit, Scatter, ToolSharing,
-    calibrate, fit_model, simulate, validate,
+    calibrate, fit_model, identify, simulate, validate,
 };
 use trical_model::pose::rotation_zyx;
 use trical_model::{Basis, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
@@ -184,6 +187,25 @@ fn the_data_say_which_session_has_a_tool_of_its_own() {
     assert!(c.errors.mean_mm < 1.1 * LEAST_MM, "{:?}", c.errors);
     let by_session = c.held_out.by_session.unwrap();
     assert!(by_session.mean_mm < 1.3 * LEAST_MM, "{by_session:?}");
+}
+
+#[test]
+fn of_many_sessions_several_are_predicted_by_one_fit_to_all_others() {
+    let truth = truth();
+    let sessions: Vec<Recording> = (1..=12).map(|s| seen(&truth, s, [0.0; 3])).collect();
+    let data = Dataset::build(&sessions, JointSource::Read, None).unwrap();
+    let fitted = identify(&truth.robot, &truth.cell, &data, ParameterSet::Compliance).unwrap();
+    let left_out = RefCell::new(Vec::new());
+    let fit = |some: &Dataset| {
+        let is_there = |s: usize| some.observations.iter().any(|o| o.recording == s);
+        left_out.borrow_mut().push((0..12).filter(|s| !is_there(*s)).collect::<Vec<_>>());
+        Ok(fitted.clone())
+    };
+    let errors = score_sessions(&data, &fit).unwrap();
+    let expected: Vec<Vec<usize>> = (0..10).map(|s| if s < 2 { vec![s, s + 10] } else { vec![s] }).collect();
+    assert_eq!(*left_out.borrow(), expected);
+    // every fourth pose of each session says where its frame and its tool are
+    assert!((12 * 110..12 * 115).contains(&errors.len()), "{}", errors.len());
 }
 
 #[test]

@@ -29,9 +29,9 @@ SHARES = ("confidence", "place_confidence", "family_confidence")
 def waves(finding: dict) -> dict[float, np.ndarray]:
     """Cycles a turn -> (sine, cosine; their sd), deg, of the waves that a finding has."""
     c = [x for x in finding["coefficients"] if "sin" in x["name"] or "cos" in x["name"]]
-    # "15, 100 cycles per turn of joint 4"
-    lists = re.findall(r"((?:[\d.]+, )*[\d.]+) (?:cycle|wave)", finding.get("located") or "")
-    named = [float(x) for numbers in lists for x in numbers.split(", ")]
+    # "15, 30 and 100 cycles per turn of joint 4"
+    lists = re.findall(r"((?:[\d.]+(?:, | and ))*[\d.]+) (?:cycle|wave)", finding.get("located") or "")
+    named = [float(x) for numbers in lists for x in re.split(", | and ", numbers)]
     out = {}
     for i, (s, k) in enumerate(zip(c[::2], c[1::2], strict=False)):
         n = s.get("cycles") or (named[i] if i < len(named) else None)

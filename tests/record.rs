@@ -160,7 +160,7 @@ fn a_plan_for_two_sockets_says_what_it_takes_as_known_and_without_a_place_what_p
     // where they stand is not said: as in the guide
     let (code, told, wrong) = plan(SOCKETS, &[]);
     assert_eq!((code, wrong.as_str()), (Some(0), ""));
-    assert!(told.starts_with("What unknown places are worth") && told.lines().count() == 9, "{told}");
+    assert!(told.starts_with("Expected error by number of unknown places") && told.lines().count() == 9, "{told}");
     let (code, told, _) = plan(SOCKETS, &["--json"]);
     let value: serde_json::Value = serde_json::from_str(&told).unwrap();
     assert_eq!((code, value["places"].as_array().unwrap().len()), (Some(0), 6));

@@ -174,7 +174,7 @@ def test_what_was_said_before_of_another_wave_or_moment_is_another_effect(tmp_pa
         return told
 
     added = {"n": 15, "sin": 0.006 * DEG, "cos": 0.002 * DEG}
-    both = ripple("15, 100 cycles per turn of joint 4", 0.006, 0.002, 0.003, 0.003)
+    both = ripple("15 and 100 cycles per turn of joint 4", 0.006, 0.002, 0.003, 0.003)
     assert line(RIPPLE4, added, both)["right"] == 1
     assert line(RIPPLE4, added, before[0])["role"] == "background"
     shift = {"at": 0.5, "by": [0.03 * MM, 0.0, 0.0]}

@@ -26,7 +26,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::error::CliError;
 
-/// Makes an industrial robot arm accurate with three dial indicators and three balls, and says which physics its model
+/// Makes an industrial robot arm accurate with three indicators and three balls, and says which physics its model
 /// lacks.
 #[derive(Parser)]
 #[command(name = "trical", version, max_term_width = 110)]
@@ -61,7 +61,7 @@ enum Command {
     Study(commands::study::Args),
     /// Drive robot and indicators through a plan, and record
     Measure(commands::measure::Args),
-    /// Take down the joints of an arm that is guided by hand into sockets, a row for every key press
+    /// Record the joints of an arm that is guided by hand into sockets, a row for every key press
     Record(commands::record::Args),
     /// Show how far repeat visits scatter: by ball, by sense of approach, over the session
     Repeatability(commands::repeatability::Args),
@@ -71,7 +71,7 @@ enum Command {
     Gauge(commands::gauge::Args),
     /// Try the robot controller: ping, read joints, jog
     Robot(commands::robot::Args),
-    /// Rewrite a robot program so that the real arm goes where it says
+    /// Rewrite a robot program so that the real arm reaches the poses in it
     Compensate(commands::compensate::Args),
     /// Write the calibrated arm for other programs: a URDF, a table of modified Denavit-Hartenberg parameters
     Export(commands::export::Args),

@@ -1,5 +1,7 @@
 //! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
 
+use std::cmp::Ordering;
+
 use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
@@ -16,6 +18,7 @@ use crate::selection::Search;
 use crate::settings::{CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA};
 use crate::specification_test::{LackOfFit, SpecificationTest};
 use crate::statistics::{bic_nats, f_test_of_effect};
+use crate::words::and;
 
 /// One group of chosen candidates: same effect, same site.
 pub(crate) struct Group {
@@ -158,16 +161,19 @@ fn located(group: &Group, local: &[Candidate]) -> String {
     let is_line = |c: &&&Candidate| {
         [EffectId::GearRipple, EffectId::EncoderError].iter().any(|id| c.cause == (*id).into()) && c.cycles().is_some()
     };
-    let (lines, others): (Vec<&Candidate>, Vec<&Candidate>) = others.iter().partition(is_line);
+    let (lines, mut others): (Vec<&Candidate>, Vec<&Candidate>) = others.iter().partition(is_line);
+    // what happened first is told first
+    others.sort_by(|a, b| a.step().map(|s| s.1).partial_cmp(&b.step().map(|s| s.1)).unwrap_or(Ordering::Equal));
     let mut cycles: Vec<f64> = lines.iter().filter_map(|c| c.cycles()).collect();
     cycles.sort_by(f64::total_cmp);
-    let numbers: Vec<String> = cycles.iter().map(|n| format!("{n:.0}")).collect();
+    let numbers = and(&cycles.iter().map(|n| format!("{n:.0}")).collect::<Vec<_>>());
     let told = match (lines.first(), curves.first()) {
         (Some(_), Some(curve)) => {
-            vec![format!("{}, and single waves of {} cycles per turn", curve.located(), numbers.join(", "))]
+            let waves = if lines.len() == 1 { "a single wave" } else { "single waves" };
+            vec![format!("{}, and {waves} of {numbers} cycles per turn", curve.located())]
         }
         (Some(one), None) if lines.len() == 1 => vec![one.located()],
-        (Some(first), None) => vec![format!("{} cycles per turn of {}", numbers.join(", "), first.site)],
+        (Some(first), None) => vec![format!("{numbers} cycles per turn of {}", first.site)],
         (None, _) => curves.iter().map(|c| c.located()).collect(),
     };
     told.into_iter().chain(others.iter().map(|c| c.located())).collect::<Vec<_>>().join("; ")
@@ -345,7 +351,7 @@ mod tests {
         let groups = grouped(&all, &[3, 0, 1, 2]);
         let members: Vec<&[usize]> = groups.iter().map(|g| &g.members[..]).collect();
         assert_eq!(members, [&[3][..], &[0, 2], &[1]]);
-        assert_eq!(located(&groups[1], &all), "100, 102 cycles per turn of joint 2");
+        assert_eq!(located(&groups[1], &all), "100 and 102 cycles per turn of joint 2");
         assert_eq!(located(&groups[2], &all), "joint 3 is off", "one wave is told as itself");
     }
 

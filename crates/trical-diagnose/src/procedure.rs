@@ -430,8 +430,7 @@ mod tests {
             .filter(|f| f.site == Place::Joint(2))
             .map(|f| (f.effect, f.located.as_str()))
             .collect();
-        let expected =
-            "a curve of joint 2's own angle that repeats every turn, and single waves of 61, 88, 131 cycles per turn";
+        let expected = "a curve of joint 2's own angle that repeats every turn, and single waves of 61, 88 and 131 cycles per turn";
         assert_eq!(found, [(EffectId::EncoderError, expected)]);
     }
 

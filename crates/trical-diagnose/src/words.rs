@@ -18,8 +18,15 @@ pub(crate) fn numbered(what: &str, mut numbers: Vec<usize>) -> Option<String> {
     if numbers.len() > 2 && last - first + 1 == numbers.len() {
         return Some(format!("{what}s {first} to {last}"));
     }
-    let but_last: Vec<String> = numbers[..numbers.len() - 1].iter().map(ToString::to_string).collect();
-    Some(format!("{what}s {} and {last}", but_last.join(", ")))
+    Some(format!("{what}s {}", and(&numbers.iter().map(ToString::to_string).collect::<Vec<_>>())))
+}
+
+/// "1, 3 and 4".
+pub(crate) fn and(all: &[String]) -> String {
+    match all.split_last() {
+        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => all.concat(),
+    }
 }
 
 /// A text that begins with a small letter.

@@ -206,7 +206,11 @@ pub fn near_nominal(names: &[&str]) -> Option<String> {
 }
 
 fn numbers(joints: &[usize]) -> String {
-    joints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    let all: Vec<String> = joints.iter().map(ToString::to_string).collect();
+    match all.split_last() {
+        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => all.concat(),
+    }
 }
 
 /// What to say where more parameters were determined, of `fitted`, than a third of the independent places of the arm.

@@ -112,6 +112,9 @@ pub struct Comparison {
     pub verdict: &'static str,
     /// In plain sentences.
     pub summary: String,
+    /// Whether an error that the calibration left may look like the change; the summary says so.
+    #[serde(skip)]
+    pub doubted: bool,
     /// What changed, the surest first.
     pub changes: Vec<Change>,
     /// What would have been seen.
@@ -179,6 +182,7 @@ pub fn compare(
     out.summary = in_words(&out);
     if let Some(doubt) = doubt(&out, usual_mm(&adapted.data)) {
         out.summary += &format!(" {doubt}");
+        out.doubted = true;
     }
     let left = out.more_noise * uncertainty.noise;
     if left > ANOTHER_ARM.0 && out.more_noise > ANOTHER_ARM.1 {
@@ -422,6 +426,7 @@ impl Whitened {
             measurements: 0,
             verdict: verdict(&changes),
             summary: String::new(),
+            doubted: false,
             changes,
             visible: self.visible(model, explanations, more_noise),
             mean_mm: 0.0,

@@ -138,6 +138,13 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
+    if last.verdict == "arm changed" && last.doubted {
+        return format!(
+            "The arm seems to have changed in the last session ({}), but the calibration itself leaves errors that can look like it: compare \
+             with a diagnosed model before you calibrate anew.",
+            last.recording
+        );
+    }
     if last.verdict == "arm changed" {
         return format!(
             "The next calibration is due now: in the last session ({}) the arm is not what it was.",
@@ -216,6 +223,7 @@ mod tests {
                 measurements: 12,
                 verdict,
                 summary: String::new(),
+                doubted: false,
                 changes: Vec::new(),
                 visible: Vec::new(),
                 mean_mm,
@@ -241,6 +249,11 @@ mod tests {
         assert!(says(&unchanged, grows(0.001), Some(0.1)).contains("is due now: the mean error is 0.200 mm"));
         assert!(says(&unchanged, grows(0.001), None).contains("is not known"));
         assert!(says(&last(0.2, "arm changed"), None, None).contains("(last.csv) the arm is not what it was"));
+        let mut doubted = last(0.2, "arm changed");
+        doubted[0].doubted = true;
+        assert!(
+            says(&doubted, None, None).starts_with("The arm seems to have changed in the last session (last.csv), but")
+        );
         assert_eq!(says(&[], None, None), "");
     }
 }

@@ -15,7 +15,7 @@ pub const LIMITS_MM: [f64; 4] = [0.1, 0.2, 0.5, 1.0];
 /// Joints that were commanded (or read, where no command is known) alike to this (rad) are visits of one pose.
 const SAME_POSE: f64 = 0.05_f64.to_radians();
 
-/// Distances between commanded poses below this (m) are not scored.
+/// Distances between poses below this (m) are not scored.
 const LEAST_DISTANCE: f64 = 0.01;
 
 /// A pose of one point of the tool: where it was commanded to be, and where it was at each visit, m, in the frame of the measurement.
@@ -25,6 +25,8 @@ pub struct Visited {
     pub commanded: Vec<Vector3<f64>>,
     /// Place that was measured.
     pub attained: Vec<Vector3<f64>>,
+    /// Poses of one series are of one point of the tool, and measured in one frame: their distances are known.
+    pub series: usize,
 }
 
 /// Mean and largest of something over the poses that have it.
@@ -90,13 +92,15 @@ pub fn distance_accuracy(from: &Visited, to: &Visited) -> f64 {
 pub fn performance(poses: &[Visited]) -> Performance {
     let mm = |values: Vec<f64>| OverPoses::of(&values.into_iter().map(|v| v.abs() * 1e3).collect::<Vec<_>>());
     let visits = |p: &Visited| p.attained.len();
-    let far = |w: &[Visited]| (barycentre(&w[0].commanded) - barycentre(&w[1].commanded)).norm() > LEAST_DISTANCE;
+    let apart = |w: &&[Visited]| {
+        w[0].series == w[1].series && (barycentre(&w[0].attained) - barycentre(&w[1].attained)).norm() > LEAST_DISTANCE
+    };
     Performance {
         poses: poses.len(),
         visits: [poses.iter().map(visits).min().unwrap_or(0), poses.iter().map(visits).max().unwrap_or(0)],
         accuracy: mm(poses.iter().map(accuracy).collect()),
         repeatability: mm(poses.iter().filter_map(repeatability).collect()),
-        distance_accuracy: mm(poses.windows(2).filter(|w| far(w)).map(|w| distance_accuracy(&w[0], &w[1])).collect()),
+        distance_accuracy: mm(poses.windows(2).filter(apart).map(|w| distance_accuracy(&w[0], &w[1])).collect()),
     }
 }
 
@@ -110,35 +114,41 @@ fn measured(o: &Observation, model: &Model) -> Option<((u8, usize), Vector3<f64>
     }
 }
 
-/// Visits of poses, as `model` places them, in the order of measurement: the same point of the tool, in the same recording, at the same
-/// commanded joints. The places of touches are those of the balls.
+/// Visits of poses, as `model` places them, in the order of measurement: the same point of the tool (or ball), in the same recording, at the
+/// same commanded joints. The places of touches are those of the balls.
 ///
 /// # Errors
 /// A model that cannot be evaluated.
 pub fn visited(model: &Model, data: &Dataset) -> Result<Vec<Visited>> {
     let forward = Forward::new(model.clone(), Vec::new())?;
     let mut ws = forward.workspace();
-    let mut poses: Vec<(usize, (u8, usize), Joints, Visited)> = Vec::new();
+    let mut poses: Vec<((u8, usize), Joints, Visited)> = Vec::new();
+    let mut series = Vec::new();
     for o in &data.observations {
         let Some((point, attained)) = measured(o, model) else { continue };
         forward.residual(&o.state, &o.measured, o.frame, &mut ws);
         let [x, y, z, ..] = *ws.residual();
         let commanded = attained + Vector3::new(x, y, z);
         let joints = o.state.q_commanded.unwrap_or(o.state.q);
-        let same = |p: &&mut (usize, (u8, usize), Joints, Visited)| {
-            (p.0, p.1) == (o.recording, point) && p.2.iter().zip(&joints).all(|(a, b)| (a - b).abs() < SAME_POSE)
+        // one point of the tool touches all balls; where balls stand is known among those of one place
+        let touches = matches!(o.measured, Measured::Touch { .. });
+        let own = (o.recording, o.state.place, if touches { (0, 0) } else { point });
+        let of = series.iter().position(|s| *s == own).unwrap_or_else(|| {
+            series.push(own);
+            series.len() - 1
+        });
+        let same = |p: &&mut ((u8, usize), Joints, Visited)| {
+            p.0 == point && p.2.series == of && p.1.iter().zip(&joints).all(|(a, b)| (a - b).abs() < SAME_POSE)
         };
         if let Some(pose) = poses.iter_mut().find(same) {
-            pose.3.commanded.push(commanded);
-            pose.3.attained.push(attained);
+            pose.2.commanded.push(commanded);
+            pose.2.attained.push(attained);
         } else {
-            let visited = Visited { commanded: vec![commanded], attained: vec![attained] };
-            poses.push((o.recording, point, joints, visited));
+            poses.push((point, joints, Visited { commanded: vec![commanded], attained: vec![attained], series: of }));
         }
     }
-    // neighbours are of one point of the tool
-    poses.sort_by_key(|p| (p.0, p.1));
-    Ok(poses.into_iter().map(|p| p.3).collect())
+    poses.sort_by_key(|p| p.2.series);
+    Ok(poses.into_iter().map(|p| p.2).collect())
 }
 
 #[cfg(test)]
@@ -161,7 +171,7 @@ mod tests {
                         command + off[k] + sign * l * axes[(j as usize / 2) % 3]
                     })
                     .collect();
-                Visited { commanded: vec![command; 30], attained }
+                Visited { commanded: vec![command; 30], attained, series: 0 }
             })
             .collect()
     }
@@ -192,9 +202,27 @@ mod tests {
 
     #[test]
     fn a_single_visit_has_an_accuracy_and_no_repeatability() {
-        let one = Visited { commanded: vec![Vector3::zeros()], attained: vec![Vector3::new(0.0, 3e-4, 4e-4)] };
+        let one =
+            Visited { commanded: vec![Vector3::zeros()], attained: vec![Vector3::new(0.0, 3e-4, 4e-4)], series: 0 };
         let told = performance(std::slice::from_ref(&one));
         assert!((told.accuracy.expect("a pose").max_mm - 0.5).abs() < 1e-12);
         assert!(told.repeatability.is_none() && told.distance_accuracy.is_none());
+    }
+
+    #[test]
+    fn distances_are_those_between_places_that_are_apart_and_were_measured_in_one_frame() {
+        let at = |x: f64, series: usize| Visited {
+            // 20 mm off in turn: how far apart a bad arm was commanded says nothing of the distance
+            commanded: vec![Vector3::new(x + 0.02 * series as f64, if x > 0.1 { 0.02 } else { 0.0 }, 0.0)],
+            attained: vec![Vector3::new(x, 0.0, 0.0)],
+            series,
+        };
+        let pairs = |poses: &[Visited]| performance(poses).distance_accuracy.map(|ad| ad.n);
+        assert_eq!(
+            pairs(&[at(0.0, 0), at(0.3, 0), at(0.3, 0), at(0.0, 0)]),
+            Some(2),
+            "the same ball twice is no distance"
+        );
+        assert_eq!(pairs(&[at(0.0, 0), at(0.3, 1)]), None, "of two recordings");
     }
 }

@@ -102,6 +102,8 @@ pub fn shown(model: &Model, term: &Term) -> Shown {
     let mut value = term.value * u.per_si;
     let nominal: Option<f64> = match term.site {
         _ if !constant => Some(0.0),
+        // where balls stood at a place that nobody measured has no nominal
+        Site::Fixture(_) if term.effect == "place" => None,
         Site::Link { link: k, parameter } => match parameter {
             Parameter::Alpha => link(k).map(|j| j.alpha),
             Parameter::A => link(k).map(|j| j.a),

@@ -98,14 +98,14 @@ fn print(c: &Comparison) -> Result<()> {
     let seen = c.visible.iter().filter_map(|v| Some(format!("{} {:.3} {}", v.what, v.smallest?, v.unit)));
     let unseen: Vec<&str> = c.visible.iter().filter(|v| v.smallest.is_none()).map(|v| v.what.as_str()).collect();
     let mut line = format!(
-        "A change as large as these would be found in nine cases of ten: {}.",
+        "The smallest changes that would be found in nine cases of ten: {}.",
         seen.collect::<Vec<_>>().join(", ")
     );
     if !unseen.is_empty() {
         let of = unseen.join(" or ");
         let _ = write!(
             line,
-            " A change of {of} would not be found, however large: what is fitted to each session anew takes its place."
+            " A change of {of} would not be found, however large: what is fitted to each session anew takes it up."
         );
     }
     say_lines(table::wrapped(&line, 108, "  "))?;

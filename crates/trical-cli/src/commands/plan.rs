@@ -102,7 +102,7 @@ pub struct Args {
     /// Where the arm stands before the first touch: its joints; without it zero, or the middle between limits that leave zero out
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     start_deg: Vec<f64>,
-    /// Where to write the plan. Without it, for one or two sockets at places that nobody knows, only what so many places are worth is told
+    /// Where to write the plan. Without it, for one or two sockets at places that nobody knows, only the expected error by number of places is told
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// A report with pictures of the cell and the poses, one HTML file
@@ -229,6 +229,9 @@ pub fn run(args: &Args) -> Result<()> {
         };
     };
     if let Some(count) = args.points {
+        if args.report.is_some() {
+            return Err(CliError::Input("--report: a plan of poses (--points) has no report; found both".into()));
+        }
         return points(args, out, &robot, &cell, count);
     }
     if cell.balls.is_empty() {
@@ -242,7 +245,7 @@ pub fn run(args: &Args) -> Result<()> {
         let plan = plan_touches(&robot, &cell, &options, task).map_err(|e| match e {
             PlanError::BadStart { .. } => CliError::Input(format!("{e}; --start-deg says where the arm stands")),
             e if few => {
-                CliError::Input(format!("{e}; without --out only what places of the sockets are worth is told"))
+                CliError::Input(format!("{e}; without --out, only the expected error by number of places is told"))
             }
             e => e.into(),
         })?;
@@ -275,7 +278,7 @@ pub fn run(args: &Args) -> Result<()> {
 fn worth_lines(args: &Args, worth: &[Worth]) -> Vec<String> {
     let before = worth.first().map_or(0.0, |w| w.before_mm);
     let said = format!(
-        "What unknown places are worth, on arms drawn by chance that are {before:.2} mm off on average, with {} touches of each ball or socket \
+        "Expected error by number of unknown places, on simulated arms that are {before:.2} mm off on average, with {} touches of each ball or socket \
          at each place and noise of {} mm (--noise-mm; a printed socket has 0.1):",
         args.per_ball, args.noise_mm
     );

@@ -59,7 +59,7 @@ pub struct Args {
     /// Standard deviation, on each axis, of where the arm comes to rest
     #[arg(long, value_name = "MM", default_value_t = 0.004)]
     placement_mm: f64,
-    /// A person guides the arm into the cell's sockets: lines typed here are those of `trical record`, which takes the visits down
+    /// A person guides the arm into the cell's sockets: lines typed here are those of `trical record`, which records the visits
     #[arg(long)]
     sockets: bool,
     /// Where the arm stands at first, deg, and mm of joints that slide; all zero without it

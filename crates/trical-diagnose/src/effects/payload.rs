@@ -35,7 +35,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
     );
     vec![EFFECT.candidate_of_scales(
         Place::Tool,
-        "the load on the flange is not what cell.toml says".into(),
+        "the load on the flange differs from that in cell.toml".into(),
         0.03,
         // kg; kg m
         vec![0.5 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength()],

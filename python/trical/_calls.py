@@ -241,7 +241,7 @@ def validate(
     s = json.loads(text)
     said = {"robot": robot, "cell": cell, "joints": joints, "refit": refit}
     made = Made.of(told, validate, model, recordings, **said, files=("robot", "cell"))
-    keys = ("before", "after", "n", "beyond", "predicted", "sessions", "regions", "left_out", "rejected")
+    keys = ("before", "after", "n", "beyond", "predicted", "sessions", "regions", "left_out", "carried_over", "rejected")
     return Validation(**{k: s[k] for k in keys}, errors_mm=errors, _made=made)
 
 

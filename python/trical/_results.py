@@ -127,8 +127,9 @@ class Validation(Certified):
     with what was identified there, and by region; `beyond` how many of the `n` are at joint angles that the model was
     not fitted at (None where it does not know); `predicted` the errors that the model expects, compared with those
     found (sd_mm, parameters_sd_mm, covered, covered_visited, covered_beyond; None where it does not know); `left_out`
-    terms of the model that do not apply here; `errors_mm` (n, 2) one by one, before and after. Also by key, as in the
-    command's JSON: v["after"]["mean_mm"].
+    terms of the model that do not apply here; `carried_over` effects that jumped in the session that the model was
+    fitted to, and are taken to be as they were at its end; `errors_mm` (n, 2) one by one, before and after. Also by
+    key, as in the command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
@@ -138,13 +139,14 @@ class Validation(Certified):
     sessions: list[dict[str, Any]]
     regions: list[dict[str, Any]]
     left_out: list[dict[str, Any]]
+    carried_over: list[str]
     rejected: list[dict[str, Any]]
     errors_mm: Floats
     predicted: dict[str, float | None] | None = None
 
     def __getitem__(self, key: str) -> Any:
-        """Return before, after, n, beyond, predicted, sessions, regions, left_out or rejected."""
-        if key not in ("before", "after", "n", "beyond", "predicted", "sessions", "regions", "left_out", "rejected"):
+        """Return before, after, n, beyond, predicted, sessions, regions, left_out, carried_over or rejected."""
+        if key not in self.__dataclass_fields__ or key.startswith(("_", "errors")):
             raise KeyError(key)
         return getattr(self, key)
 

@@ -124,6 +124,8 @@ pub struct Validation {
     pub regions: Vec<Region>,
     /// Terms of the model that say nothing of these recordings.
     pub left_out: Vec<LeftOut>,
+    /// Effects of a setup that jumped in the course of the model's only session, and is taken to be here as it was at its end.
+    pub carried_over: Vec<String>,
     /// Rows that were not used.
     pub rejected: Vec<Rejected>,
     /// Errors one by one, m: before, after.
@@ -150,7 +152,7 @@ impl Validation {
         })
     }
 
-    /// One sentence for each reason for which terms say nothing here; `title` gives the words of an effect's identifier.
+    /// One sentence for each reason for which terms say nothing here, and one for what is carried over; `title` gives the words of an effect's identifier.
     #[must_use]
     pub fn left_out_in_words(&self, title: impl Fn(&str) -> String) -> Vec<String> {
         let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -164,7 +166,11 @@ impl Validation {
             }
         }
         let named = |effects: &[&str]| effects.iter().map(|e| title(e)).collect::<Vec<_>>().join(", ");
-        reasons.into_iter().map(|(reason, effects)| format!("Left out: {} ({reason}).", named(&effects))).collect()
+        let carried: Vec<&str> = self.carried_over.iter().map(String::as_str).collect();
+        let carried = (!carried.is_empty())
+            .then(|| format!("As at the end of the session that the model was fitted to: {}.", named(&carried)));
+        let left_out = |(reason, effects): (&str, Vec<&str>)| format!("Left out: {} ({reason}).", named(&effects));
+        reasons.into_iter().map(left_out).chain(carried).collect()
     }
 }
 
@@ -190,7 +196,7 @@ pub fn validate(
     joints: Option<JointSource>,
     refit: Option<Refit>,
 ) -> Result<Validation> {
-    let Adapted { mut model, data, places, left_out, known, joints } =
+    let Adapted { mut model, data, places, left_out, carried_over, known, joints } =
         adapted(file, cell, recordings, joints, refit, false)?;
     let rejected = data.rejected.clone();
     let poses: Vec<Vec<usize>> =
@@ -248,6 +254,7 @@ pub fn validate(
         sessions: sessions.collect(),
         regions: regions(robot, &scored, &pairs, &beyond),
         left_out,
+        carried_over,
         rejected,
         errors: pairs,
         data: scored,
@@ -265,6 +272,8 @@ pub(crate) struct Adapted {
     places: Vec<Place>,
     /// Terms that say nothing of these recordings.
     left_out: Vec<LeftOut>,
+    /// Effects that are here as they were at the end of the model's only session.
+    carried_over: Vec<String>,
     known: Vec<References>,
     joints: JointSource,
 }
@@ -310,6 +319,18 @@ pub(crate) fn adapted(
     data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
 
     let mut model = file.model.clone();
+    let mut carried_over = Vec::new();
+    // of several sessions, what they share is not the end of one
+    if file.sessions.len() == 1 && places.iter().all(|p| p.learnt.is_none()) {
+        for t in &mut model.terms {
+            if let Some(after) = t.after_its_session() {
+                if !carried_over.contains(&t.effect) {
+                    carried_over.push(t.effect.clone());
+                }
+                *t = after;
+            }
+        }
+    }
     let left_out = leave_out(&mut model, &data, &places);
     data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
     for place in &places {
@@ -318,7 +339,7 @@ pub(crate) fn adapted(
     data.references.resize(model.frames.len(), References::default());
     // before a frame is looked for by what the cell may not have
     crate::fit::check_observations(&Forward::new(model.clone(), Vec::new())?, &data)?;
-    Ok(Adapted { model, data, places, left_out, known, joints })
+    Ok(Adapted { model, data, places, left_out, carried_over, known, joints })
 }
 
 /// Position errors (m) of one session that the model does not know: what is its own is identified from every fourth of its poses, and

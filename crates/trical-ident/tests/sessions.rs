@@ -12,7 +12,7 @@ use trical_ident::{
     calibrate, fit_model, identify, simulate, validate,
 };
 use trical_model::pose::rotation_zyx;
-use trical_model::{Basis, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
+use trical_model::{Axis, Basis, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
 
 /// Standard deviation of each coordinate, m.
 const NOISE: f64 = 1e-5;
@@ -155,6 +155,33 @@ fn what_happened_in_the_course_of_a_session_stays_there() {
     assert!(score(&with, std::slice::from_ref(first)).after.mean_mm > 0.2);
     let there = score(&with, std::slice::from_ref(second));
     assert!(there.after.mean_mm < 1.3 * LEAST_MM, "{:?}", there.after);
+}
+
+#[test]
+fn a_tool_that_slipped_stays_so_for_another_session_and_a_joints_jump_stays_in_its_own() {
+    let truth = truth();
+    let slipped = [0.0, 0.3e-3, 0.0];
+    let later = seen(&truth, 2, slipped);
+    let mut of_one = file(&learnt(&truth, &[seen(&truth, 1, [0.0; 3])], ToolSharing::FromData));
+    let before = of_one.clone();
+    let step = on_the_day();
+    let slip = (1..=3).map(|target| {
+        let site = Site::Target { target, axis: Axis::Y };
+        Term { value: slipped[1], ..Term::new(format!("slip_{target}"), "tool_shift", site, step.basis) }
+    });
+    of_one.model.terms.extend(slip);
+    of_one.model.terms.push(step.clone());
+    let frame = Some(Refit { frame: true, targets: false });
+    let score =
+        |f: &ModelFile| validate(&truth.robot, &truth.cell, f, std::slice::from_ref(&later), None, frame).unwrap();
+    let said = score(&of_one);
+    assert_eq!(said.carried_over, ["tool_shift"]);
+    assert_eq!(said.left_out.iter().map(|l| l.effect.as_str()).collect::<Vec<_>>(), ["joint_zero_shift"]);
+    assert_eq!(
+        said.left_out_in_words(str::to_owned)[1],
+        "As at the end of the session that the model was fitted to: tool_shift."
+    );
+    assert!(score(&before).after.mean_mm > 0.1 && said.after.mean_mm < 1.5 * LEAST_MM, "{:?}", said.after);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::basis::Variable;
+use crate::basis::{Basis, Shape, Variable};
 use crate::term::{Site, Term};
 
 /// What a term belongs to, and so to which recordings what it says applies. One recording is one session.
@@ -20,6 +20,15 @@ pub enum Scope {
 }
 
 impl Term {
+    /// A jump of the setup (a tool that slipped, balls that were pushed) as it is from then on: it stays so until somebody sets up anew. `None` for
+    /// anything else.
+    #[must_use]
+    pub fn after_its_session(&self) -> Option<Self> {
+        let basis = Basis { of: Variable::Nothing, shape: Shape::One, session: None, ..self.basis };
+        let jumps = matches!(self.basis.shape, Shape::Step { .. }) && self.scope() == Scope::Course;
+        Some(Self { basis, ..self.clone() }).filter(|after| jumps && after.scope() == Scope::Setup)
+    }
+
     /// What this term belongs to: by what its basis looks at, then by where it acts.
     #[must_use]
     pub fn scope(&self) -> Scope {

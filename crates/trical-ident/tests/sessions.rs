@@ -201,6 +201,23 @@ fn a_model_of_one_frame_is_used_in_that_frame_unless_a_refit_is_asked_for() {
 }
 
 #[test]
+fn a_frame_that_is_not_identified_anew_stays_where_it_is() {
+    let truth = truth();
+    let c = learnt(&truth, &[seen(&truth, 1, [0.0; 3])], ToolSharing::FromData);
+    let mut other_tool = truth.clone();
+    other_tool.cell.tool.targets.iter_mut().for_each(|t| t.x += 1e-3);
+    let again = Recording { name: "again.csv".into(), ..seen(&other_tool, 1, [0.0; 3]) };
+    let refit = Some(Refit { frame: false, targets: true });
+    let v = validate(&truth.robot, &truth.cell, &file(&c), &[again], None, refit).unwrap();
+    assert_eq!(v.sessions[0].refitted, ["targets"]);
+    assert!(v.after.mean_mm < 1.5 * LEAST_MM, "{:?}", v.after);
+    let of_frame = |m: &Model| -> Vec<f64> {
+        m.terms.iter().filter(|t| matches!(t.site, Site::Frame { .. })).map(|t| t.value).collect()
+    };
+    assert_eq!((&v.model.frames, of_frame(&v.model)), (&c.fitted.model.frames, of_frame(&c.fitted.model)));
+}
+
+#[test]
 fn the_data_say_which_session_has_a_tool_of_its_own() {
     let truth = truth();
     let off = [2e-3, -1e-3, 3e-3];

@@ -103,7 +103,8 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
         let (name, below) = if k == 0 {
             ("base", 24.0)
         } else if k == last {
-            ("tool", 24.0)
+            // away from the joint before it
+            ("tool", if dots[k - 1].1 > *y { -15.0 } else { 24.0 })
         } else {
             (&*joint, 4.5)
         };

@@ -239,7 +239,7 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
                 let (size, sd) = amplitude([a.value, b.value], [a.sd, b.sd]);
                 // as the spectrum has it
                 let (factor, unit) = if a.unit == "deg" { (1e3, "mdeg") } else { (1.0, a.unit.as_str()) };
-                let mut name = format!("amplitude at {} cycles a turn", w.2);
+                let mut name = format!("amplitude at {} cycle{} a turn", w.2, if w.2 == 1.0 { "" } else { "s" });
                 if !matches!(w.0, Site::Joint { .. }) {
                     name += &format!(" ({})", a.name.split("_sine").next().unwrap_or_default().replace('_', " "));
                 }
@@ -378,12 +378,12 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         .map(|(n, e)| (n, e.holdout_rms_before_mm, e.holdout_rms_after_mm));
     let nameless = d.unexplained.iter().chain(&d.more_unexplained).filter(|u| !u.curve.is_empty());
     let steps: Vec<(String, f64, f64)> =
-        named.chain(nameless.map(|u| ("curve".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
+        named.chain(nameless.map(|u| (String::new(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
     let mut stairs = vec![("plain".to_owned(), d.baseline.holdout_rms_mm)];
     stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
     section.figures.push(Figure::new(
         "Error at poses that the fit did not see: of the plain model (red), and as the findings \
-                 are modelled one after the other (curve: one of no known cause).",
+                 are modelled one after the other (without a number: a curve of no known cause).",
         plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
     ));
     Ok(section)

@@ -23,6 +23,7 @@ myst_enable_extensions = ["dollarmath"]
 html_theme = "alabaster"
 html_title = project
 html_copy_source = False
+html_show_copyright = False
 html_static_path = ["style"]
 html_css_files = ["guide.css"]
 html_theme_options = {"page_width": "1080px", "sidebar_width": "260px", "fixed_sidebar": True}

@@ -5,6 +5,10 @@
   const round = (v) => (v == null ? "" : String(Number(v.toPrecision(5))));
   // a point for decimals and nothing between thousands, as in the tables, whatever the language of the browser
   const ticks = (_, all) => all.map((v) => (v == null ? "" : String(Number(v.toPrecision(9)))));
+  // between whole numbers, such as those of sessions, there is nothing
+  const steps = Array.from({ length: 24 }, (_, k) => [1, 2, 5][k % 3] * 10 ** Math.floor(k / 3));
+  // the widest number has room beside the label
+  const room = (_, all) => Math.max(64, 24 + 8 * Math.max(0, ...(all || []).map((v) => v.length)));
   const make = (holder) => {
     const plot = JSON.parse(holder.querySelector("script").textContent);
     const stage = document.createElement("div");
@@ -39,8 +43,8 @@
         } },
       },
       axes: [
-        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" }, values: ticks },
-        { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: 64, values: ticks },
+        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" }, values: ticks, incrs: plot.whole ? steps : undefined },
+        { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: room, values: ticks },
       ],
       // points have no line, whose colour the legend would take
       legend: { markers: { width: 2, stroke: ink, fill: ink } },
@@ -52,7 +56,7 @@
           stroke: s.color,
           width: plot.joined ? 2 : 0,
           paths: plot.joined ? undefined : () => null,
-          points: { show: !plot.joined, size: 5, fill: s.color, stroke: s.color, width: 0 },
+          points: { show: plot.points, size: 5, fill: s.color, stroke: s.color, width: 0 },
           value: (_, v) => round(v),
         })),
       ],

@@ -50,7 +50,7 @@ fn move_apart(flat: &mut [(f64, f64)]) {
     let size = flat.iter().map(|p| p.0.abs().max(p.1.abs())).fold(1e-3, f64::max);
     for k in 1..flat.len().saturating_sub(2) {
         let (here, next, before) = (flat[k], flat[k + 1], flat[k - 1]);
-        if (here.0 - next.0).hypot(here.1 - next.1) < 0.03 * size {
+        if (here.0 - next.0).hypot(here.1 - next.1) < 0.09 * size {
             flat[k] = (0.5 * (here.0 + before.0), 0.5 * (here.1 + before.1));
         }
     }
@@ -95,6 +95,7 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
         if whole_arm { "#e3b5a8" } else { "#c9d3df" }
     );
     let last = dots.len().saturating_sub(1);
+    let mut names = String::new();
     for (k, (x, y)) in dots.iter().enumerate() {
         let guilty = d.findings.iter().any(|f| dot_of(&f.site, last) == Some(k));
         // the ends have their names beneath, joints their numbers inside
@@ -102,7 +103,8 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
         let (name, below) = if k == 0 {
             ("base", 24.0)
         } else if k == last {
-            ("tool", 24.0)
+            // away from the joint before it
+            ("tool", if dots[k - 1].1 > *y { -15.0 } else { 24.0 })
         } else {
             (&*joint, 4.5)
         };
@@ -112,13 +114,15 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
             (false, true) => (13.0, RED, "#fff"),
             (false, false) => (10.0, "#fff", INK),
         };
+        let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"{INK}\"/>");
         let _ = write!(
-            svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"{INK}\"/>\
-             <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{name}</text>",
+            names,
+            "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{name}</text>",
             y + below
         );
     }
+    // over all circles
+    svg += &names;
     // a long heading goes on in a second line
     let told = headings.iter().enumerate().map(|(k, heading)| format!("{}. {heading}", k + 1));
     let more = d.findings.len().saturating_sub(headings.len());

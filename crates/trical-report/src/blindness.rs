@@ -122,9 +122,10 @@ pub fn advice(seen: &[Seen]) -> Vec<(String, String)> {
         .collect()
 }
 
-/// How many effects would not be seen at one place or more.
-pub fn count(seen: &[Seen]) -> usize {
-    let mut hidden: Vec<EffectId> = seen.iter().filter(|s| s.lambda < VISIBLE).map(|s| s.effect).collect();
+/// How many effects would not be seen at one place or more, those included that no such recording shows.
+pub fn count(seen: &[Seen], lacking: &[Lacking]) -> usize {
+    let faint = seen.iter().filter(|s| s.lambda < VISIBLE).map(|s| s.effect);
+    let mut hidden: Vec<EffectId> = faint.chain(lacking.iter().map(|l| l.0)).collect();
     hidden.sort_unstable();
     hidden.dedup();
     hidden.len()
@@ -235,6 +236,7 @@ mod tests {
         let [lost, ratio] = [EffectId::LostMotionDirection, EffectId::GearRatio].map(|e| e.effect().title);
         assert_eq!(told[0], ("more".into(), format!("{lost} (joint 1: 2.9, joint 4: 1.0); {ratio} (joint 5: 0.1)")));
         assert_eq!(told[1], ("other".into(), format!("{ratio} (joint 3: 0.2)")));
-        assert_eq!((count(&list), blind_json(&list, &[]).len()), (2, 4));
+        assert_eq!((count(&list, &[]), blind_json(&list, &[]).len()), (2, 4));
+        assert_eq!(count(&list, &[(EffectId::GearRatio, "x"), (EffectId::Payload, "y")]), 3);
     }
 }

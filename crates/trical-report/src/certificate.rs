@@ -9,6 +9,7 @@ use trical_model::{Measured, Model};
 use crate::error::{Error, Result};
 use crate::evidence::{row, where_measured};
 use crate::page::{self, Made};
+use crate::validate_report::cautions;
 
 /// To be filled in by hand.
 const BY_HAND: &str = "________________________";
@@ -27,20 +28,25 @@ struct Column<'a> {
 /// A model that cannot be evaluated.
 pub fn of_validation(v: &Validation, made: &Made) -> Result<String> {
     let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
-    let fitted: Vec<&str> = v.sessions.iter().filter(|s| s.learnt.is_some()).map(|s| s.recording.as_str()).collect();
-    let caution = if fitted.is_empty() {
-        "The model was not fitted to these recordings.".to_owned()
-    } else {
-        format!("The model was fitted to {}: these errors say nothing about other poses.", fitted.join(", "))
-    };
     render(
         &Column { model: &v.nominal.0, data: &v.nominal.1, errors: &before },
         &Column { model: &v.model, data: &v.data, errors: &after },
         v.rejected.len(),
         None,
-        vec![caution],
+        notes_of(v),
         made,
     )
+}
+
+/// What the reader has to know of a validation: what the model was fitted to, what was identified anew, what it extrapolates.
+fn notes_of(v: &Validation) -> Vec<String> {
+    let mut notes = cautions(v);
+    if v.sessions.iter().all(|s| s.learnt.is_none()) {
+        notes.push("The model was not fitted to these recordings.".into());
+    }
+    notes.extend(v.sessions.iter().filter(|s| !s.refitted.is_empty()).map(|s| format!("{}.", s.in_words())));
+    notes.extend(v.beyond_in_words());
+    notes
 }
 
 /// Of a calibration: errors at the poses of the fit, and what is known of others.
@@ -186,7 +192,7 @@ fn render(
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::test_data::{arm, data, pose};
+    use crate::test_data::{arm, data, pose, validation};
     use trical_model::State;
 
     #[test]
@@ -232,6 +238,19 @@ mod tests {
 
     fn data_of_touches() -> Dataset {
         data(&[(0..4).map(|k| (pose(k), Measured::Touch { ball: 0, reading: [0.0; 3] })).collect()])
+    }
+
+    #[test]
+    fn of_a_validation_it_is_told_what_was_identified_anew_and_what_the_model_extrapolates() {
+        let mut v = validation(1.0, 0.5);
+        assert_eq!(notes_of(&v), ["The model was not fitted to these recordings."]);
+        v.beyond = Some(2);
+        (v.sessions[0].refitted, v.sessions[0].from_poses) = (vec!["frame", "targets"], 50);
+        let notes = notes_of(&v);
+        assert_eq!(notes[1], "r0.csv: frame and targets identified from 50 of its poses, the other 4 scored.");
+        assert!(notes.len() == 3 && notes[2].starts_with("2 of 4 measurements are "), "{notes:?}");
+        // what is worse than nothing is not to be used
+        assert!(notes_of(&validation(1.0, 1.5))[0].contains("do not use it here"));
     }
 
     #[test]

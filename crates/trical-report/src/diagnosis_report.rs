@@ -2,9 +2,9 @@
 //! seen.
 
 use nalgebra::{Vector3, Vector6};
-use trical_diagnose::{Diagnosis, EffectId, Finding, Rival, RowKind, Unexplained, verdict};
+use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, verdict};
 use trical_ident::{ErrorSummary, JointSource, Noise};
-use trical_model::{Basis, Forward, JointKind, Measured, Model, Shape, Site, State, Variable};
+use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Variable};
 
 use crate::arm_map;
 use crate::error::Result;
@@ -38,6 +38,12 @@ fn rivals(f: &Finding) -> String {
     first_of(f.rivals.iter().map(named), &verdict::named(f.effect, f.site).to_lowercase())
 }
 
+/// What else a finding could be; touches that decide are planned only where the balls tell where the base is.
+fn could_also_be(rivals: &str, balls_fix_base: bool) -> Option<String> {
+    let next = if balls_fix_base { " `trical diagnose --next 8` plans touches that decide." } else { "" };
+    (!rivals.is_empty()).then(|| format!("In this data it could also be: {rivals}.{next}"))
+}
+
 /// The first of some names, each once; other forms of the effect itself have its `own` name, and tell nothing.
 fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     let mut others: Vec<String> = Vec::new();
@@ -48,8 +54,11 @@ fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     }
     let more = others.len().saturating_sub(RIVALS);
     others.truncate(RIVALS);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    others.join(", ") + &more
+    others.extend((more > 0).then(|| format!("{more} more")));
+    match others.split_last() {
+        Some((last, first)) if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => others.concat(),
+    }
 }
 
 /// What the whole model does to the error (mm rms) at poses that the fit did not see.
@@ -211,12 +220,12 @@ pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
     Ok(Against { label, x, error, without, with })
 }
 
-/// The coefficients of a finding with their standard deviations; of the sine and the cosine of a ripple, the amplitude.
+/// The coefficients of a finding in words with their standard deviations; of the sine and the cosine of a wave, the amplitude.
 fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
-    let cycles = |name: &str| {
+    let wave = |name: &str| {
         let term = d.model.terms.iter().find(|t| t.name == name)?;
         match term.basis.shape {
-            Shape::Sine { cycles } | Shape::Cosine { cycles } if f.effect == EffectId::GearRipple => Some(cycles),
+            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some((term.site, term.basis.of, cycles)),
             _ => None,
         }
     };
@@ -224,19 +233,29 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
     let mut told = Vec::new();
     while let [a, after @ ..] = rest {
         rest = after;
-        let wave = cycles(&a.name);
-        told.push(match after {
-            [b, after @ ..] if wave.is_some() && wave == cycles(&b.name) => {
+        told.push(match (wave(&a.name), after) {
+            (Some(w), [b, after @ ..]) if wave(&b.name) == Some(w) => {
                 rest = after;
-                let size = a.value.hypot(b.value);
-                let sd = a.sd.zip(b.sd).map(|(s, c)| (a.value * s).hypot(b.value * c) / size.max(f64::MIN_POSITIVE));
-                let name = format!("amplitude at {} cycles a turn", wave.unwrap_or_default());
-                table::estimate(&name, size, sd, &a.unit)
+                let (size, sd) = amplitude([a.value, b.value], [a.sd, b.sd]);
+                // as the spectrum has it
+                let (factor, unit) = if a.unit == "deg" { (1e3, "mdeg") } else { (1.0, a.unit.as_str()) };
+                let mut name = format!("amplitude at {} cycle{} a turn", w.2, if w.2 == 1.0 { "" } else { "s" });
+                if !matches!(w.0, Site::Joint { .. }) {
+                    name += &format!(" ({})", a.name.split("_sine").next().unwrap_or_default().replace('_', " "));
+                }
+                table::estimate(&name, factor * size, sd.map(|sd| factor * sd), unit)
             }
-            _ => table::estimate(&a.name, a.value, a.sd, &a.unit),
+            _ if f.coefficients.len() == 1 => table::estimate("size", a.value, a.sd, &a.unit),
+            _ => table::estimate(&a.name.replace('_', " "), a.value, a.sd, &a.unit),
         });
     }
     told
+}
+
+/// Size of a wave from its sine and cosine, with its standard deviation.
+fn amplitude([sine, cosine]: [f64; 2], [s, c]: [Option<f64>; 2]) -> (f64, Option<f64>) {
+    let size = sine.hypot(cosine);
+    (size, s.zip(c).map(|(s, c)| (sine * s).hypot(cosine * c) / size.max(f64::MIN_POSITIVE)))
 }
 
 /// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
@@ -249,11 +268,12 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
     ];
     let values = coefficients(f, d);
     let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
-    let mut text = vec![format!("{}. {told}.", verdict::capital(&f.located)), format!("What to do: {}", f.action)];
+    let mut text = vec![
+        format!("{}. {}.", verdict::capital(&f.located), verdict::capital(&told)),
+        format!("What to do: {}", f.action),
+    ];
     let rivals = rivals(f);
-    if !rivals.is_empty() {
-        text.push(format!("This data cannot exclude {rivals}. `trical diagnose --next 8` plans touches that decide."));
-    }
+    text.extend(could_also_be(&rivals, d.model.cell.balls_fix_base(|_| true)));
     let mut figures = finding_figures::figures(f, d)?;
     let spread =
         if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
@@ -326,12 +346,10 @@ fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)>
 /// Each finding in a row, with the evidence, and where they are on the arm.
 fn all_findings(d: &Diagnosis) -> Result<Section> {
     let mut section = Section::new("All findings");
-    let mut rows =
-        vec![row(["finding", "effect", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
+    let mut rows = vec![row(["finding", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
         rows.push(vec![
             format!("{}. {}", k + 1, verdict::heading(f)),
-            f.effect.to_string(),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
             format!("{:.4}", f.evidence.holdout_rms_before_mm),
@@ -342,7 +360,8 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     section.tables.push(rows);
     section.text.push(
         "Lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
-         are at poses that the fit did not see, without and with this finding, in the order in which the findings were added."
+         are at poses that the fit did not see, just before this finding was added to the model and just after; the verdict sorts \
+         and groups the findings, so that its errors differ."
             .into(),
     );
     section.figures.push(Figure::new(
@@ -359,15 +378,42 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         .map(|(n, e)| (n, e.holdout_rms_before_mm, e.holdout_rms_after_mm));
     let nameless = d.unexplained.iter().chain(&d.more_unexplained).filter(|u| !u.curve.is_empty());
     let steps: Vec<(String, f64, f64)> =
-        named.chain(nameless.map(|u| ("?".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
-    let mut stairs = vec![("-".to_owned(), d.baseline.holdout_rms_mm)];
+        named.chain(nameless.map(|u| (String::new(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
+    let mut stairs = vec![("plain".to_owned(), d.baseline.holdout_rms_mm)];
     stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
     section.figures.push(Figure::new(
         "Error at poses that the fit did not see: of the plain model (red), and as the findings \
-                 are modelled one after the other (?: a curve of no known cause).",
+                 are modelled one after the other (without a number: a curve of no known cause).",
         plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
     ));
     Ok(section)
+}
+
+/// "Joint 3 is off", "The links are off".
+fn is_off(site: Place) -> String {
+    match site {
+        Place::Links | Place::Joints => format!("The {site} are off"),
+        Place::Base | Place::Tool | Place::Fixture => format!("The {site} is off"),
+        _ => format!("{} is off", verdict::capital(&site.to_string())),
+    }
+}
+
+/// Over what a curve is drawn, with its unit: what its region is said of, where that is one variable. A curve that changes sign with a
+/// sense of motion has that as its variable.
+fn along(u: &Unexplained, robot: &Robot) -> String {
+    let (of, rest) = u.region.split_once(' ').unwrap_or((&u.region, ""));
+    let what = match rest.split_once("in proportion to ") {
+        Some((_, of)) if u.region.starts_with("all moves") => format!("moves of {}: {of}", u.site),
+        _ => verdict::variable(if of == "all" { &u.variable } else { of }, robot).trim_start_matches("the ").to_owned(),
+    };
+    // a number of a pose needs no unit
+    if u.curve_units.0 == "pose" { what } else { format!("{what}, {}", u.curve_units.0) }
+}
+
+/// With which sense of motion a curve changes its sign.
+fn by_sense(u: &Unexplained, robot: &Robot) -> String {
+    let beside = u.variable.starts_with("dir") && !u.region.starts_with("all moves");
+    if beside { format!(", changing sign with {}", verdict::variable(&u.variable, robot)) } else { String::new() }
 }
 
 /// The curves without a name that take most of the error, each with its picture.
@@ -379,7 +425,6 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
         .take(4)
         .enumerate()
         .map(|(k, u)| {
-            let site = verdict::capital(&u.site.to_string());
             let figures = if u.curve.is_empty() {
                 Vec::new()
             } else {
@@ -391,11 +436,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 vec![Figure::new(
                     format!("The curve that was fitted{beside}."),
                     plots::scatter(
-                        &format!(
-                            "{}, {}",
-                            verdict::variable(&u.variable, &d.model.robot).trim_start_matches("the "),
-                            u.curve_units.0
-                        ),
+                        &along(u, &d.model.robot),
                         &format!("correction, {}", u.curve_units.1),
                         false,
                         true,
@@ -407,8 +448,10 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
             let lowers = alone(how, u.holdout_rms_before_mm, u.holdout_rms_after_mm);
             Ok(Section::new(format!("No known cause: {}", u.site))
                 .with_text([format!(
-                    "{site} is off, {}, and no effect of the catalogue explains it. {lowers}",
-                    verdict::region(&u.region, &d.model.robot)
+                    "{}, {}{}, and no effect of the catalogue explains it. {lowers}",
+                    is_off(u.site),
+                    verdict::region(&u.region, &d.model.robot),
+                    by_sense(u, &d.model.robot)
                 )])
                 .with_figures(figures)
                 .folded(d.findings.len() + k >= OPEN))
@@ -441,7 +484,7 @@ fn blind_to(d: &Diagnosis) -> Section {
     let mut blind = vec![row(["effect", "site", "lambda of a typical size", "what is missing"])];
     blind.extend(d.blind_to.iter().map(|b| {
         vec![
-            format!("{} ({})", b.effect.effect().title, b.effect),
+            b.effect.effect().title.to_owned(),
             b.site.to_string(),
             // what was not asked has no size
             if b.lacks.is_some() { "-".into() } else { format!("{:.2}", b.lambda) },
@@ -505,34 +548,4 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_error_falls_only_where_it_does() {
-        assert!(whole(0.5, 0.1, 2).contains("falls from 0.50 to 0.10 mm rms"));
-        assert_eq!(
-            whole(2.981, 2.979, 2),
-            "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."
-        );
-        assert!(alone("A free curve", 0.2, 0.1).contains("lowers the error at unseen poses from 0.2000 to 0.1000"));
-        assert!(
-            alone("A free curve", 0.1, 0.2).contains("not at unseen poses: there the error is 0.2000 mm rms with it")
-        );
-    }
-
-    #[test]
-    fn of_what_a_finding_could_also_be_each_is_told_once_and_never_itself() {
-        let names = ["payload", "a", "a", "b", "c", "d"].map(String::from);
-        assert_eq!(first_of(names.into_iter(), "payload"), "a, b, c and 1 more");
-        assert_eq!(first_of(std::iter::once("payload".to_owned()), "payload"), "");
-    }
-
-    #[test]
-    fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {
-        let steps =
-            [("2", 0.638, 0.445), ("?", 0.445, 0.475), ("1", 0.512, 0.638)].map(|(n, b, a)| (n.to_owned(), b, a));
-        let told: Vec<String> = chained(0.512, steps.into()).into_iter().map(|(name, _)| name).collect();
-        assert_eq!(told, ["1", "2", "?"]);
-    }
-}
+mod tests;

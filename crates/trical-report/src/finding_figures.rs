@@ -204,8 +204,8 @@ pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
     let joint = angles.joint;
     Ok(vec![Figure::new(
         format!(
-            "How strongly joint {joint} is off with each number of cycles a turn, everything else \
-                 modelled. Red and numbered is what the finding names: a number of the gear."
+            "How strongly joint {joint} is off with each number of cycles a turn, each number fitted alone; the \
+                 amplitudes above were fitted together. Red: the numbers that the finding names."
         ),
         plots::spectrum(&format!("cycles per turn of joint {joint}"), "amplitude, mdeg", &spectrum, &cycles)?,
     )])

@@ -1,6 +1,7 @@
 //! The report of an arm's history: errors and parameters over its sessions.
 
 use trical_ident::compare::Change;
+use trical_ident::history::Beginning;
 use trical_ident::{History, ModelFile};
 use trical_model::Scope;
 
@@ -17,18 +18,19 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     let (at, over) = match &h.days {
         Some(days) => (days.clone(), "days since the first recording"),
         None => {
-            let numbers = (1..=h.sessions.len()).map(|k| k as f64).collect();
+            let numbers = (1..=h.sessions.len()).map(|k| (h.learnt.len() + k) as f64).collect();
             (numbers, "session")
         }
     };
     let errors: Vec<(f64, f64)> = at.iter().zip(&h.sessions).map(|(x, s)| (*x, s.mean_mm)).collect();
+    let left = fitted(&h.learnt, h.days.is_some());
     let mut sections = vec![
         Section::new("Sessions")
             .with_text(["Mean position error by the calibration as it is; what is new in every session (a \
                  tracker's frame, places of sockets) was identified. The recordings that the calibration \
                  was fitted to stand first: theirs is what the fit left."])
             .with_tables([sessions(h)])
-            .with_figures(over_sessions(over, errors)?),
+            .with_figures(over_sessions(over, left, errors)?),
     ];
     let names = h.sessions.first().map_or(&[][..], |s| s.alone.as_slice());
     let mut figures = Vec::new();
@@ -89,16 +91,27 @@ fn sessions(h: &History) -> Vec<Vec<String>> {
         let on = day(h.days.as_ref().and_then(|d| d.get(k).copied()));
         line(&s.recording, on, s.measurements, s.temp_c, s.mean_mm, changed)
     }));
+    rows.iter_mut().enumerate().skip(1).for_each(|(k, row)| row[0] = format!("{k}. {}", row[0]));
     rows
 }
 
+/// What the fit left in the recordings that it was made to, by their days or their numbers.
+fn fitted(learnt: &[Beginning], by_day: bool) -> Vec<(f64, f64)> {
+    let at = |k: usize, day: Option<f64>| if by_day { day } else { Some((k + 1) as f64) };
+    learnt.iter().enumerate().filter_map(|(k, b)| Some((at(k, b.day)?, b.mean_mm))).collect()
+}
+
 /// Mean errors over the sessions; nothing for a single one.
-fn over_sessions(over: &str, points: Vec<(f64, f64)>) -> Result<Vec<Figure>> {
-    if points.len() < 2 {
+fn over_sessions(over: &str, fitted: Vec<(f64, f64)>, others: Vec<(f64, f64)>) -> Result<Vec<Figure>> {
+    if fitted.len() + others.len() < 2 {
         return Ok(Vec::new());
     }
     let what = "mean position error, mm";
-    let series = [Series { name: "sessions", color: AFTER, points }];
+    let mut series = vec![
+        Series { name: "fitted", color: BEFORE, points: fitted },
+        Series { name: "not fitted", color: AFTER, points: others },
+    ];
+    series.retain(|s| !s.points.is_empty());
     Ok(vec![Figure::new(capital(what), plots::scatter(over, what, true, true, &series)?)])
 }
 
@@ -119,4 +132,20 @@ fn drawn(
 
 fn capital(text: &str) -> String {
     trical_diagnose::verdict::capital(text) + "."
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_of_the_fit_are_drawn_before_the_others_where_the_table_has_them() {
+        let of =
+            |name: &str, day| Beginning { recording: name.into(), measurements: 40, mean_mm: 0.1, temp_c: None, day };
+        let learnt = [of("a.csv", Some(0.0)), of("b.csv", None)];
+        assert_eq!(fitted(&learnt, false), [(1.0, 0.1), (2.0, 0.1)]);
+        assert_eq!(fitted(&learnt, true), [(0.0, 0.1)]);
+        let h = History { learnt: learnt.into(), sessions: Vec::new(), days: None, trend: None, due: String::new() };
+        assert_eq!(sessions(&h).iter().map(|r| r[0].as_str()).collect::<Vec<_>>(), ["session", "1. a.csv", "2. b.csv"]);
+    }
 }

@@ -17,9 +17,12 @@ const LARGER: f64 = 1.5;
 /// How poses are left out where the folds are those that were asked for.
 pub const BY_BLOCK: &str = "by block of poses";
 
+/// How rows of poses that the fit did not use begin.
+const NOT_IN_THE_FIT: &str = "poses not in the fit, ";
+
 /// Poses that a fit in so many folds did not use.
 pub fn of_folds(folds: usize) -> String {
-    format!("poses not in the fit, {BY_BLOCK}, {folds} folds")
+    format!("{NOT_IN_THE_FIT}{BY_BLOCK}, {folds} folds")
 }
 
 /// The last poses, where those before were fitted.
@@ -32,7 +35,7 @@ fn unseen(t: &Calibration) -> Vec<(String, ErrorSummary)> {
     let folds = t.cross_validation.iter().map(|(k, e)| (of_folds(*k), *e));
     let later = t.forward_in_time.iter().map(|(percent, e)| (of_last(*percent), *e));
     let always = t.held_out.named().into_iter().filter(|(how, _)| t.cross_validation.is_none() || *how != BY_BLOCK);
-    let always = always.map(|(how, e)| (format!("poses not in the fit, {how}"), e));
+    let always = always.map(|(how, e)| (format!("{NOT_IN_THE_FIT}{how}"), e));
     folds.chain(later).chain(always).collect()
 }
 
@@ -89,8 +92,10 @@ fn verdict(t: &Calibration, concerns: usize) -> String {
         t.errors.mean_mm,
         t.errors.max_mm
     );
-    if let Some((_, e)) = unseen(t).first() {
-        out += &format!(" At poses that the fit did not use it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
+    if let Some((how, e)) = unseen(t).iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm)) {
+        let how = how.trim_start_matches(NOT_IN_THE_FIT);
+        out +=
+            &format!(" At poses that the fit did not use ({how}) it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
     out + &signing(concerns)
 }

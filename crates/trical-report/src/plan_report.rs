@@ -1,6 +1,5 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
-use trical_diagnose::verdict::capital;
 use trical_model::{Cell, Forward, Model, Robot, State};
 use trical_plan::{CollisionModel, PredictedError, Sphere};
 
@@ -85,7 +84,7 @@ fn verdict(cell: &Cell, told: &Told) -> String {
         told.options.noise_m * 1e3,
         mean(e.in_sphere),
         mean(e.in_workspace),
-        blindness::count(&told.seen)
+        blindness::count(&told.seen, &told.lacking)
     )
 }
 
@@ -132,11 +131,7 @@ fn not_seen(told: &Told) -> Section {
          noise, after the fit of the parameters has absorbed what it can. An effect with lambda below 3 is not seen."
             .to_owned(),
     ];
-    text.extend(
-        told.lacking
-            .iter()
-            .map(|(effect, lacks)| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title))),
-    );
+    text.extend(told.lacks());
     Section::new("What would not be seen").with_text(text).with_tables([advice])
 }
 

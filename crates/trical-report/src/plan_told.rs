@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde_json::json;
+use trical_diagnose::verdict::capital;
 use trical_ident::{Shown, shown};
 use trical_model::Model;
 use trical_plan::{Plan, PlanOptions, PredictedError, Rejected};
@@ -155,7 +156,15 @@ impl Told {
             out.extend(table::wrapped(&what, 108, "  "));
             out.extend(table::wrapped(&format!("would help: {remedy}"), 108, "    "));
         }
+        out.extend(self.lacks().flat_map(|lacks| table::wrapped(&lacks, 108, "")));
         out
+    }
+
+    /// What no such recording shows, a sentence each.
+    pub fn lacks(&self) -> impl Iterator<Item = String> {
+        let said =
+            |(effect, lacks): &Lacking| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title));
+        self.lacking.iter().map(said)
     }
 }
 

@@ -85,6 +85,27 @@ fn framed<'a, 's>(area: &'a Area<'s>) -> ChartBuilder<'a, 'a, SVGBackend<'s>> {
     chart
 }
 
+/// So many ticks has x at most.
+const MOST_TICKS: usize = 8;
+
+/// Where the points are at whole numbers, such as those of sessions.
+fn whole(series: &[Series]) -> bool {
+    series.iter().flat_map(|s| &s.points).all(|p| p.0.fract() == 0.0)
+}
+
+/// How many ticks x has, where the points are: between whole numbers there are none.
+fn ticks(series: &[Series]) -> usize {
+    let x = range(series.iter().flat_map(|s| &s.points).map(|p| p.0), false);
+    if whole(series) { ((x.end - x.start) as usize + 1).clamp(2, MOST_TICKS) } else { MOST_TICKS }
+}
+
+/// A curve of at most so many points shows them, too.
+const FEW_POINTS: usize = 30;
+
+fn few(series: &[Series]) -> bool {
+    series.iter().all(|s| s.points.len() <= FEW_POINTS)
+}
+
 /// Draws the axes with their labels and the lines behind a chart; `also` has what is special about them.
 fn axes<'a, 'c, 's>(
     chart: &'c mut Chart<'a, 's>,
@@ -98,7 +119,7 @@ fn axes<'a, 'c, 's>(
         .bold_line_style(RGBColor(225, 225, 225))
         .x_desc(x_label)
         .y_desc(y_label)
-        .x_labels(8)
+        .x_labels(MOST_TICKS)
         .y_labels(6)
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
@@ -114,9 +135,12 @@ pub const LIVE: &str = "<div class=\"plot\">";
 /// A plot has so many points at most: a drawing of bounded size, whatever the recording.
 const MOST_POINTS: usize = 400;
 
-/// Which of many points are drawn: of those that fall into one cell of a grid, the first. Single points far from others stay. The grid is
+/// Which of more points are drawn: of those that fall into one cell of a grid, the first. Single points far from others stay. The grid is
 /// made coarser until few enough are left.
 fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
+    if series.iter().all(|s| s.points.len() <= MOST_POINTS) {
+        return series.iter().map(|s| (0..s.points.len()).collect()).collect();
+    }
     let all = || series.iter().flat_map(|s| s.points.iter()).filter(|p| p.0.is_finite() && p.1.is_finite());
     let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), false));
     let shared = same_x(series);
@@ -156,7 +180,10 @@ fn not_all(series: &[Series], kept: &[Vec<usize>]) -> String {
     } else {
         (series.iter().map(|s| s.points.len()).sum(), kept.iter().map(Vec::len).sum())
     };
-    if drawn < all { format!("<p class=\"fewer\">{drawn} of {all} points are drawn.</p>") } else { String::new() }
+    if drawn == all {
+        return String::new();
+    }
+    format!("<p class=\"fewer\">{drawn} of {all} points are drawn; points close together are drawn once.</p>")
 }
 
 /// Whether all series have the same x, point by point.
@@ -167,7 +194,7 @@ fn same_x(series: &[Series]) -> bool {
     })
 }
 
-/// A scatter plot that can be zoomed, with a static picture for paper. With `curves`, points are joined.
+/// A scatter plot that can be zoomed, with a static picture for paper. With `curves`, points are joined; many of them are not drawn.
 pub fn scatter(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
     scatter_named(x_label, y_label, from_zero, curves, series, &[])
 }
@@ -190,7 +217,7 @@ pub fn scatter_named(
     let values = live(series, &own);
     let legend: Vec<_> = series.iter().map(|s| serde_json::json!({ "name": s.name, "color": hex(s.color) })).collect();
     let data = serde_json::json!({
-        "x": x_label, "y": y_label, "zero": from_zero, "joined": curves,
+        "x": x_label, "y": y_label, "zero": from_zero, "joined": curves, "points": !curves || few(series), "whole": whole(series),
         "series": legend, "data": values.0, "rows": values.1,
     });
     // nothing in it may end the script
@@ -256,11 +283,14 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
     let mut dots = String::new();
     let svg = draw((480, 300), |root| {
         let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y)?;
-        axes(&mut chart, x_label, y_label, |_| ())?;
+        axes(&mut chart, x_label, y_label, |mesh| {
+            mesh.x_labels(ticks(series));
+        })?;
         for s in series {
             if curves {
                 chart.draw_series(LineSeries::new(s.points.iter().copied(), s.color.stroke_width(2)))?;
-            } else {
+            }
+            if !curves || few(series) {
                 dots += &points(&chart, s);
             }
         }
@@ -325,7 +355,9 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
         let mut chart = framed(root)
             .margin_top(26)
             .build_cartesian_2d(range(x.collect::<Vec<_>>().into_iter(), false), -top..top)?;
-        axes(&mut chart, x_label, y_label, |_| ())?;
+        axes(&mut chart, x_label, y_label, |mesh| {
+            mesh.x_labels(ticks(&data));
+        })?;
         for s in &data {
             let inside = s.points.iter().filter(|p| p.1.abs() <= top).copied().collect();
             dots += &points(&chart, &Series { points: inside, ..*s });

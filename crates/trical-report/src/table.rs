@@ -48,9 +48,15 @@ pub fn wrapped(text: &str, width: usize, indent: &str) -> Vec<String> {
     lines
 }
 
-/// In which unit a person is told a number, and the factor to it: ratios in percent.
+/// In which unit a person is told a number, and the factor to it: ratios in percent, powers as such.
 pub fn unit_told(unit: &str) -> (f64, &str) {
-    if unit == "1" { (100.0, "%") } else { (1.0, unit) }
+    match unit {
+        "1" => (100.0, "%"),
+        "deg/Nm2" => (1.0, "deg/Nm^2"),
+        "deg/Nm3" => (1.0, "deg/Nm^3"),
+        "m/s2" => (1.0, "m/s^2"),
+        _ => (1.0, unit),
+    }
 }
 
 /// A sentence with an end.
@@ -63,7 +69,8 @@ pub fn ended(text: &str) -> String {
 pub fn estimate(name: &str, value: f64, sd: Option<f64>, unit: &str) -> String {
     let (factor, unit) = unit_told(unit);
     let (value, sd) = (factor * value, sd.map(|sd| factor * sd));
-    let size = value.abs();
+    // a value within its standard deviation is written as that
+    let size = value.abs().max(sd.filter(|sd| sd.is_finite()).unwrap_or(0.0));
     let least = if sd.is_some() { 1e-4 } else { 1e-3 };
     let is_plain = size == 0.0 || (least..1e4).contains(&size);
     let digits = match sd.filter(|sd| sd.is_finite() && *sd > 0.0) {
@@ -145,6 +152,8 @@ mod tests {
         assert_eq!(estimate("soft", 12345.6, Some(210.0), "N"), "soft = 1.235e4 N (sd 2.1e2)");
         assert_eq!(estimate("ripple", 8.514e-4, Some(8.4e-5), "deg"), "ripple = 0.000851 deg (sd 0.000084)");
         assert_eq!(estimate("drift", -2.0778e-5, Some(7.1e-7), "mm/s"), "drift = -2.078e-5 mm/s (sd 7.1e-7)");
+        assert_eq!(estimate("a", 1.2e-5, Some(3.9e-3), "deg"), "a = 0.0000 deg (sd 0.0039)");
+        assert_eq!(estimate("stiffness", 1.0, None, "deg/Nm3"), "stiffness = 1.0000 deg/Nm^3");
         assert_eq!(estimate("g", -2.0e-6, None, "1"), "g = -2.000e-4 %");
     }
 }

@@ -1,7 +1,7 @@
 //! Small data for the tests of single modules.
 #![allow(clippy::unwrap_used)]
 
-use trical_ident::{Dataset, JointSource};
+use trical_ident::{Dataset, ErrorSummary, JointSource, SessionErrors, Validation};
 use trical_model::{Cell, Measured, Model, Recording, Robot, Row, State};
 
 /// A small arm with masses at a platform of three balls, with the shapes of both.
@@ -32,4 +32,36 @@ pub(crate) fn data(recordings: &[Vec<(State, Measured)>]) -> Dataset {
 pub(crate) fn pose(k: u8) -> State {
     let k = f64::from(k);
     State::at(&[0.9 * (1.3 * k).sin(), 0.5 * k.cos(), 0.4 * (2.1 * k).sin(), (0.7 * k).cos(), 0.8 * k.sin(), 0.3 * k])
+}
+
+/// A validation at four touches with these errors, mm, everywhere; nothing was identified anew.
+pub(crate) fn validation(before: f64, after: f64) -> Validation {
+    let data = data(&[(0..4).map(|k| (pose(k), Measured::Touch { ball: 0, reading: [0.0; 3] })).collect()]);
+    let errors = vec![(before * 1e-3, after * 1e-3); 4];
+    let [before, after] = [before, after].map(|mm| ErrorSummary::of(&[mm * 1e-3; 4]));
+    let session = SessionErrors {
+        recording: "r0.csv".into(),
+        learnt: None,
+        refitted: Vec::new(),
+        from_poses: 0,
+        poses: 4,
+        n: 4,
+        before,
+        after,
+    };
+    Validation {
+        before,
+        after,
+        n: 4,
+        beyond: None,
+        predicted: None,
+        sessions: vec![session],
+        regions: Vec::new(),
+        left_out: Vec::new(),
+        rejected: Vec::new(),
+        errors,
+        nominal: (arm(), data.clone()),
+        model: arm(),
+        data,
+    }
 }

@@ -51,6 +51,11 @@ fn concerns(v: &Validation) -> Result<Vec<String>> {
     Ok(out)
 }
 
+/// What says nothing here, in words: an effect, or where the balls stood.
+fn left_out(effect: &str) -> String {
+    if effect == "place" { "places of the balls".to_owned() } else { verdict::title_of(effect) }
+}
+
 /// The whole report.
 pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String> {
     let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
@@ -60,15 +65,20 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         "The position error at {} measurements is {:.3} mm on average and {:.3} mm at most; with the nominal arm it is {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
     );
-    verdict += &signing(list.len());
-    let mut text = vec![
+    if v.after.mean_mm < v.before.mean_mm {
+        verdict += &signing(list.len());
+    } else {
+        verdict += " Do not sign: the model is no better than the nominal arm here.";
+    }
+    let anew = v.sessions.iter().any(|s| !s.refitted.is_empty());
+    let mut text = vec![format!(
         "Before is the arm as its maker describes it, with only the measuring frame or base and the tool points identified on \
-         these recordings. After is the model as it is in its file."
-            .to_owned(),
-    ];
+         these recordings. After is the model as it is in its file{}.",
+        if anew { ", but for what was identified anew here" } else { "" }
+    )];
     text.extend(v.sessions.iter().map(|s| format!("{}.", s.in_words())));
     let predicted = v.predicted.as_ref().map(trical_ident::Predicted::in_words);
-    text.extend(v.left_out_in_words(verdict::title_of).into_iter().chain(v.beyond_in_words()).chain(predicted));
+    text.extend(v.left_out_in_words(left_out).into_iter().chain(v.beyond_in_words()).chain(predicted));
     let parts = |what: &str, of: &mut dyn Iterator<Item = (&str, usize, &ErrorSummary, &ErrorSummary)>| {
         let mut rows = vec![row([
             what,
@@ -117,4 +127,36 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         made.notes.push(format!("The model was fitted to {}.", file.recordings().join(", ")));
     }
     page::render("TriCal: validation", &verdict, &sections, &made)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::validation;
+    use trical_ident::LeftOut;
+
+    fn page(v: &Validation) -> String {
+        let file = ModelFile::unmeasured(v.model.clone());
+        render(v, &file, Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ")
+    }
+
+    #[test]
+    fn a_model_that_is_no_better_than_the_nominal_arm_is_not_to_be_signed() {
+        let (better, worse) = (page(&validation(1.0, 0.5)), page(&validation(1.0, 1.0)));
+        assert!(better.contains("before signing.</p>") && !better.contains("Do not sign"));
+        assert!(worse.contains("mm. Do not sign: the model is no better than the nominal arm here.</p>"));
+    }
+
+    #[test]
+    fn what_was_identified_anew_is_not_as_in_the_file() {
+        let mut v = validation(1.0, 0.5);
+        assert!(page(&v).contains("After is the model as it is in its file.</p>"));
+        v.sessions[0].refitted = vec!["frame"];
+        let place = LeftOut { term: "place_x_1".into(), effect: "place".into(), reason: "other balls".into() };
+        v.left_out.push(place);
+        let page = page(&v);
+        assert!(page.contains("as it is in its file, but for what was identified anew here.</p>"));
+        assert!(page.contains("Left out: places of the balls (other balls)."));
+    }
 }

@@ -38,7 +38,8 @@ fn of_many_points_a_bounded_number_is_drawn_and_none_that_is_alone_is_lost() {
     let after: Vec<(f64, f64)> = points.iter().map(|p| (p.0, 0.5 * p.1)).collect();
     let both = drawn(&[series(&points), series(&after)]);
     assert_eq!(both[0], both[1]);
-    assert!(drawn(&[series(&points[..30])])[0].len() == 30);
+    // of few points each is drawn, however close together they are
+    assert!(drawn(&[series(&[(1.0, 1.0); 400])])[0].len() == 400 && drawn(&[series(&[(1.0, 1.0); 401])])[0].len() == 1);
 }
 
 #[test]
@@ -65,7 +66,9 @@ fn a_point_keeps_its_name_where_others_are_left_out() {
     let (rows, x) = (data["rows"].as_array().unwrap(), data["data"][0].as_array().unwrap());
     assert!(rows.len() == x.len() && rows.len() <= MOST_POINTS);
     // and the reader is told
-    assert!(html.contains(&format!(">{} of 5000 points are drawn.<", rows.len())));
+    assert!(
+        html.contains(&format!(">{} of 5000 points are drawn; points close together are drawn once.<", rows.len()))
+    );
     assert!(!scatter("x", "y", true, false, &[series(&points[..30])]).unwrap().contains("are drawn"));
     assert!(rows.iter().zip(x).all(|(name, x)| name.as_str().unwrap().parse::<f64>().ok() == x.as_f64()));
 }
@@ -149,4 +152,21 @@ fn of_numbers_that_would_lie_on_each_other_the_largest_is_written() {
     let written = |n: &str| svg.contains(&format!("fill=\"#c85c46\">{n}</text>"));
     assert_eq!(["100", "101", "200"].map(written), [false, true, true]);
     assert_eq!(svg.matches("stroke=\"#c85c46\"").count(), 3);
+}
+
+#[test]
+fn sessions_have_whole_numbers_and_few_of_them_a_mark_each() {
+    let of = |n: u8| {
+        let points: Vec<(f64, f64)> = (0..n).map(|k| (f64::from(k + 1), f64::from(k % 5))).collect();
+        scatter("session", "mm", true, true, &[series(&points)]).unwrap()
+    };
+    for n in [2, 3, 5] {
+        let svg = of(n);
+        // labels of x stand in one line
+        let foot = svg.split("<text").filter(|t| t.contains("text-anchor=\"middle\"") && t.contains("dy=\"0.76em\""));
+        let told: Vec<f64> = foot.filter_map(|t| t.split('>').nth(1)?.split('<').next()?.parse().ok()).collect();
+        assert_eq!(told, (1..=n).map(f64::from).collect::<Vec<_>>(), "{svg}");
+        assert!(svg.matches("h0").count() == usize::from(n) && svg.contains("\"points\":true"), "{svg}");
+    }
+    assert!(!of(40).contains("h0") && of(40).contains("\"points\":false"));
 }

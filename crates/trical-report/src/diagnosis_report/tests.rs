@@ -1,0 +1,81 @@
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+
+#[test]
+fn an_error_falls_only_where_it_does() {
+    assert!(whole(0.5, 0.1, 2).contains("falls from 0.50 to 0.10 mm rms"));
+    assert_eq!(
+        whole(2.981, 2.979, 2),
+        "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."
+    );
+    assert!(alone("A free curve", 0.2, 0.1).contains("lowers the error at unseen poses from 0.2000 to 0.1000"));
+    assert!(alone("A free curve", 0.1, 0.2).contains("not at unseen poses: there the error is 0.2000 mm rms with it"));
+}
+
+#[test]
+fn of_what_a_finding_could_also_be_each_is_told_once_and_never_itself() {
+    let names = ["payload", "a", "a", "b", "c", "d"].map(String::from);
+    assert_eq!(first_of(names.into_iter(), "payload"), "a, b, c or 1 more");
+    assert_eq!(first_of(["a", "b"].map(String::from).into_iter(), ""), "a or b");
+    assert_eq!(first_of(std::iter::once("payload".to_owned()), "payload"), "");
+}
+
+#[test]
+fn touches_that_decide_are_offered_only_where_they_can_be_planned() {
+    assert_eq!(could_also_be("a or b", false).unwrap(), "In this data it could also be: a or b.");
+    assert!(could_also_be("a", true).unwrap().ends_with("a. `trical diagnose --next 8` plans touches that decide."));
+    assert!(could_also_be("", true).is_none());
+}
+
+#[test]
+fn a_curve_is_drawn_over_what_its_region_is_said_of() {
+    let robot = crate::test_data::arm().robot;
+    let said = |variable: &str, region: &str| {
+        let unit = if region.starts_with("seq") { "pose" } else { "deg" };
+        let (variable, region) = (variable.to_owned(), region.to_owned());
+        let u = Unexplained {
+            site: Place::Joint(3),
+            variable,
+            region,
+            rms_mm: 0.0,
+            holdout_rms_before_mm: 0.0,
+            holdout_rms_after_mm: 0.0,
+            curve: Vec::new(),
+            curve_units: (unit.to_owned(), "deg".to_owned()),
+            modelled: false,
+        };
+        along(&u, &robot) + &by_sense(&u, &robot)
+    };
+    assert_eq!(
+        said("dir2", "seq from 0 to 900"),
+        "number of the pose, changing sign with the sense of joint 2's last motion"
+    );
+    assert_eq!(said("q2", "q2 < -32 deg"), "angle of joint 2, deg");
+    assert_eq!(said("q4", "all of q4, with q1"), "angle of joint 4, deg");
+    assert_eq!(said("travel3", "all moves, in proportion to the last one"), "moves of joint 3: the last one, deg");
+    assert_eq!(said("dir3", "all moves, in proportion to the last one"), "moves of joint 3: the last one, deg");
+}
+
+#[test]
+fn joints_and_links_are_off_and_a_joint_is() {
+    let said = [Place::Links, Place::Joints, Place::Tool, Place::Joint(3)].map(is_off);
+    assert_eq!(said, ["The links are off", "The joints are off", "The tool is off", "Joint 3 is off"]);
+}
+
+#[test]
+fn the_size_of_a_wave_does_not_depend_on_its_phase() {
+    for k in 0..6 {
+        let (s, c) = (0.7 * f64::from(k)).sin_cos();
+        let (size, sd) = amplitude([0.02 * s, 0.02 * c], [Some(1e-3), Some(1e-3)]);
+        assert!((size - 0.02).abs() < 1e-12 && (sd.unwrap() - 1e-3).abs() < 1e-12);
+    }
+    assert_eq!(amplitude([3.0, 4.0], [None, Some(1.0)]), (5.0, None));
+}
+
+#[test]
+fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {
+    let steps = [("2", 0.638, 0.445), ("?", 0.445, 0.475), ("1", 0.512, 0.638)].map(|(n, b, a)| (n.to_owned(), b, a));
+    let told: Vec<String> = chained(0.512, steps.into()).into_iter().map(|(name, _)| name).collect();
+    assert_eq!(told, ["1", "2", "?"]);
+}

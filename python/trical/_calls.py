@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import os
@@ -241,8 +242,9 @@ def validate(
     s = json.loads(text)
     said = {"robot": robot, "cell": cell, "joints": joints, "refit": refit}
     made = Made.of(told, validate, model, recordings, **said, files=("robot", "cell"))
-    keys = ("before", "after", "n", "beyond", "predicted", "sessions", "regions", "left_out", "carried_over", "rejected")
-    return Validation(**{k: s[k] for k in keys}, errors_mm=errors, _made=made)
+    own = ("errors_mm", "_made")
+    told_of = {f.name: s[f.name] for f in dataclasses.fields(Validation) if f.name not in own}
+    return Validation(**told_of, errors_mm=errors, _made=made)
 
 
 def compare(model: Model, recording: PathLike | Recording, *, joints: str | None = None) -> dict[str, Any]:

@@ -57,6 +57,7 @@ pub(crate) fn validation(before: f64, after: f64) -> Validation {
         predicted: None,
         sessions: vec![session],
         regions: Vec::new(),
+        carried_over: Vec::new(),
         left_out: Vec::new(),
         rejected: Vec::new(),
         errors,

@@ -82,7 +82,7 @@ fn without_masses_and_torques_an_arm_that_sags_is_described_by_its_inclination_a
         assert!(sd < 1e-4 && (value - expected).abs() < 4.0 * sd, "{name}: {value} +- {sd}");
     }
     let said = c.cautions().join("\n");
-    assert!(said.contains("joints 2, 3 give way to gravity"), "{said}");
+    assert!(said.contains("joints 2 and 3 give way to gravity"), "{said}");
     // a few measurements carry no further terms
     let few = calibrated(&truth, seen(&truth, 30, 1e-5, 6, false, WIDE));
     assert!(few.fitted.model.terms.iter().all(|t| !t.name.starts_with("sag")), "{:?}", few.fitted.model.terms);

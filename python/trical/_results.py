@@ -139,10 +139,10 @@ class Validation(Certified):
     sessions: list[dict[str, Any]]
     regions: list[dict[str, Any]]
     left_out: list[dict[str, Any]]
-    carried_over: list[str]
     rejected: list[dict[str, Any]]
     errors_mm: Floats
     predicted: dict[str, float | None] | None = None
+    carried_over: list[str] = field(default_factory=list)
 
     def __getitem__(self, key: str) -> Any:
         """Return before, after, n, beyond, predicted, sessions, regions, left_out, carried_over or rejected."""

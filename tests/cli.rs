@@ -272,6 +272,7 @@ fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
         ("--facing-mm 1,2", "--facing-mm: found 2 numbers, expected 3"),
         ("--sphere-mm 0,0,0,-1", "found a radius of -1 mm"),
         ("--per-ball 5000", "--per-ball: found 5000, expected at most 1000"),
+        ("--report plan.html", "--report: a plan of poses (--points) has no report"),
     ] {
         place.refuses(&in_cell(&format!("{plan} {bad}")), &[words]);
     }

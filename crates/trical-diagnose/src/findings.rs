@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use trical_ident::caution::listed;
 use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
@@ -18,7 +19,6 @@ use crate::selection::Search;
 use crate::settings::{CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA};
 use crate::specification_test::{LackOfFit, SpecificationTest};
 use crate::statistics::{bic_nats, f_test_of_effect};
-use crate::words::and;
 
 /// One group of chosen candidates: same effect, same site.
 pub(crate) struct Group {
@@ -166,7 +166,7 @@ fn located(group: &Group, local: &[Candidate]) -> String {
     others.sort_by(|a, b| a.step().map(|s| s.1).partial_cmp(&b.step().map(|s| s.1)).unwrap_or(Ordering::Equal));
     let mut cycles: Vec<f64> = lines.iter().filter_map(|c| c.cycles()).collect();
     cycles.sort_by(f64::total_cmp);
-    let numbers = and(&cycles.iter().map(|n| format!("{n:.0}")).collect::<Vec<_>>());
+    let numbers = listed(&cycles.iter().map(|n| format!("{n:.0}")).collect::<Vec<_>>(), "and");
     let told = match (lines.first(), curves.first()) {
         (Some(_), Some(curve)) => {
             let waves = if lines.len() == 1 { "a single wave" } else { "single waves" };
@@ -353,6 +353,18 @@ mod tests {
         assert_eq!(members, [&[3][..], &[0, 2], &[1]]);
         assert_eq!(located(&groups[1], &all), "100 and 102 cycles per turn of joint 2");
         assert_eq!(located(&groups[2], &all), "joint 3 is off", "one wave is told as itself");
+    }
+
+    #[test]
+    fn jumps_are_told_in_the_order_in_which_they_happened() {
+        let jump = |at: f64| {
+            let mut c = of(EffectId::JointZeroShift.into(), 2, Shape::Step { at });
+            c.terms[0].basis.of = Variable::Seq;
+            Candidate { behaviour: "joint 2 jumps".into(), ..c }
+        };
+        let all = [808.0, 135.0, 323.0].map(jump);
+        let told = located(&grouped(&all, &[0, 1, 2])[0], &all);
+        assert_eq!(told, "joint 2 jumps at pose 135; joint 2 jumps at pose 323; joint 2 jumps at pose 808");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Places, variables and regions in words.
 
+use trical_ident::caution::listed;
 use trical_model::{JointKind, Robot};
 
 /// "97 %".
@@ -18,15 +19,7 @@ pub(crate) fn numbered(what: &str, mut numbers: Vec<usize>) -> Option<String> {
     if numbers.len() > 2 && last - first + 1 == numbers.len() {
         return Some(format!("{what}s {first} to {last}"));
     }
-    Some(format!("{what}s {}", and(&numbers.iter().map(ToString::to_string).collect::<Vec<_>>())))
-}
-
-/// "1, 3 and 4".
-pub(crate) fn and(all: &[String]) -> String {
-    match all.split_last() {
-        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
-        _ => all.concat(),
-    }
+    Some(format!("{what}s {}", listed(&numbers.iter().map(ToString::to_string).collect::<Vec<_>>(), "and")))
 }
 
 /// A text that begins with a small letter.

@@ -76,19 +76,15 @@ fn score_place(model: &Model, data: &Dataset, place: BallPlace) -> Result<Vec<f6
     let mut model = model.clone();
     model.terms.retain(|t| !matches!(t.site, Site::Fixture(_) | Site::Ball { .. }) || !t.basis.is_local());
     model.terms.extend(terms(&model.cell, data, place));
-    let own = |t: &trical_model::Term| t.effect == "place";
+    let own: Vec<usize> = (0..model.terms.len()).filter(|k| model.terms[*k].effect == "place").collect();
     let poses = training_poses(data, true);
     let mut errors = Vec::new();
     for half in [true, false] {
         let trains = |o: &Observation| poses.contains(&o.pose) == half;
         let train = data.filtered(trains);
         let mut fitted = model.clone();
-        initial_guess_of_sessions(&mut fitted, &train)?;
-        for (t, known) in fitted.terms.iter_mut().zip(&model.terms).filter(|(t, _)| !own(t)) {
-            t.value = known.value;
-        }
-        let free = (0..fitted.terms.len()).filter(|k| own(&fitted.terms[*k])).collect();
-        let forward = refit(fitted, free, &train)?;
+        initial_guess_of_sessions(&mut fitted, &train, &own)?;
+        let forward = refit(fitted, own.clone(), &train)?;
         errors.extend(position_errors(&forward, &data.filtered(|o| !trains(o))));
     }
     Ok(errors)

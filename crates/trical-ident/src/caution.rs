@@ -206,9 +206,14 @@ pub fn near_nominal(names: &[&str]) -> Option<String> {
 }
 
 fn numbers(joints: &[usize]) -> String {
-    let all: Vec<String> = joints.iter().map(ToString::to_string).collect();
+    listed(&joints.iter().map(ToString::to_string).collect::<Vec<_>>(), "and")
+}
+
+/// "1, 3 and 4": `word` stands before the last.
+#[must_use]
+pub fn listed(all: &[String], word: &str) -> String {
     match all.split_last() {
-        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        Some((last, before)) if !before.is_empty() => format!("{} {word} {last}", before.join(", ")),
         _ => all.concat(),
     }
 }

@@ -40,24 +40,26 @@ pub fn initial_guess(model: &mut Model, data: &Dataset) -> Result<()> {
     guess(model, data, Vec::new())
 }
 
-/// A start for sessions that a fitted model does not know: by its own arm, and only of what belongs to these sessions.
+/// A start for sessions that a fitted model does not know: by its own arm, and only of the terms `own`, which are to be identified there. What the model
+/// knows stays as it is.
 ///
 /// # Errors
 /// As [`initial_guess`].
-pub(crate) fn initial_guess_of_sessions(model: &mut Model, data: &Dataset) -> Result<()> {
+pub(crate) fn initial_guess_of_sessions(model: &mut Model, data: &Dataset, own: &[usize]) -> Result<()> {
     let mut new = model.clone();
     let arm = model.terms.iter().filter(|t| t.scope() == Scope::Arm).cloned().collect();
     guess(&mut new, data, arm)?;
-    let seen = |frame: usize| data.observations.iter().any(|o| o.frame == frame && o.measured.is_framed());
-    for (f, (to, from)) in model.frames.iter_mut().zip(&new.frames).enumerate() {
-        if seen(f) {
-            *to = *from;
-        }
+    let of_frame = |t: &Term| if let Site::Frame { frame, .. } = t.site { Some(frame - 1) } else { None };
+    let is_new = |f: usize| own.iter().any(|k| of_frame(&model.terms[*k]) == Some(f));
+    let seen = |f: usize| is_new(f) && data.observations.iter().any(|o| o.frame == f && o.measured.is_framed());
+    let seen: Vec<bool> = (0..model.frames.len()).map(seen).collect();
+    for ((to, from), _) in model.frames.iter_mut().zip(&new.frames).zip(&seen).filter(|(_, seen)| **seen) {
+        *to = *from;
     }
     let here = |session: Option<u32>| session.is_some() && data.observations.iter().any(|o| o.state.session == session);
-    for (to, from) in model.terms.iter_mut().zip(&new.terms) {
-        let of_frame = matches!(to.site, Site::Frame { frame, .. } if seen(frame - 1)) && to.basis.is_constant();
-        if of_frame {
+    for k in own {
+        let (to, from) = (&mut model.terms[*k], &new.terms[*k]);
+        if of_frame(to).is_some_and(|f| seen[f]) && to.basis.is_constant() {
             to.value = 0.0;
         } else if here(to.basis.session) && to.scope() == Scope::Setup {
             to.value = from.value;

@@ -498,19 +498,8 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
 
 /// Identifies what belongs to the sessions that are refitted (of lengths the base), everything else of the model kept.
 fn refitted(mut model: Model, train: &Dataset, places: &[Place]) -> Result<Model> {
-    let known = model.clone();
-    initial_guess_of_sessions(&mut model, train)?;
-    // where the model's own frames stand it knows better
-    let is_new = |frame: usize| places.iter().any(|p| p.frame == Some((frame, true)));
-    for (_, (pose, known)) in model.frames.iter_mut().zip(&known.frames).enumerate().filter(|(f, _)| !is_new(*f)) {
-        *pose = *known;
-    }
-    for (t, known) in model.terms.iter_mut().zip(&known.terms) {
-        if matches!(t.site, Site::Frame { frame, .. } if !is_new(frame - 1)) {
-            t.value = known.value;
-        }
-    }
     let free = own_terms(&model, train, places);
+    initial_guess_of_sessions(&mut model, train, &free)?;
     Ok(refit(model, free, train)?.into_model())
 }
 

@@ -3,6 +3,7 @@
 
 use nalgebra::{Vector3, Vector6};
 use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, verdict};
+use trical_ident::caution::listed;
 use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Variable};
 
@@ -55,10 +56,7 @@ fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     let more = others.len().saturating_sub(RIVALS);
     others.truncate(RIVALS);
     others.extend((more > 0).then(|| format!("{more} more")));
-    match others.split_last() {
-        Some((last, first)) if !first.is_empty() => format!("{} or {last}", first.join(", ")),
-        _ => others.concat(),
-    }
+    listed(&others, "or")
 }
 
 /// What the whole model does to the error (mm rms) at poses that the fit did not see.

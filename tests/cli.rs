@@ -409,7 +409,7 @@ fn wrong_input_is_noticed() {
     place.write("short.csv", text.replacen("q1_deg", "q1", 1));
     place.refuses(
         &identify("short.csv"),
-        &["no unit is said by column 'q1' (q1_deg?)", "line of units below the header"],
+        &["no unit in the name of column 'q1' (q1_deg?)", "line of units below the header"],
     );
     // measurements are written one by one, in a format for that
     let measure = "measure --guided --out z.csv --gauge line:///dev/null --controller rapid://127.0.0.1:1";

@@ -66,7 +66,7 @@ class Reported:
         the result was computed. Raises TricalError.
         """
         if self._made is None:
-            raise TricalError("this result was pickled or built by hand: its report is to be written where it was made")
+            raise TricalError("this result was pickled or built by hand: write its report where it was made")
         self._made.told.write(path, self._made.call, self._made.inputs)
 
     def _told(self) -> Told:

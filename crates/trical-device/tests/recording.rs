@@ -229,7 +229,7 @@ fn a_run_that_was_broken_off_is_taken_up_with_nothing_lost_or_doubled() {
     assert_eq!(read.attachments.len(), 2);
     assert!(read.recording.rows.windows(2).all(|pair| pair[0].state.t < pair[1].state.t));
     let note = &read.metadata["trical.resumed.1"]["recovered"];
-    assert!(note.contains("not whole") && note.contains("messages were recovered"), "{note}");
+    assert!(note.contains("damaged or incomplete") && note.contains("messages were recovered"), "{note}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
 
     // taking up a whole recording changes nothing that counts

@@ -254,7 +254,7 @@ fn with_explanations(mut model: Model, data: &Dataset, old: &Uncertainty) -> (Mo
         let base =
             |motions: &[Motion]| motions.iter().map(|m| (format!("base {}", m.name()), Site::Base(*m))).collect();
         add(&mut model, "base".into(), Scope::Setup, base(&Motion::ALL[..3]));
-        add(&mut model, "base (turned too)".into(), Scope::Setup, base(&Motion::ALL));
+        add(&mut model, "base (place and direction)".into(), Scope::Setup, base(&Motion::ALL));
     }
     if data.observations.len() <= FEW {
         out.extend(data.observations.iter().enumerate().map(|(row, o)| Explanation {

@@ -267,10 +267,10 @@ impl Scan {
         self.problems.push((at, what.into()));
     }
 
-    /// Lists a target with a number (in the text here) of which nobody knows the value.
+    /// Lists a target with a number (in the text here) whose value nobody knows.
     pub fn unread(&mut self, number: Span, bytes: &[u8]) {
         let text = String::from_utf8_lossy(number.text(bytes));
-        let what = format!("holds '{}', of which only the running program knows the value", text.trim());
+        let what = format!("holds '{}', whose value only the running program knows", text.trim());
         self.problem(number.at as usize, what);
     }
 

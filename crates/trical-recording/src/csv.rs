@@ -95,11 +95,11 @@ impl Reader<'_> {
                 return Err(self.wrong_header(format!("found numbers, expected names of columns; known are {known}")));
             }
             if self.header.iter().any(|n| n == "a1_deg") && self.header.iter().any(|n| n == "via") {
-                return Err(self.wrong_header("is that of a plan of touches, expected a recording of them"));
+                return Err(self.wrong_header("is that of a plan of touches, expected that of a recording"));
             }
             if unknown.iter().all(|told| told.ends_with("?)")) {
                 return Err(self.wrong_header(format!(
-                    "no unit is said by column{s} {}; expected it in each name (deg or rad, mm or m), or in a line of units below the header",
+                    "no unit in the name of column{s} {}; expected one in each name (deg or rad, mm or m), or a line of units below the header",
                     unknown.join(", ")
                 )));
             }

@@ -67,7 +67,7 @@ fn a_damaged_recording_is_refused_unless_a_part_will_do() {
     let last = bytes.windows(7).rposition(|w| w == b"\"seq\":4").unwrap();
     std::fs::write(&path, &bytes[..last]).unwrap();
     let Err(RecordError::Damaged { lost, complete: 3 }) = open(&path, None) else { panic!("not refused") };
-    assert!(lost.contains("rail.mcap: the recording is not whole"), "{lost}");
+    assert!(lost.contains("rail.mcap: the recording is damaged or incomplete"), "{lost}");
     let (part, said) = open_damaged(&path, None).unwrap();
     assert_eq!((part.rows.len(), said), (3, Some(lost)));
 }

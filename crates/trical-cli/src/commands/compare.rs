@@ -105,7 +105,7 @@ fn print(c: &Comparison) -> Result<()> {
         let of = unseen.join(" or ");
         let _ = write!(
             line,
-            " A change of {of} would not be found, however large: what is fitted to each session anew takes it up."
+            " A change of {of} would not be found, however large: each session's own fit (frame, tool, balls) absorbs it."
         );
     }
     say_lines(table::wrapped(&line, 108, "  "))?;

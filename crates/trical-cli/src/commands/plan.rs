@@ -68,7 +68,7 @@ pub struct Args {
     /// whole workspace
     #[arg(long, value_name = "N")]
     points: Option<usize>,
-    /// With --points: where a tracker stands in {w}; the tool's --facing-axis points at it
+    /// With --points: where a tracker stands in the world frame {w}; the tool's --facing-axis points at it
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, requires = "points")]
     facing_mm: Vec<f64>,
     /// With --facing-mm: which direction of the tool, in its own axes, carries the reflector
@@ -90,7 +90,7 @@ pub struct Args {
     /// What the touches are optimized for
     #[arg(long, value_enum, ignore_case = true, default_value_t = Best::D)]
     criterion: Best,
-    /// Where the arm is to be accurate: a sphere in {w}; without it, 200 mm about a point 100 mm above the balls
+    /// Where the arm is to be accurate: a sphere in the world frame {w}; without it, 200 mm about a point 100 mm above the balls
     #[arg(long, value_name = "X,Y,Z,RADIUS", value_delimiter = ',', allow_hyphen_values = true)]
     sphere_mm: Vec<f64>,
     /// Largest angle between the device's z axis and straight down

@@ -58,8 +58,8 @@ impl Compensator<'_> {
         let before = apart(&arm.model.world_from_tool(&state, model_ws), &wanted);
         if before.0 > MOST_WAY || before.1 > MOST_TURN {
             return Err(format!(
-                "the model has the tool {:.1} mm and {:.1} deg off: that is no correction; if the cell's base was only guessed, --own-base \
-                 leaves it out; if its tool was, name the program's own (--tool NAME, --frames FILE)",
+                "the model has the tool {:.1} mm and {:.1} deg off: that is too much for a correction. If the cell's base was only guessed, --own-base \
+                 leaves it out; if the tool was guessed, name the program's own (--tool NAME, --frames FILE)",
                 before.0 * 1e3,
                 before.1.to_degrees()
             ));

@@ -290,7 +290,7 @@ impl Compensator<'_> {
             all.iter().filter_map(|s| Some((self.branches.mismatch(demanded, &s.joints)?, s))).min_by_key(|x| x.0);
         best.map(|(_, s)| s.joints).ok_or_else(|| {
             format!(
-                "no solution has the configuration that the text demands ({}); --any-configuration takes the one nearest to the target before",
+                "no solution has the configuration that the program demands ({}); --any-configuration takes the solution nearest to the previous target",
                 match demanded {
                     Configuration::Abb([a, b, c, d]) => format!("[{a},{b},{c},{d}]"),
                     Configuration::Kuka { t: Some(t), .. } => format!("T {t}"),

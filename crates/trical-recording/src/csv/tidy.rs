@@ -408,7 +408,7 @@ mod tests {
         let other = format!("t_s,q1_deg,q2_deg,x_mm,y_mm,z_mm\ns,rad,rad,mm,mm,mm\n{rows}");
         assert!(says(&other).contains("line 2, column q1_deg: found 'rad'"), "{}", says(&other));
         let none = format!("t,q1,q2,x,y,z\n{rows}");
-        assert!(says(&none).contains("no unit is said by columns 't' (t_s?), 'q1' (q1_deg?)"), "{}", says(&none));
+        assert!(says(&none).contains("no unit in the name of columns 't' (t_s?), 'q1' (q1_deg?)"), "{}", says(&none));
     }
 
     #[test]

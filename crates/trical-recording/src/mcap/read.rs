@@ -79,7 +79,7 @@ fn not_mcap(path: &Path, bytes: &[u8]) -> RecordError {
 fn lost(path: &Path, raw: &RawFile) -> Option<String> {
     (!raw.losses.is_empty()).then(|| {
         format!(
-            "{}: the recording is not whole ({}); {} messages were recovered",
+            "{}: the recording is damaged or incomplete ({}); {} messages were recovered",
             path.display(),
             raw.losses.join("; "),
             raw.messages.len()

@@ -175,7 +175,7 @@ pub(super) fn walk_pieces<E>(
             }
         }
         if let Some(loss) = file.losses.first() {
-            return Err(unreadable(format!("the recording is not whole ({loss})")));
+            return Err(unreadable(format!("the recording is damaged or incomplete ({loss})")));
         }
         for message in file.messages.drain(..) {
             each(&file.channels, message)?;

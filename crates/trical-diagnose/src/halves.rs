@@ -10,7 +10,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::folds::Folds;
 use trical_ident::noise::Noise;
-use trical_model::Term;
+use trical_model::{Term, residual_rows};
 
 use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
@@ -37,6 +37,10 @@ impl Halves {
         folds.poses().iter().for_each(|pose| sizes[folds.block_of(*pose)] += 1);
         let one = |half: &Vec<bool>| {
             let part = data.filtered(|o| half[folds.block_of(o.pose)]);
+            let rows: usize = part.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+            if rows < fitted.parameters {
+                return Ok(None);
+            }
             let design = Design::weighted(fitted, candidates, &[], &part, noise, CorrelatedNoise::WHITE)?;
             if (design.rows as f64) < HALF_ROWS * design.parameters {
                 return Ok(None);
@@ -105,11 +109,15 @@ fn halves(sizes: &[usize]) -> Vec<Vec<bool>> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_ident::{Choice, ParameterSet, identify};
     use trical_model::{Basis, Place, Site};
 
     use super::*;
     use crate::candidate::anything;
     use crate::effect_id::{Cause, EffectId};
+    use crate::test_data::with_joint_2;
 
     fn candidate(cause: Cause, joint: usize, value: f64) -> Candidate {
         let mut term = Term::new(format!("of_{joint}"), cause.name(), Site::Joint { joint }, Basis::CONSTANT);
@@ -142,6 +150,15 @@ mod tests {
         ])
         .found(&[&own], &own.terms);
         assert_eq!(found, Replicated { parts: 6, agree: 1, family: 3, place: 4 });
+    }
+
+    #[test]
+    fn a_half_with_fewer_rows_than_parameters_is_not_searched() {
+        let (truth, data) = with_joint_2(&[]);
+        let data = data.filtered(|o| o.pose < 16);
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let halves = Halves::search(Fitted::all(&fitted.model), &[], &data, &fitted.noise, 1.0).unwrap();
+        assert_eq!(halves.0.len(), 0);
     }
 
     #[test]

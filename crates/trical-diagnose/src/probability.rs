@@ -9,6 +9,8 @@
 //! *Replication.* Halves of the poses are searched by themselves (`halves`): a name that was chosen because of how the whole recording
 //! happened to be searched is not found in them.
 //!
+//! *Twins.* What two places explain alike has the probability that one of the two would have, divided among them.
+//!
 //! *Recalibration.* Both, with how much of the error the finding takes, go into one logistic curve whose coefficients were learnt on drawn
 //! cases and on real recordings with known additions (`proof/`), never on the case at hand.
 
@@ -16,7 +18,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 
-use crate::settings::{BOOTSTRAP_DRAWS, LARGEST_CONFIDENCE, RECALIBRATION};
+use crate::settings::{BOOTSTRAP_DRAWS, LARGEST_CONFIDENCE, RECALIBRATION, TWIN_NATS};
 
 /// What could stand in the place of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +54,8 @@ pub struct Shares {
     pub family: f64,
     /// And it is this effect.
     pub effect: f64,
+    /// The part of all three that belongs to other places, which the data cannot tell from this one.
+    pub twins: f64,
 }
 
 /// Shares of the alternatives by pseudo-BMA+ over blocks.
@@ -77,13 +81,24 @@ pub fn shares(alternatives: &[Alternative]) -> Shares {
     }
     let draws = BOOTSTRAP_DRAWS as f64;
     let of = |says: &[Says]| -> f64 {
-        alternatives.iter().zip(&mean).filter(|(a, _)| says.contains(&a.says)).map(|(_, m)| m / draws).sum()
+        let said = |a: &Alternative| says.contains(&a.says) || is_twin(a, &alternatives[0]);
+        alternatives.iter().zip(&mean).filter(|(a, _)| said(a)).map(|(_, m)| m / draws).sum()
     };
+    let twins: f64 = alternatives.iter().zip(&mean).filter(|(a, _)| is_twin(a, &alternatives[0])).map(|(_, m)| m).sum();
+    let own = mean.first().copied().unwrap_or(0.0);
     Shares {
         place: of(&[Says::Same, Says::Family, Says::Place]),
         family: of(&[Says::Same, Says::Family]),
         effect: of(&[Says::Same]),
+        twins: if twins > 0.0 { twins / (own + twins) } else { 0.0 },
     }
+}
+
+/// Whether an alternative elsewhere predicts what the finding predicts: halves, which take one of the two by chance, do not tell them
+/// apart either.
+fn is_twin(a: &Alternative, finding: &Alternative) -> bool {
+    let sum = |a: &Alternative| a.log_prior + a.scores.iter().sum::<f64>();
+    a.says == Says::Elsewhere && (sum(a) - sum(finding)).abs() < TWIN_NATS
 }
 
 /// What halves of the data say, each searched by itself: none where there are few rows beside the parameters.
@@ -127,11 +142,12 @@ pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), findings: us
 /// All three, none larger than the one before it; `findings` is how many the recording has.
 #[must_use]
 pub fn probabilities(shares: &Shares, found: &Replicated, findings: usize) -> Shares {
-    let of = |evidence, some, curve| recalibrated(evidence, (some, found.parts), findings, curve);
+    let of =
+        |evidence, some, curve| (1.0 - shares.twins) * recalibrated(evidence, (some, found.parts), findings, curve);
     let place = of(shares.place, found.place, &RECALIBRATION[0]);
     let family = of(shares.family, found.family, &RECALIBRATION[1]).min(place);
     let effect = of(shares.effect, found.agree, &RECALIBRATION[2]).min(family);
-    Shares { place, family, effect }
+    Shares { place, family, effect, ..*shares }
 }
 
 #[cfg(test)]
@@ -163,15 +179,29 @@ mod tests {
     }
 
     #[test]
+    fn places_that_say_the_same_have_the_probability_of_one_divided_among_them() {
+        let r = Replicated { parts: 8, agree: 8, family: 8, place: 8 };
+        let of = |elsewhere: &[f64]| {
+            let others = elsewhere.iter().map(|s| alternative(Says::Elsewhere, vec![*s; 30]));
+            let nothing = [alternative(Says::Same, vec![1.0; 30]), alternative(Says::Nothing, vec![-1.0; 30])];
+            probabilities(&shares(&nothing.into_iter().chain(others).collect::<Vec<_>>()), &r, 3).effect
+        };
+        let one = of(&[]);
+        assert!((of(&[1.0, 1.0]) - one / 3.0).abs() < 1e-3 && one > 0.9, "{one} {}", of(&[1.0, 1.0]));
+        // of one that predicts worse the halves tell it
+        assert!((of(&[0.9]) - one).abs() < 0.05, "{}", of(&[0.9]));
+    }
+
+    #[test]
     fn probabilities_fall_from_place_to_effect() {
         let r = Replicated { parts: 8, agree: 8, family: 8, place: 8 };
-        let p = probabilities(&Shares { place: 0.9, family: 0.95, effect: 0.99 }, &r, 3);
+        let p = probabilities(&Shares { place: 0.9, family: 0.95, effect: 0.99, twins: 0.0 }, &r, 3);
         assert!(p.place >= p.family && p.family >= p.effect);
     }
 
     #[test]
     fn what_halves_do_not_find_is_less_probable_and_the_less_the_more_there_is() {
-        let shares = Shares { place: 0.95, family: 0.95, effect: 0.95 };
+        let shares = Shares { place: 0.95, family: 0.95, effect: 0.95, twins: 0.0 };
         let of = |agree, findings| {
             probabilities(&shares, &Replicated { parts: 8, agree, family: 8, place: 8 }, findings).effect
         };

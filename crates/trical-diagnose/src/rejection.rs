@@ -2,14 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use trical_ident::dataset::{Dataset, Rejected};
+use trical_ident::dataset::{Dataset, Observation, Rejected};
 use trical_ident::error::Result;
 use trical_ident::fit::{position_errors, weighted_residuals};
 use trical_ident::gross::{right_ball, wrong_ball};
 use trical_ident::identify::Identified;
+use trical_ident::noise::Noise;
 use trical_model::{Forward, Measured};
 
-use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, REPEATS_BY_CHANCE};
+use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, OUTLIERS, REPEATS_BY_CHANCE};
 
 /// Leaves out readings that repeat the one before to the last digit although the arm moved: the gauge kept its old value.
 #[must_use]
@@ -87,8 +88,19 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
         .filter(|(_, length)| *length > OUTLIER_SIGMAS)
         .collect();
     far.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let most = ((all.observations.len() as f64 * OUTLIER_SHARE).ceil() as usize).max(4);
-    far.truncate(most);
+    // of each session a small share: what was measured on another day need not go with the others yet
+    let mut left: Vec<usize> = vec![0; all.names.len()];
+    all.observations.iter().for_each(|o| left[o.recording] += 1);
+    left.iter_mut().for_each(|rows| {
+        let share = (*rows as f64 * OUTLIER_SHARE).ceil() as usize;
+        *rows = share.max(OUTLIERS.min(*rows / OUTLIERS));
+    });
+    far.retain(|(k, _)| {
+        let left = &mut left[all.observations[*k].recording];
+        let goes = *left > 0;
+        *left = left.saturating_sub(1);
+        goes
+    });
     let errors = position_errors(&forward, all);
     let mut ws = forward.workspace();
     let mut out = all.clone();
@@ -99,7 +111,11 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
             line: o.line,
             row: o.row,
             reason: wrong_ball(
-                format!("is {:.3} mm off, {length:.0} times the scatter of the others: an outlier", errors[*k] * 1e3),
+                format!(
+                    "is {:.3} mm{} off, {length:.0} times the scatter of the others: an outlier",
+                    errors[*k] * 1e3,
+                    turned(&residuals[*k].0, o, &noise)
+                ),
                 right_ball(&forward, &noise, o, &mut ws),
             ),
         });
@@ -110,10 +126,20 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
     Ok(out)
 }
 
+/// By how much a pose's orientation is off, in words: " and 0.120 deg".
+fn turned(weighted: &[f64; 6], o: &Observation, noise: &Noise) -> String {
+    let Measured::Pose { .. } = o.measured else { return String::new() };
+    let squares = (3..6).map(|row| (weighted[row] * noise.sigma(o.recording, &o.measured, row)).powi(2));
+    format!(" and {:.3} deg", squares.sum::<f64>().sqrt().to_degrees())
+}
+
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::*;
-    use crate::test_data::touches;
+    use crate::test_data::{touches, with_joint_2};
+    use trical_ident::{ParameterSet, identify};
     use trical_model::State;
 
     fn of(readings: &[[f64; 3]]) -> Dataset {
@@ -128,6 +154,24 @@ mod tests {
         assert!((expected_repeats(&x_twice) - 4.0 / 6.0 * 1.0 / 6.0).abs() < 1e-12);
         let all_differ = of(&[[1e-4; 3], [2e-4; 3], [3e-4; 3]]);
         assert_eq!(expected_repeats(&all_differ), 0.0);
+    }
+
+    #[test]
+    fn of_each_session_few_rows_are_outliers_however_many_there_are_of_another() {
+        let (truth, data) = with_joint_2(&[]);
+        let fitted = identify(&truth.robot, &truth.cell, &data, ParameterSet::Compliance).unwrap();
+        // twelve rows more, of another day, of which five are far off
+        let mut two = data.clone();
+        two.names.push("b".into());
+        for (k, mut o) in data.observations.iter().take(12).cloned().enumerate() {
+            if let Measured::Touch { reading, .. } = &mut o.measured {
+                reading[0] += if k < 5 { 1e-3 } else { 0.0 };
+            }
+            (o.recording, o.row) = (1, 200 + k);
+            two.observations.push(o);
+        }
+        let kept = without_outliers(&Identified { noise: Noise::usual(2), ..fitted }, &two).unwrap();
+        assert_eq!(kept.rejected.len(), 3, "a quarter: {:?}", kept.rejected);
     }
 
     #[test]

@@ -192,9 +192,9 @@ impl Rounds {
             checkpoint()?;
             self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
-            let before = (self.chosen.clone(), self.correlation, self.touch_sigma());
+            let before = (self.chosen.clone(), self.correlation);
             let among_all = self.idle.is_empty();
-            let idle = self.choose(rounds.is_empty())?;
+            let idle = self.choose(rounds.is_empty(), among_all)?;
             if among_all {
                 self.last_idle.clone_from(&idle);
             }
@@ -216,7 +216,8 @@ impl Rounds {
             let new = self.round();
             let been_there = rounds.iter().any(|r| r.is_as(&new, &self.candidates));
             let least = if among_all { SETTLED_SHARE } else { SETTLED_AMONG_FEW };
-            let same_noise = !rounds.is_empty() && self.touch_sigma() > before.2 * (1.0 - least);
+            let best = rounds.iter().map(|r| touch_sigma(&r.fitted)).fold(f64::INFINITY, f64::min);
+            let same_noise = self.touch_sigma() > best * (1.0 - least);
             rounds.push(new);
             match (been_there || same_noise, among_all) {
                 (true, true) => break,
@@ -351,22 +352,26 @@ impl Rounds {
     }
 
     /// Chooses what explains the residuals: effects beside white noise, or fewer beside correlated noise. A slow effect that is not
-    /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are.
+    /// modelled looks like such noise, and such noise like slow effects, whichever is asked first; at `first` both are, from nothing on, and
+    /// `among_all` candidates white noise is asked once more.
     /// Returns candidates that are far from being of use beside what was chosen.
-    fn choose(&mut self, first: bool) -> Result<Vec<usize>> {
+    fn choose(&mut self, first: bool, among_all: bool) -> Result<Vec<usize>> {
         let mut design = self.design(&self.searched(), &[], self.correlation)?;
         let mut best = self.explanation(&mut design, self.correlation, &self.chosen)?;
-        if first {
-            let (bare, _) = self.noise_beside(&[])?;
-            for start in [CorrelatedNoise::WHITE, bare] {
-                if best.tried.contains(&start) {
-                    continue;
-                }
-                let other = self.explanation(&mut design, start, &[])?;
-                best.tried.extend(&other.tried);
-                if other.nats > best.nats {
-                    best = Explanation { tried: best.tried, ..other };
-                }
+        let starts = match (first, among_all) {
+            (true, _) => vec![(CorrelatedNoise::WHITE, Vec::new()), (self.noise_beside(&[])?.0, Vec::new())],
+            // beside what was found since, less may look like such noise
+            (false, true) => vec![(CorrelatedNoise::WHITE, best.chosen.clone())],
+            (false, false) => Vec::new(),
+        };
+        for (start, initial) in starts {
+            if best.tried.contains(&start) {
+                continue;
+            }
+            let other = self.explanation(&mut design, start, &initial)?;
+            best.tried.extend(&other.tried);
+            if other.nats > best.nats {
+                best = Explanation { tried: best.tried, ..other };
             }
         }
         design.set_noise(best.correlation, &self.kept);

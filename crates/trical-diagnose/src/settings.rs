@@ -33,8 +33,11 @@ pub const NULLED_WITHIN_M: f64 = 1e-3;
 /// Robust standard deviations beyond which a measurement is an outlier of a fitted model.
 pub const OUTLIER_SIGMAS: f64 = 6.0;
 
-/// More than this share of a data set (or four rows of a small one) are no outliers but something that the model lacks.
+/// More than this share of a session are no outliers but something that the model lacks.
 pub const OUTLIER_SHARE: f64 = 0.03;
+
+/// The same of a small session: so many rows, and no more than one in so many.
+pub const OUTLIERS: usize = 4;
 
 /// Repeats that would happen by chance less often than this in the whole data set are stale.
 pub const REPEATS_BY_CHANCE: f64 = 0.02;
@@ -194,8 +197,8 @@ pub const MOST_ROUNDS: usize = 10;
 /// by less where effects are small beside the arm.
 pub const IDLE_NATS: f64 = 10.0;
 
-/// A round after the first that takes a smaller share than this off the standard deviation of the residuals is the last: an effect that 150
-/// touches show at three standard deviations takes 1 %.
+/// A round that takes a smaller share than this off the standard deviation of the residuals that any round before it left is the last: an effect
+/// that 150 touches show at three standard deviations takes 1 %.
 pub const SETTLED_SHARE: f64 = 0.002;
 
 /// The same of a round among few candidates: one among all follows it.
@@ -262,6 +265,9 @@ pub const HARMS_ERRORS: f64 = 2.0;
 /// ones 18.
 pub const RECALIBRATION: [[f64; 5]; 3] =
     [[0.64, 0.40, 0.30, -0.84, 1.45], [0.94, 0.36, 0.50, -0.99, 0.93], [0.70, 0.33, 0.38, -0.75, 0.76]];
+
+/// Two whose scores of all blocks differ by less, nats, predict the same.
+pub const TWIN_NATS: f64 = 1.0;
 
 /// Rivals of a finding that are told at most.
 pub const MOST_RIVALS: usize = 8;

@@ -73,7 +73,7 @@ enum Level {
 }
 
 fn level(f: &Finding) -> (Level, f64) {
-    if f.confidence >= LIKELY {
+    if f.is_likely() {
         (Level::Effect, f.confidence)
     } else if f.family_confidence >= LIKELY {
         (Level::Family, f.family_confidence)
@@ -150,7 +150,7 @@ pub fn title_of(identifier: &str) -> String {
 #[must_use]
 pub fn heading(f: &Finding) -> String {
     let name = named(f.effect, f.site) + &f.session.map_or_else(String::new, |s| format!(" in session {s}"));
-    if f.confidence >= LIKELY { name } else { format!("Perhaps {}", small(&name)) }
+    if f.is_likely() { name } else { format!("Perhaps {}", small(&name)) }
 }
 
 /// A finding in a plain sentence, at the finest level that is more likely right than not.
@@ -324,10 +324,15 @@ fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictR
     let (text, less_sure) = claim(f, &step.places);
     let rival = f.rivals.iter().find(|r| r.effect != f.effect);
     let rival = rival.filter(|_| said_at == Level::Effect && f.confidence < RIVAL_TOLD_BELOW);
+    let elsewhere: Vec<Place> = f.rivals.iter().filter(|r| r.effect == f.effect).map(|r| r.site).collect();
+    let instead = || match at(&elsewhere, "") {
+        places if places.is_empty() || step.places.len() > 1 || f.confidence >= RIVAL_TOLD_BELOW => None,
+        places => Some(format!("or{places}")),
+    };
     VerdictRow {
         kind: RowKind::Finding,
         text: capital(&text),
-        perhaps: less_sure.or_else(|| rival.map(|r| format!("or {}", r.effect.effect().title))),
+        perhaps: less_sure.or_else(instead).or_else(|| rival.map(|r| format!("or {}", r.effect.effect().title))),
         confidence: step.confidence,
         before_mm,
         after_mm,
@@ -360,7 +365,8 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
         (false, 1) => format!("Smaller ones together: {}; 1 more finding", said.join(", ")),
         (false, n) => format!("Smaller ones together: {}; {n} more findings", said.join(", ")),
     };
-    VerdictRow { findings, ..plain_row(RowKind::Rest, text, errors) }
+    let corrected = rows.iter().any(|r| r.corrected);
+    VerdictRow { findings, corrected, ..plain_row(RowKind::Rest, text, errors) }
 }
 
 /// The table. `models` has the number of parameters and the error at unseen poses (mm rms) of the plain and of the whole model.
@@ -415,6 +421,20 @@ fn rows(
     rows
 }
 
+impl Finding {
+    /// Whether its name is likelier right than not.
+    #[must_use]
+    pub fn is_likely(&self) -> bool {
+        self.confidence >= LIKELY
+    }
+
+    /// Whether its name is told however little it takes off the error.
+    #[must_use]
+    pub fn is_sure(&self) -> bool {
+        self.confidence >= NAMED_IN_REST
+    }
+}
+
 impl VerdictRow {
     /// How probable the row is: "99 %", "75 to 99 %"; `None` where it claims nothing.
     #[must_use]
@@ -451,7 +471,7 @@ impl Verdict {
 /// at unseen poses (mm rms) of the plain and of the whole model.
 #[must_use]
 pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f64); 2], given: Given<'_>) -> Verdict {
-    let named = |f: &&Finding| f.confidence >= LIKELY;
+    let named = |f: &&Finding| f.is_likely();
     let share: f64 = findings.iter().filter(named).map(|f| f.share).sum();
     let told: Vec<&Finding> = findings.iter().filter(named).filter(|f| f.share >= SMALL_SHARE).collect();
     let mut sentences: Vec<String> = told.iter().map(|f| f.summary.clone()).collect();

@@ -1,6 +1,6 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Basis, JointKind, Measured, Model, Motion, Robot, Site, Variable};
+use trical_model::{Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -9,6 +9,9 @@ use crate::identifiability::{Elasticity, NEAR_PARALLEL};
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
 const FAR: f64 = 0.1;
 const TURNED: f64 = 0.35;
+
+/// Lengths of an arm that come out farther from its robot file are another arm's, m.
+const ANOTHER_ARM: f64 = 0.02;
 
 /// No identified arm is off by so much on average, mm and deg.
 const NO_ARM_MM: f64 = 5.0;
@@ -102,6 +105,17 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
              and the signs of the indicators right?",
             shift * 1e3,
             turn.to_degrees()
+        ));
+    }
+    let length = |t: &&Term| matches!(t.site, Site::Link { parameter: Parameter::A | Parameter::D, .. });
+    let lengths = model.terms.iter().filter(|t| t.basis == Basis::CONSTANT).filter(length);
+    if let Some(t) =
+        lengths.max_by(|a, b| a.value.abs().total_cmp(&b.value.abs())).filter(|t| t.value.abs() > ANOTHER_ARM)
+    {
+        out.push(format!(
+            "{} comes out {:.0} mm from what the robot file has: is it the file of this arm, and are places in mm and joints in deg?",
+            t.name,
+            t.value.abs() * 1e3
         ));
     }
     if (rows as f64) < FEW * parameters as f64 {
@@ -287,5 +301,11 @@ mod tests {
         model.terms[0].value = 0.303;
         assert!(cautions(&model, 135, 31)[0].contains("303 mm"));
         assert!(cautions(&model, 36, 31)[1].contains("36 numbers"));
+        // a recording in inches
+        let length = Site::Link { link: 2, parameter: Parameter::A };
+        model.terms[0] = Term { value: -0.259, ..Term::new("a_2", "geometry", length, Basis::CONSTANT) };
+        assert!(cautions(&model, 135, 31)[0].starts_with("a_2 comes out 259 mm from what the robot file has"));
+        model.terms[0].value = 0.015;
+        assert!(cautions(&model, 135, 31).is_empty());
     }
 }

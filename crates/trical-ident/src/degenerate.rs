@@ -49,8 +49,11 @@ pub fn check_values(robot: &Robot, data: &Dataset) -> Result<()> {
     Ok(())
 }
 
-/// Places spread so many times less than the arm moved are in m where mm are expected (1000, and some room).
-const METRES: std::ops::Range<f64> = 300.0..3000.0;
+/// Places that spread so many times less than the arm moved are in these units where mm are expected (with some room).
+const UNITS: [(&str, std::ops::Range<f64>); 3] = [("m", 300.0..3000.0), ("inches", 23.0..28.0), ("cm", 9.0..11.0)];
+
+/// An arm that moved less, m, is compared with no unit: its tool may be elsewhere than the cell file has it.
+const MOVED: f64 = 0.1;
 
 /// Joints that all stay below 2 pi "deg" while places spread so many times more than the arm moved are in rad (57.3, and some room).
 const RADIANS: f64 = 15.0;
@@ -82,13 +85,14 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
             Err(IdentError::Recording { file: name.clone(), place: place.to_owned(), problem })
         };
         let is_point = |o: &&Observation| !matches!(o.measured, Measured::Touch { .. });
-        if METRES.contains(&(moved / measured))
+        let unit = UNITS.iter().find(|(_, less)| moved > MOVED && less.contains(&(moved / measured)));
+        if let Some((unit, _)) = unit
             && data.observations.iter().filter(|o| o.recording == k).all(|o| is_point(&o))
         {
             return error(
                 "columns x_mm, y_mm, z_mm",
                 format!(
-                    "the points spread over {:.3} mm, but the arm moved over {:.0} mm; expected mm, found what looks like m",
+                    "the points spread over {:.3} mm, but the arm moved over {:.0} mm; expected mm, found what looks like {unit}",
                     measured * 1e3,
                     moved * 1e3
                 ),
@@ -105,11 +109,13 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
                 ),
             );
         }
-        if quaternions_from_x(&forward, data, k) {
+        if let Some(read) = quaternions_otherwise(&forward, data, k) {
             return error(
                 "columns qw, qx, qy, qz",
-                "the orientations follow the arm only if each quaternion is read as x, y, z, w; expected w, x, y, z"
-                    .to_owned(),
+                format!(
+                    "the orientations follow the arm only if each quaternion is read as {read}; expected w, x, y, z of the turn of the tool \
+                     in the measuring frame"
+                ),
             );
         }
     }
@@ -120,9 +126,13 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
 const ALIKE: f64 = 0.1;
 const UNLIKE: f64 = 0.35;
 
-/// Whether the orientations of a recording follow the arm only with the last number of each quaternion put first. What they turn from one pose
-/// to the next is compared, so that tool and measuring frame do not matter; the size of a turn is the same in both orders, its axis is not.
-fn quaternions_from_x(forward: &Forward, data: &Dataset, recording: usize) -> bool {
+/// A quaternion w, x, y, z from the four numbers of a row.
+type Read = fn([f64; 4]) -> [f64; 4];
+
+/// How the quaternions of a recording have to be read for its orientations to follow the arm, if it is not as they stand: with the last number
+/// put first, or as the opposite turn (of the measuring frame in the tool). What they turn from one pose to the next is compared, so that tool
+/// and measuring frame do not matter; the size of a turn is the same each way, its axis is not.
+fn quaternions_otherwise(forward: &Forward, data: &Dataset, recording: usize) -> Option<String> {
     let mut ws = forward.workspace();
     let mut poses: Vec<(UnitQuaternion<f64>, [f64; 4])> = Vec::new();
     for o in data.observations.iter().filter(|o| o.recording == recording) {
@@ -131,7 +141,7 @@ fn quaternions_from_x(forward: &Forward, data: &Dataset, recording: usize) -> bo
             poses.push((UnitQuaternion::from_matrix(&rotation), quaternion));
         }
     }
-    let off = |read: fn([f64; 4]) -> [f64; 4]| -> Option<f64> {
+    let off = |read: Read| -> Option<f64> {
         let unit = |q: [f64; 4]| {
             let [w, x, y, z] = read(q);
             UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
@@ -145,9 +155,16 @@ fn quaternions_from_x(forward: &Forward, data: &Dataset, recording: usize) -> bo
         let left: Vec<f64> = pairs.iter().map(|(arm, measured)| (tool * measured - arm).norm()).collect();
         Some(median(&left))
     };
-    let as_it_is = off(|q| q);
-    let from_x = off(|[x, y, z, w]| [w, x, y, z]);
-    as_it_is.zip(from_x).is_some_and(|(a, b)| a > UNLIKE && b < ALIKE)
+    let read: [(&str, Read); 2] = [
+        ("x, y, z, w", |[x, y, z, w]| [w, x, y, z]),
+        ("the turn of the measuring frame in the tool", |[w, x, y, z]| [w, -x, -y, -z]),
+    ];
+    if off(|q| q)? < UNLIKE {
+        return None;
+    }
+    let fits = read.iter().filter(|(_, read)| off(*read).is_some_and(|left| left < ALIKE));
+    let fits: Vec<&str> = fits.map(|(said, _)| *said).collect();
+    (!fits.is_empty()).then(|| fits.join(", or as "))
 }
 
 /// 2 pi taken for degrees, rad.

@@ -27,6 +27,9 @@ fn kind(measured: &Measured, row: usize) -> Kind {
     }
 }
 
+/// Scalars that the noise of each recording borrows from all that are of their kind, where there are several.
+const BORROWED: f64 = 12.0;
+
 /// Standard deviations, per recording.
 #[derive(Clone, Debug)]
 pub struct Noise {
@@ -70,19 +73,38 @@ impl Noise {
     pub(crate) fn update_from(&mut self, squares: &Squares, parameters: usize) -> Option<f64> {
         let share = (1.0 - parameters as f64 / squares.count()).max(0.1);
         let (mut factor, mut groups) = (1.0, 0);
+        let all = self.of_all(squares);
         for (sigma, sums) in self.sigma.iter_mut().zip(&squares.sums) {
-            for (s, (square, n)) in sigma.iter_mut().zip(sums) {
+            for ((s, (square, n)), (of_all, n_all)) in sigma.iter_mut().zip(sums).zip(&all) {
                 if *n > 0.0 {
                     groups += 1;
                 }
                 if *n >= 6.0 {
                     let before = *s;
+                    // what a fit with much of its own makes of a small session looks exact
+                    let (square, n) = if n_all > n {
+                        (square + BORROWED * of_all / (n_all * *s * *s), n + BORROWED)
+                    } else {
+                        (*square, *n)
+                    };
                     *s = (*s * (square / (n * share)).sqrt()).max(SMALLEST);
                     factor = *s / before;
                 }
             }
         }
         (groups <= 1).then_some(factor)
+    }
+
+    /// Of all recordings, by kind of scalar: sum of squares, SI, and number.
+    fn of_all(&self, squares: &Squares) -> [(f64, f64); 5] {
+        let mut all = [(0.0, 0.0); 5];
+        for (sigma, sums) in self.sigma.iter().zip(&squares.sums) {
+            for (of_all, (s, (square, n))) in all.iter_mut().zip(sigma.iter().zip(sums)) {
+                of_all.0 += square * s * s;
+                of_all.1 += n;
+            }
+        }
+        all
     }
 
     /// Re-estimates each group's standard deviation from the median of its absolute weighted residuals, so that gross
@@ -147,5 +169,29 @@ impl Squares {
     /// Number of scalars.
     pub fn count(&self) -> f64 {
         self.sums.iter().flatten().map(|s| s.1).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_session_that_is_fitted_exactly_has_the_noise_of_the_others_in_part_and_one_alone_its_own() {
+        let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+        let updated = |of: &[(usize, f64)]| {
+            let mut squares = Squares::new(of.len());
+            for (recording, (rows, weighted)) in of.iter().enumerate() {
+                (0..*rows).for_each(|_| squares.add(recording, &touch, &[*weighted; 3]));
+            }
+            let mut noise = Noise::usual(of.len());
+            noise.update_from(&squares, 0);
+            (0..of.len()).map(|recording| noise.sigma(recording, &touch, 0)).collect::<Vec<_>>()
+        };
+        assert_eq!(updated(&[(6, 2.0)]), [2e-5]);
+        let [many, few] = updated(&[(100, 1.0), (6, 0.0)])[..] else { unreachable!() };
+        // 12 of 30 scalars, each with the variance of 300 of 318
+        assert!((few - 1e-5 * (0.4_f64 * 300.0 / 318.0).sqrt()).abs() < 1e-12, "{few}");
+        assert!((many - 1e-5).abs() < 2e-8, "{many}");
     }
 }

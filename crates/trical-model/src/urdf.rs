@@ -88,8 +88,9 @@ impl UrdfPath {
     /// `arm.urdf`, `arm.urdf#base_link:tool0`, `arm.urdf#:tool0`, `arm.xml#tool0`; `None` where the name says it is no URDF.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
-        let named =
-            |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("urdf") || e.eq_ignore_ascii_case("xml"));
+        let named = |p: &Path| {
+            p.extension().is_some_and(|e| ["urdf", "xml", "xacro"].iter().any(|x| e.eq_ignore_ascii_case(x)))
+        };
         if named(path) {
             return Some(Self { path: path.to_owned(), root: None, tip: None });
         }

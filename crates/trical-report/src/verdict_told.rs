@@ -1,6 +1,6 @@
 //! The verdict of a diagnosis in a few lines for a terminal, and as rows for a page.
 
-use trical_diagnose::{Diagnosis, RowKind, VerdictRow};
+use trical_diagnose::{Diagnosis, Finding, RowKind, VerdictRow};
 use trical_ident::identify::ErrorSummary;
 use trical_ident::{JointSource, caution};
 
@@ -43,7 +43,7 @@ pub fn advice(row: &VerdictRow) -> String {
 /// "0.509 -> 0.171", or one number where nothing changes.
 #[must_use]
 pub fn errors(row: &VerdictRow, decimals: usize) -> String {
-    if matches!(row.kind, RowKind::Finding | RowKind::Curves | RowKind::Rest) {
+    if claims_something(row) {
         format!("{:.decimals$} -> {:.decimals$}", row.before_mm, row.after_mm)
     } else if row.kind == RowKind::Unexplained {
         String::new()
@@ -52,12 +52,20 @@ pub fn errors(row: &VerdictRow, decimals: usize) -> String {
     }
 }
 
+fn claims_something(row: &VerdictRow) -> bool {
+    matches!(row.kind, RowKind::Finding | RowKind::Curves | RowKind::Rest)
+}
+
+/// Whether a row sums up findings of which one is sure: it is told, whatever it takes off the error.
+fn names_sure(d: &Diagnosis, row: &VerdictRow) -> bool {
+    row.kind == RowKind::Rest && row.findings.iter().any(|k| d.findings[k - 1].is_sure())
+}
+
 /// Whether a row claims anything: the error of one that models something has to change in what is shown of it.
 #[must_use]
 pub fn shows(row: &VerdictRow, decimals: usize) -> bool {
     let shown = |mm: f64| format!("{mm:.decimals$}");
-    let claims = matches!(row.kind, RowKind::Finding | RowKind::Curves | RowKind::Rest);
-    !claims || shown(row.before_mm) != shown(row.after_mm)
+    !claims_something(row) || shown(row.before_mm) != shown(row.after_mm)
 }
 
 /// Decimals that make the smallest error of a diagnosis readable; one more where a row would show no change otherwise.
@@ -109,7 +117,7 @@ pub fn no_arm(d: &Diagnosis) -> Vec<String> {
 /// What else should make the owner look twice, in one sentence each.
 #[must_use]
 pub fn cautions(d: &Diagnosis) -> Vec<String> {
-    let named = d.findings.iter().any(|f| f.confidence >= 0.5);
+    let named = d.findings.iter().any(Finding::is_likely);
     let much = (!named).then(|| caution::much_left(&d.model.robot, d.after.holdout_rms_mm)).flatten();
     let which = caution::which_target(&d.data, d.model.cell.tool.targets.len());
     let all = much
@@ -152,12 +160,13 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
     let table = |claims: usize, advised: usize| -> Vec<String> {
         let mut rows = d.verdict.shortened(claims);
         let decimals = decimals(d, &rows);
-        rows.retain(|r| shows(r, decimals));
+        rows.retain(|r| shows(r, decimals) || names_sure(d, r));
         if let Some(whole) = rows.last_mut() {
             whole.text += &elsewhere(d).map_or_else(String::new, |e| format!("; {e}"));
-            if !d.findings.is_empty() {
-                whole.text += &format!("; {USES}");
-            }
+        }
+        let corrected = rows.iter().any(|r| r.corrected && claims_something(r));
+        if let Some(whole) = rows.last_mut().filter(|_| corrected) {
+            whole.text += &format!("; {USES}");
         }
         let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
         std::iter::once(head.clone()).chain(each).collect()

@@ -1,6 +1,6 @@
 //! `trical demo`: the whole story on a virtual cell, from an arm that conceals something to a program that goes where it says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use trical_device::session::Settings;
 use trical_device::{ArmPlant, CellOptions, PlanEntry, Session, VirtualCell, open_controller};
 use trical_diagnose::truth::{draw_truth, hidden_in, hide};
-use trical_diagnose::{Coefficient, EffectId, diagnose_recordings, verdict};
+use trical_diagnose::{Coefficient, Diagnosis, EffectId, RowKind, VerdictRow, diagnose_recordings, verdict};
 use trical_ident::{
     Dataset, ErrorSummary, JointSource, ModelFile, ParameterSet, identify, reject_gross_errors, write_whole,
 };
@@ -116,7 +116,13 @@ impl Story<'_> {
     }
 }
 
-fn score(name: &'static str, truth: &Forward, models: [&Forward; 3], poses: Vec<Joints>) -> Scored {
+fn score(
+    name: &'static str,
+    truth: &Forward,
+    models: [&Forward; 3],
+    poses: Vec<Joints>,
+    temp_c: Option<f64>,
+) -> Scored {
     // each pose is reached from the one before it
     let states: Vec<State> = (0..poses.len())
         .map(|k| {
@@ -125,7 +131,7 @@ fn score(name: &'static str, truth: &Forward, models: [&Forward; 3], poses: Vec<
             for (d, (to, from)) in dir.iter_mut().zip(poses[k].iter().zip(&from)) {
                 *d = if to > from { 1 } else { -1 };
             }
-            State { dir: Some(dir), ..State::at(&poses[k]) }
+            State { dir: Some(dir), temp_c, ..State::at(&poses[k]) }
         })
         .collect();
     let place = |f: &Forward| -> Vec<Vector3<f64>> {
@@ -137,13 +143,19 @@ fn score(name: &'static str, truth: &Forward, models: [&Forward; 3], poses: Vec<
     Scored { name, poses, places, errors }
 }
 
-/// The sample program rewritten for `model`, as the controller of the nominal arm reads it.
-fn rewritten(text: &[u8], nominal: &Model, model: &Model) -> Result<(Vec<u8>, Report)> {
-    let options = Options { model_name: "improved.toml".into(), details: true, ..Options::default() };
+/// The sample program rewritten for `model` at a temperature, as the controller of the nominal arm reads it.
+fn rewritten(text: &[u8], nominal: &Model, model: &Model, temp_c: Option<f64>) -> Result<(Vec<u8>, Report)> {
+    let options = Options { model_name: "improved.toml".into(), details: true, temp_c, ..Options::default() };
     let mut out = Vec::new();
     let (name, dialect, frames) = ("sample.mod", Dialect::Rapid, Frames::default());
     let report = compensate(text, name, dialect, nominal, model, &frames, &options, &mut out);
     Ok((out, report.map_err(CliError::failed)?))
+}
+
+/// What the controller's sensor says now, degC.
+fn temperature(cell: &VirtualCell) -> Result<Option<f64>> {
+    let mut controller = open_controller(&cell.controller_url()).map_err(CliError::failed)?;
+    controller.temperature().map_err(CliError::failed)
 }
 
 /// Where the sample program's targets end up on the virtual arm, driven through the controller's socket: errors in m.
@@ -164,6 +176,10 @@ pub fn run(args: &Args) -> Result<()> {
     input::make_folder(out)?;
     let (robot, cell) = (Robot::parse(ROBOT, "robot.toml")?, Cell::parse(CELL, "cell.toml")?);
     let story = Story { args, robot, cell, begin: Instant::now() };
+    // of an earlier demo: should this one fail, they would be taken for its own
+    for name in ["run.mcap", "report.html", "sample.compensated.mod"] {
+        remove(&story.file(name))?;
+    }
     for (name, text) in [("robot.toml", ROBOT), ("cell.toml", CELL), ("sample.mod", PROGRAM)] {
         write_whole(&story.file(name), text.as_bytes())?;
     }
@@ -174,7 +190,7 @@ pub fn run(args: &Args) -> Result<()> {
     let touches = recording.rows.len();
     let models = diagnosed(&story, recording)?;
     let seal = seal_broken(&story, &models)?;
-    let scores = validated(&story, &models)?;
+    let scores = validated(&story, &models, temperature(&running)?)?;
     let driven = program(&story, &running, &models.best)?;
     let made = story.made(&["robot.toml", "cell.toml", "run.mcap", "truth.sealed.toml"]);
     let html = demo_report::render(&models, &seal, &scores, &driven, &told, &made)?;
@@ -202,6 +218,15 @@ pub fn run(args: &Args) -> Result<()> {
         return say(serde_json::to_string_pretty(&value)?);
     }
     Ok(())
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(CliError::Input(format!("{}: cannot be replaced: {e}", path.display())))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// 1. A virtual cell with a true arm, drawn and sealed; whether something is concealed in it.
@@ -258,10 +283,6 @@ fn planned(story: &Story<'_>, nominal: &Model, concealed: bool) -> Result<(Vec<P
 /// 3. The measurement, through the drivers that a real cell would use, read back from the file.
 fn measured(story: &Story<'_>, running: &VirtualCell, entries: &[PlanEntry], accepted: f64) -> Result<Recording> {
     let path = story.file("run.mcap");
-    if path.exists() {
-        std::fs::remove_file(&path)
-            .map_err(|e| CliError::Input(format!("{}: cannot be replaced: {e}", path.display())))?;
-    }
     let mut view = View::new();
     let guard = MotionGuard::new(&story.robot, &story.cell)?;
     let session = Session {
@@ -333,13 +354,25 @@ fn in_words(effect: EffectId, place: Place, coefficients: &[Coefficient]) -> Str
     format!("{}: {}{more}", verdict::named(effect, place), values.collect::<Vec<_>>().join(", "))
 }
 
+/// The first two claims of a verdict: with sizes where an effect at one place is likelier right than not.
+fn found_in(d: &Diagnosis) -> Vec<String> {
+    let claims = d.verdict.rows.iter().filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves));
+    let said = |row: &VerdictRow| match row.findings[..] {
+        [k] if d.findings[k - 1].is_likely() => {
+            let f = &d.findings[k - 1];
+            in_words(f.effect, f.site, &f.coefficients)
+        }
+        _ => verdict_told::sentence(row),
+    };
+    claims.take(2).map(said).collect()
+}
+
 /// 5. The sealed file is read, for the first time.
 fn seal_broken(story: &Story<'_>, models: &Models) -> Result<Seal> {
     let truth = ModelFile::load(&story.file("truth.sealed.toml"))?.model;
     let join = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join("; ") };
     let sealed = join(hidden_in(&truth).iter().map(|(e, p, c)| in_words(*e, *p, c)).collect());
-    let said =
-        join(models.diagnosis.findings.iter().take(2).map(|f| in_words(f.effect, f.site, &f.coefficients)).collect());
+    let said = join(found_in(&models.diagnosis));
     story.tell("5. The seal is broken (truth.sealed.toml):")?;
     story.tell(format!("     concealed  {sealed}"))?;
     story.tell(format!("     found      {said}"))?;
@@ -347,8 +380,8 @@ fn seal_broken(story: &Story<'_>, models: &Models) -> Result<Seal> {
 }
 
 /// 6. The models against the true arm, where it was never measured.
-fn validated(story: &Story<'_>, models: &Models) -> Result<[Scored; 2]> {
-    let scores = progress::with_bar("validating", |task| validate(story, models, task))?;
+fn validated(story: &Story<'_>, models: &Models, temp_c: Option<f64>) -> Result<[Scored; 2]> {
+    let scores = progress::with_bar("validating", |task| validate(story, models, temp_c, task))?;
     story.tell("6. Position error, mm, at poses that were never measured, against the true arm:")?;
     for line in table::lines(&error_rows(models, &scores)) {
         story.tell(format!("   {line}"))?;
@@ -356,7 +389,7 @@ fn validated(story: &Story<'_>, models: &Models) -> Result<[Scored; 2]> {
     Ok(scores)
 }
 
-fn validate(story: &Story<'_>, models: &Models, task: &Task<'_>) -> Result<[Scored; 2]> {
+fn validate(story: &Story<'_>, models: &Models, temp_c: Option<f64>, task: &Task<'_>) -> Result<[Scored; 2]> {
     let truth = ModelFile::load(&story.file("truth.sealed.toml"))?.model;
     let cell = &story.cell;
     let centre = cell.balls.iter().sum::<Vector3<f64>>() / 3.0 + Vector3::new(0.0, 0.0, 0.1);
@@ -369,21 +402,23 @@ fn validate(story: &Story<'_>, models: &Models, task: &Task<'_>) -> Result<[Scor
     let truth = forward(&truth)?;
     let each = [forward(&models.nominal)?, forward(&models.plain.model)?, forward(&models.best)?];
     let [a, b, c] = &each;
-    Ok([score("400 mm sphere", &truth, [a, b, c], sphere), score("workspace", &truth, [a, b, c], whole)])
+    let of = |name, poses| score(name, &truth, [a, b, c], poses, temp_c);
+    Ok([of("400 mm sphere", sphere), of("workspace", whole)])
 }
 
 /// 7. A program as it was written and rewritten, driven on the virtual arm: how far its targets are missed.
 fn program(story: &Story<'_>, running: &VirtualCell, model: &Model) -> Result<[ErrorSummary; 2]> {
     let controller = Model::nominal(story.robot.clone(), story.cell.clone());
-    let (_, plain) = rewritten(PROGRAM.as_bytes(), &controller, &controller)?;
-    let (better, done) = rewritten(PROGRAM.as_bytes(), &controller, model)?;
+    let temp_c = temperature(running)?;
+    let (_, plain) = rewritten(PROGRAM.as_bytes(), &controller, &controller, temp_c)?;
+    let (better, done) = rewritten(PROGRAM.as_bytes(), &controller, model, temp_c)?;
     if let Some(problem) = done.problems.first() {
         return Err(CliError::Failed(format!("sample.mod: {problem}")));
     }
     write_whole(&story.file("sample.compensated.mod"), &better)?;
     // what the controller reads from the two files (the second without its mark), driven on the virtual arm
     let unmarked = better.iter().position(|b| *b == b'\n').map_or(0, |k| k + 1);
-    let (_, again) = rewritten(&better[unmarked..], &controller, &controller)?;
+    let (_, again) = rewritten(&better[unmarked..], &controller, &controller, temp_c)?;
     let missed = |by: &Report| -> Result<ErrorSummary> {
         let poses: Vec<_> = plain.rows.iter().zip(&by.rows).map(|(told, row)| (told.wanted, row.joints)).collect();
         Ok(ErrorSummary::of(&drive(running, &poses)?))

@@ -234,7 +234,7 @@ fn by_place_lines(found: &Calibration) -> Vec<String> {
                 kept.added
             ),
             _ => format!(
-                "\nAdded as usual of arms (fewer than three places cannot tell whether it helps): {}",
+                "\nAdded as usual of arms (fewer than three unknown places cannot tell whether it helps): {}",
                 kept.added
             ),
         });

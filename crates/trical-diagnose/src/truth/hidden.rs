@@ -56,16 +56,19 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
 /// The effects of the catalogue that a model has, each with its place and its coefficients: what is hidden in a true arm.
 #[must_use]
 pub fn hidden_in(model: &Model) -> Vec<(EffectId, Place, Vec<Coefficient>)> {
-    let mut all: Vec<(EffectId, Place, Vec<Coefficient>)> = Vec::new();
+    let candidates = all(model).unwrap_or_default();
+    let acts_as = |a: &Term, b: &Term| a.site == b.site && a.basis.of == b.basis.of;
+    let mut found: Vec<(EffectId, Place, Vec<Coefficient>)> = Vec::new();
     for term in &model.terms {
         let Some(effect) = EffectId::named(&term.effect) else { continue };
-        let place = Place::of(&term.site);
-        match all.iter_mut().find(|(e, p, _)| (*e, *p) == (effect, place)) {
+        let asked = candidates.iter().find(|c| c.cause == effect.into() && c.terms.iter().any(|t| acts_as(t, term)));
+        let place = asked.map_or_else(|| Place::of(&term.site), |c| c.site);
+        match found.iter_mut().find(|(e, p, _)| (*e, *p) == (effect, place)) {
             Some((_, _, coefficients)) => coefficients.push(coefficient(term)),
-            None => all.push((effect, place, vec![coefficient(term)])),
+            None => found.push((effect, place, vec![coefficient(term)])),
         }
     }
-    all
+    found
 }
 
 /// Terms of a typical size, each by its own scale.
@@ -136,7 +139,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use trical_model::{Cell, Robot};
+    use trical_model::{Axis, Cell, Robot};
 
     fn model() -> Model {
         let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
@@ -169,6 +172,9 @@ mod tests {
             of("joint_zero_shift")[0].value < 0.0 && format!("{:?}", of("joint_zero_shift")[0].basis).contains("600")
         );
         assert!(format!("{:?}", of("lost_motion_direction")[0].site).contains('3'));
+        hide(&mut with, &["joint_coupling@3".into(), "indicator_drift@y".into()]).unwrap();
+        let places: Vec<Place> = hidden_in(&with).iter().map(|(_, place, _)| *place).skip(3).collect();
+        assert_eq!(places, [Place::Coupling { joint: 3, from: 2 }, Place::Axis(Axis::Y)]);
         let (effect, place, coefficients) = hidden_in(&with).remove(0);
         assert_eq!((effect, place, coefficients.len()), (EffectId::LostMotionDirection, Place::Joint(3), 1));
         assert!(coefficients[0].value > 0.0 && coefficients[0].unit == "deg", "{coefficients:?}");

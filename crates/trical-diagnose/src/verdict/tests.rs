@@ -141,6 +141,17 @@ fn a_name_that_is_next_to_impossible_is_not_told() {
 }
 
 #[test]
+fn places_that_cannot_be_told_apart_are_all_told() {
+    let mut ball = finding(EffectId::BallPosition, 1, [0.32; 3], [0.5, 0.3]);
+    let other = |ball| Rival { effect: EffectId::BallPosition, site: Place::Ball(ball), delta_bic: 0.2 };
+    (ball.site, ball.rivals) = (Place::Ball(1), vec![other(2), other(3)]);
+    let verdict = told(&[ball], &[], [(31, 0.5), (34, 0.3)]);
+    let row = &verdict.rows[1];
+    assert!(row.text.starts_with("Perhaps ") && row.text.ends_with("at ball 1"), "{}", row.text);
+    assert_eq!(row.perhaps.as_deref(), Some("or at ball 2, ball 3"));
+}
+
+#[test]
 fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together() {
     // as on an IRB 120: each ripple is small, and sure
     let ripple = |joint, p, before| finding(EffectId::GearRipple, joint, [p; 3], [before, before - 0.001]);
@@ -156,6 +167,12 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
         "Smaller ones together: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
     );
     assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
+    assert!(rest.corrected);
+    // of what is not the arm's nothing is corrected
+    let late = [1, 2].map(|joint| finding(EffectId::LateJointReading, joint, SURE, [0.5, 0.499]));
+    assert!(
+        told(&late, &[], [(31, 0.5), (33, 0.499)]).shortened(0).iter().all(|r| r.kind != RowKind::Rest || !r.corrected)
+    );
 }
 
 fn curve(joint: usize, variable: &str, region: &str, modelled: bool, [before, after]: [f64; 2]) -> Unexplained {

@@ -122,6 +122,12 @@ impl Names {
         self.groups.push(Group { first: first as u32, count: (end - first) as u32, earlier, used: None });
     }
 
+    /// Whether targets of the file have this name.
+    #[must_use]
+    pub fn defines(&self, name: u64) -> bool {
+        self.defined.contains_key(&name)
+    }
+
     /// A motion to a named target; the name stands at `at`.
     pub fn used(&mut self, name: u64, setup: u32, way: Way, at: usize) {
         let group = self.defined.get(&name).copied();

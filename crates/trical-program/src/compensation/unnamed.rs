@@ -1,4 +1,4 @@
-//! Targets that no motion of the file names.
+//! Targets that no motion of the files names, and those of which nobody knows with which tool the arm goes there.
 
 use crate::frames::Frames;
 use crate::options::Options;
@@ -8,13 +8,19 @@ use crate::scan::{Scan, Setup};
 /// and the user says none either, nobody knows.
 pub fn settle_unnamed(scan: &mut Scan, known: &mut Frames, options: &Options) {
     let asked = options.tool.is_some() || options.frame.is_some();
-    let only = match scan.setups.len() {
-        0 => return,
-        1 => Some(0),
+    let unsaid: Vec<bool> = scan.setups.iter().map(Setup::is_unsaid).collect();
+    let mut said = (0..).zip(&unsaid).filter(|(_, unsaid)| !**unsaid).map(|(k, _)| k);
+    let only = match (said.next(), said.next()) {
+        (None, _) if !asked => return,
+        (one, None) => one,
         _ => None,
     };
     let mut unknown = None;
     for k in 0..scan.spots.len() {
+        if asked && scan.spots[k].setup.is_some_and(|s| unsaid.get(s as usize) == Some(&true)) {
+            // the user says it
+            scan.spots[k].setup = None;
+        }
         if scan.spots[k].setup.is_some() || asked {
             continue;
         }

@@ -10,7 +10,8 @@ use trical_model::Pose;
 pub struct Goes {
     /// Its tool and frame.
     pub setup: Setup,
-    /// Where it is none, but the call of a routine that the file does not have: that routine, and the other names that it gets.
+    /// Where it is none, but the call of a routine that the file does not have: that routine, and the other names that
+    /// it gets.
     pub unread: Option<(String, Vec<String>)>,
 }
 
@@ -42,7 +43,8 @@ pub trait Elsewhere {
         None
     }
 
-    /// Names (hashed) of targets, and of arguments of routines, to which other files have motions, or that they give to routines.
+    /// Names (hashed) of targets, and of arguments of routines, to which other files have motions, or that they give to
+    /// routines.
     fn wanted(&self) -> Vec<u64> {
         Vec::new()
     }

@@ -25,8 +25,8 @@ pub(super) fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Res
     }
 }
 
-/// Takes over a tool or a work object that a motion of another module is meant with, if that module declares it; what is another one here
-/// gets a name of its own.
+/// Takes over a tool or a work object that a motion of another module is meant with, if that module declares it;
+/// what is another one here gets a name of its own.
 pub(super) fn take_over<T: Clone + PartialEq>(
     name: &mut Option<String>,
     known: &mut Named<T>,

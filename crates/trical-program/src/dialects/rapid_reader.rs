@@ -19,6 +19,8 @@ pub(super) struct Reader<'a> {
     pub(super) name: Span,
     /// Routines of this file, and which targets they get.
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
+    /// Those that are functions.
+    pub(super) functions: HashSet<u64>,
     /// Targets, tools and work objects of the routine that is being read, and what they are called outside it.
     pub(super) locals: HashMap<u64, u64>,
     /// Targets that are declared without numbers.
@@ -72,13 +74,15 @@ impl Place {
 impl<'a> Reader<'a> {
     /// At the beginning of a module.
     pub(super) fn of(bytes: &'a [u8], elsewhere: &'a dyn Elsewhere) -> Self {
+        let (routines, functions) = routines(bytes);
         Self {
             c: Cursor::new(bytes, b'!'),
             scan: Scan::default(),
             names: Names::default(),
             constants: Constants::with_degrees(),
             name: Span::default(),
-            routines: routines(bytes),
+            routines,
+            functions,
             locals: HashMap::new(),
             unset: HashSet::new(),
             elsewhere,
@@ -154,10 +158,10 @@ pub(super) struct Parameter {
 /// Bytes before a routine's bracket or a statement that are looked at.
 pub(super) const FARTHEST: usize = 300;
 
-/// The routines of a module by their hashed names, and which targets they get.
+/// The routines of a module by their hashed names and which targets they get; those that are functions.
 #[must_use]
-fn routines(bytes: &[u8]) -> HashMap<u64, Vec<Parameter>> {
-    let mut found = HashMap::new();
+fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashSet<u64>) {
+    let (mut found, mut functions) = (HashMap::new(), HashSet::new());
     let mut at = 0;
     while let Some(k) = bytes[at..].iter().position(|b| *b == b'(') {
         at += k + 1;
@@ -165,16 +169,19 @@ fn routines(bytes: &[u8]) -> HashMap<u64, Vec<Parameter>> {
         let near = at.saturating_sub(FARTHEST);
         let line = bytes[near..at].iter().rposition(|b| *b == b'\n').map_or(near, |k| near + k + 1);
         let mut words = bytes[line..at - 1].split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
-        let is_routine = words.any(|w| is_one_of(w, &[b"proc", b"func"]));
-        if let (true, Some(name)) = (is_routine, words.next_back()) {
+        let kind = words.find(|w| is_one_of(w, &[b"proc", b"func"]));
+        if let (Some(kind), Some(name)) = (kind, words.next_back()) {
+            if kind.eq_ignore_ascii_case(b"func") {
+                functions.insert(hashed(name));
+            }
             found.insert(hashed(name), parameters(bytes, at, name));
         }
     }
-    found
+    (found, functions)
 }
 
-/// What a name of a routine is called outside it: the same name in another routine is another one. Arguments that are not named where
-/// they are given go by their place, so that a call needs to know the routine's name only.
+/// What a name of a routine is called outside it: the same name in another routine is another one. Arguments that are
+/// not named where they are given go by their place, so that a call needs to know the routine's name only.
 #[must_use]
 pub(super) fn scoped(name: &[u8], routine: &[u8]) -> u64 {
     hashed(&[name, b" of ", routine].concat())

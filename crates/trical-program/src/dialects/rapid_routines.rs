@@ -68,6 +68,9 @@ impl Reader<'_> {
         self.note(|routine| routine.call(word));
         self.names.called(routine, false);
         if !parameters.is_empty() {
+            if self.functions.contains(&routine) && !self.c.eat(b'(') {
+                return;
+            }
             self.each_argument(word, &mut |reader, key| {
                 if let Some(parameter) = parameters.iter().find(|p| p.scoped == key) {
                     reader.argument(*parameter);
@@ -78,8 +81,8 @@ impl Reader<'_> {
 
     /// What a call gives: each argument is at the cursor when it is taken, with what it is called outside the routine.
     fn each_argument(&mut self, routine: &[u8], take: &mut dyn FnMut(&mut Self, u64)) {
+        let is_function = self.functions.contains(&hashed(routine));
         let mut places = 0_usize..;
-        // a call may be put in brackets, as an argument may
         while !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
             let key = if self.c.eat(b'\\') {
@@ -88,14 +91,19 @@ impl Reader<'_> {
             } else {
                 places.next().map(|k| scoped(k.to_string().as_bytes(), routine))
             };
-            while self.c.eat(b'(') {}
+            // an argument may be put in brackets
+            let mut depth = 0;
+            while self.c.eat(b'(') {
+                depth += 1;
+            }
             if let Some(key) = key {
                 take(self, key);
             }
             // to the next one
-            let mut depth = 0;
             while !self.c.done() {
                 match self.c.peek() {
+                    // behind a function other things follow
+                    b')' if is_function && depth == 0 => return,
                     b'(' | b'[' | b'{' => depth += 1,
                     b')' | b']' | b'}' => depth -= 1,
                     b'"' => {
@@ -118,11 +126,20 @@ impl Reader<'_> {
         }
     }
 
-    /// Whether arguments of a call may stand here, and not what follows a condition.
+    /// Whether arguments of a call may stand here, and not what follows a condition or a function.
     fn arguments_follow(&self) -> bool {
         let mut c = self.c;
         c.skip_space();
-        while c.eat(b'(') {}
+        if c.peek() == b'(' {
+            let text = c.until(b";");
+            let mut depth = 0;
+            let end = text.iter().position(|b| {
+                depth += i32::from(*b == b'(') - i32::from(*b == b')');
+                depth == 0
+            });
+            let behind = end.and_then(|end| text.get(end + 1..)).unwrap_or(&[]).trim_ascii_start();
+            return matches!(behind.first(), None | Some(b',' | b'\\'));
+        }
         let word = c.word();
         c.skip_space();
         match c.peek() {
@@ -137,7 +154,8 @@ impl Reader<'_> {
     fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
         let is_statement = begins_statement(self.c.bytes, from);
         let arguments = self.arguments_follow();
-        if is_instruction(word) || !is_statement && !(looks_like_motion(word) && arguments) {
+        let is_behind_condition = || looks_like_motion(word) && arguments && self.c.clone().peek() != b'(';
+        if is_instruction(word) || !(is_statement || is_behind_condition()) {
             return;
         }
         self.note(|routine| routine.call(word));
@@ -207,8 +225,8 @@ impl Reader<'_> {
         self.names.defines(name) || self.unset.contains(&name)
     }
 
-    /// The setup of a target that is given to a routine of no module: what is declared as a tool and a work object among the names that it
-    /// gets beside.
+    /// The setup of a target that is given to a routine of no module: what is declared as a tool and a work object among
+    /// the names that it gets beside.
     fn setup_among(&mut self, routine: &str, names: &[String], theirs: Option<&Frames>) -> Setup {
         let mut found =
             [true, false].map(|is_tool| names.iter().find(|name| self.declares(is_tool, name, theirs)).cloned());

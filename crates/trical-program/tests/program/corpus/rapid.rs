@@ -293,6 +293,12 @@ pub(super) const RAPID: &[Case] = &[
         &[(4, "'t' is not given as numbers"), (5, "'w' is not given as numbers"), (6, "'list' is a list")],
     ),
     case(
+        "functions in conditions that get targets",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nFUNC bool SearchOk(robtarget at,num n)\nENDFUNC\nPROC main()\nIF SearchOk((p),2) THEN\nMoveL p,v1,fine,t;\nENDIF\nIF MoveAllowed(p) AND\nTriggered(q) THEN\nMoveL q,v1,fine,tool0;\nENDIF\nENDPROC\n",
+        &[2, 3],
+        &[],
+    ),
+    case(
         "an argument that may be given instead of another",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nPROC main()\nMoveL p,v1,fine,tool0;\nGo\\slow,p;\nENDPROC\nPROC Go(\\switch fast|switch slow,robtarget to)\nMoveL to,v1,fine,t;\nENDPROC\n",
         &[],

@@ -294,7 +294,7 @@ pub(super) const RAPID: &[Case] = &[
     ),
     case(
         "functions in conditions that get targets",
-        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nFUNC bool SearchOk(robtarget at,num n)\nENDFUNC\nPROC main()\nIF SearchOk((p),2) THEN\nMoveL p,v1,fine,t;\nENDIF\nIF MoveAllowed(p) AND\nTriggered(q) THEN\nMoveL q,v1,fine,tool0;\nENDIF\nENDPROC\n",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nFUNC bool Near(robtarget at,num n)\nENDFUNC\nPROC main()\nIF Near((p),2) THEN\nMoveL p,v1,fine,t;\nENDIF\nIF MoveAllowed(p) AND\nTriggered(q) THEN\nMoveL q,v1,fine,tool0;\nENDIF\nENDPROC\n",
         &[2, 3],
         &[],
     ),

@@ -228,18 +228,20 @@ impl Reader<'_> {
     /// The setup of a target that is given to a routine of no module: what is declared as a tool and a work object among
     /// the names that it gets beside.
     fn setup_among(&mut self, routine: &str, names: &[String], theirs: Option<&Frames>) -> Setup {
-        let mut found =
+        let [tool, mut frame] =
             [true, false].map(|is_tool| names.iter().find(|name| self.declares(is_tool, name, theirs)).cloned());
-        let [tool, frame] = found.each_mut().map(Option::take);
+        if tool.is_some() {
+            frame = frame.or_else(|| Some("wobj0".into()));
+        }
         let tool = tool.unwrap_or_else(|| {
             let unsaid = format!("(that of {routine})");
             let why = format!(
-                "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known; --tool and --frame say it"
+                "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known; --tool NAME says it"
             );
             self.scan.frames.tools.entry(unsaid.clone()).or_insert(Err(why));
             unsaid
         });
-        Setup { tool: Some(tool), frame: Some(frame.unwrap_or_else(|| "wobj0".into())) }
+        Setup { tool: Some(tool), frame }
     }
 
     /// Whether a name is a tool, or a work object, of this module, of `theirs`, or of any other module.

@@ -241,6 +241,8 @@ def test_each_motion_ends_where_it_was_meant_or_is_listed(
     if language == "krl":  # each routine is a file of its own
         for name, routine in re.findall(r"(?ms)^DEF (\w+)(.*?^END$)", parts.get("elsewhere", "")):
             (tmp_path / f"{name}.src").write_text(f"DEF {name}{routine}\n")
+    if "beside" in parts:  # a module of the same folder
+        (tmp_path / "beside.mod").write_text(parts["beside"])
     if "frames" in parts:
         options["frames"] = tmp_path / "frames.mod"
         options["frames"].write_text(parts["frames"])
@@ -254,7 +256,7 @@ def test_each_motion_ends_where_it_was_meant_or_is_listed(
     model = trical.Model.nominal(**files).with_terms(real(language)[2])
     done = trical.compensate(program, model, new, **files, **options, partial=True)
     listed = {int(m) for p in done["problems"] for m in re.findall(r"line (\d+)", p.partition(": ")[0])}
-    elsewhere = "".join(parts.get(k, "") for k in ("elsewhere", "hidden", "frames"))
+    elsewhere = "".join(parts.get(k, "") for k in ("elsewhere", "hidden", "frames", "beside"))
     more = {"elsewhere": elsewhere, "config": parts.get("config", "")}
     before = own.controller.run(parts["text"], dat=parts.get("dat", ""), **more)
     dat = new.with_suffix(".dat").read_text() if "dat" in parts else ""

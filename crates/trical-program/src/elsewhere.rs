@@ -1,8 +1,30 @@
 //! What a program uses and other files have: routines that it calls, tools and frames.
 
-use crate::frames::ToolFrame;
+use crate::frames::{Frames, ToolFrame};
 pub use crate::scan::Outside;
+use crate::scan::Setup;
 use trical_model::Pose;
+
+/// With what a motion goes to a target.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Goes {
+    /// Its tool and frame.
+    pub setup: Setup,
+    /// Where it is none, but the call of a routine that the file does not have: that routine, and the other names that
+    /// it gets.
+    pub unread: Option<(String, Vec<String>)>,
+}
+
+/// A motion of another file.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<'a> {
+    /// With what.
+    pub goes: &'a Goes,
+    /// Tools and frames that its file declares.
+    pub declared: &'a Frames,
+    /// Its file, for messages.
+    pub file: &'a str,
+}
 
 /// Where a reader looks for what its file does not have; names are in lower case.
 pub trait Elsewhere {
@@ -19,6 +41,23 @@ pub trait Elsewhere {
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
         let _ = name;
         None
+    }
+
+    /// Names (hashed) of targets, and of arguments of routines, to which other files have motions, or that they give to
+    /// routines.
+    fn wanted(&self) -> Vec<u64> {
+        Vec::new()
+    }
+
+    /// Motions of other files to a target or an argument.
+    fn motions(&self, name: u64) -> Vec<Motion<'_>> {
+        let _ = name;
+        Vec::new()
+    }
+
+    /// Arguments of routines and data, and the names that other files set them from.
+    fn given(&self) -> Vec<(u64, u64)> {
+        Vec::new()
     }
 }
 

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use trical_model::Pose;
 
-use crate::dialects::rapid::{self, Effects};
+use crate::dialects::rapid::{self, Effects, Exports};
 use crate::dialects::{Dialect, MARK};
-use crate::elsewhere::{Elsewhere, Outside};
+use crate::elsewhere::{Elsewhere, Goes, Motion, Outside};
 use crate::frames::{Frames, ToolFrame};
 use crate::scan::hashed;
 use crate::text::contains;
@@ -22,19 +22,24 @@ pub struct Modules {
     program: PathBuf,
     read: OnceCell<Vec<Module>>,
     used: RefCell<BTreeSet<usize>>,
+    motions: OnceCell<HashMap<u64, BTreeSet<(usize, usize)>>>,
 }
 
 struct Module {
     file: String,
-    effects: HashMap<u64, Effects>,
+    /// Without its folder, in lower case as names of tools are.
+    name: String,
+    routines: HashMap<u64, Effects>,
     frames: Frames,
+    goes: Vec<(u64, Goes)>,
+    given: Vec<(u64, u64)>,
 }
 
 impl Modules {
     /// Beside a program.
     #[must_use]
     pub fn beside(program: &Path) -> Self {
-        Self { program: program.to_owned(), read: OnceCell::new(), used: RefCell::default() }
+        Self { program: program.to_owned(), read: OnceCell::new(), used: RefCell::default(), motions: OnceCell::new() }
     }
 
     /// Those of which something was used.
@@ -46,6 +51,32 @@ impl Modules {
 
     fn all(&self) -> &[Module] {
         self.read.get_or_init(|| modules_of(&self.program))
+    }
+
+    /// Motions (module and number) by what they go to: a name, what it is set from, and what a routine gets.
+    fn all_motions(&self) -> &HashMap<u64, BTreeSet<(usize, usize)>> {
+        self.motions.get_or_init(|| {
+            let mut from: HashMap<u64, Vec<u64>> = HashMap::new();
+            self.all().iter().flat_map(|m| &m.given).for_each(|(to, name)| from.entry(*to).or_default().push(*name));
+            let mut found: HashMap<u64, BTreeSet<(usize, usize)>> = HashMap::new();
+            for (k, module) in self.all().iter().enumerate() {
+                for (n, (name, goes)) in module.goes.iter().enumerate() {
+                    let is_read = |(routine, _): &(String, _)| {
+                        self.all().iter().any(|m| m.routines.contains_key(&hashed(routine.as_bytes())))
+                    };
+                    if goes.unread.as_ref().is_some_and(is_read) {
+                        continue;
+                    }
+                    let mut next = vec![*name];
+                    while let Some(name) = next.pop() {
+                        if found.entry(name).or_default().insert((k, n)) {
+                            next.extend(from.get(&name).into_iter().flatten());
+                        }
+                    }
+                }
+            }
+            found
+        })
     }
 
     /// All that the modules have under a name; what several have is used by all of them.
@@ -66,7 +97,7 @@ impl Modules {
         if !seen.insert(key) {
             return true;
         }
-        let all = self.every(|m| m.effects.get(&key).cloned());
+        let all = self.every(|m| m.routines.get(&key).cloned());
         for one in &all {
             out.moves |= one.moves;
             out.displaces |= one.displaces;
@@ -95,6 +126,27 @@ impl Elsewhere for Modules {
 
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
         the_same(self.every(|m| m.frames.frames.get(name).cloned()), name)
+    }
+
+    fn wanted(&self) -> Vec<u64> {
+        let given = self.all().iter().flat_map(|m| &m.given).map(|(_, from)| *from);
+        self.all_motions().keys().copied().chain(given).collect()
+    }
+
+    fn motions(&self, name: u64) -> Vec<Motion<'_>> {
+        let found = self.all_motions().get(&name).into_iter().flatten();
+        let motions = found.filter_map(|(k, n)| Some((*k, self.all().get(*k)?, *n)));
+        motions
+            .filter_map(|(k, module, n)| {
+                let (_, goes) = module.goes.get(n)?;
+                self.used.borrow_mut().insert(k);
+                Some(Motion { goes, declared: &module.frames, file: &module.name })
+            })
+            .collect()
+    }
+
+    fn given(&self) -> Vec<(u64, u64)> {
+        self.all().iter().flat_map(|m| m.given.iter().copied()).collect()
     }
 }
 
@@ -128,10 +180,14 @@ fn modules_of(program: &Path) -> Vec<Module> {
         .filter(|p| p.metadata().is_ok_and(|m| m.is_file() && m.len() <= LARGEST))
         .collect();
     paths.sort_unstable();
-    let read = paths.into_iter().take(MOST).filter_map(|path| {
+    let read = paths.into_iter().take(MOST).enumerate().filter_map(|(number, path)| {
         let bytes = std::fs::read(&path).ok().filter(|bytes| !contains(bytes, MARK.as_bytes()))?;
-        let (effects, frames) = rapid::for_others(&bytes);
-        Some(Module { file: path.display().to_string(), effects, frames })
+        let Exports { routines, frames, goes, given, .. } = rapid::for_others(&bytes, number);
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let (mut goes, mut given): (Vec<_>, Vec<_>) = (goes.into_iter().collect(), given.into_iter().collect());
+        goes.sort_unstable();
+        given.sort_unstable();
+        Some(Module { file: path.display().to_string(), name, routines, frames, goes, given })
     });
     read.collect()
 }

@@ -22,8 +22,6 @@ pub enum Way {
     Indexed,
     /// Perhaps the target itself: a name that may as well be a speed.
     Perhaps,
-    /// The target itself, unless the routine means something else by its argument.
-    Unlisted,
     /// No motion: the file says otherwise with which tool and frame it is meant.
     Said,
 }
@@ -120,6 +118,12 @@ impl Names {
         let index = self.groups.len() as u32;
         let earlier = self.defined.insert(name, index);
         self.groups.push(Group { first: first as u32, count: (end - first) as u32, earlier, used: None });
+    }
+
+    /// Whether targets of the file have this name.
+    #[must_use]
+    pub fn defines(&self, name: u64) -> bool {
+        self.defined.contains_key(&name)
     }
 
     /// A motion to a named target; the name stands at `at`.
@@ -273,9 +277,7 @@ impl Names {
                     2 * u32::from(moves)
                 }
                 Use::Named { way: Way::Said, .. } => 0,
-                Use::Named { name, way: Way::Perhaps | Way::Unlisted, .. } => {
-                    u32::from(self.defined.contains_key(name))
-                }
+                Use::Named { name, way: Way::Perhaps, .. } => u32::from(self.defined.contains_key(name)),
                 Use::Named { .. } => 1,
             };
             if let (Some((_, count, last)), true) = (open.last_mut(), motions > 0) {
@@ -312,9 +314,9 @@ impl Names {
                 }
                 Use::Named { name, group, setup, way, at } => (name, group, setup, way, at),
             };
-            let is_motion = !matches!(way, Way::Perhaps | Way::Unlisted | Way::Said);
+            let is_motion = !matches!(way, Way::Perhaps | Way::Said);
             let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
-                scan.visits.extend((is_motion || matches!(way, Way::Unlisted)).then_some(Visit::Unknown));
+                scan.visits.extend(is_motion.then_some(Visit::Unknown));
                 if is_motion {
                     self.goes_to_undefined(name, setup, at, scan, &|| {
                         let mut c = Cursor::new(bytes, 0);
@@ -484,9 +486,9 @@ impl Names {
                 scan.relative.push(at);
                 scan.visits.push(Visit::Unknown);
             }
-            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
+            (Way::To | Way::Perhaps | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
             // an array that a loop runs through is visited once, in its order
-            (Way::To | Way::Perhaps | Way::Unlisted | Way::Element(_), None) if fresh => {
+            (Way::To | Way::Perhaps | Way::Element(_), None) if fresh => {
                 for spot in all {
                     scan.visits.extend(self.apart.then_some(Visit::Fork(Fork::Anywhere)));
                     scan.visits.push(Visit::To(spot));

@@ -47,7 +47,7 @@ pub enum External {
 
 /// The tool and the frame that targets are meant with; `None` is what the file's user says, or the cell's tool and the
 /// controller's world.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Setup {
     /// Lower-case name of the tool.
     pub tool: Option<String>,
@@ -59,6 +59,12 @@ impl Setup {
     /// The tool, or the frame.
     pub fn slot(&mut self, is_tool: bool) -> &mut Option<String> {
         if is_tool { &mut self.tool } else { &mut self.frame }
+    }
+
+    /// Whether its tool stands for one of which nobody knows which it is.
+    #[must_use]
+    pub fn is_unsaid(&self) -> bool {
+        self.tool.as_ref().is_some_and(|t| t.starts_with('('))
     }
 
     /// For messages.

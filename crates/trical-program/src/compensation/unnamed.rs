@@ -1,20 +1,28 @@
-//! Targets that no motion of the file names.
+//! Targets that no motion of the files names, and those of which nobody knows with which tool the arm goes there.
 
 use crate::frames::Frames;
 use crate::options::Options;
 use crate::scan::{Scan, Setup};
 
-/// Gives them a setup: targets that no motion of the file names have the only tool and frame that the file's motions use. Where there are several,
-/// and the user says none either, nobody knows.
+/// Gives them a setup: targets that no motion of the files names have the only tool and frame that the file's motions
+/// use. Where there are several, and the user says none either, nobody knows. Where only the tool is not known, it is the
+/// one that the user says.
 pub fn settle_unnamed(scan: &mut Scan, known: &mut Frames, options: &Options) {
     let asked = options.tool.is_some() || options.frame.is_some();
-    let only = match scan.setups.len() {
-        0 => return,
-        1 => Some(0),
+    let unsaid: Vec<bool> = scan.setups.iter().map(Setup::is_unsaid).collect();
+    let mut said = (0..).zip(&unsaid).filter(|(_, unsaid)| !**unsaid).map(|(k, _)| k);
+    let only = match (said.next(), said.next()) {
+        (None, _) if !asked => return,
+        (one, None) => one,
         _ => None,
     };
     let mut unknown = None;
     for k in 0..scan.spots.len() {
+        let of_nobody = scan.spots[k].setup.filter(|s| unsaid.get(*s as usize) == Some(&true));
+        if let (Some(tool), Some(setup), None) = (&options.tool, of_nobody, scan.spots[k].ambiguous) {
+            let frame = scan.setups.get(setup as usize).and_then(|s| s.frame.clone());
+            scan.spots[k].setup = Some(scan.setup(Setup { tool: Some(tool.to_lowercase()), frame }));
+        }
         if scan.spots[k].setup.is_some() || asked {
             continue;
         }

@@ -3,17 +3,17 @@
 //! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
 //! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
 
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use trical_model::Pose;
 
-use super::rapid_frames::{tool, work_object};
-use super::rapid_motions::MOTIONS;
-pub use super::rapid_reader::Effects;
-use super::rapid_reader::{Piece, Place, Reader, key};
+use super::rapid_frames::{declare, tool, work_object};
+use super::rapid_motions::is_motion;
+pub use super::rapid_reader::{Effects, Exports};
+use super::rapid_reader::{Piece, Place, Reader, scoped};
 use crate::branch::Configuration;
 use crate::elsewhere::{Elsewhere, Nowhere};
-use crate::frames::{Frames, ToolFrame};
+use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::Origin;
 use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
@@ -37,6 +37,8 @@ const OTHERWISE: [(&[&[u8]], &str); 4] = [
 ];
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
+/// Words that begin declarations of data.
+const DECLARES: [&[u8]; 4] = [b"const", b"pers", b"var", b"task"];
 /// Lists inside lists, at most: a record of arrays of targets has five.
 const DEEPEST: usize = 12;
 
@@ -57,9 +59,10 @@ pub fn header(bytes: &[u8]) -> usize {
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let mut reader = Reader::of(bytes, elsewhere);
-    reader.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
-    reader.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
+    reader.predefined();
     reader.file();
+    reader.predefined();
+    reader.used_elsewhere();
     let Reader { mut scan, names, .. } = reader;
     let mut told = Vec::new();
     for setup in &scan.setups {
@@ -78,27 +81,46 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     scan
 }
 
-/// What a module has for others: its routines, and its tools and work objects.
+/// What a module has for others. `number` tells it from other modules: data that it declares are none of theirs.
 #[must_use]
-pub fn for_others(bytes: &[u8]) -> (HashMap<u64, Effects>, Frames) {
-    let mut reader = Reader { effects: Some(HashMap::new()), ..Reader::of(bytes, &Nowhere) };
+pub fn for_others(bytes: &[u8], number: usize) -> Exports {
+    let mut reader = Reader { exports: Some(Exports::default()), ..Reader::of(bytes, &Nowhere) };
     reader.file();
     let moving = reader.names.moving();
-    let mut effects = reader.effects.take().unwrap_or_default();
-    let own = effects.remove(&0).unwrap_or_default().own;
+    let Exports { mut routines, goes, given, own, .. } = reader.exports.take().unwrap_or_default();
     for name in reader.routines.keys() {
-        let routine = effects.entry(*name).or_default();
+        let routine = routines.entry(*name).or_default();
         routine.moves = moving.contains(name);
         routine.sets.retain(|set| !own.contains(set));
     }
-    effects.retain(|name, _| reader.routines.contains_key(name));
-    (effects, reader.scan.frames)
+    routines.retain(|name, _| reader.routines.contains_key(name));
+    // motions to its own targets are nobody else's, unless it sets these from what others have
+    let set: HashSet<u64> = given.iter().map(|(to, _)| *to).collect();
+    let outside =
+        |name| if own.contains(&name) { hashed(format!("{name} of module {number}").as_bytes()) } else { name };
+    Exports {
+        routines,
+        frames: reader.scan.frames,
+        goes: goes
+            .into_iter()
+            .filter(|(name, _)| !own.contains(name) || set.contains(name))
+            .map(|(name, with)| (outside(name), with))
+            .collect(),
+        given: given.into_iter().map(|(to, from)| (outside(to), outside(from))).collect(),
+        own,
+    }
 }
 
 impl Reader<'_> {
+    /// What a program's own declaration does not change.
+    fn predefined(&mut self) {
+        self.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
+        self.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
+    }
+
     pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
-        if let Some(effects) = &mut self.effects {
-            note(effects.entry(self.within).or_default());
+        if let Some(exports) = &mut self.exports {
+            note(exports.routines.entry(hashed(self.within.as_bytes())).or_default());
         }
     }
 
@@ -117,7 +139,7 @@ impl Reader<'_> {
             if is("robtarget") || is("jointtarget") {
                 self.data();
             } else if is("tooldata") || is("wobjdata") {
-                self.frame(is("tooldata"));
+                self.frame(is("tooldata"), is_one_of(before, &DECLARES));
             } else if is("num") && before.eq_ignore_ascii_case(b"const") {
                 self.constant();
             } else if is("num") {
@@ -138,14 +160,18 @@ impl Reader<'_> {
                 self.motion_of_others();
             } else if is("confl") || is("confj") {
                 self.configuration_switch();
-            } else if MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
-                && !is_one_of(before, &[b"proc", b"func", b"trap", b"module"])
+            } else if is_motion(word)
+                && !before.eq_ignore_ascii_case(b"module")
+                && !self.routines.contains_key(&hashed(word))
             {
                 self.motion(word);
             } else if !self.block(from, word) {
                 self.assignment(from, word);
             }
             before = word;
+            if !is_one_of(word, &DECLARES) {
+                self.is_local = word.eq_ignore_ascii_case(b"local");
+            }
         }
     }
 
@@ -195,9 +221,16 @@ impl Reader<'_> {
         }
     }
 
-    /// What a name is called among all names: arguments of a routine are its own.
+    /// What a name is called among all names: arguments and data of a routine are its own.
     pub(super) fn key(&self, name: &[u8]) -> u64 {
-        key(&self.parameters, name)
+        let name = hashed(name);
+        self.locals.get(&name).copied().unwrap_or(name)
+    }
+
+    /// What a tool or a work object is called among all of them.
+    pub(super) fn frame_name(&self, name: &[u8]) -> String {
+        let is_local = self.locals.contains_key(&hashed(name));
+        if is_local { format!("{} of {}", lower(name), self.within) } else { lower(name) }
     }
 
     /// Words that begin or end routines, branches and loops.
@@ -210,13 +243,15 @@ impl Reader<'_> {
                 self.c.word();
             }
             self.c.skip_space();
-            let name = hashed(self.c.word());
+            let name = self.c.word();
+            self.within = lower(name);
+            let name = hashed(name);
             self.names.routine(name);
-            self.within = name;
-            self.parameters = self.routines.get(&name).cloned().unwrap_or_default();
+            self.locals = self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)).collect();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
-            self.parameters.clear();
+            self.within.clear();
+            self.locals.clear();
         } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
             self.names.fork(Fork::Anywhere);
         } else if is(&[b"for", b"while"]) {
@@ -294,7 +329,7 @@ impl Reader<'_> {
                 return;
             }
             match self.source(from, source, b";{") {
-                Some(origin) => self.names.set_from(name, origin),
+                Some(origin) => self.set_from(name, origin),
                 None => self.c = start,
             }
         }
@@ -325,8 +360,14 @@ impl Reader<'_> {
         if name.len == 0 {
             return;
         }
-        if let Some(effects) = &mut self.effects {
-            effects.entry(0).or_default().own.insert(hashed(name.text(self.c.bytes)));
+        let text = name.text(self.c.bytes);
+        let hash = hashed(text);
+        if !self.within.is_empty() {
+            self.locals.entry(hash).or_insert_with(|| scoped(text, self.within.as_bytes()));
+        } else if let Some(exports) = &mut self.exports {
+            exports.own.insert(hash);
+        } else if self.is_local {
+            self.wanted.remove(&hash);
         }
         self.c.skip_space();
         if self.c.peek() == b'{' {
@@ -335,7 +376,9 @@ impl Reader<'_> {
         let start = self.c;
         if self.c.eat(b':') && self.c.eat(b'=') {
             self.c = start;
-            self.assignment(from, name.text(self.c.bytes));
+            self.assignment(from, text);
+        } else {
+            self.unset.insert(self.key(text));
         }
     }
 
@@ -450,10 +493,28 @@ impl Reader<'_> {
     }
 
     /// `tooldata name:=[...]`, `wobjdata name:=[...]`
-    fn frame(&mut self, is_tool: bool) {
+    fn frame(&mut self, is_tool: bool, is_data: bool) {
         self.c.skip_space();
-        let name = lower(self.c.word());
-        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[')) {
+        let word = self.c.word();
+        if word.is_empty() {
+            return;
+        }
+        if !self.within.is_empty() {
+            self.locals.insert(hashed(word), scoped(word, self.within.as_bytes()));
+        }
+        let name = self.frame_name(word);
+        self.c.skip_space();
+        let is_argument = matches!(self.c.peek(), b',' | b')' | b'\\' | b'|');
+        if !(self.c.eat(b':') && self.c.eat(b'=') && self.c.eat(b'[')) {
+            let why = if is_argument {
+                "is an argument of its routine, and which one the calls give is not followed"
+            } else {
+                "is not given as numbers where the program declares it"
+            };
+            // neither a list of them nor a part of a record
+            if is_argument || is_data && self.c.peek() != b'{' {
+                self.not_known(is_tool, &name, why);
+            }
             return;
         }
         let (mut depth, mut words, mut values) = (1, Vec::new(), Vec::new());
@@ -483,10 +544,10 @@ impl Reader<'_> {
         let truth: Vec<bool> = words.iter().map(|w| w == "true").collect();
         if is_tool {
             let tool = tool(&truth, &values, &name);
-            self.scan.frames.tools.entry(name).or_insert(tool);
+            declare(&mut self.scan.frames.tools, name, tool);
         } else {
             let frame = work_object(&truth, &values, &name);
-            self.scan.frames.frames.entry(name).or_insert(frame);
+            declare(&mut self.scan.frames.frames, name, frame);
         }
     }
 }

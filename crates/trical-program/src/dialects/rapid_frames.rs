@@ -1,10 +1,45 @@
 //! RAPID's `tooldata` and `wobjdata`.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
 use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_from_quaternion;
 
 use crate::frames::ToolFrame;
+
+/// Tools or work objects by their names.
+type Named<T> = BTreeMap<String, Result<T, String>>;
+
+/// Keeps a tool or a work object; of one that has other numbers elsewhere under the same name nobody knows which hold.
+pub(super) fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) {
+    match known.entry(name) {
+        Entry::Vacant(place) => drop(place.insert(new)),
+        Entry::Occupied(mut place) => {
+            if *place.get() != new {
+                let why = format!("'{}' is declared more than once, with different numbers", place.key());
+                drop(place.insert(Err(why)));
+            }
+        }
+    }
+}
+
+/// Takes over a tool or a work object that a motion of another module is meant with, if that module declares it;
+/// what is another one here gets a name of its own.
+pub(super) fn take_over<T: Clone + PartialEq>(
+    name: &mut Option<String>,
+    known: &mut Named<T>,
+    theirs: &Named<T>,
+    file: &str,
+) {
+    let Some(name) = name else { return };
+    let Some(value) = theirs.get(name) else { return };
+    if known.get(name).is_some_and(|own| own != value) {
+        *name = format!("{name} of {file}");
+    }
+    known.entry(name.clone()).or_insert_with(|| value.clone());
+}
 
 fn pose(v: &[f64]) -> Result<Pose, &'static str> {
     let [x, y, z, a, b, c, d] = v else { return Err("a position and a quaternion") };

@@ -3,12 +3,24 @@
 use nalgebra::Vector3;
 
 use super::rapid_reader::{Place, Reader};
+use crate::elsewhere::Goes;
 use crate::names::Way;
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, is_one_of, lower};
 
 /// Beginnings of instructions that move the arm, in lower case.
-pub(super) const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
+const MOTIONS: [&[u8]; 8] = [b"move", b"trigg", b"search", b"arc", b"spot", b"paint", b"disp", b"cap"];
+
+/// Whether a word may be an instruction that moves the arm.
+pub(super) fn looks_like_motion(word: &[u8]) -> bool {
+    MOTIONS.iter().any(|m| word.len() >= m.len() && word[..m.len()].eq_ignore_ascii_case(m))
+}
+
+/// Whether a word is an instruction of the controller that moves the arm.
+pub(super) fn is_motion(word: &[u8]) -> bool {
+    looks_like_motion(word) && (targets_of(word).is_some() || is_one_of(word, &[b"searchl", b"searchj", b"searchc"]))
+}
+
 /// Functions that say where the arm is.
 const HERE: [&[u8]; 2] = [b"crobt", b"cjointt"];
 /// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
@@ -26,7 +38,7 @@ fn targets_of(instruction: &[u8]) -> Option<usize> {
 
 /// What the arguments of a motion say, as far as they are read.
 struct Arguments {
-    /// How many of the first ones are targets; `None` where nobody knows.
+    /// How many of the first ones are targets; `None` of a search.
     targets: Option<usize>,
     /// `SearchL` and its like: a signal and a variable stand before the target.
     search: bool,
@@ -47,9 +59,8 @@ impl Arguments {
         match self.targets {
             Some(n) if k < n => Way::To,
             Some(_) => Way::Perhaps,
-            None if self.search && k == 2 => Way::To,
-            None if self.search || k > 0 => Way::Perhaps,
-            None => Way::Unlisted,
+            None if k == 2 => Way::To,
+            None => Way::Perhaps,
         }
     }
 }
@@ -58,23 +69,33 @@ impl Reader<'_> {
     /// The arguments of a motion: which targets it goes to, with which tool and work object.
     pub(super) fn motion(&mut self, instruction: &[u8]) {
         let Some(arguments) = self.arguments(instruction).filter(|a| !a.places.is_empty()) else { return };
-        let tool = arguments.tool.map(|t| lower(t.text(self.c.bytes)));
+        let tool = arguments.tool.map(|t| self.frame_name(t.text(self.c.bytes)));
         let frame = arguments.frame.unwrap_or_else(|| "wobj0".into());
-        let setup = self.scan.setup(Setup { tool, frame: Some(frame) });
-        for place in arguments.places {
-            match place {
-                Place::Name { name, way, at } => self.names.used(name, setup, way, at),
-                Place::Spots(first, end) => {
-                    for spot in first..end {
-                        self.scan.assign(spot, setup);
-                        self.names.visit(Visit::To(spot));
-                    }
+        let with = Setup { tool, frame: Some(frame) };
+        if let Some(exports) = &mut self.exports {
+            let names = arguments.places.iter().filter_map(Place::name);
+            exports.goes.extend(names.map(|name| (name, Goes { setup: with.clone(), unread: None })));
+        }
+        let setup = self.scan.setup(with);
+        for place in &arguments.places {
+            self.goes(place, setup);
+        }
+    }
+
+    /// A motion to a place.
+    pub(super) fn goes(&mut self, place: &Place, setup: u32) {
+        match *place {
+            Place::Name { name, way, at } => self.names.used(name, setup, way, at),
+            Place::Spots(first, end) => {
+                for spot in first..end {
+                    self.scan.assign(spot, setup);
+                    self.names.visit(Visit::To(spot));
                 }
-                Place::Here => self.names.visit(Visit::Unknown),
-                Place::Computed(at) => {
-                    self.names.visit(Visit::Unknown);
-                    self.scan.goes_to_calculated(at);
-                }
+            }
+            Place::Here => self.names.visit(Visit::Unknown),
+            Place::Computed(at) => {
+                self.names.visit(Visit::Unknown);
+                self.scan.goes_to_calculated(at);
             }
         }
     }
@@ -135,10 +156,9 @@ impl Reader<'_> {
     fn option(&mut self, arguments: &mut Arguments) {
         self.c.at += 1;
         let option = self.c.word();
-        if !self.c.eat(b':') {
+        if !self.gives() {
             return;
         }
-        self.c.eat(b'=');
         self.c.skip_space();
         let from = self.c.at;
         if option.eq_ignore_ascii_case(b"tload") {
@@ -146,10 +166,35 @@ impl Reader<'_> {
         }
         let value = self.c.word();
         if option.eq_ignore_ascii_case(b"wobj") {
-            arguments.frame = Some(lower(value));
+            arguments.frame = Some(self.frame_name(value));
+            if self.c.peek() == b'{' {
+                self.element_of_frames(false, value);
+            }
         } else if option.eq_ignore_ascii_case(b"tool") {
             self.not_the_tool(arguments);
             arguments.tool = Some(Span::new(from, self.c.at));
+        }
+    }
+
+    /// `\Name:=value`, `\Name?value`: behind the name, whether a value follows.
+    pub(super) fn gives(&mut self) -> bool {
+        self.c.eat(b'?') || self.c.eat(b':') && self.c.eat(b'=')
+    }
+
+    /// An element of a list of tools or work objects.
+    fn element_of_frames(&mut self, is_tool: bool, name: &[u8]) {
+        self.c.skip_past(b'}', b";");
+        self.not_known(is_tool, &self.frame_name(name), "is a list, and which of it a motion uses is not followed");
+    }
+
+    /// A tool or a work object of which nobody knows the numbers, and why, unless they are known from elsewhere.
+    pub(super) fn not_known(&mut self, is_tool: bool, name: &str, why: &str) {
+        let what = if is_tool { "tool" } else { "work object" };
+        let why = format!("the {what} '{name}' {why}");
+        if is_tool {
+            self.scan.frames.tools.entry(name.to_owned()).or_insert(Err(why));
+        } else {
+            self.scan.frames.frames.entry(name.to_owned()).or_insert(Err(why));
         }
     }
 
@@ -186,14 +231,19 @@ impl Reader<'_> {
         match self.c.peek() {
             b'(' => match self.relative(word) {
                 // perhaps the tool, of which nobody knows which
-                Place::Computed(_) if !arguments.awaits_target() => arguments.tool = Some(name),
+                Place::Computed(_) if !arguments.awaits_target() => {
+                    let why = "is what a function returns, which only the running program knows";
+                    self.not_known(true, &lower(word), why);
+                    arguments.tool = Some(name);
+                }
                 place => arguments.places.push(place),
             },
             b'{' => {
-                let way = self.element().map_or(Way::To, Way::Element);
                 if arguments.targets.is_some() && !arguments.awaits_target() {
+                    self.element_of_frames(true, word);
                     arguments.tool = Some(name);
                 } else {
+                    let way = self.element().map_or(Way::To, Way::Element);
                     arguments.places.push(Place::Name { name: self.key(word), way, at: from });
                 }
             }
@@ -202,7 +252,7 @@ impl Reader<'_> {
     }
 
     /// The index of an array's element, from 0, where it is a number of which the text says which.
-    fn element(&mut self) -> Option<usize> {
+    pub(super) fn element(&mut self) -> Option<usize> {
         self.c.at += 1;
         self.c.skip_space();
         let index = self.constants.expression(&mut self.c).map(|(_, k)| k);

@@ -2,8 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::elsewhere::{Elsewhere, Outside};
+use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;
+use crate::frames::Frames;
 use crate::names::{Names, Way};
 use crate::scan::{Scan, hashed};
 use crate::text::{Cursor, Span, is_one_of, lower};
@@ -18,15 +19,25 @@ pub(super) struct Reader<'a> {
     pub(super) name: Span,
     /// Routines of this file, and which targets they get.
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
-    /// Of the routine that is being read.
-    pub(super) parameters: Vec<Parameter>,
+    /// Those that are functions.
+    pub(super) functions: HashSet<u64>,
+    /// Targets, tools and work objects of the routine that is being read, and what they are called outside it.
+    pub(super) locals: HashMap<u64, u64>,
+    /// Targets that are declared without numbers.
+    pub(super) unset: HashSet<u64>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// Routines of other modules that were asked for.
     pub(super) outside: HashMap<u64, Option<Outside>>,
-    /// The routine that is being read.
-    pub(super) within: u64,
-    /// What each routine does, where others want to know it.
-    pub(super) effects: Option<HashMap<u64, Effects>>,
+    /// The routine that is being read, in lower case; empty outside any.
+    pub(super) within: String,
+    /// Whether the declaration that is being read begins with LOCAL.
+    pub(super) is_local: bool,
+    /// Targets and arguments to which motions of other modules go.
+    pub(super) wanted: HashSet<u64>,
+    /// Names of which other modules were asked whether they are tools, or work objects.
+    pub(super) asked: HashMap<(bool, String), bool>,
+    /// What the module has for others, where they want to know it.
+    pub(super) exports: Option<Exports>,
 }
 
 /// A list as far as targets care.
@@ -53,21 +64,34 @@ pub(super) enum Place {
     Computed(usize),
 }
 
+impl Place {
+    /// The name of a target.
+    pub(super) fn name(&self) -> Option<u64> {
+        if let Self::Name { name, .. } = self { Some(*name) } else { None }
+    }
+}
+
 impl<'a> Reader<'a> {
     /// At the beginning of a module.
     pub(super) fn of(bytes: &'a [u8], elsewhere: &'a dyn Elsewhere) -> Self {
+        let (routines, functions) = routines(bytes);
         Self {
             c: Cursor::new(bytes, b'!'),
             scan: Scan::default(),
             names: Names::default(),
             constants: Constants::with_degrees(),
             name: Span::default(),
-            routines: routines(bytes),
-            parameters: Vec::new(),
+            routines,
+            functions,
+            locals: HashMap::new(),
+            unset: HashSet::new(),
             elsewhere,
             outside: HashMap::new(),
-            within: 0,
-            effects: None,
+            within: String::new(),
+            is_local: false,
+            wanted: elsewhere.wanted().into_iter().collect(),
+            asked: HashMap::new(),
+            exports: None,
         }
     }
 }
@@ -83,7 +107,20 @@ pub struct Effects {
     pub sets: Vec<u64>,
     /// What it calls, in lower case.
     pub calls: Vec<String>,
-    /// Of a module: data that it declares.
+}
+
+/// What a module has for others.
+#[derive(Debug, Default)]
+pub struct Exports {
+    /// What its routines do.
+    pub routines: HashMap<u64, Effects>,
+    /// Tools and work objects that it declares.
+    pub frames: Frames,
+    /// Motions: to which names, and with what.
+    pub goes: HashSet<(u64, Goes)>,
+    /// Names that are set from others (the second ones), or get them as arguments.
+    pub given: HashSet<(u64, u64)>,
+    /// Data that it declares.
     pub(super) own: HashSet<u64>,
 }
 
@@ -112,10 +149,8 @@ impl Effects {
 pub(super) struct Parameter {
     /// Its hashed name.
     pub name: u64,
-    /// What it is called outside its routine: the same name in another routine is another one.
+    /// What it is called outside its routine (see [`scoped`]).
     pub scoped: u64,
-    /// Which argument it is, not counting those that are named where they are given (`\via:=`); `None` is one of these.
-    pub place: Option<usize>,
     /// Whether the routine may change what it gets.
     pub by_reference: bool,
 }
@@ -123,10 +158,10 @@ pub(super) struct Parameter {
 /// Bytes before a routine's bracket or a statement that are looked at.
 pub(super) const FARTHEST: usize = 300;
 
-/// The routines of a module by their hashed names, and which targets they get.
+/// The routines of a module by their hashed names and which targets they get; those that are functions.
 #[must_use]
-fn routines(bytes: &[u8]) -> HashMap<u64, Vec<Parameter>> {
-    let mut found = HashMap::new();
+fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashSet<u64>) {
+    let (mut found, mut functions) = (HashMap::new(), HashSet::new());
     let mut at = 0;
     while let Some(k) = bytes[at..].iter().position(|b| *b == b'(') {
         at += k + 1;
@@ -134,30 +169,36 @@ fn routines(bytes: &[u8]) -> HashMap<u64, Vec<Parameter>> {
         let near = at.saturating_sub(FARTHEST);
         let line = bytes[near..at].iter().rposition(|b| *b == b'\n').map_or(near, |k| near + k + 1);
         let mut words = bytes[line..at - 1].split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
-        let is_routine = words.any(|w| is_one_of(w, &[b"proc", b"func"]));
-        if let (true, Some(name)) = (is_routine, words.next_back()) {
-            let routine = hashed(name);
-            found.insert(routine, parameters(bytes, at, routine));
+        let kind = words.find(|w| is_one_of(w, &[b"proc", b"func"]));
+        if let (Some(kind), Some(name)) = (kind, words.next_back()) {
+            if kind.eq_ignore_ascii_case(b"func") {
+                functions.insert(hashed(name));
+            }
+            found.insert(hashed(name), parameters(bytes, at, name));
         }
     }
-    found
+    (found, functions)
 }
 
-/// What a name is called among all names: arguments of a routine are its own.
+/// What a name of a routine is called outside it: the same name in another routine is another one. Arguments that are
+/// not named where they are given go by their place, so that a call needs to know the routine's name only.
 #[must_use]
-pub(super) fn key(parameters: &[Parameter], name: &[u8]) -> u64 {
-    let name = hashed(name);
-    parameters.iter().find(|p| p.name == name).map_or(name, |p| p.scoped)
+pub(super) fn scoped(name: &[u8], routine: &[u8]) -> u64 {
+    hashed(&[name, b" of ", routine].concat())
 }
 
 /// The parameters of a routine that are targets, from behind its bracket on.
-fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
+fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
     let mut c = Cursor::new(bytes, b'!');
     c.at = at;
     let mut found = Vec::new();
-    let mut places = 0..;
+    let (mut places, mut place, mut is_other) = (0.., None, false);
     loop {
-        let place = if c.eat(b'\\') { None } else { places.next() };
+        // what may be given instead of the one before counts as it does
+        let named = c.eat(b'\\');
+        if !is_other {
+            place = if named { None } else { places.next() };
+        }
         c.skip_space();
         let mut kind = c.word();
         let by_reference = is_one_of(kind, &[b"inout", b"var", b"pers", b"ref"]);
@@ -166,18 +207,19 @@ fn parameters(bytes: &[u8], at: usize, routine: u64) -> Vec<Parameter> {
             kind = c.word();
         }
         c.skip_space();
-        let name = hashed(c.word());
+        let name = c.word();
         c.skip_space();
         if c.peek() == b'{' {
             // of an array: `{*,*}`
             c.at += c.until(b"}\n").len();
         }
         if is_one_of(kind, &[b"robtarget", b"jointtarget"]) {
-            let scoped = hashed(&[routine.to_le_bytes(), name.to_le_bytes()].concat());
-            found.push(Parameter { name, scoped, place, by_reference });
+            let outside =
+                place.map_or_else(|| scoped(name, routine), |k: usize| scoped(k.to_string().as_bytes(), routine));
+            found.push(Parameter { name: hashed(name), scoped: outside, by_reference });
         }
         c.skip_to(b",|\\)\n");
-        // what may be given instead of the one before counts as it does
+        is_other = c.peek() == b'|';
         if !matches!(c.peek(), b',' | b'|' | b'\\' | b'\n') {
             return found;
         }

@@ -2,10 +2,14 @@
 
 use std::collections::HashSet;
 
-use super::rapid_reader::{FARTHEST, Parameter, Reader};
-use crate::names::Origin;
-use crate::scan::{Call, hashed};
-use crate::text::{begins_line, lower};
+use super::rapid_frames::take_over;
+use super::rapid_motions::looks_like_motion;
+use super::rapid_reader::{FARTHEST, Parameter, Place, Reader, scoped};
+use crate::elsewhere::Goes;
+use crate::frames::Frames;
+use crate::names::{Origin, Way};
+use crate::scan::{Call, Fork, Setup, hashed};
+use crate::text::{begins_line, is_one_of, lower};
 
 /// Instructions of the language, and words that begin other statements: no routines of others.
 const INSTRUCTIONS: &str = "
@@ -63,35 +67,51 @@ impl Reader<'_> {
         };
         self.note(|routine| routine.call(word));
         self.names.called(routine, false);
-        if parameters.is_empty() {
-            return;
+        if !parameters.is_empty() {
+            if self.functions.contains(&routine) && !self.c.eat(b'(') {
+                return;
+            }
+            self.each_argument(word, &mut |reader, key| {
+                if let Some(parameter) = parameters.iter().find(|p| p.scoped == key) {
+                    reader.argument(*parameter);
+                }
+            });
         }
-        let mut places = 0..;
-        // a call may be put in brackets, as an argument may
+    }
+
+    /// What a call gives: each argument is at the cursor when it is taken, with what it is called outside the routine.
+    fn each_argument(&mut self, routine: &[u8], take: &mut dyn FnMut(&mut Self, u64)) {
+        let is_function = self.functions.contains(&hashed(routine));
+        let mut places = 0_usize..;
         while !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
-            let mut parameter = None;
-            if self.c.eat(b'\\') {
-                let name = hashed(self.c.word());
-                if self.c.eat(b':') && self.c.eat(b'=') {
-                    parameter = parameters.iter().find(|p| p.place.is_none() && p.name == name).copied();
-                }
+            let key = if self.c.eat(b'\\') {
+                let name = self.c.word();
+                self.gives().then(|| scoped(name, routine))
             } else {
-                let place = places.next();
-                parameter = parameters.iter().find(|p| p.place == place).copied();
+                places.next().map(|k| scoped(k.to_string().as_bytes(), routine))
+            };
+            // an argument may be put in brackets
+            let mut depth = 0;
+            while self.c.eat(b'(') {
+                depth += 1;
             }
-            while self.c.eat(b'(') {}
-            if let Some(parameter) = parameter {
-                self.argument(parameter);
+            if let Some(key) = key {
+                take(self, key);
             }
             // to the next one
-            let mut depth = 0;
             while !self.c.done() {
                 match self.c.peek() {
+                    // behind a function other things follow
+                    b')' if is_function && depth == 0 => return,
                     b'(' | b'[' | b'{' => depth += 1,
                     b')' | b']' | b'}' => depth -= 1,
                     b'"' => {
                         self.c.skip_string();
+                        continue;
+                    }
+                    b'!' => {
+                        self.c.skip_line();
                         continue;
                     }
                     b';' => break,
@@ -106,9 +126,36 @@ impl Reader<'_> {
         }
     }
 
+    /// Whether arguments of a call may stand here, and not what follows a condition or a function.
+    fn arguments_follow(&self) -> bool {
+        let mut c = self.c;
+        c.skip_space();
+        if c.peek() == b'(' {
+            let text = c.until(b";");
+            let mut depth = 0;
+            let end = text.iter().position(|b| {
+                depth += i32::from(*b == b'(') - i32::from(*b == b')');
+                depth == 0
+            });
+            let behind = end.and_then(|end| text.get(end + 1..)).unwrap_or(&[]).trim_ascii_start();
+            return matches!(behind.first(), None | Some(b',' | b'\\'));
+        }
+        let word = c.word();
+        c.skip_space();
+        match c.peek() {
+            b'\\' | b'[' => true,
+            b'(' => is_one_of(word, &[b"offs", b"reltool"]),
+            b',' | b';' | b'{' | b')' => !word.is_empty(),
+            _ => c.number().is_some() && matches!(c.peek(), b',' | b';'),
+        }
+    }
+
     /// Perhaps a call of a routine that this file does not have.
     fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
-        if is_instruction(word) || !begins_statement(self.c.bytes, from) {
+        let is_statement = begins_statement(self.c.bytes, from);
+        let arguments = self.arguments_follow();
+        let is_behind_condition = || looks_like_motion(word) && arguments && self.c.clone().peek() != b'(';
+        if is_instruction(word) || !(is_statement || is_behind_condition()) {
             return;
         }
         self.note(|routine| routine.call(word));
@@ -116,7 +163,7 @@ impl Reader<'_> {
         let first = !outside.contains_key(&routine);
         let found = outside.entry(routine).or_insert_with(|| elsewhere.routine(&lower(word))).clone();
         self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
-        match found {
+        match &found {
             Some(found) => {
                 if found.displaces {
                     let what = format!(
@@ -130,6 +177,151 @@ impl Reader<'_> {
             None if first => self.scan.calls.push(Call { name: lower(word), at: from, is_statement: true }),
             None => {}
         }
+        if !arguments {
+            return;
+        }
+        let (mut given, mut names) = (Vec::new(), Vec::new());
+        self.each_argument(word, &mut |reader, key| {
+            let from = reader.c.at;
+            if let Some(place) = reader.place() {
+                let text = reader.c.bytes.get(from..reader.c.at).unwrap_or(&[]);
+                if reader.exports.is_some() || place.name().is_some_and(|name| !reader.is_target(name)) {
+                    names.push(reader.frame_name(text.trim_ascii()));
+                }
+                given.push((key, place));
+            }
+        });
+        self.give(word, found.is_some(), given, names);
+    }
+
+    /// What a call gives to a routine of another module: places, and names of what may be tools and work objects.
+    fn give(&mut self, routine: &[u8], is_known: bool, given: Vec<(u64, Place)>, names: Vec<String>) {
+        if let Some(exports) = &mut self.exports {
+            // whose module is not known here
+            for (key, name) in given.iter().filter_map(|(key, place)| Some((*key, place.name()?))) {
+                let unread = Some((lower(routine), names.clone()));
+                exports.given.insert((key, name));
+                exports.goes.insert((name, Goes { setup: Setup::default(), unread }));
+            }
+            return;
+        }
+        for (key, place) in given {
+            let setups = if !is_known && place.name().is_none_or(|name| self.is_target(name)) {
+                let setup = self.setup_among(&lower(routine), &names, None);
+                vec![self.scan.setup(setup)]
+            } else if self.wanted.contains(&key) {
+                self.setups_elsewhere(key)
+            } else {
+                continue;
+            };
+            for setup in setups {
+                self.goes(&place, setup);
+                self.names.fork(Fork::Anywhere);
+            }
+        }
+    }
+
+    fn is_target(&self, name: u64) -> bool {
+        self.names.defines(name) || self.unset.contains(&name)
+    }
+
+    /// The setup of a target that is given to a routine of no module: what is declared as a tool and a work object among
+    /// the names that it gets beside.
+    fn setup_among(&mut self, routine: &str, names: &[String], theirs: Option<&Frames>) -> Setup {
+        let [tool, mut frame] =
+            [true, false].map(|is_tool| names.iter().find(|name| self.declares(is_tool, name, theirs)).cloned());
+        if tool.is_some() {
+            frame = frame.or_else(|| Some("wobj0".into()));
+        }
+        let tool = tool.unwrap_or_else(|| {
+            let unsaid = format!("(that of {routine})");
+            let why = format!(
+                "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known; --tool NAME says it"
+            );
+            self.scan.frames.tools.entry(unsaid.clone()).or_insert(Err(why));
+            unsaid
+        });
+        Setup { tool: Some(tool), frame }
+    }
+
+    /// Whether a name is a tool, or a work object, of this module, of `theirs`, or of any other module.
+    fn declares(&mut self, is_tool: bool, name: &str, theirs: Option<&Frames>) -> bool {
+        let has = |frames: &Frames| {
+            if is_tool { frames.tools.contains_key(name) } else { frames.frames.contains_key(name) }
+        };
+        let elsewhere = self.elsewhere;
+        let ask = || if is_tool { elsewhere.tool(name).is_some() } else { elsewhere.frame(name).is_some() };
+        has(&self.scan.frames)
+            || theirs.is_some_and(has)
+            || *self.asked.entry((is_tool, name.to_owned())).or_insert_with(ask)
+    }
+
+    /// With what other modules go to the target or argument of this name.
+    fn setups_elsewhere(&mut self, name: u64) -> Vec<u32> {
+        let elsewhere = self.elsewhere;
+        let mut all = Vec::new();
+        for motion in elsewhere.motions(name) {
+            let mut setup = match &motion.goes.unread {
+                None => motion.goes.setup.clone(),
+                Some((routine, _)) if self.routines.contains_key(&hashed(routine.as_bytes())) => continue,
+                Some((routine, names)) => self.setup_among(routine, names, Some(motion.declared)),
+            };
+            let known = &mut self.scan.frames;
+            take_over(&mut setup.tool, &mut known.tools, &motion.declared.tools, motion.file);
+            take_over(&mut setup.frame, &mut known.frames, &motion.declared.frames, motion.file);
+            all.push(self.scan.setup(setup));
+        }
+        all
+    }
+
+    /// Motions of other modules to targets of this one, and targets that they give to its routines.
+    pub(super) fn used_elsewhere(&mut self) {
+        let mut wanted: Vec<u64> = self.wanted.iter().copied().collect();
+        wanted.sort_unstable();
+        for name in wanted {
+            let set = self.names.set_at(name).filter(|_| self.unset.contains(&name));
+            let Some(at) = set.or_else(|| self.names.defines(name).then_some(0)) else { continue };
+            for setup in self.setups_elsewhere(name) {
+                self.names.fork(Fork::Anywhere);
+                self.names.used(name, setup, Way::To, at);
+            }
+        }
+        let own: HashSet<u64> = self.routines.values().flatten().map(|p| p.scoped).collect();
+        for (to, from) in self.elsewhere.given() {
+            if own.contains(&to) && self.wanted.contains(&from) && self.names.defines(from) {
+                self.names.set_from(to, Origin::Name { name: from, at: 0 });
+            }
+        }
+    }
+
+    /// The place at the cursor, where a name, a target that is written out or one that is shifted stands there.
+    fn place(&mut self) -> Option<Place> {
+        self.c.skip_space();
+        let at = self.c.at;
+        if self.c.peek() == b'[' {
+            let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
+            self.list(0);
+            let end = self.scan.spots.len() as u32;
+            let is_listed = self.scan.problems.len() > problems;
+            return if end > first { Some(Place::Spots(first, end)) } else { is_listed.then_some(Place::Here) };
+        }
+        let word = self.c.word();
+        let name = self.key(word);
+        match self.c.peek() {
+            _ if word.is_empty() => None,
+            b'(' => Some(self.relative(word)),
+            b'{' => Some(Place::Name { name, way: self.element().map_or(Way::To, Way::Element), at }),
+            b'.' => None,
+            _ => Some(Place::Name { name, way: Way::To, at }),
+        }
+    }
+
+    /// A name is set from something; other modules are told of it.
+    pub(super) fn set_from(&mut self, name: u64, origin: Origin) {
+        if let (Some(exports), Origin::Name { name: from, .. }) = (&mut self.exports, origin) {
+            exports.given.insert((name, from));
+        }
+        self.names.set_from(name, origin);
     }
 
     /// What a call gives as this argument.
@@ -146,13 +338,13 @@ impl Reader<'_> {
                 true => Origin::Computed(at),
                 false => Origin::Name { name: own, at },
             };
-            return self.names.set_from(parameter.scoped, origin);
+            return self.set_from(parameter.scoped, origin);
         }
         let word = self.c.word();
         let origin = self.source(from, word, b";{,\\)").filter(|_| !word.is_empty()).unwrap_or(Origin::Computed(at));
-        self.names.set_from(parameter.scoped, origin);
+        self.set_from(parameter.scoped, origin);
         if let (true, Origin::Name { name, .. }) = (parameter.by_reference, origin) {
-            self.names.set_from(name, Origin::Name { name: parameter.scoped, at });
+            self.set_from(name, Origin::Name { name: parameter.scoped, at });
         }
     }
 }

@@ -82,6 +82,75 @@ fn a_tool_with_two_meanings_beside_the_program_is_refused() {
     assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
 }
 
+/// A module of targets and tools, with what else stands in it.
+fn targets(more: &str) -> String {
+    format!(
+        "MODULE Targets\nPERS tooldata tDev:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        PERS tooldata tGrip:=[TRUE,[[0,0,90],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\nCONST robtarget p:=TARGET;\n\
+        CONST robtarget q:=TARGET;\nLOCAL CONST robtarget r:=TARGET;\n{more}ENDMODULE\n"
+    )
+}
+
+/// Lines of targets that are rewritten, their setups, and problems.
+fn told(report: &Report) -> (Vec<usize>, Vec<String>, Vec<String>) {
+    let setups = report.setups.iter().map(|(words, _)| words.clone()).collect();
+    (report.rows.iter().map(|r| r.line).collect(), setups, report.problems.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn motions_of_other_modules_say_with_what_targets_are_meant() {
+    let main = "MODULE Main\nLOCAL CONST robtarget q:=TARGET;\nPROC main()\nMoveL p,v1,fine,tGrip;\nMoveL q,v1,fine,tDev;\nMoveL r,v1,fine,tDev;\n\
+        ENDPROC\nENDMODULE\n";
+    // r is LOCAL there, q here
+    let report = checked("moved_elsewhere", IRB, &[("Targets.mod", &targets("")), ("Main.mod", main)]);
+    let (rewritten, setups, problems) = told(&report);
+    assert_eq!((rewritten, problems.len()), (vec![4, 5, 6], 0), "{report:?}");
+    assert!(setups.iter().all(|s| s.contains("tgrip")), "{setups:?}");
+    assert_eq!(names(&report.read_with), ["Main.mod"]);
+    // another tool here and there
+    let own = "PROC own()\nMoveL p,v1,fine,tDev;\nENDPROC\n";
+    let report = checked("moved_otherwise", IRB, &[("Targets.mod", &targets(own)), ("Main.mod", main)]);
+    assert!(report.problems[0].to_string().contains("line 4 (p): is used with"), "{report:?}");
+}
+
+#[test]
+fn routines_of_other_modules_say_with_what_the_targets_that_they_get_are_meant() {
+    let own = "PROC own()\nMoveL p,v1,fine,tDev;\nPick 5,q;\nMoveSafe Offs(r,0,0,5),100;\nPick 3,pNowhere;\nPick 3,Seen(2);\nENDPROC\n";
+    let library = "MODULE Library\nLOCAL PERS tooldata tDev:=[TRUE,[[0,0,70],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        VAR robtarget p;\nPROC Pick(num n,robtarget to)\np:=Offs(to,0,0,n);\nMoveL p,v1,fine,tGrip;\nENDPROC\nPROC MoveSafe(robtarget to,num n)\n\
+        Deeper\\at:=to;\nENDPROC\nENDMODULE\n";
+    let more = "MODULE More\nPROC Deeper(\\robtarget at)\nMoveL at,v1,fine,tGrip;\nENDPROC\nENDMODULE\n";
+    let report = checked(
+        "given_elsewhere",
+        IRB,
+        &[("Targets.mod", &targets(own)), ("Library.mod", library), ("More.mod", more)],
+    );
+    let (rewritten, setups, problems) = told(&report);
+    assert_eq!((rewritten, problems.len()), (vec![4, 5, 6], 2), "{report:?}");
+    assert!(setups.len() == 2 && setups[0].contains("tdev") && setups[1].contains("tgrip"), "{setups:?}");
+    assert!(problems[0].contains("line 11") && problems[0].contains("'pNowhere'"), "{problems:?}");
+    assert!(problems[1].contains("line 12") && problems[1].contains("calculates"), "{problems:?}");
+    // the tool of the same name there is another one
+    let library = library.replace("fine,tGrip", "fine,tDev");
+    let report =
+        checked("other_tool", IRB, &[("Targets.mod", &targets(own)), ("Library.mod", &library), ("More.mod", more)]);
+    assert!(report.setups.iter().any(|(words, _)| words.contains("'tdev of library.mod'")), "{report:?}");
+}
+
+#[test]
+fn other_modules_give_targets_to_routines_of_this_one_and_to_those_of_none() {
+    let own = "PROC Go(robtarget to)\nMoveL to,v1,fine,tGrip;\nENDPROC\nPROC own()\nMoveL r,v1,fine,tDev;\nENDPROC\n";
+    let main = |with: &str| format!("MODULE Main\nPROC main()\nGo p;\nGlueL q,v1,bead{with};\nENDPROC\nENDMODULE\n");
+    let report = checked("given_here", IRB, &[("Targets.mod", &targets(own)), ("Main.mod", &main(",tDev"))]);
+    let (rewritten, setups, problems) = told(&report);
+    assert_eq!((rewritten, problems.len()), (vec![4, 5, 6], 0), "{report:?}");
+    assert!(setups.iter().any(|s| s.contains("tgrip")), "{setups:?}");
+    let (rewritten, _, problems) =
+        told(&checked("given_nowhere", IRB, &[("Targets.mod", &targets(own)), ("Main.mod", &main(""))]));
+    assert_eq!(rewritten, [4, 6], "{problems:?}");
+    assert!(problems.len() == 1 && problems[0].contains("line 5") && problems[0].contains("'gluel'"), "{problems:?}");
+}
+
 #[test]
 fn global_routines_are_found_in_files_of_other_names() {
     let program = "DEF main()\nTOOL_DATA[2]={X 0,Y 0,Z 80,A 0,B 0,C 0}\nGRIP(1)\nPTP {A1 10,A2 -70,A3 85,A4 5,A5 60,A6 -7}\n\

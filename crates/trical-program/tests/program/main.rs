@@ -380,6 +380,27 @@ fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
 }
 
 #[test]
+fn the_tool_of_an_instruction_that_nobody_has_read_can_be_said() {
+    let n = nominal(IRB);
+    let text = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\n\
+        CONST robtarget b:=TARGET;\nMoveL a,v1,fine,tool0;\nGlueL a,v1;\nGlueL b,v1\\WObj:=wobj0;\n";
+    let text = text.replace("TARGET", "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    let with = |tool: Option<&str>| {
+        let options = Options { tool: tool.map(Into::into), configuration_off: true, ..Options::default() };
+        let run =
+            compensate(text.as_bytes(), "p", Dialect::Rapid, &n, &n, &Frames::default(), &options, &mut Vec::new());
+        let report = run.unwrap();
+        (report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), report.setups)
+    };
+    let (problems, _) = with(None);
+    assert!(problems.len() == 2 && problems[1].contains("line 3 (b)"), "{problems:?}");
+    let (problems, setups) = with(Some("t"));
+    // another motion uses another tool
+    assert!(problems.len() == 1 && problems[0].contains("line 2 (a): is used with"), "{problems:?}");
+    assert_eq!(setups, [("tool 't' in 'wobj0'".to_owned(), 1)]);
+}
+
+#[test]
 fn a_model_that_needs_a_temperature_asks_for_it() {
     let n = nominal(IRB);
     let options = Options::default();

@@ -12,7 +12,7 @@ mod targets;
 
 pub use outside::{displaces, sets};
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use nalgebra::Vector3;
 use trical_model::Pose;
@@ -27,6 +27,7 @@ use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
+use targets::Named;
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
@@ -85,15 +86,14 @@ pub fn header(bytes: &[u8]) -> usize {
 /// Reads a .src or .dat file, or both.
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
-    let (moved_to, frame_names) = targets::targets(bytes);
+    let named = targets::targets(bytes);
     let only_read = arguments::only_read(bytes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
             scan: Scan::default(),
             names: Names::default(),
-            moved_to: &moved_to,
-            frame_names: &frame_names,
+            named: &named,
             only_read: &only_read,
             constants: Constants::with_degrees(),
             now: Setup::default(),
@@ -115,7 +115,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
         reader.names.used(name, setup, Way::Said, 0);
     }
     let Reader { mut scan, mut names, .. } = reader;
-    frame_names.iter().for_each(|name| names.no_target(*name));
+    named.no_targets.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
         format!("goes to '{name}', which the program's own files do not give as numbers ($config.dat and other programs stay as they are)")
@@ -175,8 +175,7 @@ struct Reader<'a> {
     c: Cursor<'a>,
     scan: Scan,
     names: Names,
-    moved_to: &'a HashSet<u64>,
-    frame_names: &'a HashSet<u64>,
+    named: &'a Named,
     /// Which arguments the file's own routines only read (`:IN`), by the routine's name.
     only_read: &'a HashMap<u64, Vec<bool>>,
     constants: Constants,
@@ -378,7 +377,7 @@ impl<'a> Reader<'a> {
             self.interpolation();
         } else if self.c.peek() == b'{' {
             self.assigned(from, word, index);
-        } else if self.moved_to.contains(&hashed(word)) {
+        } else if self.named.moved_to.contains(&hashed(word)) {
             let source = self.c.word();
             self.c.skip_blank();
             let origin = if is_one_of(source, &HERE) {
@@ -406,7 +405,7 @@ impl<'a> Reader<'a> {
         let found = self.aggregate();
         if word.eq_ignore_ascii_case(b"FDAT_ACT") {
             self.now = self.said(&found);
-        } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
+        } else if !is_system(word) && (self.named.moved_to.is_empty() || self.named.moved_to.contains(&hashed(word))) {
             if self.c.eat_in_line(b':') {
                 self.names.set_from(hashed(word), Origin::Computed(from as u32));
             } else {
@@ -438,8 +437,8 @@ impl<'a> Reader<'a> {
             return;
         }
         let found = self.aggregate();
-        let is_moved_to = self.moved_to.contains(&hashed(name));
-        if !is_moved_to && (is_frame || self.frame_names.contains(&hashed(name))) {
+        let is_moved_to = self.named.moved_to.contains(&hashed(name));
+        if !is_moved_to && (is_frame || self.named.no_targets.contains(&hashed(name))) {
             let frame = self.frame(&found);
             self.declare(&lower(name), frame);
         } else {

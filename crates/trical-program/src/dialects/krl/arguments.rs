@@ -85,7 +85,7 @@ impl Reader<'_> {
     }
 
     fn may_change(&mut self, word: &[u8], at: usize) {
-        if self.moved_to.contains(&hashed(word)) {
+        if self.named.moved_to.contains(&hashed(word)) {
             self.names.set_from(hashed(word), Origin::Computed(at as u32));
         } else if is_one_of(word, &CURRENT) {
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), "(set by a routine)".to_owned());

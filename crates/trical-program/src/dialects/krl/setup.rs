@@ -1,4 +1,5 @@
-//! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms; and frames that the program names.
+//! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms; and frames that the program
+//! names.
 
 use std::collections::BTreeMap;
 
@@ -126,7 +127,8 @@ impl Reader<'_> {
         said.unwrap_or_else(|| format!("of '{}'", String::from_utf8_lossy(name)))
     }
 
-    /// The name of a tool that stands still while the robot carries the work: of a product that is not usable, whatever the tool.
+    /// The name of a tool that stands still while the robot carries the work: of a product that is not usable, whatever
+    /// the tool.
     fn fixed(&mut self, tool: Option<&str>) -> String {
         let what = "the tool stands still and the robot carries the work (#TCP), which is not supported";
         self.scan.frames.tools.insert("#tcp".into(), Err(what.into()));
@@ -151,8 +153,8 @@ impl Reader<'_> {
         *slot = Some(if is_fixed { format!("{FIXED}{}", name.trim_start_matches(FIXED)) } else { name });
     }
 
-    /// Past frames with the geometric operator behind them: the place that follows is meant in them. The base before is returned,
-    /// where there are such frames.
+    /// Past frames with the geometric operator behind them: the place that follows is meant in them. The base before is
+    /// returned, where there are such frames.
     pub(super) fn in_frames(&mut self) -> Option<Option<String>> {
         let mut before = None;
         loop {
@@ -188,9 +190,9 @@ impl Reader<'_> {
 
     /// Whether a name stands for a frame, to which no motion goes.
     pub(super) fn is_frame(&self, word: &[u8]) -> bool {
-        !self.frame_names.is_empty() && {
+        !self.named.frames.is_empty() && {
             let name = hashed(word);
-            self.frame_names.contains(&name) && !self.moved_to.contains(&name)
+            self.named.frames.contains(&name) && !self.named.moved_to.contains(&name)
         }
     }
 

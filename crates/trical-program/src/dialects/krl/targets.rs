@@ -1,16 +1,26 @@
 //! Which names of a KRL program are targets, and which are frames.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 
-use super::{MOTIONS, is_system};
+use super::{CURRENT, ELEMENTS, MOTIONS, is_system};
 use crate::scan::hashed;
 use crate::text::{Cursor, is_one_of};
 
-/// Names that motions go to (a FRAME that none goes to is no target), and names of frames: what the controller's own variables are
-/// set from, and what stands before the place in `LIN PALLET:XP1`.
-pub(super) fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
-    let (mut found, mut frames) = (HashSet::new(), HashSet::new());
-    let (mut declared, mut products) = (HashSet::new(), HashSet::new());
+/// What names of a program stand for.
+#[derive(Default)]
+pub(super) struct Named {
+    /// Motions go there; a FRAME that none goes to is no target.
+    pub moved_to: HashSet<u64>,
+    /// Tools and bases are set from these, or they stand before the place in `LIN PALLET:XP1`.
+    pub frames: HashSet<u64>,
+    /// No targets, unless a motion is found that goes there.
+    pub no_targets: HashSet<u64>,
+}
+
+/// What the names of a program stand for.
+pub(super) fn targets(bytes: &[u8]) -> Named {
+    let Named { mut moved_to, mut frames, mut no_targets } = Named::default();
+    let (mut declared, mut products) = (HashSet::new(), BTreeSet::new());
     let mut c = Cursor::new(bytes, b';');
     while let Some((_, word)) = c.next_word() {
         if is_system(word) {
@@ -22,7 +32,9 @@ pub(super) fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
             }
             if c.eat_in_line(b'=') {
                 let named = operands(&mut c).into_iter().filter(|name| !name.is_empty() && !is_system(name));
-                frames.extend(named.map(hashed));
+                let is_setup = is_one_of(word, &CURRENT) || is_one_of(word, &ELEMENTS);
+                let kind = if is_setup { &mut frames } else { &mut no_targets };
+                kind.extend(named.map(hashed));
             } else {
                 c = start;
             }
@@ -36,20 +48,31 @@ pub(super) fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
             c.skip_blank();
             let start = c.at;
             match operands(&mut c).as_slice() {
-                [place] => drop(found.insert(hashed(place))),
+                [place] => drop(moved_to.insert(hashed(place))),
                 places => drop(products.insert(places.iter().map(|place| hashed(place)).collect::<Vec<_>>())),
             }
             more = c.at > start && c.eat_in_line(b',');
         }
     }
     // the place is the first that is no frame, or the last
-    for mut places in products {
-        let last = places.pop();
-        let place = places.iter().find(|name| **name != hashed(b"") && !declared.contains(name)).copied();
-        frames.extend(places.into_iter().take_while(|name| Some(*name) != place).filter(|name| *name != hashed(b"")));
-        found.extend(place.or(last));
+    let literal = hashed(b"");
+    let is_frame = |name: &u64| *name == literal || declared.contains(name) && !moved_to.contains(name);
+    let mut places = Vec::new();
+    for mut all in products {
+        let last = all.pop();
+        let before = all.iter().take_while(|name| is_frame(name)).count();
+        frames.extend(all.iter().take(before).filter(|name| **name != literal));
+        match all.get(before) {
+            Some(place) => places.push(*place),
+            None => {
+                places.extend(last);
+                no_targets.extend(last);
+            }
+        }
     }
-    (found, frames)
+    moved_to.extend(places);
+    no_targets.extend(&frames);
+    Named { moved_to, frames, no_targets }
 }
 
 /// What stands at the cursor with the geometric operator between: names; empty where a `{...}` stands.

@@ -202,4 +202,10 @@ pub(super) const KRL: &[Case] = &[
         &[3],
         &[(4, "changed")],
     ),
+    case(
+        "points that are declared as frames",
+        "DECL FRAME P1,SHIFT,N\nP1={@0}\nSHIFT={X 0,Y 0,Z 50,A 0,B 0,C 0}\n$BASE=$NULLFRAME\nLIN P1\nLIN P1:SHIFT\n$OV_PRO=SPEED\nSPEED=50\nCHECK(SPEED)\n",
+        &[2],
+        &[],
+    ),
 ];

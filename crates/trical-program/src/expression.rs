@@ -4,21 +4,29 @@
 
 use std::collections::HashMap;
 
-use crate::scan::Scan;
+use crate::scan::{Scan, hashed, hashed_as_written};
 use crate::text::{Cursor, Span};
 
 /// Parentheses inside parentheses, at most.
 const DEEPEST: usize = 16;
 
-/// Constants of a program by the hash of their names ([`crate::scan::hashed`]).
+/// Constants of a program by the hash of their names ([`hashed`]).
 #[derive(Debug, Default)]
 pub struct Constants {
     values: HashMap<u64, Option<f64>>,
     /// Whether sine and cosine are of degrees.
     degrees: bool,
+    /// Whether `H` and `h` are two names.
+    as_written: bool,
 }
 
 impl Constants {
+    /// None yet, in a language that tells `H` from `h`.
+    #[must_use]
+    pub fn as_written() -> Self {
+        Self { as_written: true, ..Self::default() }
+    }
+
     /// None yet, in a language whose sine and cosine are of degrees.
     #[must_use]
     pub fn with_degrees() -> Self {
@@ -41,7 +49,8 @@ impl Constants {
     /// The value of the constant, where there is one of this name.
     #[must_use]
     pub fn get(&self, name: &[u8]) -> Option<f64> {
-        match self.values.get(&crate::scan::hashed(name)) {
+        let hash = if self.as_written { hashed_as_written(name) } else { hashed(name) };
+        match self.values.get(&hash) {
             Some(value) => *value,
             None => name.eq_ignore_ascii_case(b"pi").then_some(std::f64::consts::PI),
         }

@@ -146,13 +146,17 @@ impl Flow {
 
     /// Behind a word, which is a call where a bracket follows: whether it is one, and if so, whether its line begins with it.
     pub fn perhaps_called(&mut self, word: &[u8], behind: &Cursor<'_>, now: &mut Setup) -> Option<bool> {
+        self.perhaps_called_as(hashed(word), word, behind, now)
+    }
+
+    /// As [`Self::perhaps_called`]; the language hashes names in its own way.
+    pub fn perhaps_called_as(&mut self, name: u64, word: &[u8], behind: &Cursor<'_>, now: &mut Setup) -> Option<bool> {
         let at = behind.at - word.len();
         let mut behind = *behind;
         behind.skip_blank();
         if behind.peek() != b'(' {
             return None;
         }
-        let name = hashed(word);
         self.called(name, now);
         let is_statement = begins_line(behind.bytes, at);
         let call = self.calls.entry(name).or_insert_with(|| Call { name: lower(word), at, is_statement });

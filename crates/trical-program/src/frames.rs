@@ -29,6 +29,12 @@ impl ToolFrame {
         Self { flange_from_tool, mass: 0.0, cog: Vector3::zeros() }
     }
 
+    /// A tool whose centre point is given in this one.
+    #[must_use]
+    pub fn compose(&self, in_tool: &Self) -> Self {
+        Self { flange_from_tool: self.flange_from_tool.compose(&in_tool.flange_from_tool), ..*self }
+    }
+
     /// Whether this is the tool of the cell: the same place to 0.01 mm, the same axes to 0.01 deg.
     #[must_use]
     pub fn is_of(&self, cell: &Cell) -> bool {
@@ -74,6 +80,26 @@ pub fn named<T: PartialEq>(
     }
     known.insert(name.clone(), new);
     name
+}
+
+/// Stands between the names of frames whose product is meant, each in the one before it.
+pub const TIMES: &str = " : ";
+
+/// Looks a frame up `elsewhere` that is not `known`; of a product, each of its frames.
+pub fn find<T: Clone>(
+    known: &mut BTreeMap<String, Result<T, String>>,
+    name: Option<&String>,
+    elsewhere: &dyn Fn(&str) -> Option<Result<T, String>>,
+    compose: fn(&T, &T) -> T,
+) {
+    let Some(name) = name.filter(|name| !known.contains_key(*name)) else { return };
+    let parts = name.split(TIMES).map(|part| known.get(part).cloned().or_else(|| elsewhere(part)));
+    let all = parts.reduce(|a, b| match (a, b) {
+        (Some(Err(why)), _) | (_, Some(Err(why))) => Some(Err(why)),
+        (Some(Ok(a)), Some(Ok(b))) => Some(Ok(compose(&a, &b))),
+        _ => None,
+    });
+    known.extend(all.flatten().map(|frame| (name.clone(), frame)));
 }
 
 const TWICE: &str = "is given twice: controllers do not distinguish upper and lower case";

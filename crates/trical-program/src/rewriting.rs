@@ -15,10 +15,10 @@ use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_m
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
-use crate::frames::{AT, Frames};
+use crate::frames::{AT, Frames, ToolFrame, find};
 use crate::options::Options;
 use crate::report::{Report, Tally};
-use crate::scan::{Scan, Spot, Visit};
+use crate::scan::{Scan, Setup, Spot, Visit};
 use crate::text::contains;
 
 /// Targets that one thread takes at a time.
@@ -126,15 +126,12 @@ fn check_text(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Tools and frames of the program's setups that only other files declare.
+/// Tools and frames of the program's setups that only other files declare, and products of frames.
 fn find_elsewhere(known: &mut Frames, scan: &Scan, elsewhere: &dyn Elsewhere) {
     for setup in &scan.setups {
-        if let Some(name) = setup.tool.as_ref().filter(|n| !known.tools.contains_key(*n)) {
-            known.tools.extend(elsewhere.tool(name).map(|tool| (name.clone(), tool)));
-        }
-        if let Some(name) = setup.frame.as_ref().filter(|n| !known.frames.contains_key(*n)) {
-            known.frames.extend(elsewhere.frame(name).map(|frame| (name.clone(), frame)));
-        }
+        let Setup { tool, frame } = setup;
+        find(&mut known.tools, tool.as_ref(), &|name| elsewhere.tool(name), ToolFrame::compose);
+        find(&mut known.frames, frame.as_ref(), &|name| elsewhere.frame(name), Pose::compose);
     }
 }
 

@@ -303,6 +303,14 @@ pub fn changed_here(what: &str) -> String {
     format!("{what} is changed here while the program runs; its targets are corrected for where it is declared")
 }
 
+/// As [`hashed`], in a language that tells `WP` from `wp`.
+#[must_use]
+pub fn hashed_as_written(name: &[u8]) -> u64 {
+    let mut h = DefaultHasher::new();
+    h.write(name);
+    h.finish()
+}
+
 /// 64 bits that stand for a name, letters in lower case.
 #[must_use]
 pub fn hashed(name: &[u8]) -> u64 {

@@ -8,10 +8,11 @@
 mod arguments;
 mod outside;
 mod setup;
+mod targets;
 
 pub use outside::{displaces, sets};
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::HashMap;
 
 use nalgebra::Vector3;
 use trical_model::Pose;
@@ -26,6 +27,7 @@ use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
+use targets::Named;
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
@@ -84,15 +86,14 @@ pub fn header(bytes: &[u8]) -> usize {
 /// Reads a .src or .dat file, or both.
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
-    let (moved_to, frame_names) = targets(bytes);
+    let named = targets::targets(bytes);
     let only_read = arguments::only_read(bytes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
             scan: Scan::default(),
             names: Names::default(),
-            moved_to: &moved_to,
-            frame_names: &frame_names,
+            named: &named,
             only_read: &only_read,
             constants: Constants::with_degrees(),
             now: Setup::default(),
@@ -114,7 +115,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
         reader.names.used(name, setup, Way::Said, 0);
     }
     let Reader { mut scan, mut names, .. } = reader;
-    frame_names.iter().for_each(|name| names.no_target(*name));
+    named.no_targets.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
         format!("goes to '{name}', which the program's own files do not give as numbers ($config.dat and other programs stay as they are)")
@@ -142,40 +143,6 @@ pub fn globals(bytes: &[u8]) -> Vec<u64> {
 /// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.
 fn is_system(word: &[u8]) -> bool {
     word.starts_with(b"$") || is_one_of(word, &ELEMENTS) || word.eq_ignore_ascii_case(b"LOAD_DATA")
-}
-
-/// Names that motions go to (a FRAME that none goes to is no target), and names of what the controller's own variables are
-/// set from.
-fn targets(bytes: &[u8]) -> (HashSet<u64>, HashSet<u64>) {
-    let (mut found, mut frames) = (HashSet::new(), HashSet::new());
-    let mut c = Cursor::new(bytes, b';');
-    while let Some((_, word)) = c.next_word() {
-        if is_system(word) {
-            let start = c;
-            c.skip_blank();
-            if c.peek() == b'[' {
-                c.at += c.until(b"]\n\r").len();
-                c.at += usize::from(c.peek() == b']');
-            }
-            if c.eat_in_line(b'=') {
-                let name = c.word();
-                if !name.is_empty() && !is_system(name) {
-                    frames.insert(hashed(name));
-                }
-            } else {
-                c = start;
-            }
-            continue;
-        }
-        let mut more = is_one_of(word, &MOTIONS);
-        while more {
-            c.skip_blank();
-            let name = c.word();
-            found.insert(hashed(name));
-            more = !name.is_empty() && c.eat_in_line(b',');
-        }
-    }
-    (found, frames)
 }
 
 /// A `{...}`: its fields by name, each with its number, or where something stands that has no value before the program runs.
@@ -208,8 +175,7 @@ struct Reader<'a> {
     c: Cursor<'a>,
     scan: Scan,
     names: Names,
-    moved_to: &'a HashSet<u64>,
-    frame_names: &'a HashSet<u64>,
+    named: &'a Named,
     /// Which arguments the file's own routines only read (`:IN`), by the routine's name.
     only_read: &'a HashMap<u64, Vec<bool>>,
     constants: Constants,
@@ -363,7 +329,7 @@ impl<'a> Reader<'a> {
         if word.eq_ignore_ascii_case(b"$LOAD") {
             self.scan.loads.push(from);
         } else if is_one_of(word, &CURRENT) {
-            *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some(format!("{}: (computed)", lower(word)));
+            self.set(word.eq_ignore_ascii_case(b"$TOOL"), format!("{} (computed)", lower(word)));
         } else if mentions(self.c.until(b";\n\r"), word) {
             self.names.changed(hashed(word), from);
         } else if !is_system(word) {
@@ -373,6 +339,9 @@ impl<'a> Reader<'a> {
 
     /// `NAME=...`, `NAME[1]=...`
     fn assignment(&mut self, from: usize, word: &[u8]) {
+        if self.is_frame(word) {
+            return self.frame_data(from);
+        }
         if self.c.peek() == b'.' {
             return self.part(from, word);
         }
@@ -400,16 +369,15 @@ impl<'a> Reader<'a> {
             return;
         }
         if is_one_of(word, &CURRENT) {
-            *self.now.slot(is("$TOOL")) = Some(self.current(is("$TOOL")));
+            let name = self.current(is("$TOOL"));
+            self.set(is("$TOOL"), name);
         } else if is("$LOAD") {
             self.scan.loads.push(from);
         } else if is("$IPO_MODE") {
-            if mentions(self.c.until(b";\n\r"), b"TCP") {
-                self.now.tool = Some(self.fixed_tool());
-            }
+            self.interpolation();
         } else if self.c.peek() == b'{' {
             self.assigned(from, word, index);
-        } else if self.moved_to.contains(&hashed(word)) {
+        } else if self.named.moved_to.contains(&hashed(word)) {
             let source = self.c.word();
             self.c.skip_blank();
             let origin = if is_one_of(source, &HERE) {
@@ -431,20 +399,18 @@ impl<'a> Reader<'a> {
 
     /// `{...}` that is assigned to this word, or to an element of it.
     fn assigned(&mut self, from: usize, word: &[u8], index: Option<String>) {
+        if let (true, Some(n)) = (is_one_of(word, &ELEMENTS), index) {
+            return self.element(word.eq_ignore_ascii_case(b"TOOL_DATA"), n);
+        }
         let found = self.aggregate();
-        if is_one_of(word, &ELEMENTS) {
-            let frame = self.frame(&found);
-            match index {
-                Some(n) if word.eq_ignore_ascii_case(b"TOOL_DATA") => {
-                    declare(&mut self.scan.frames.tools, n, frame.map(ToolFrame::massless));
-                }
-                Some(n) => declare(&mut self.scan.frames.frames, n, frame),
-                None => {}
-            }
-        } else if word.eq_ignore_ascii_case(b"FDAT_ACT") {
+        if word.eq_ignore_ascii_case(b"FDAT_ACT") {
             self.now = self.said(&found);
-        } else if !is_system(word) && (self.moved_to.is_empty() || self.moved_to.contains(&hashed(word))) {
-            self.define(&found, Span::new(from, from + word.len()));
+        } else if !is_system(word) && (self.named.moved_to.is_empty() || self.named.moved_to.contains(&hashed(word))) {
+            if self.c.eat_in_line(b':') {
+                self.names.set_from(hashed(word), Origin::Computed(from as u32));
+            } else {
+                self.define(&found, Span::new(from, from + word.len()));
+            }
         }
     }
 
@@ -456,7 +422,8 @@ impl<'a> Reader<'a> {
         let Some(equals) = behind.iter().position(|b| *b == b'=') else { return false };
         let (part, value) = (behind[..equals].trim_ascii_end(), behind[equals + 1..].trim_ascii_start());
         let is_comparison = value.starts_with(b"=") || part.iter().any(|b| b"<>".contains(b));
-        let is_known = part == b"]" && value.starts_with(b"{") && !index.iter().any(u8::is_ascii_alphabetic);
+        let is_calculated = index.iter().any(|b| b.is_ascii_alphabetic() || b"+-*/".contains(b));
+        let is_known = part == b"]" && value.starts_with(b"{") && !is_calculated;
         !is_comparison && !is_known
     }
 
@@ -470,11 +437,10 @@ impl<'a> Reader<'a> {
             return;
         }
         let found = self.aggregate();
-        let is_moved_to = self.moved_to.contains(&hashed(name));
-        if !is_moved_to && (is_frame || self.frame_names.contains(&hashed(name))) {
+        let is_moved_to = self.named.moved_to.contains(&hashed(name));
+        if !is_moved_to && (is_frame || self.named.no_targets.contains(&hashed(name))) {
             let frame = self.frame(&found);
-            self.scan.frames.tools.insert(lower(name), frame.clone().map(ToolFrame::massless));
-            self.scan.frames.frames.insert(lower(name), frame);
+            self.declare(&lower(name), frame);
         } else {
             self.define(&found, name_span);
         }
@@ -495,48 +461,56 @@ impl<'a> Reader<'a> {
         self.names.define(hash, first, self.scan.spots.len());
     }
 
-    /// `LIN {...} C_DIS`, `LIN XP1`, `CIRC P1,P2,CA 90`, `LIN XP1:{...}`
+    /// `LIN {...} C_DIS`, `LIN XP1`, `CIRC P1,P2,CA 90`, `LIN XP1:{...}`, `LIN PALLET:XP1`
     fn motion(&mut self) {
         loop {
             self.c.skip_blank();
-            let at = self.c.at;
-            if self.c.peek() == b'{' {
-                let found = self.aggregate();
-                if !self.relative() {
-                    let visit = self.goes_to(at, &found);
-                    self.names.visit(visit);
-                }
-            } else {
-                let word = self.c.word();
-                if word.is_empty() || word.eq_ignore_ascii_case(b"CA") {
-                    return;
-                }
-                self.c.skip_blank();
-                let way = match (self.relative(), self.c.peek()) {
-                    (true, _) => Way::Computed,
-                    (false, b'[') => Way::Indexed,
-                    (false, _) => Way::To,
-                };
-                if self.c.peek() == b'(' {
-                    self.names.visit(Visit::Unknown);
-                    self.scan.goes_to_calculated(at);
-                    self.c.skip_line();
-                    return;
-                }
-                if is_one_of(word, &HERE) {
-                    self.names.visit(Visit::Unknown);
-                } else {
-                    let setup = self.scan.setup(self.now.clone());
-                    self.names.used(hashed(word), setup, way, at);
-                }
-                if self.c.peek() == b'[' {
-                    self.c.skip_past(b']', b"\n\r");
-                }
+            let base = self.in_frames();
+            let is_place = self.place();
+            if let Some(base) = base {
+                self.now.frame = base;
             }
-            if !self.c.eat_in_line(b',') {
+            if !is_place || !self.c.eat_in_line(b',') {
                 return;
             }
         }
+    }
+
+    /// Where a motion goes; whether another place may follow.
+    fn place(&mut self) -> bool {
+        let at = self.c.at;
+        if self.c.peek() == b'{' {
+            let found = self.aggregate();
+            let visit = self.goes_to(at, &found);
+            self.names.visit(visit);
+            return true;
+        }
+        let word = self.c.word();
+        if word.is_empty() || word.eq_ignore_ascii_case(b"CA") {
+            return false;
+        }
+        self.c.skip_blank();
+        let way = match (self.relative(), self.c.peek()) {
+            (true, _) => Way::Computed,
+            (false, b'[') => Way::Indexed,
+            (false, _) => Way::To,
+        };
+        if self.c.peek() == b'(' {
+            self.names.visit(Visit::Unknown);
+            self.scan.goes_to_calculated(at);
+            self.c.skip_line();
+            return false;
+        }
+        if is_one_of(word, &HERE) {
+            self.names.visit(Visit::Unknown);
+        } else {
+            let setup = self.scan.setup(self.now.clone());
+            self.names.used(hashed(word), setup, way, at);
+        }
+        if self.c.peek() == b'[' {
+            self.c.skip_past(b']', b"\n\r");
+        }
+        true
     }
 
     /// The motion to a target that is written out at `at`.
@@ -645,13 +619,6 @@ impl<'a> Reader<'a> {
             translation: Vector3::new(v[0], v[1], v[2]) * 1e-3,
         })
     }
-}
-
-/// Keeps an element of `TOOL_DATA` or `BASE_DATA`; one that the program sets twice is known only while it runs.
-fn declare<T: PartialEq>(known: &mut BTreeMap<String, Result<T, String>>, number: String, new: Result<T, String>) {
-    let differs = known.get(&number).is_some_and(|before| *before != new);
-    let several = || Err("is set to different frames at several places of the program".into());
-    known.insert(number, if differs { several() } else { new });
 }
 
 /// The name before the next bracket of the line (`REAL F(X:IN)`, `DECL 3 WHEN $IN[1] DO STOP()`); the cursor is behind the name.

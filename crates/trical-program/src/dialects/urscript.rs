@@ -1,9 +1,14 @@
 //! Universal Robots script: `p[x,y,z,rx,ry,rz]` in m and rad, and joint values in rad.
 //!
-//! Targets are what `movej`, `movel`, `movep`, `movec` and `servoj` go to: literals, or names of literals, by themselves or in
-//! `get_inverse_kin(...)`. Numbers may be expressions of what is assigned once. `set_tcp(p[...])` declares the tool from there on.
-//! `pose_trans(name, p[...])` is relative to a target that is rewritten and stays, or, where no motion goes to `name`, a target in
-//! that frame. A motion to what the program calculates is listed. Where loads are set (`set_payload`) is only noted.
+//! Targets are what `movej`, `movel`, `movep`, `movec` and `servoj` go to: literals, or names of literals, by
+//! themselves or in `get_inverse_kin(...)` or `get_forward_kin(...)`. Numbers may be expressions of what is assigned
+//! once. `set_tcp(p[...])` declares the tool from there on. `pose_trans(name, p[...])` is relative to a target that is
+//! rewritten and stays, or, where no motion goes to `name`, a target in that frame; so is `other` of `pose_trans(name,
+//! other)` where it stands nowhere else. A motion to what the program calculates is listed. Where loads are set
+//! (`set_payload`) is only noted.
+
+mod places;
+mod targets;
 
 use std::collections::{HashMap, HashSet};
 
@@ -14,12 +19,13 @@ use crate::expression::Constants;
 use crate::flow::Flow;
 use crate::frames::{AT, ToolFrame, named};
 use crate::literal::{Meant, Shape};
-use crate::names::{Names, Origin, Way};
-use crate::scan::{Fork, Scan, Setup, Visit, hashed};
-use crate::text::{Cursor, Span, lower, mentions};
+use crate::names::{Names, Origin};
+use crate::scan::{Fork, Scan, Setup, Visit, hashed_as_written as hashed};
+use crate::text::{Cursor, Span, mentions};
+use targets::{constants, next_argument, skip_name, targets, unsteady};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
-/// Functions that say where the arm is.
+/// Functions that say where the arm is; with arguments, `get_forward_kin` says where it would be.
 const HERE: [&[u8]; 6] = [
     b"get_actual_tcp_pose",
     b"get_target_tcp_pose",
@@ -28,6 +34,11 @@ const HERE: [&[u8]; 6] = [
     b"get_target_joint_positions",
     b"get_joint_positions",
 ];
+/// From a place to joints and back: the place is the same, with the tool that is set.
+const KINEMATICS: [&[u8]; 2] = [b"get_inverse_kin", FORWARD];
+const FORWARD: &[u8] = b"get_forward_kin";
+/// Functions of the language that are given places and move nothing.
+const SHOW: [&[u8]; 5] = [b"textmsg", b"popup", b"socket_send_string", b"socket_send_line", b"set_pos"];
 /// Functions behind which motions end elsewhere than they say.
 const DISPLACES: [&[u8]; 4] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set", b"force_mode"];
 /// Functions that move the arm to where the script does not say, or let a person or a force do so.
@@ -40,7 +51,12 @@ const DEEPEST: usize = 8;
 /// Reads a script.
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
-    let (constants, moved_to, unsteady) = (constants(bytes), targets(bytes), unsteady(bytes));
+    let constants = constants(bytes);
+    let (mut moved_to, mut in_frames) = targets(bytes);
+    let unsteady = unsteady(bytes, &mut in_frames);
+    let (in_one, several): (Vec<_>, Vec<_>) = in_frames.into_iter().partition(|(_, uses)| uses.frame.is_some());
+    let in_one: Vec<u64> = in_one.into_iter().map(|(name, _)| name).filter(|name| moved_to.insert(*name)).collect();
+    let several: HashSet<u64> = several.into_iter().map(|(name, _)| name).collect();
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b'#'),
@@ -53,14 +69,28 @@ pub fn scan(bytes: &[u8]) -> Scan {
             flow,
             values: HashMap::new(),
             joints: HashMap::new(),
+            in_frames: HashMap::new(),
+            bare: HashSet::new(),
+            places: HashSet::new(),
+            near: HashMap::new(),
+            functions: HashSet::new(),
+            given: Vec::new(),
         };
         reader.file();
         (std::mem::take(&mut reader.flow), reader)
     };
     let reader = Flow::read(pass, |r| &mut r.scan, None);
-    let Reader { mut scan, names, .. } = reader;
+    let Reader { mut scan, mut names, functions, given, .. } = reader;
+    for (_, at) in given.into_iter().filter(|(name, _)| !functions.contains(name)) {
+        scan.problem(at, "gives a place to a function that is not in the script: where the arm goes is not corrected");
+    }
+    in_one.into_iter().for_each(|name| names.no_target(name));
     names.resolve(&mut scan, bytes, &|name| {
-        format!("goes to '{}', which the script does not give as numbers", String::from_utf8_lossy(name))
+        let why = match several.contains(&hashed(name)) {
+            true => "which is used in several frames, or not for this only: it could be corrected for one use",
+            false => "which the script does not give as numbers",
+        };
+        format!("goes to '{}', {why}", String::from_utf8_lossy(name))
     });
     scan
 }
@@ -71,113 +101,7 @@ fn is_motion(word: &[u8]) -> bool {
 
 /// Whether a circle: by way of its first place.
 fn has_two(motion: &[u8]) -> bool {
-    motion == b"movec" || motion == b"servoc"
-}
-
-/// What is assigned once, a number, and is no argument of a function.
-fn constants(bytes: &[u8]) -> Constants {
-    let mut found = Constants::default();
-    let mut assigned: HashSet<u64> = HashSet::new();
-    let mut c = Cursor::new(bytes, b'#');
-    while let Some((_, word)) = c.next_word() {
-        c.skip_blank();
-        if word == b"def" || word == b"thread" {
-            c.word();
-            while !c.done() && !matches!(c.peek(), b')' | b'\n') {
-                let name = c.word();
-                if name.is_empty() {
-                    c.at += 1;
-                } else {
-                    found.forget(hashed(name));
-                }
-            }
-        } else if c.peek() == b'(' && is_motion(word) {
-            // its options (`a=1.2`) are no assignments
-            c.at += c.until(b"\n").len();
-        } else if c.assigns() {
-            c.at += 1;
-            let value = found.expression(&mut c).map(|(_, value)| value);
-            c.skip_blank();
-            let whole = value.filter(|_| c.done() || matches!(c.peek(), b'\n' | b'\r' | b'#'));
-            match (assigned.insert(hashed(word)), whole) {
-                (true, Some(value)) => found.define(hashed(word), value),
-                _ => found.forget(hashed(word)),
-            }
-        }
-    }
-    found
-}
-
-/// Names that stand first in a motion, also inside a function: only these are targets when they are assigned.
-fn targets(bytes: &[u8]) -> HashSet<u64> {
-    let (mut all, mut copies) = (HashSet::new(), Vec::new());
-    let mut c = Cursor::new(bytes, b'#');
-    while let Some((_, word)) = c.next_word() {
-        let start = c;
-        if c.eat_in_line(b'=') {
-            let source = c.word();
-            c.skip_blank();
-            if !source.is_empty() && matches!(c.peek(), b'\n' | b'\r' | b'#' | 0) {
-                copies.push((hashed(word), hashed(source)));
-            }
-        }
-        c = start;
-        let mut more = is_motion(word) && c.eat(b'(');
-        // a circle goes by way of its first
-        for _ in 0..2 {
-            if !more {
-                break;
-            }
-            c.skip_space();
-            let mut name = c.word();
-            if name == b"get_inverse_kin" && c.eat(b'(') {
-                c.skip_space();
-                name = c.word();
-            }
-            if !name.is_empty() {
-                all.insert(hashed(name));
-            }
-            more = has_two(word) && c.eat(b',');
-        }
-    }
-    // what is copied to a target is one itself; the last copy comes first
-    for (copy, source) in copies.into_iter().rev() {
-        if all.contains(&copy) {
-            all.insert(source);
-        }
-    }
-    all
-}
-
-/// Names that are assigned several times, not all of them along one function outside of its branches and loops, or used elsewhere: of
-/// these the text above does not say the value.
-fn unsteady(bytes: &[u8]) -> HashSet<u64> {
-    /// In which function a name stands first, how often it is assigned, and whether in a block or seen in another function.
-    type Seen = (usize, u32, bool);
-    let mut names: HashMap<u64, Seen> = HashMap::new();
-    // the functions and blocks that are open: the number of a function
-    let mut open: Vec<Option<usize>> = Vec::new();
-    let mut functions = 0;
-    let mut c = Cursor::new(bytes, b'#');
-    while let Some((_, word)) = c.next_word() {
-        match word {
-            b"def" | b"thread" => {
-                functions += 1;
-                open.push(Some(functions));
-            }
-            b"while" | b"if" | b"for" => open.push(None),
-            b"end" => drop(open.pop()),
-            _ => {
-                c.skip_blank();
-                let assigned = c.assigns();
-                let function = open.iter().rev().find_map(|f| *f).unwrap_or(0);
-                let (first, count, elsewhere) = names.entry(hashed(word)).or_insert((function, 0, false));
-                *count = count.saturating_add(u32::from(assigned));
-                *elsewhere |= *first != function || assigned && open.last() == Some(&None);
-            }
-        }
-    }
-    names.into_iter().filter(|(_, (_, count, elsewhere))| *count > 1 && *elsewhere).map(|(name, _)| name).collect()
+    motion == b"movec"
 }
 
 struct Reader<'a> {
@@ -189,10 +113,23 @@ struct Reader<'a> {
     unsteady: &'a HashSet<u64>,
     now: Setup,
     flow: Flow,
-    /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`: the latest; `None` where nobody knows which that is.
+    /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`: the latest; `None` where nobody knows which that
+    /// is.
     values: HashMap<u64, Option<Pose>>,
     /// Joint values by name, for `qnear=name`; the latest.
     joints: HashMap<u64, Joints>,
+    /// Frames of the script in which places are given, by the name of the place; the latest.
+    in_frames: HashMap<u64, String>,
+    /// Places to which a motion goes that is read before a frame is.
+    bare: HashSet<u64>,
+    /// Names of numbers that make a place.
+    places: HashSet<u64>,
+    /// Joints to which those are near that a name stands for: indices into `Scan::nearest`.
+    near: HashMap<u64, u32>,
+    /// Functions of the script.
+    functions: HashSet<u64>,
+    /// Functions that are given places, and where.
+    given: Vec<(u64, usize)>,
 }
 
 impl Reader<'_> {
@@ -229,11 +166,12 @@ impl Reader<'_> {
 
     /// Words that begin or end routines, branches and loops, and calls.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
-        let Self { flow, now, c, names, .. } = self;
+        let Self { flow, now, c, names, functions, .. } = self;
         match word {
-            b"def" | b"thread" => {
+            b"def" | b"thread" | b"sec" => {
                 c.skip_blank();
                 let name = hashed(c.word());
+                functions.insert(name);
                 flow.routine(name, now);
                 names.routine(name);
                 c.skip_line();
@@ -253,13 +191,39 @@ impl Reader<'_> {
             }
             b"end" => names.end(flow.end(now)),
             _ => {
-                if flow.perhaps_called(word, c, now).is_some() {
-                    names.called(hashed(word), false);
+                let name = hashed(word);
+                if let Some(is_statement) = flow.perhaps_called_as(name, word, c, now) {
+                    let is_given = is_statement && !SHOW.contains(&word) && self.is_given_place();
+                    self.given.extend(is_given.then_some((name, from)));
+                    self.names.called(name, is_given);
                 }
                 return false;
             }
         }
         true
+    }
+
+    /// Whether a place is among the arguments of a function, from behind its name on. The cursor stays.
+    fn is_given_place(&mut self) -> bool {
+        let start = self.c;
+        let mut more = self.c.eat(b'(');
+        let mut found = false;
+        while more && !found {
+            let argument = self.c;
+            skip_name(&mut self.c);
+            let is_literal = matches!(self.literal(), Literal::Numbers(..) | Literal::Unread(_));
+            let word = self.c.word();
+            let name = hashed(word);
+            found = is_literal
+                || self.moved_to.contains(&name)
+                || self.places.contains(&name)
+                || word.starts_with(b"pose_") && self.c.peek() == b'('
+                || KINEMATICS.contains(&word);
+            self.c = argument;
+            more = next_argument(&mut self.c);
+        }
+        self.c = start;
+        found
     }
 
     /// `name=p[...]`, `name=[...]`, `name=other`, `name=pose_trans(other,...)`, `name[2]=...`
@@ -286,42 +250,20 @@ impl Reader<'_> {
             }
             return;
         }
-        match self.literal() {
+        let literal = self.literal();
+        if !matches!(literal, Literal::None) {
+            self.places.insert(hash);
+        }
+        match literal {
             Literal::Numbers(shape, spans) => self.assigned(Span::new(from, from + word.len()), shape, &spans),
             Literal::Unread(span) if is_target => {
                 self.scan.unread(span, self.c.bytes);
                 self.names.listed(hash);
             }
             Literal::Unread(_) => drop(self.values.insert(hash, None)),
-            Literal::None if is_target => {
-                let origin = self
-                    .origin(0)
-                    .map_or(computed, |o| o.map_or(Origin::Here, |name| Origin::Name { name, at: from as u32 }));
-                self.names.set_from(hash, origin);
-            }
+            Literal::None if is_target => self.placed(Span::new(from, from + word.len())),
             Literal::None => drop(self.values.insert(hash, None)),
         }
-    }
-
-    /// What the expression at the cursor is relative to: a name, or (`Some(None)`) where the arm is; `None` is something else.
-    fn origin(&mut self, depth: usize) -> Option<Option<u64>> {
-        self.c.skip_space();
-        let word = self.c.word();
-        if word.is_empty() || depth > DEEPEST {
-            return None;
-        }
-        self.c.skip_blank();
-        if self.c.peek() != b'(' {
-            return matches!(self.c.peek(), b'\n' | b'\r' | b'#' | b',' | b')' | 0).then_some(Some(hashed(word)));
-        }
-        if HERE.contains(&word) {
-            return Some(None);
-        }
-        if ![&b"pose_trans"[..], b"pose_add", b"get_inverse_kin"].contains(&word) {
-            return None;
-        }
-        self.c.at += 1;
-        self.origin(depth + 1)
     }
 
     fn assigned(&mut self, name: Span, shape: Shape, spans: &[Span; 6]) {
@@ -329,6 +271,8 @@ impl Reader<'_> {
         if let Some(q) = self.joint_values(shape, spans) {
             self.joints.insert(hash, q);
         }
+        self.in_frames.remove(&hash);
+        self.near.remove(&hash);
         if self.moved_to.contains(&hash) {
             let first = self.scan.spots.len();
             self.scan.push(shape, spans, Configuration::Free, name);
@@ -355,44 +299,6 @@ impl Reader<'_> {
         Some(q)
     }
 
-    /// `get_inverse_kin(place, qnear=joints)`, from its parenthesis on: of the configurations of the arm the one near these joints.
-    fn nearest(&mut self) {
-        let start = self.c;
-        let mut depth = 0;
-        // behind the comma that follows the place
-        while !self.c.done() && !matches!(self.c.peek(), b'\n') {
-            match self.c.peek() {
-                b'(' | b'[' => depth += 1,
-                b')' | b']' if depth == 0 => break,
-                b')' | b']' => depth -= 1,
-                b',' if depth == 0 => {
-                    self.c.at += 1;
-                    self.c.skip_space();
-                    let at = self.c;
-                    if self.c.word() != b"qnear" || !self.c.eat(b'=') {
-                        self.c = at;
-                    }
-                    let q = match self.literal() {
-                        Literal::Numbers(shape, spans) => self.joint_values(shape, &spans),
-                        _ => {
-                            self.c.skip_space();
-                            let name = hashed(self.c.word());
-                            self.joints.get(&name).copied()
-                        }
-                    };
-                    if let Some(q) = q {
-                        self.names.visit(Visit::Like(self.scan.nearest.len() as u32));
-                        self.scan.nearest.push(q);
-                    }
-                    break;
-                }
-                _ => {}
-            }
-            self.c.at += 1;
-        }
-        self.c = start;
-    }
-
     fn set_tcp(&mut self, at: usize) {
         self.c.skip_space();
         let pose = match self.literal() {
@@ -415,92 +321,17 @@ impl Reader<'_> {
 
     /// The first argument of a motion, or the first two.
     fn motion(&mut self, two: bool) {
-        if self.place(None, 0) && two && self.c.eat(b',') {
-            self.place(None, 0);
+        self.goes_to();
+        if two && next_argument(&mut self.c) {
+            self.goes_to();
         }
     }
 
-    /// A place to which a motion goes, in a frame of the script or in the base. `false` where none stands.
-    fn place(&mut self, frame: Option<&str>, depth: usize) -> bool {
-        self.c.skip_space();
+    fn goes_to(&mut self) {
         let at = self.c.at;
-        let setup = Setup { tool: self.now.tool.clone(), frame: frame.map(str::to_owned) };
-        let setup = self.scan.setup(setup);
-        match self.literal() {
-            Literal::Numbers(shape, spans) => {
-                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default());
-                self.scan.assign(spot, setup);
-                self.names.visit(Visit::To(spot));
-                return true;
-            }
-            Literal::Unread(span) => {
-                self.scan.unread(span, self.c.bytes);
-                self.names.visit(Visit::Unknown);
-                return true;
-            }
-            Literal::None => {}
-        }
-        let word = self.c.word();
-        if word.is_empty() {
-            return false;
-        }
-        if !self.c.eat(b'(') {
-            // a name, an element of a list
-            let way = if self.c.peek() == b'[' { Way::Indexed } else { Way::To };
-            self.names.used(hashed(word), setup, way, at);
-            return true;
-        }
-        let inside = self.c;
-        if word == b"get_inverse_kin" && mentions(self.c.until(b"\n"), b"tcp") {
+        if !self.place(None, 0) {
             self.names.visit(Visit::Unknown);
-            self.scan.problem(at, "names a tool of its own (tcp=), which is not read");
-            self.names.no_target(hashed(self.c.word()));
-        } else if word == b"get_inverse_kin" && depth < DEEPEST {
-            self.nearest();
-            self.place(frame, depth + 1);
-        } else if word == b"pose_trans" || word == b"pose_add" {
-            self.related(at, setup, word == b"pose_trans" && frame.is_none(), depth);
-        } else {
-            self.names.visit(Visit::Unknown);
-            if !HERE.contains(&word) {
-                self.scan.goes_to_calculated(at);
-            }
-        }
-        self.c = inside;
-        self.close();
-        true
-    }
-
-    /// `pose_trans(base, pose)` or `pose_add(base, pose)`, from behind its parenthesis on.
-    fn related(&mut self, at: usize, setup: u32, may_be_frame: bool, depth: usize) {
-        self.c.skip_space();
-        let start = self.c;
-        let (literal, base) = (self.literal(), self.c.word());
-        let frame = match literal {
-            Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
-            _ => self.values.get(&hashed(base)).copied().flatten(),
-        };
-        let is_target = self.moved_to.contains(&hashed(base));
-        if let (false, true, Some(pose)) = (is_target, may_be_frame && depth < DEEPEST, frame)
-            && self.c.eat(b',')
-        {
-            let own = if base.is_empty() { "p[...]".to_owned() } else { lower(base) };
-            // set anew, it is another frame
-            let is_it = |f: &Result<Pose, String>| *f == Ok(pose);
-            let known = !base.is_empty() && self.scan.frames.frames.get(&own).is_none_or(is_it);
-            let name = if known { own } else { format!("{own}{AT}{at}") };
-            self.scan.frames.frames.insert(name.clone(), Ok(pose));
-            self.place(Some(&name), depth + 1);
-            return;
-        }
-        self.c = start;
-        match self.origin(0) {
-            Some(None) => self.names.visit(Visit::Unknown),
-            Some(Some(name)) => self.names.used(name, setup, Way::Computed, start.at),
-            None => {
-                self.names.visit(Visit::Unknown);
-                self.scan.goes_to_calculated(at);
-            }
+            self.scan.goes_to_calculated(at);
         }
     }
 

@@ -7,6 +7,7 @@
 mod fanuc;
 mod krl;
 mod rapid;
+mod same;
 mod urscript;
 
 use trical_model::Model;
@@ -17,6 +18,7 @@ use crate::fixtures::{IRB, KR6, LR, UR5E, device, flange, joints, mm, nominal, p
 use fanuc::FANUC;
 use krl::KRL;
 use rapid::RAPID;
+use same::SAME;
 use urscript::URSCRIPT;
 
 struct Case {
@@ -94,6 +96,34 @@ fn filled(text: &str, d: Dialect, model: &Model) -> String {
         }
     }
     out
+}
+
+#[test]
+fn what_is_said_in_two_ways_is_rewritten_alike() {
+    for (d, name, text, plain) in SAME {
+        let nominal = nominal(if *d == Dialect::Krl { KR6 } else { UR5E });
+        let options = Options { temp_c: Some(32.0), details: true, ..Options::default() };
+        let run = |text: &str| {
+            let text = filled(text, *d, &nominal);
+            let (model, frames, out) = (real(&nominal), Frames::default(), &mut Vec::new());
+            compensate(text.as_bytes(), "p", *d, &nominal, &model, &frames, &options, out).unwrap()
+        };
+        let (one, other) = (run(text), run(plain));
+        assert!(
+            one.problems.is_empty() && other.problems.is_empty(),
+            "{name}: {:?} {:?}",
+            one.problems,
+            other.problems
+        );
+        assert_eq!(one.rows.len(), other.rows.len(), "{name}");
+        for (a, b) in one.rows.iter().zip(&other.rows) {
+            let apart =
+                (a.wanted.translation - b.wanted.translation).norm() + (a.wanted.rotation - b.wanted.rotation).norm();
+            let turned = a.joints.iter().zip(&b.joints).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            // where a place is reached by another name, nobody knows in which sense: the gap of a joint
+            assert!(apart < 1e-9 && turned < 1e-3, "{name}, line {}: {apart} {turned}", a.line);
+        }
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{CURRENT, Reader, before_bracket};
+use super::{CURRENT, ELEMENTS, Reader, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
 use crate::text::{Cursor, is_one_of};
@@ -85,11 +85,11 @@ impl Reader<'_> {
     }
 
     fn may_change(&mut self, word: &[u8], at: usize) {
-        if self.moved_to.contains(&hashed(word)) {
+        if self.named.moved_to.contains(&hashed(word)) {
             self.names.set_from(hashed(word), Origin::Computed(at as u32));
         } else if is_one_of(word, &CURRENT) {
-            *self.now.slot(word.eq_ignore_ascii_case(b"$TOOL")) = Some("(set by a routine)".to_owned());
-        } else if is_one_of(word, &[b"TOOL_DATA", b"BASE_DATA"]) {
+            self.set(word.eq_ignore_ascii_case(b"$TOOL"), "(set by a routine)".to_owned());
+        } else if is_one_of(word, &ELEMENTS) || self.is_frame(word) {
             self.scan.problem(at, changed_here("a tool or base"));
         }
     }

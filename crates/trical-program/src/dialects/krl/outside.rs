@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::{Reader, TYPES, is_system};
 use crate::names::Origin;
-use crate::scan::hashed;
+use crate::scan::{changed_here, hashed};
 use crate::text::{Cursor, is_one_of, mentions};
 
 /// The places that a line declares, and whether for all files: `DECL GLOBAL E6POS P={...}`.
@@ -65,8 +65,12 @@ pub(super) fn note(bytes: &[u8], reader: &mut Reader<'_>) {
             let what = "calls a routine that lets a sensor displace the motions that follow (RSI); they are corrected for where the text has them";
             reader.scan.problems.push((*at, what.into()));
         }
-        let set = routine.sets.iter().filter(|name| globals.binary_search(name).is_ok());
-        set.for_each(|name| reader.names.set_from(*name, Origin::Computed(*at as u32)));
+        for name in routine.sets.iter().filter(|name| globals.binary_search(name).is_ok()) {
+            reader.names.set_from(*name, Origin::Computed(*at as u32));
+            if reader.named.frames.contains(name) {
+                reader.scan.problems.push((*at, changed_here("a tool or base")));
+            }
+        }
     }
     for call in &reader.scan.calls {
         globals.iter().for_each(|name| reader.names.set_from(*name, Origin::Perhaps(call.at as u32)));

@@ -1,13 +1,47 @@
-//! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms.
+//! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms; and frames that the program
+//! names.
 
-use super::{Aggregate, ELEMENTS, Reader, target_of};
-use crate::frames::{AT, ToolFrame, named};
-use crate::scan::Setup;
+use std::collections::BTreeMap;
+
+use trical_model::Pose;
+
+use super::{Aggregate, Reader, target_of};
+use crate::frames::{AT, TIMES, ToolFrame, named};
+use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{is_one_of, lower, mentions};
 
+/// How the name begins of a tool that stands still.
+const FIXED: &str = "#tcp : ";
+/// The base, where nothing in the program says which.
+const UNSET: &str = "$base";
+/// What is wrong with a frame that is not given by numbers.
+fn calculated(name: &str) -> String {
+    format!("is meant with '{name}', which only the running program calculates")
+}
+
+fn is_number(index: &str) -> bool {
+    !index.is_empty() && index.bytes().all(|b| b.is_ascii_digit())
+}
+
+/// Keeps a frame; one that the program sets twice is known only while it runs.
+fn declare<T: PartialEq>(known: &mut BTreeMap<String, Result<T, String>>, name: String, new: Result<T, String>) {
+    let differs = known.get(&name).is_some_and(|before| *before != new);
+    let several = || Err("is set to different frames at several places of the program".into());
+    known.insert(name, if differs { several() } else { new });
+}
+
 impl Reader<'_> {
-    /// What is behind `$TOOL=` or `$BASE=`.
+    /// What is behind `$TOOL=` or `$BASE=`: a frame, or frames with the geometric operator between them.
     pub(super) fn current(&mut self, is_tool: bool) -> String {
+        let mut name = self.one_frame(is_tool);
+        while self.c.eat_in_line(b':') {
+            name = format!("{name}{TIMES}{}", self.one_frame(is_tool));
+        }
+        name
+    }
+
+    /// The name of the frame at the cursor, which is declared where it is given by numbers.
+    pub(super) fn one_frame(&mut self, is_tool: bool) -> String {
         if self.c.peek() == b'{' {
             let at = self.c.at;
             let found = self.aggregate();
@@ -29,16 +63,29 @@ impl Reader<'_> {
         if word.eq_ignore_ascii_case(b"EK") {
             return self.on_external_axis();
         }
-        self.c.skip_blank();
-        if is_one_of(word, &ELEMENTS)
-            && self.c.eat_in_line(b'[')
-            && let Some(n) = self.c.number()
-        {
-            return lower(n.text(self.c.bytes));
-        }
-        // calculated: $BASE = A : B
         let name = lower(word);
-        if self.c.peek() == b':' || name.is_empty() { format!("{name}: (computed)") } else { name }
+        if self.c.eat_in_line(b'[') {
+            let index = self.c.until(b"]\n\r");
+            self.c.at += index.len();
+            let index = lower(index.trim_ascii());
+            let is_element = word.eq_ignore_ascii_case(if is_tool { b"TOOL_DATA" } else { b"BASE_DATA" });
+            let is_closed = self.c.eat_in_line(b']');
+            return match (is_closed && is_number(&index), is_element) {
+                (true, true) => index,
+                (true, false) => format!("{name}[{index}]"),
+                (false, _) => self.calculated(format!("{name}[{index}]")),
+            };
+        }
+        // of a function, a part of something
+        let is_whole = !name.is_empty() && !matches!(self.c.peek(), b'(' | b'.');
+        if is_whole { name } else { self.calculated(format!("{name}...")) }
+    }
+
+    /// A tool or base that nobody knows before the program runs.
+    fn calculated(&mut self, name: String) -> String {
+        self.scan.frames.tools.insert(name.clone(), Err(calculated(&name)));
+        self.scan.frames.frames.insert(name.clone(), Err(calculated(&name)));
+        name
     }
 
     /// `BAS(#TOOL,1)`, `BAS(#BASE,2)`
@@ -48,12 +95,16 @@ impl Reader<'_> {
         }
         let what = self.c.word();
         if self.c.eat(b',') {
-            self.c.skip_blank();
-            let n = self.c.number().map_or_else(|| "(computed)".into(), |n| lower(n.text(self.c.bytes)));
-            match lower(what).as_str() {
-                "tool" => self.now.tool = Some(n),
-                "base" => self.now.frame = Some(n),
-                "ex_base" => self.now.frame = Some(self.on_external_axis()),
+            let n = lower(self.c.until(b")\n\r").trim_ascii());
+            let what = lower(what);
+            let n = if is_number(&n) { n } else { self.calculated(format!("bas(#{what},{n})")) };
+            match what.as_str() {
+                "tool" => self.set(true, n),
+                "base" => self.set(false, n),
+                "ex_base" => {
+                    let base = self.on_external_axis();
+                    self.set(false, base);
+                }
                 _ => {}
             }
         }
@@ -70,16 +121,125 @@ impl Reader<'_> {
     fn of_motion_data(&mut self, is_tool: bool) -> String {
         self.c.skip_blank();
         let name = self.c.word();
+        self.c.skip_past(b')', b";\n\r");
         let setup = self.motion_data.get(&target_of(name)).and_then(|s| self.scan.setups.get(*s as usize));
         let said = setup.and_then(|s| if is_tool { s.tool.clone() } else { s.frame.clone() });
         said.unwrap_or_else(|| format!("of '{}'", String::from_utf8_lossy(name)))
     }
 
-    /// The name of a tool that stands still while the robot carries the work.
-    pub(super) fn fixed_tool(&mut self) -> String {
+    /// The name of a tool that stands still while the robot carries the work: of a product that is not usable, whatever
+    /// the tool.
+    fn fixed(&mut self, tool: Option<&str>) -> String {
         let what = "the tool stands still and the robot carries the work (#TCP), which is not supported";
         self.scan.frames.tools.insert("#tcp".into(), Err(what.into()));
-        "#tcp".into()
+        format!("{FIXED}{}", tool.unwrap_or_default())
+    }
+
+    /// `#TCP` or `#BASE`, behind `$IPO_MODE=`; what motion data say of it goes with their tool.
+    pub(super) fn interpolation(&mut self) {
+        let mode = if self.c.eat(b'#') { self.c.word() } else { b"" };
+        let moves_tool = self.now.tool.as_ref().map(|tool| tool.trim_start_matches(FIXED).to_owned());
+        if mode.eq_ignore_ascii_case(b"TCP") {
+            self.now.tool = Some(self.fixed(moves_tool.as_deref()));
+        } else if mode.eq_ignore_ascii_case(b"BASE") {
+            self.now.tool = moves_tool.filter(|tool| !tool.is_empty());
+        }
+    }
+
+    /// Sets the tool or the base; a tool that stands still goes on to do so.
+    pub(super) fn set(&mut self, is_tool: bool, name: String) {
+        let slot = self.now.slot(is_tool);
+        let is_fixed = is_tool && slot.as_ref().is_some_and(|tool| tool.starts_with(FIXED));
+        *slot = Some(if is_fixed { format!("{FIXED}{}", name.trim_start_matches(FIXED)) } else { name });
+    }
+
+    /// Past frames with the geometric operator behind them: the place that follows is meant in them. The base before is
+    /// returned, where there are such frames.
+    pub(super) fn in_frames(&mut self) -> Option<Option<String>> {
+        let mut before = None;
+        loop {
+            let start = self.c;
+            let is_frame = if self.c.peek() == b'{' {
+                self.c.skip_past(b'}', b";\n\r");
+                true
+            } else {
+                let word = self.c.word();
+                self.is_frame(word)
+            };
+            self.c.skip_blank();
+            if is_frame && self.c.peek() == b'[' {
+                self.c.skip_past(b']', b"\n\r");
+            }
+            let is_left = is_frame && self.c.eat_in_line(b':');
+            let behind = std::mem::replace(&mut self.c, start);
+            if !is_left {
+                return before;
+            }
+            let frame = self.one_frame(false);
+            self.c = behind;
+            let base = self.now.frame.take();
+            let name = base.as_deref().unwrap_or_else(|| {
+                let why = "is meant in a frame that is relative to $BASE, which the program does not set";
+                self.scan.frames.frames.insert(UNSET.into(), Err(why.into()));
+                UNSET
+            });
+            self.now.frame = Some(format!("{name}{TIMES}{frame}"));
+            before = before.or(Some(base));
+        }
+    }
+
+    /// Whether a name stands for a frame, to which no motion goes.
+    pub(super) fn is_frame(&self, word: &[u8]) -> bool {
+        !self.named.frames.is_empty() && {
+            let name = hashed(word);
+            self.named.frames.contains(&name) && !self.named.moved_to.contains(&name)
+        }
+    }
+
+    /// `NAME=...`, `NAME[1]=...`, `NAME.X=...` of a frame, from behind its name at `from` on.
+    pub(super) fn frame_data(&mut self, from: usize) {
+        self.c.skip_blank();
+        if self.c.peek() == b'[' {
+            self.c.skip_past(b']', b"\n\r");
+        }
+        let name = lower(self.c.bytes.get(from..self.c.at).unwrap_or(&[]).trim_ascii_end());
+        let whole = self.c.at;
+        while matches!(self.c.peek(), b'.' | b' ') || self.c.peek().is_ascii_alphanumeric() {
+            self.c.at += 1;
+        }
+        if !self.c.assigns() {
+            return;
+        }
+        let is_part = self.c.bytes.get(whole..self.c.at).is_some_and(|part| !part.trim_ascii().is_empty());
+        self.c.at += 1;
+        self.c.skip_blank();
+        let frame = if is_part || self.c.peek() != b'{' { Err(calculated(&name)) } else { self.given(&name) };
+        if name.split_once('[').is_some_and(|(_, index)| !is_number(index.trim_end_matches(']').trim())) {
+            self.scan.problem(from, changed_here("a tool or base"));
+        }
+        self.declare(&name, frame);
+    }
+
+    /// The frame of the `{...}` at the cursor, where it is all that is assigned to this name.
+    fn given(&mut self, name: &str) -> Result<Pose, String> {
+        let found = self.aggregate();
+        if self.c.eat_in_line(b':') { Err(calculated(name)) } else { self.frame(&found) }
+    }
+
+    /// Keeps a frame of the program under its name; it may be used as a tool too.
+    pub(super) fn declare(&mut self, name: &str, frame: Result<Pose, String>) {
+        declare(&mut self.scan.frames.tools, name.to_owned(), frame.clone().map(ToolFrame::massless));
+        declare(&mut self.scan.frames.frames, name.to_owned(), frame);
+    }
+
+    /// `TOOL_DATA[1]={...}`, from the brace on.
+    pub(super) fn element(&mut self, is_tool: bool, number: String) {
+        let frame = self.given(&format!("{}[{number}]", if is_tool { "tool_data" } else { "base_data" }));
+        if is_tool {
+            declare(&mut self.scan.frames.tools, number, frame.map(ToolFrame::massless));
+        } else {
+            declare(&mut self.scan.frames.frames, number, frame);
+        }
     }
 
     /// Tool and base of motion data.
@@ -87,7 +247,7 @@ impl Reader<'_> {
         let text = |name: &[u8]| found.number(name).map(|s| lower(s.text(self.c.bytes)));
         let (tool, frame) = (text(b"TOOL_NO"), text(b"BASE_NO"));
         let fixed = matches!(found.field(b"IPO_FRAME"), Some(Err(s)) if mentions(s.text(self.c.bytes), b"TCP"));
-        Setup { tool: if fixed { Some(self.fixed_tool()) } else { tool }, frame }
+        Setup { tool: if fixed { Some(self.fixed(tool.as_deref())) } else { tool }, frame }
     }
 
     pub(super) fn motion_data(&mut self, name: &[u8]) {

@@ -172,4 +172,40 @@ pub(super) const KRL: &[Case] = &[
         &[3],
         &[],
     ),
+    case(
+        "numbers of tools and bases that are calculated",
+        "BAS(#TOOL,1+I)\nLIN {@0}\nBAS(#TOOL,0)\n$BASE=BASE_DATA[0+I]\nLIN {@1}\n$BASE=TOOL_DATA[0]\nLIN {@2}\nBASE_DATA[1+1]={X 0,Y 0,Z 0,A 0,B 0,C 0}\n",
+        &[],
+        &[(2, "bas(#tool,1+i)"), (5, "base_data[0+i]"), (7, "tool_data[0]"), (8, "changed")],
+    ),
+    case(
+        "data with the geometric operator",
+        "DECL E6POS XP1\nTOOL_DATA[3]={X 1,Y 0,Z 0,A 0,B 0,C 0}:{X 5,Y 0,Z 0,A 0,B 0,C 0}\n$TOOL=TOOL_DATA[3]\nLIN {@0}\n$TOOL=$NULLFRAME\nXP1={@1}:{X 0,Y 0,Z 5,A 0,B 0,C 0}\nLIN XP1\n",
+        &[],
+        &[(4, "tool_data[3]"), (6, "calculated")],
+    ),
+    case(
+        "places in frames that nobody knows",
+        "DECL FRAME PAL,OFF,MYB[2]\nDECL E6POS XP1={@0}\nPAL={X 10,Y 0,Z 0,A 0,B 0,C 0}\nLIN PAL:{@1}\n$BASE=$NULLFRAME\nLIN {X 1,Y 0,Z 0,A 0,B 0,C 0}:GETPOS()\nLIN OFF:XP1\nOFF={X 10,Y 0,Z 0,A 0,B 0,C 0}\nOFF.X=OFF.X+10\nMYB[1]={X 0,Y 0,Z 0,A 0,B 0,C 0}\nMYB[I]={X 0,Y 0,Z 0,A 0,B 0,C 0}\n$BASE=MYB[1]\nLIN {@2}\n$BASE=MYB[I]\nLIN {@3}\n",
+        &[13],
+        &[(2, "several places"), (4, "$BASE"), (6, "calculates"), (11, "changed"), (15, "myb[i]")],
+    ),
+    case(
+        "a place in two frames",
+        "DECL FRAME PAL\nDECL E6POS XP1={@0}\n$BASE=$NULLFRAME\nPAL={X 10,Y 0,Z 0,A 0,B 0,C 0}\nLIN PAL:XP1\nLIN XP1\nLIN PAL:XP1:{X 0,Y 0,Z 5,A 0,B 0,C 0}\n",
+        &[],
+        &[(2, "one of them only")],
+    ),
+    case(
+        "frames that a routine may set",
+        "DECL FRAME PAL={X 10,Y 0,Z 0,A 0,B 0,C 0}\n$BASE=PAL\nLIN {@0}\nFIND(PAL)\n",
+        &[3],
+        &[(4, "changed")],
+    ),
+    case(
+        "points that are declared as frames",
+        "DECL FRAME P1,SHIFT,N\nP1={@0}\nSHIFT={X 0,Y 0,Z 50,A 0,B 0,C 0}\n$BASE=$NULLFRAME\nLIN P1\nLIN P1:SHIFT\n$OV_PRO=SPEED\nSPEED=50\nCHECK(SPEED)\n",
+        &[2],
+        &[],
+    ),
 ];

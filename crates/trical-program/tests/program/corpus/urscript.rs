@@ -109,4 +109,58 @@ pub(super) const URSCRIPT: &[Case] = &[
         &[],
         &[(3, "called")],
     ),
+    case(
+        "joints from which a place is calculated",
+        "q=[0.1,-1.5,1.2,-1.0,0.5,.3]\nmovel(get_forward_kin(q), a=1)\nmovel(get_forward_kin([0.2,-1.5,1.2,-1.0,0.5,.3]))\nmovel(get_forward_kin())\nat=get_forward_kin(q)\nmovel(at)\nmovel(get_forward_kin(q, tcp=p[0,0,0.1,0,0,0]))\nmovel(get_forward_kin(other))\nplane=p[0,0,0,0,0,0]\nmovel(pose_trans(plane, get_forward_kin([0.1,-1.5,1.2,-1.0,0.5,.3])))\n",
+        &[1, 3],
+        &[(7, "tcp="), (8, "'other'"), (10, "calculates")],
+    ),
+    case(
+        "functions that are not in the script",
+        "def mine(pose):\ntextmsg(pose)\nend\nwp=p[@0]\nunused=p[@1]\nt=0.5\nmovel(wp)\nmine(wp)\nmy_move(p[@2])\nother_move(wp, 0.1)\nthird_move(0.1, where=unused)\nfourth_move(pose_trans(wp,p[0,0,0.1,0,0,0]))\nsleep(t)\ntextmsg(wp)\n",
+        &[4],
+        &[(9, "not in the script"), (10, "not in the script"), (11, "not in the script"), (12, "not in the script")],
+    ),
+    case(
+        "a tool by its place among the arguments",
+        "movej(get_inverse_kin(p[@0], [0.1,-1.5,1.2,-1.0,0.5,.3], 1e-10, 1e-10, p[0,0,0.1,0,0,0]))\nw=p[@1]\nq=get_inverse_kin(w, [0.1,-1.5,1.2,-1.0,0.5,.3], tcp=p[0,0,0.1,0,0,0])\nmovej(q)\nmovej(get_inverse_kin(p[@2], [0.1,-1.5,1.2,-1.0,0.5,.3], 1e-10, 1e-10)) # tcp\n",
+        &[5],
+        &[(1, "tcp="), (3, "calculated")],
+    ),
+    case(
+        "names in capitals",
+        "set_tcp(p[0.018,-0.012,0.118,0,0,0])\nH=0.05\nh=0.06\nWP=p[@0]\nset_tcp(p[0.018,-0.012,0.128,0,0,0])\nwp=p[@1]\nmovel(wp)\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nmovel(WP)\nmovel(p[@X2+H-0.05,@Y2,@Z2,@R2])\ndef Go():\nset_tcp(unknown)\nend\ndef go():\nend\ngo()\nmovel(p[@3])\n",
+        &[4, 6, 10, 17],
+        &[],
+    ),
+    case(
+        "arguments by their names",
+        "wp=p[@0]\nmovel(pose=wp, a=1)\nmovej(q=[0.1,-1.5,1.2,-1.0,0.5,.3])\nmovec(pose_via=p[@1], pose_to = p[@2])\nservoc(p[@3], a=1.2, v=0.25)\nmovel(a=1.2, pose=p[@4])\n",
+        &[1, 3, 4, 4, 5],
+        &[(6, "calculates")],
+    ),
+    case(
+        "a circle from an element",
+        "movec(via[0], p[@0])\nmovej([0.1,0.2])\n",
+        &[1],
+        &[(1, "'via'"), (2, "calculates")],
+    ),
+    case(
+        "places in frames that nobody knows, or several",
+        "a=p[0,0,0,0,0,0]\nb=p[0.01,0,0,0,0,0]\nrel=p[@0]\nmovel(pose_trans(a,rel))\nmovel(pose_trans(b,rel))\nshown=p[@1]\ntextmsg(shown)\nmovel(pose_trans(a,shown))\nwp=p[@2]\nmovel(wp)\noff=p[0,0,0.1,0,0,0]\nmovel(pose_trans(wp,off))\ndef go():\nmovel(late)\nend\nlate=pose_trans(a,p[@3])\ngo()\nmid=pose_trans(a,p[@4])\nmovel(pose_trans(b,mid))\n",
+        &[9],
+        &[
+            (4, "'rel', which is used"),
+            (5, "'rel', which is used"),
+            (8, "'shown', which is used"),
+            (16, "calculated"),
+            (19, "calculates"),
+        ],
+    ),
+    case(
+        "a secondary program",
+        "def a():\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nsec io():\nset_digital_out(1,True)\nend\nmovel(p[@0])\nset_tcp(other())\nsec again():\nend\nmovel(p[@1])\nend\n",
+        &[6],
+        &[(10, "set_tcp")],
+    ),
 ];

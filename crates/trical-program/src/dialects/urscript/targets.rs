@@ -1,0 +1,175 @@
+//! What is read beforehand: which names of a script are constants, targets, places in a frame.
+
+use std::collections::{HashMap, HashSet};
+
+use super::{KINEMATICS, has_two, is_motion};
+use crate::expression::Constants;
+use crate::scan::hashed_as_written as hashed;
+use crate::text::Cursor;
+
+/// What is assigned once, a number, and is no argument of a function.
+pub(super) fn constants(bytes: &[u8]) -> Constants {
+    let mut found = Constants::as_written();
+    let mut assigned: HashSet<u64> = HashSet::new();
+    let mut c = Cursor::new(bytes, b'#');
+    while let Some((_, word)) = c.next_word() {
+        c.skip_blank();
+        if [&b"def"[..], b"thread", b"sec"].contains(&word) {
+            c.word();
+            while !c.done() && !matches!(c.peek(), b')' | b'\n') {
+                let name = c.word();
+                if name.is_empty() {
+                    c.at += 1;
+                } else {
+                    found.forget(hashed(name));
+                }
+            }
+        } else if c.peek() == b'(' && is_motion(word) {
+            // its options (`a=1.2`) are no assignments
+            c.at += c.until(b"\n").len();
+        } else if c.assigns() {
+            c.at += 1;
+            let value = found.expression(&mut c).map(|(_, value)| value);
+            c.skip_blank();
+            let whole = value.filter(|_| c.done() || matches!(c.peek(), b'\n' | b'\r' | b'#'));
+            match (assigned.insert(hashed(word)), whole) {
+                (true, Some(value)) => found.define(hashed(word), value),
+                _ => found.forget(hashed(word)),
+            }
+        }
+    }
+    found
+}
+
+/// From within an argument to the next one of the same call.
+pub(super) fn next_argument(c: &mut Cursor<'_>) -> bool {
+    let mut depth = 0;
+    for b in c.until(b"") {
+        match b {
+            b'(' | b'[' => depth += 1,
+            b')' | b']' if depth == 0 => return false,
+            b')' | b']' => depth -= 1,
+            b',' if depth == 0 => {
+                c.at += 1;
+                c.skip_space();
+                return true;
+            }
+            _ => {}
+        }
+        c.at += 1;
+    }
+    false
+}
+
+/// Past `name=` before an argument.
+pub(super) fn skip_name(c: &mut Cursor<'_>) {
+    let start = *c;
+    if c.word().is_empty() || !c.eat_in_line(b'=') {
+        *c = start;
+    }
+}
+
+/// The name of a place: `wp`, `pose=wp`, `get_inverse_kin(wp)`; and whether it stands in a function.
+fn place_name(c: &mut Cursor<'_>) -> Option<(u64, bool)> {
+    let mut inside = false;
+    loop {
+        c.skip_space();
+        let name = c.word();
+        let is_argument = c.eat_in_line(b'=');
+        let is_function = !is_argument && c.eat_in_line(b'(');
+        if name.is_empty() || is_function && !KINEMATICS.contains(&name) || name == b"p" && c.peek() == b'[' {
+            return None;
+        }
+        if !is_argument && !is_function {
+            return Some((hashed(name), inside));
+        }
+        inside |= is_function;
+    }
+}
+
+/// How a name is used in `pose_trans(frame,name)`.
+pub(super) struct InFrame {
+    /// The frame, by its hashed text, where it is the same everywhere, and the name stands nowhere else.
+    pub(super) frame: Option<u64>,
+    times: u32,
+}
+
+/// Names that stand first in a motion, also inside a function: only these are targets when they are assigned. And names
+/// that stand in a frame.
+pub(super) fn targets(bytes: &[u8]) -> (HashSet<u64>, HashMap<u64, InFrame>) {
+    let (mut all, mut copies) = (HashSet::new(), Vec::new());
+    let mut in_frames: HashMap<u64, InFrame> = HashMap::new();
+    let mut c = Cursor::new(bytes, b'#');
+    while let Some((_, word)) = c.next_word() {
+        let start = c;
+        if c.eat_in_line(b'=') {
+            if let Some((source, inside)) = place_name(&mut c) {
+                c.skip_blank();
+                let is_end = matches!(c.peek(), b'\n' | b'\r' | b'#' | 0) || inside && matches!(c.peek(), b',' | b')');
+                copies.extend(is_end.then_some((hashed(word), source)));
+            }
+        } else if word == b"pose_trans" && c.eat(b'(') {
+            let from = c.at;
+            let is_second = next_argument(&mut c);
+            let frame = hashed(bytes.get(from..c.at).unwrap_or(&[]).trim_ascii());
+            if let (true, Some((name, _))) = (is_second, place_name(&mut c)) {
+                let uses = in_frames.entry(name).or_insert(InFrame { frame: Some(frame), times: 0 });
+                uses.frame = uses.frame.filter(|other| *other == frame);
+                uses.times += 1;
+            }
+        } else if is_motion(word) && c.eat(b'(') {
+            let mut second = c;
+            all.extend(place_name(&mut c).map(|(name, _)| name));
+            // a circle goes by way of its first
+            if has_two(word) && next_argument(&mut second) {
+                all.extend(place_name(&mut second).map(|(name, _)| name));
+            }
+        }
+        c = start;
+    }
+    // what is copied to a target is one itself; the last copy comes first
+    for (copy, source) in copies.into_iter().rev() {
+        if all.contains(&copy) {
+            all.insert(source);
+        }
+    }
+    (all, in_frames)
+}
+
+/// Names that are assigned several times, not all of them along one function outside of its branches and loops, or used
+/// elsewhere: of these the text above does not say the value. Of names in frames it is seen whether they stand
+/// elsewhere too.
+pub(super) fn unsteady(bytes: &[u8], in_frames: &mut HashMap<u64, InFrame>) -> HashSet<u64> {
+    /// In which function a name stands first, how often it is assigned, whether in a block or seen in another function,
+    /// and how often it is read.
+    type Seen = (usize, u32, bool, u32);
+    let mut names: HashMap<u64, Seen> = HashMap::new();
+    // the functions and blocks that are open: the number of a function
+    let mut open: Vec<Option<usize>> = Vec::new();
+    let mut functions = 0;
+    let mut c = Cursor::new(bytes, b'#');
+    while let Some((_, word)) = c.next_word() {
+        match word {
+            b"def" | b"thread" | b"sec" => {
+                functions += 1;
+                open.push(Some(functions));
+            }
+            b"while" | b"if" | b"for" => open.push(None),
+            b"end" => drop(open.pop()),
+            _ => {
+                c.skip_blank();
+                let assigned = c.assigns();
+                let function = open.iter().rev().find_map(|f| *f).unwrap_or(0);
+                let (first, count, elsewhere, read) = names.entry(hashed(word)).or_insert((function, 0, false, 0));
+                *count = count.saturating_add(u32::from(assigned));
+                *read = read.saturating_add(u32::from(!assigned));
+                *elsewhere |= *first != function || assigned && open.last() == Some(&None);
+            }
+        }
+    }
+    for (name, uses) in in_frames {
+        let read = names.get(name).map_or(0, |(.., read)| *read);
+        uses.frame = uses.frame.filter(|_| uses.times == read);
+    }
+    names.into_iter().filter(|(_, (_, count, elsewhere, _))| *count > 1 && *elsewhere).map(|(name, _)| name).collect()
+}

@@ -1,0 +1,56 @@
+//! Programs that say the same in two ways, the second of them plainly: every target is meant at the same place, and comes out with the
+//! same numbers where it had the same.
+
+use trical_program::Dialect::{self, Krl, UrScript};
+
+/// Dialect, what is said, how, and plainly.
+pub(super) const SAME: &[(Dialect, &str, &str, &str)] = &[
+    (
+        Krl,
+        "bases with the geometric operator",
+        "BASE_DATA[1]={X 10,Y 0,Z 0,A 90,B 0,C 0}\n$BASE=BASE_DATA[1]:{X 5,Y 0,Z 0,A 0,B 0,C 0}\nLIN {@0}\n$BASE={X 5,Y 0,Z 0,A 0,B 0,C 0}:BASE_DATA[1]\nLIN {@1}\n$BASE=$WORLD : BASE_DATA[1]\nSLIN {@2}\nSLIN {@3} WITH $BASE=BASE_DATA[1]:{X 5,Y 0,Z 0,A 0,B 0,C 0}\n",
+        "BASE_DATA[1]={X 10,Y 0,Z 0,A 90,B 0,C 0}\n$BASE={X 10,Y 5,Z 0,A 90,B 0,C 0}\nLIN {@0}\n$BASE={X 15,Y 0,Z 0,A 90,B 0,C 0}\nLIN {@1}\n$BASE=BASE_DATA[1]\nSLIN {@2}\nSLIN {@3} WITH $BASE={X 10,Y 5,Z 0,A 90,B 0,C 0}\n",
+    ),
+    (
+        Krl,
+        "a tool with the geometric operator",
+        "TOOL_DATA[2]={X 18,Y -12,Z 18,A 90,B 0,C 0}\n$TOOL=TOOL_DATA[2]:{X 5,Y 0,Z 100,A 0,B 0,C 0}\nLIN {@0}\n",
+        "$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\n",
+    ),
+    (
+        Krl,
+        "places in frames of the program",
+        "DECL FRAME PAL,ROWS[2]\nDECL E6POS XP1\nPAL={X 10,Y 0,Z 0,A 90,B 0,C 0}\nROWS[2]={X 5,Y 0,Z 0,A 0,B 0,C 0}\nXP1={@0}\n$BASE=$NULLFRAME\nLIN PAL:XP1\nLIN {@1}\nCIRC {X 10,Y 0,Z 0,A 90,B 0,C 0}:{@2},PAL:ROWS[2]:{@3},CA 90\n",
+        "DECL E6POS XP1\nXP1={@0}\n$BASE={X 10,Y 0,Z 0,A 90,B 0,C 0}\nLIN XP1\n$BASE=$NULLFRAME\nLIN {@1}\n$BASE={X 10,Y 0,Z 0,A 90,B 0,C 0}\nLIN {@2}\n$BASE={X 10,Y 5,Z 0,A 90,B 0,C 0}\nLIN {@3}\n",
+    ),
+    (
+        Krl,
+        "frames that are set once",
+        "DECL FRAME MYB,T[2]\nMYB={X 10,Y 0,Z 0,A 90,B 0,C 0}\nT[1]={X 18,Y -7,Z 118,A 90,B 0,C 0}\n$BASE=MYB\n$TOOL=T[1]\nLIN {@0}\n",
+        "$BASE={X 10,Y 0,Z 0,A 90,B 0,C 0}\n$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\n",
+    ),
+    (
+        Krl,
+        "a tool that stands still for a while",
+        "TOOL_DATA[1]={X 18,Y -7,Z 118,A 90,B 0,C 0}\nBAS(#TOOL,0)\n$IPO_MODE=#TCP\nBAS(#TOOL,1)\n$IPO_MODE=#BASE\nLIN {@0}\n",
+        "$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\n",
+    ),
+    (
+        UrScript,
+        "names of places in frames",
+        "grid=p[0.01,0,0,0,0,1.5]\nrel=p[@0]\nmovel(pose_trans(grid, rel), a=1)\nto=pose_trans(grid,p[@1])\nmovel(to)\nover=p[@2]\nnext=pose_trans(grid,over)\nagain=next\nmovel(again)\nmovel(pose_trans(to,p[0,0,0.05,0,0,0]))\nto=p[@3]\nmovel(to)\n",
+        "grid=p[0.01,0,0,0,0,1.5]\nmovel(pose_trans(grid,p[@0]))\nmovel(pose_trans(grid,p[@1]))\nmovel(pose_trans(grid,p[@2]))\nmovel(p[@3])\n",
+    ),
+    (
+        UrScript,
+        "joints of a place",
+        "qn=[0.1,-1.5,1.2,-1.0,0.5,.3]\nq=get_inverse_kin(p[@0], qnear=qn)\nr=get_inverse_kin(p[@1],[1.5,-2.5,2.0,-1.0,-0.5,.3])\nmovej([0.1,-1.4,1.2,-1.0,0.5,.3])\nmovej(r)\nmovej(q)\n",
+        "qn=[0.1,-1.5,1.2,-1.0,0.5,.3]\nq=p[@0]\nr=p[@1]\nmovej([0.1,-1.4,1.2,-1.0,0.5,.3])\nmovej(get_inverse_kin(r,[1.5,-2.5,2.0,-1.0,-0.5,.3]))\nmovej(get_inverse_kin(q,qnear=qn))\n",
+    ),
+    (
+        UrScript,
+        "the place of joints",
+        "q=[0.1,-1.5,1.2,-1.0,0.5,.3]\nmovel(get_forward_kin(q))\nto=get_forward_kin([0.2,-1.5,1.2,-1.0,0.5,.3])\nmovel(to)\n",
+        "movej([0.1,-1.5,1.2,-1.0,0.5,.3])\nmovej([0.2,-1.5,1.2,-1.0,0.5,.3])\n",
+    ),
+];

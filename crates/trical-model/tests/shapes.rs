@@ -151,7 +151,7 @@ fn a_payload_may_belong_to_one_place_of_the_balls() {
     assert_eq!(tool(&at_second, 0), tool(&bare, 0));
 }
 
-/// The column of a term that has a motion is what that motion does, times an amount; constant terms and loads have none.
+/// The column of a term that has a motion is what that motion does, times an amount; constants and loads have none.
 #[test]
 fn only_what_varies_and_is_no_load_is_a_motion_times_an_amount() {
     let robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();
@@ -172,7 +172,7 @@ fn only_what_varies_and_is_no_load_is_a_motion_times_an_amount() {
     assert_eq!(has, [true, false, false, false]);
 }
 
-/// Where a bearing bends between origin and foot is a share of the way, and it bends in proportion: else neither end is right.
+/// Where a bearing bends between origin and foot is a share of the way, and it bends in proportion.
 #[test]
 fn a_part_moment_is_linear_and_within_its_axis() {
     let robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();

@@ -333,7 +333,7 @@ fn files_of_other_kinds_are_told_by_how_they_begin() {
 fn joint_states_of_a_recording_say_from_which_side_a_joint_came() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("run.mcap");
-    let mut row = rail().rows[0].clone();
+    let mut row = rail().rows[0];
     row.state.dir = None;
     let mut writer = RecordingWriter::create(&path, &Header::for_joints(3)).unwrap();
     for (k, q2) in [0.1, 0.3, 0.2].into_iter().enumerate() {

@@ -376,6 +376,8 @@ fn drift(places: &[Vec<&Visit>]) -> Option<Drift> {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use trical_model::State;
+
     use super::*;
 
     #[test]
@@ -399,7 +401,7 @@ mod tests {
         let mut all = Vec::new();
         for place in 0..3 {
             for (k, sense) in [1, -1, -1, 1, 1, -1, -1, 1].into_iter().enumerate() {
-                let t = 900.0 * k as f64;
+                let t = 7200.0 + 900.0 * k as f64;
                 all.push(visit(f64::from(place), 10e-6 * f64::from(sense) + 4e-6 * t / 3600.0, t, sense));
             }
         }
@@ -415,5 +417,21 @@ mod tests {
         let told = place(1, &places[0], true, 6).unwrap();
         assert_eq!(told.by_sense.keys().collect::<Vec<_>>(), ["0+0000", "0-0000"]);
         assert!((told.between_senses_mm.unwrap() - 0.02).abs() < 1e-9);
+    }
+
+    #[test]
+    fn points_that_were_visited_again_are_places_and_touches_need_the_arm() {
+        let row = |q: f64, measured| Row { state: State::at(&[q; 6]), measured, seq: None, line: 2 };
+        let point = |q, x| row(q, Measured::Point { target: 0, position: [x, 0.0, 0.0] });
+        let of = |rows: Vec<Row>| {
+            let recording = Recording { name: "r.csv".into(), joints: 6, rows, ..Recording::default() };
+            repeatability(&recording, None, None, 0.01)
+        };
+        let found = of(vec![point(0.1, 1e-3), point(0.5, 0.2), point(0.1, -1e-3)]).unwrap();
+        assert_eq!((found.rows, found.single_visits, found.places.len()), (3, 1, 1));
+        let touch = of(vec![row(0.1, Measured::Touch { ball: 0, reading: [0.0; 3] })]).unwrap_err().to_string();
+        assert!(touch.contains("r.csv: has touches; expected --robot and --cell"), "{touch}");
+        let lengths = of(vec![row(0.1, Measured::Distance { anchor: 0, length: 1.0 })]).unwrap_err().to_string();
+        assert!(lengths.contains("r.csv: has no touches and no measured points"), "{lengths}");
     }
 }

@@ -192,3 +192,28 @@ pub fn base_from_anchors(pairs: &[(Vector3<f64>, Vector3<f64>)], nominal: &Pose)
     }
     Pose { rotation, translation: first_w - rotation * first_b }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// By themselves, before anything is refined.
+    #[test]
+    fn spheres_about_a_known_tool_point_meet_in_the_anchors() {
+        let (tcp, anchors) = (V3::new(0.01, -0.02, 0.1), [V3::new(1.0, -0.5, 0.3), V3::new(-0.4, 0.9, -0.2)]);
+        let at = |k: usize| {
+            let turn = 0.4 * k as f64;
+            let translation = V3::new(turn.cos(), turn.sin() * 0.5, 0.3 * (2.0 * turn).sin());
+            Pose { rotation: trical_model::pose::rotation_zyx(turn, 0.7 * turn, -turn), translation }
+        };
+        let of = |k: usize, anchor: usize| {
+            let base_from_flange = at(k);
+            let length = (base_from_flange.apply(&tcp) - anchors[anchor]).norm();
+            Length { base_from_flange, anchor, length }
+        };
+        let lengths: Vec<Length> = (0..16).map(|k| of(k, k % 2)).collect();
+        let found = spheres(&lengths, &[0, 1], &tcp).unwrap();
+        assert!(found.iter().zip(&anchors).all(|(a, b)| (a - b).norm() < 1e-12), "{found:?}");
+    }
+}

@@ -4,11 +4,11 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::fit::{check_count, position_errors, weighted_residuals};
+use trical_ident::fit::{check_count, orientation_errors, position_errors, weighted_residuals};
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::observability;
 use trical_ident::solver::{LmParams, minimize};
-use trical_ident::{Dataset, JointSource, ModelFile, Noise, Refit, validate};
+use trical_ident::{Dataset, JointSource, ModelFile, Noise, ParameterSet, Refit, cross_validate, validate};
 use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Site, State, Term};
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
@@ -92,8 +92,11 @@ fn rotations_have_no_part_in_a_position_error() {
     let position = [pose.translation.x + 3e-6, pose.translation.y - 4e-6, pose.translation.z];
     let quaternion = trical_model::pose::quaternion_from_rotation(&turned);
     let row = Row { state, measured: Measured::Pose { position, quaternion }, seq: None, line: 2 };
-    let errors = position_errors(&forward, &dataset(vec![row]));
+    let data = dataset(vec![row]);
+    let errors = position_errors(&forward, &data);
     assert!((errors[0] - 5e-6).abs() < 1e-12, "{errors:?}");
+    let turns = orientation_errors(&forward, &data);
+    assert!(turns.len() == 1 && (turns[0] - 0.1).abs() < 1e-12, "{turns:?}");
 }
 
 #[test]
@@ -267,4 +270,66 @@ fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
     let fourth: Vec<usize> = (0..40).filter(|p| p % 4 == 0).collect();
     assert_eq!(again.n, 30);
     assert!(again.data.observations.iter().all(|o| !fourth.contains(&o.pose)));
+}
+
+#[test]
+fn two_folds_are_the_fewest_and_each_needs_blocks_of_its_own() {
+    let data = touches(60, |_, rng| noise(rng));
+    let model = nominal();
+    let of = |folds: usize| cross_validate(&model.robot, &model.cell, &data, ParameterSet::Nominal, folds);
+    assert_eq!(of(2).unwrap().len(), 60);
+    for folds in [0, 1, 31] {
+        let error = of(folds).unwrap_err().to_string();
+        assert!(error.contains(&format!("{folds}-fold cross-validation needs at least 2 folds")), "{error}");
+    }
+}
+
+#[test]
+fn joints_that_hardly_move_are_told_where_that_held_something() {
+    let model = nominal();
+    let said = |still: bool, names: &[&str]| {
+        let mut rows = touch_rows(20, |_, rng| noise(rng));
+        rows.iter_mut().filter(|_| still).for_each(|row| row.state.q[3] = 0.1);
+        trical_ident::caution::held(&model.robot, &dataset(rows), names)
+    };
+    assert!(said(true, &["a_3", "d_4"]).unwrap().starts_with("joint 4 hardly moves"));
+    assert_eq!((said(true, &[]), said(false, &["a_3"]), said(false, &[])), (None, None, None));
+}
+
+#[test]
+fn places_of_targets_balls_and_anchors_are_shown_where_they_are() {
+    let mut model = nominal();
+    model.cell.tool.targets = vec![nalgebra::Vector3::zeros(), nalgebra::Vector3::new(0.01, 0.02, 0.03)];
+    model.cell.anchors = vec![nalgebra::Vector3::new(1.0, 2.0, 3.0)];
+    let ball = 1e3 * model.cell.balls[1].y;
+    let axis = Axis::Y;
+    for (site, nominal_mm) in [
+        (Site::Target { target: 2, axis }, 20.0),
+        (Site::Ball { ball: 2, axis }, ball),
+        (Site::Anchor { anchor: 1, axis }, 2000.0),
+    ] {
+        let term = Term { value: 1e-3, ..Term::new("place", "place", site, Basis::CONSTANT) };
+        let value = trical_ident::shown(&model, &term).value;
+        assert!((value - nominal_mm - 1.0).abs() < 1e-9, "{site:?}: {value}");
+    }
+}
+
+#[test]
+fn what_others_do_too_is_left_out_and_told_with_them() {
+    let data = touches(80, |_, rng| noise(rng));
+    let model = nominal();
+    let fitted = trical_ident::identify(&model.robot, &model.cell, &data, ParameterSet::Geometry).unwrap();
+    let told = fitted.left_out();
+    for part in ["d_2 (moves together with d_3)", "theta_6 (moves together with tool_x, tool_y)"] {
+        assert!(told.iter().any(|said| said == part), "{told:?}");
+    }
+}
+
+#[test]
+fn a_model_without_terms_is_a_model_file_and_a_text_without_either_is_none() {
+    let text = ModelFile::unmeasured(nominal()).to_toml().unwrap();
+    assert!(!text.contains("[[term]]"));
+    assert!(ModelFile::parse(&text, "m.toml").unwrap().model.terms.is_empty());
+    let error = ModelFile::parse(ROBOT, "arm.toml").unwrap_err().to_string();
+    assert!(error.contains("is not a model file"), "{error}");
 }

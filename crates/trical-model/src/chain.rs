@@ -556,3 +556,18 @@ impl Moment {
         axis.dot(&self.carry)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_turn_loses_no_digit_up_to_the_largest_for_which_the_series_is_used() {
+        for d in [SMALL_TURN, -SMALL_TURN, 7e-3, 1e-5, 0.0] {
+            for angle in [0.0, 0.3, -1.2, 3.1_f64] {
+                let ((s, c), (sine, cosine)) = (turned_by(angle.sin_cos(), d), (angle + d).sin_cos());
+                assert!((s - sine).abs() < 3e-16 && (c - cosine).abs() < 3e-16, "{angle} + {d}: {s}, {c}");
+            }
+        }
+    }
+}

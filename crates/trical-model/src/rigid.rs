@@ -131,3 +131,32 @@ impl Model {
         Ok(robot_from_axes(&axes, &flange, &self.robot.name))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::axis::Axis;
+    use crate::basis::Basis;
+    use crate::cell::Cell;
+    use crate::term::Payload;
+
+    #[test]
+    fn what_the_load_weighs_beside_its_place_moves_its_centre_of_gravity() {
+        let robot = Robot::parse(include_str!("../tests/data/arm.toml"), "arm.toml").unwrap();
+        let mut model = Model::nominal(robot, Cell::bare());
+        (model.cell.tool.mass, model.cell.tool.cog) = (2.0, Vector3::new(0.0, 0.0, 0.1));
+        for (what, value) in [(Payload::Mass, 0.5), (Payload::Moment(Axis::X), 0.2)] {
+            let term = Term::new("load", "payload", Site::Payload(what), Basis::CONSTANT);
+            model.terms.push(Term { value, ..term });
+        }
+        let tool = model.rigid().unwrap().cell.tool;
+        assert!(
+            (tool.mass - 2.5).abs() < 1e-15 && (tool.cog - Vector3::new(0.08, 0.0, 0.1)).norm() < 1e-15,
+            "{tool:?}"
+        );
+        // of nothing that weighs anything there is no centre to move
+        (model.cell.tool.mass, model.terms[0].value) = (0.0, 0.0);
+        assert_eq!(model.rigid().unwrap().cell.tool.cog, model.cell.tool.cog);
+    }
+}

@@ -130,3 +130,29 @@ fn files_are_urdfs_by_their_ends_with_links_behind_a_hash() {
     assert_eq!(of("robot.toml"), None);
     assert_eq!(of("robot.toml#tool0"), None);
 }
+
+/// One joint outside is enough, on either side; a tolerance widens both, and a negative one narrows them.
+#[test]
+fn every_joint_has_to_be_within_both_of_its_limits() {
+    let mut robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();
+    for joint in &mut robot.joints {
+        joint.limits = [-1.0, 2.0];
+    }
+    for (k, (value, tolerance, within)) in [
+        (-1.0, 0.0, true),
+        (2.0, 0.0, true),
+        (-1.1, 0.0, false),
+        (2.1, 0.0, false),
+        (-1.1, 0.2, true),
+        (2.1, 0.2, true),
+        (-0.9, -0.2, false),
+        (1.9, -0.2, false),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let mut q = [0.5; 6];
+        q[k % 6] = value;
+        assert_eq!(robot.within_limits(&q, tolerance), within, "{value}, {tolerance}");
+    }
+}

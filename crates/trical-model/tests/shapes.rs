@@ -2,7 +2,8 @@
 //! goes on with them.
 
 use trical_model::{
-    Basis, Cell, Forward, Measured, Model, Motion, Pose, Robot, Shape, Site, State, Term, Variable, inverse_kinematics,
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Payload, Pose, Robot, Shape, Site, State, Term, Variable,
+    inverse_kinematics,
 };
 
 #[test]
@@ -99,7 +100,7 @@ fn what_a_term_needs_is_named_where_it_is_missing() {
         assert_eq!(basis.missing(&everything, &touch), None);
         assert_eq!(basis.in_session(7).missing(&bare, &touch), None, "of another session");
     }
-    let reading = Basis::new(Variable::Reading { axis: trical_model::Axis::X }, Shape::Linear);
+    let reading = Basis::new(Variable::Reading { axis: Axis::X }, Shape::Linear);
     assert_eq!(reading.missing(&bare, &touch), None);
     assert!(reading.missing(&bare, &point).is_some());
 }
@@ -125,4 +126,69 @@ fn a_frame_that_drifts_leaves_other_frames_alone() {
     };
     assert!(((predicted(&drifts, 0) - predicted(&still, 0)).norm() - 2e-3).abs() < 1e-12);
     assert_eq!(predicted(&drifts, 1), predicted(&still, 1));
+}
+
+/// A load that was on the flange while the balls stood at one place bends the arm there, and nowhere else.
+#[test]
+fn a_payload_may_belong_to_one_place_of_the_balls() {
+    let robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();
+    let of = |load: Option<Basis>| {
+        let mut model = Model::nominal(robot.clone(), Cell::bare());
+        let soft = Term::new("soft", "elasticity", Site::Joint { joint: 2 }, Basis::torque(2, Shape::Linear));
+        model.terms.push(Term { value: 1e-5, ..soft });
+        let load = load.map(|basis| Term::new("load", "payload", Site::Payload(Payload::Mass), basis));
+        model.terms.extend(load.map(|load| Term { value: 3.0, ..load }));
+        Forward::new(model, Vec::new()).unwrap()
+    };
+    let tool = |forward: &Forward, place: usize| {
+        let state = State { place: Some(place), ..State::at(&[0.2; 6]) };
+        forward.world_from_tool(&state, &mut forward.workspace()).translation
+    };
+    let (bare, loaded) = (of(None), of(Some(Basis::CONSTANT)));
+    let at_second = of(Some(Basis::CONSTANT.at_place(Some(2))));
+    assert!((tool(&loaded, 1) - tool(&bare, 1)).norm() > 1e-5);
+    assert!((tool(&at_second, 1) - tool(&loaded, 1)).norm() < 1e-12);
+    assert_eq!(tool(&at_second, 0), tool(&bare, 0));
+}
+
+/// The column of a term that has a motion is what that motion does, times an amount; constants and loads have none.
+#[test]
+fn only_what_varies_and_is_no_load_is_a_motion_times_an_amount() {
+    let robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();
+    let mut model = Model::nominal(robot, Cell::bare());
+    let varies = Basis::new(Variable::Joint { joint: 3 }, Shape::Linear);
+    let once = Basis::CONSTANT.in_session(1);
+    let (joint, load) = (Site::Joint { joint: 2 }, Site::Payload(Payload::Mass));
+    for (name, site, basis) in [
+        ("varies", joint, varies),
+        ("constant", joint, Basis::CONSTANT),
+        ("load", load, once),
+        ("mass", load, Basis::CONSTANT),
+    ] {
+        model.terms.push(Term::new(name, "any", site, basis));
+    }
+    let forward = Forward::new(model, Vec::new()).unwrap();
+    let has: Vec<bool> = (0..4).map(|term| forward.motion(term).is_some()).collect();
+    assert_eq!(has, [true, false, false, false]);
+}
+
+/// Where a bearing bends between origin and foot is a share of the way, and it bends in proportion.
+#[test]
+fn a_part_moment_is_linear_and_within_its_axis() {
+    let robot = Robot::parse(include_str!("data/arm.toml"), "arm.toml").unwrap();
+    let accepted = |share: f64, shape: Shape| {
+        let mut model = Model::nominal(robot.clone(), Cell::bare());
+        let basis = Basis::new(Variable::PartMoment { joint: 2, axis: Axis::X, share }, shape);
+        model.terms.push(Term::new("bends", "cross_elasticity", Site::Across { joint: 2 }, basis));
+        Forward::new(model, Vec::new()).is_ok()
+    };
+    for (share, shape, expected) in [
+        (0.0, Shape::Linear, true),
+        (1.0, Shape::Linear, true),
+        (-0.1, Shape::Linear, false),
+        (1.1, Shape::Linear, false),
+        (0.5, Shape::Cube, false),
+    ] {
+        assert_eq!(accepted(share, shape), expected, "{share} {shape:?}");
+    }
 }

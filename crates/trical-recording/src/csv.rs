@@ -351,9 +351,7 @@ fn rotation_of(rows: &[f64; 9]) -> Result<[f64; 4], String> {
              and 1"
         ));
     }
-    let quaternion = quaternion_from_rotation(&matrix);
-    let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-    Ok(quaternion.map(|x| x / length))
+    Ok(quaternion_from_rotation(&matrix))
 }
 
 /// What a header says about the rows below it.

@@ -14,7 +14,12 @@ const STOPS: [f64; 3] = [0.1, 0.4, -0.2];
 
 /// A stamped message of `geometry_msgs` in CDR: its stamp, the frames, and the numbers.
 fn stamped(t: f64, frames: &[&str], numbers: &[f64]) -> Vec<u8> {
-    let mut out = vec![0, 1, 0, 0];
+    behind(&[], t, frames, numbers)
+}
+
+/// The same behind what a message begins with.
+fn behind(begin: &[u8], t: f64, frames: &[&str], numbers: &[f64]) -> Vec<u8> {
+    let mut out = [&[0, 1, 0, 0], begin].concat();
     let align = |out: &mut Vec<u8>, to: usize| out.resize(4 + (out.len() - 4).next_multiple_of(to), 0);
     for word in [t as u32, (t.fract() * 1e9).round() as u32] {
         out.extend(word.to_le_bytes());
@@ -119,6 +124,22 @@ fn points_and_transforms_are_read_and_other_topics_named() {
     assert_eq!(Stamped::from_cdr(&long, StampedKind::Transform), None);
     let skew = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5]);
     assert_eq!(Stamped::from_cdr(&skew, StampedKind::Transform).unwrap()[0].quaternion, Some([0.5, 0.5, -0.5, 0.5]));
+}
+
+/// A tree of transforms holds several frames: the only one is taken, and of others the names are told.
+#[test]
+fn of_a_tree_of_transforms_one_frame_is_the_measurement() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let one = |t, angle| behind(&[1, 0, 0, 0], t, &["tracker", "probe"], &[angle, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0]);
+    bag(&path, "tf2_msgs/msg/TFMessage", &one);
+    for topic in [None, Some("/tracker/pose:probe")] {
+        let rows = read_any(&path, Some(2), topic).unwrap().recording.rows;
+        assert_eq!(rows.len(), 3);
+        assert!(matches!(rows[2].measured, Measured::Pose { position, .. } if (position[0] - STOPS[2]).abs() < 1e-12));
+    }
+    let message = read_any(&path, Some(2), Some("/tracker/pose:other")).unwrap_err().to_string();
+    assert!(message.contains("has transforms of probe on /tracker/pose; name the frame"), "{message}");
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use trical_model::{Measured, Recording};
-use trical_recording::mcap::{Header, each_row};
+use trical_recording::mcap::{Header, RecordingWriter, RunLog, each_row};
+use trical_recording::motion::JointSample;
 use trical_recording::stream::SAMPLE;
 use trical_recording::visits::Visits;
 use trical_recording::{CsvStream, RecordError, open, open_damaged, open_large, parse_csv, to_csv, write_recording};
@@ -297,4 +298,54 @@ fn visits_go_on_with_their_numbers_where_the_file_ended() {
     assert!((read.rows[1].state.q[0] - 0.5).abs() < 1e-12);
     std::fs::write(&path, "seq,q1_deg\n").unwrap();
     assert!(Visits::open(&path, &robot).unwrap_err().to_string().contains("another file, or another --out"));
+}
+
+#[test]
+fn rows_that_go_back_in_time_are_refused_and_rows_of_one_time_are_not() {
+    let read = |times: [f64; 3]| {
+        let rows: String = times.iter().map(|t| format!("{t},10,1,2,3\n")).collect();
+        parse_csv(format!("t_s,q1_deg,x_mm,y_mm,z_mm\n{rows}").as_bytes(), "r.csv", 1)
+    };
+    assert_eq!(read([0.0, 2.5, 2.5]).unwrap().rows.len(), 3);
+    let error = read([0.0, 2.5, 2.0]).unwrap_err().to_string();
+    assert!(error.contains("line 4, column t_s: found 2 after 2.5; expected rows in the order of time"), "{error}");
+}
+
+#[test]
+fn files_of_other_kinds_are_told_by_how_they_begin() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("run.csv");
+    for (begin, told) in [
+        (&b"PK\x03\x04"[..], "another ZIP file"),
+        (b"\xd0\xcf\x11\xe0", "is a spreadsheet, expected"),
+        (b"\x1f\x8b\x08\x00", "is compressed"),
+        (b"\x28\xb5\x2f\xfd", "is compressed"),
+        (b"%PDF", "is a PDF"),
+    ] {
+        std::fs::write(&path, [begin, b" and more"].concat()).unwrap();
+        let error = open(&path, None).unwrap_err().to_string();
+        assert!(error.contains("run.csv") && error.contains(told), "{told}: {error}");
+    }
+}
+
+/// Senses of motion come from the joint states between, where a measurement does not say them itself.
+#[test]
+fn joint_states_of_a_recording_say_from_which_side_a_joint_came() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("run.mcap");
+    let mut row = rail().rows[0];
+    row.state.dir = None;
+    let mut writer = RecordingWriter::create(&path, &Header::for_joints(3)).unwrap();
+    for (k, q2) in [0.1, 0.3, 0.2].into_iter().enumerate() {
+        let t = k as f64;
+        row.state.q[1] = q2;
+        writer.joint_state(&JointSample { t, q: row.state.q }).unwrap();
+        row.state.t = Some(t);
+        writer.measurement(&row).unwrap();
+    }
+    assert_eq!(writer.last_t(), 2.0);
+    writer.finish().unwrap();
+    let rows = open(&path, None).unwrap().rows;
+    let senses: Vec<i8> = rows.iter().map(|r| r.state.dir.unwrap()[1]).collect();
+    assert_eq!(senses, [0, 1, -1]);
 }

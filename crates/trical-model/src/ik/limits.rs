@@ -151,3 +151,26 @@ pub(super) fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Res
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::f64::consts::PI;
+
+    use super::*;
+    use crate::recording::MAX_JOINTS;
+
+    #[test]
+    fn an_angle_that_is_a_turn_from_itself_within_limits_is_both() {
+        let mut robot = Robot::parse(include_str!("../../tests/data/arm.toml"), "arm.toml").unwrap();
+        robot.joints[5].limits = [-PI, PI];
+        let ends = |at: f64| {
+            let (mut q, mut out) = ([0.0; MAX_JOINTS], Vec::new());
+            q[5] = at;
+            all_wraps(&robot, &q, &mut out).map(|()| out.iter().map(|q| q[5]).collect::<Vec<_>>())
+        };
+        assert_eq!(ends(PI).unwrap(), [-PI, PI]);
+        assert_eq!(ends(-PI).unwrap(), [-PI, PI]);
+        assert_eq!(ends(3.0).unwrap(), [3.0]);
+    }
+}

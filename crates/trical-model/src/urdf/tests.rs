@@ -502,3 +502,11 @@ fn the_rigid_part_of_a_model_goes_where_the_model_goes_and_comes_back_from_a_urd
         assert!(off < 2e-11, "{off:e}");
     }
 }
+
+#[test]
+fn no_zero_is_written_with_a_sign() {
+    let mut cell = Cell::bare();
+    cell.tool.tcp = V3::new(-0.0, 0.0, -0.0);
+    let text = super::write(&Robot::empty("none"), &cell, &[]);
+    assert!(text.contains("<origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>") && !text.contains("-0"), "{text}");
+}

@@ -102,3 +102,28 @@ impl<W: Write> CsvWriter<W> {
         self.csv.flush()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// A file on a disk that is full: nothing is told before what was kept back is handed on.
+    struct Full;
+
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end_at_the_latest() {
+        let out = CsvWriter::new(Full, &Layout::default(), Shared::default()).unwrap();
+        assert_eq!(out.finish().unwrap_err().kind(), std::io::ErrorKind::StorageFull);
+    }
+}

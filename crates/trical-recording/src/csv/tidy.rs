@@ -439,4 +439,11 @@ mod tests {
         let none = parse_csv(PLAIN.replace(",0,", ",,").as_bytes(), "r.csv", 2).expect_err("none").to_string();
         assert!(none.contains("has no row with a measured value"), "{none}");
     }
+
+    #[test]
+    fn a_quoted_cell_between_semicolons_stays_as_it_is() {
+        let text = "q1_deg;q2_deg;place;x_mm;y_mm;z_mm\n1,5;2;\"left, by the door\";3;4;5\n2,5;2;right;3;4;5\n";
+        let read = parse_csv(text.as_bytes(), "r.csv", 2).expect("two rows");
+        assert_eq!(read.places, ["left, by the door", "right"]);
+    }
 }

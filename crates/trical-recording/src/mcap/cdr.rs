@@ -291,4 +291,10 @@ mod tests {
             prop_assert_eq!(JointState::from_cdr(&message.to_cdr()), Some(message));
         }
     }
+
+    #[test]
+    fn pictures_of_a_bag_are_not_kept() {
+        assert!(is_read("tf2_msgs/msg/TFMessage") && is_read("std_msgs/msg/String"));
+        assert!(!is_read("sensor_msgs/msg/Image"));
+    }
 }

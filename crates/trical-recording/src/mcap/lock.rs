@@ -117,4 +117,17 @@ mod tests {
         check_not_written(&path).unwrap();
         drop(inherited);
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_got_another_name_meanwhile_is_not_the_one_of_that_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("run.mcap.part"), folder.path().join("run.mcap"));
+        let file = File::create(&path).unwrap();
+        assert!(is_at(&file, &path));
+        std::fs::rename(&path, &other).unwrap();
+        assert!(!is_at(&file, &path));
+        std::fs::write(&path, "of the next writer").unwrap();
+        assert!(!is_at(&file, &path) && is_at(&file, &other));
+    }
 }

@@ -267,3 +267,14 @@ fn read_indicators(data: &[u8]) -> Result<IndicatorSample, String> {
         settled: value.get("settled").and_then(Value::as_bool).unwrap_or(false),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_recorded_before_the_start_has_a_time_below_zero() {
+        let seconds = [9_500_000_000, 10_000_000_000, 12_000_000_000].map(|t| seconds_since(10_000_000_000, t));
+        assert_eq!(seconds, [-0.5, 0.0, 2.0]);
+    }
+}

@@ -377,6 +377,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn a_packed_chunk_comes_back_and_one_that_is_shorter_than_it_says_does_not() {
+        use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+        let data = b"measurements, measurements, measurements".repeat(100);
+        let packed = compress_to_vec(&data[..], CompressionLevel::Fastest);
+        assert_eq!(unpack_zstd(&packed, data.len() as u64).as_deref(), Some(&data[..]));
+        assert_eq!(unpack_zstd(&packed, data.len() as u64 + 1), None);
+        assert_eq!(unpack_zstd(&data, data.len() as u64), None);
+    }
+
     proptest! {
         #[test]
         fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {

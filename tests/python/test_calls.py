@@ -210,6 +210,12 @@ def test_sizes_and_orders_that_no_arm_has_are_noticed(touches: trical.Recording,
     turned = trical.Recording(q=q, position=poses.position, orientation=np.roll(poses.orientation, -1, axis=1))
     with pytest.raises(trical.TricalError, match="only if each quaternion is read as x, y, z, w"):
         trical.identify(turned, **FILES)
+    back = poses.orientation * [1, -1, -1, -1]
+    with pytest.raises(trical.TricalError, match="read as .*the turn of the measuring frame in the tool"):
+        trical.identify(trical.Recording(q=q, position=poses.position, orientation=back), **FILES)
+    for unit, per_mm in (("cm", 10), ("inches", 25.4)):
+        with pytest.raises(trical.TricalError, match=f"looks like {unit}"):
+            trical.identify(trical.Recording(q=q, position=poses.position / per_mm), **FILES)
     # another arm's signs, or zero: the error says that joints are beyond their limits
     sample = trical.sample(tmp_path / "sample")
     arm = trical.Recording.load(sample.recording)

@@ -272,7 +272,7 @@ mod tests {
         let other = trical_ident::SessionErrors { recording: "r1.csv".into(), ..v.sessions[0].clone() };
         v.sessions.push(other);
         v.sessions[0].learnt = Some(1);
-        let page = of_validation(&v, &Made::by("x".into(), &[])).unwrap();
+        let page = of_validation(&v, &Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ");
         assert!(page.contains("errs by 2.000 mm on average; the nominal arm by 1.000 mm"), "{page}");
         assert!(
             page.contains("without r0.csv, which the model was fitted to") && page.contains("4 at 4 poses"),
